@@ -10,29 +10,12 @@ from typing import Final, Literal
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.airy import FIRST_DARK_RING
-from tradestudy.optics.point_spread import (
-    diffraction_limited_peak,
-    encircled_energy_radius,
-    full_width_at_half_maximum,
-    modulation_transfer,
-    rms_width,
-    share_on_neighbouring_pixels,
-    share_outside_disc,
-    strehl_ratio,
-)
-from tradestudy.optics.propagation import (
-    CircularLens,
-    FieldAccuracy,
-    LensPhase,
-    PointSource,
-    TargetGrid,
-    aperture_field,
-    lens_wave,
-)
+from tradestudy.optics.lens_point_spread import point_spread
+from tradestudy.optics.propagation import LensPhase, PointSource
 from tradestudy.optics.psf_difference import airy_radius
-from tradestudy.optics.quadrature import disc_nodes
-from tradestudy.optics.sampled_point_spread import Measured, PointSpread
+from tradestudy.optics.sampled_point_spread import Measured
+from tradestudy.optics.spread_metrics import encircled_energy_radius, full_width_at_half_maximum, rms_width
+from tradestudy.optics.spread_shares import modulation_transfer, share_on_neighbouring_pixels, share_outside_disc
 from tradestudy.study.schema.wave_optics import ElementPart, PointSpreadPart
 
 SpreadMethod = Literal["fresnel", "kirchhoff"]
@@ -91,14 +74,6 @@ class LensAndPoint:
         )
 
     @property
-    def lens(self) -> CircularLens:
-        """The lens; a stigmatic one is made for the distance in focus."""
-        focus = self.object_distance if self.lens_phase == "stigmatic" else None
-        return CircularLens(
-            radius=self.radius, focal_length=self.focal_length, lens_phase=self.lens_phase, focus_distance=focus
-        )
-
-    @property
     def source(self) -> PointSource:
         """The point.
 
@@ -115,11 +90,6 @@ class LensAndPoint:
                 limit=f"> {-(self.radius**2) / (2 * self.object_distance * self.wavelength):.3g} waves",
             )
         return PointSource(x=math.tan(self.field_angle) / vergence, distance=1 / vergence)
-
-    @property
-    def chief_point(self) -> tuple[float, float]:
-        """Where the ray through the middle of the lens meets the image plane [m]."""
-        return -self.image_distance * math.tan(self.field_angle), 0.0
 
     @property
     def geometric_radius(self) -> float:
@@ -171,27 +141,6 @@ def case_of(part: PointSpreadPart, element: ElementPart, changed: Mapping[str, f
     )
 
 
-def point_spread_of(case: LensAndPoint, *, method: SpreadMethod, window: float, tolerance: float) -> PointSpread:
-    """Sample a point-spread function about its chief ray, ``window`` Airy radii to every side."""
-    quarter = math.ceil(window * FIRST_DARK_RING * _SAMPLES_PER_PERIOD / 2)
-    half = window * case.airy_radius
-    grid = TargetGrid.centred(
-        centre=case.chief_point, pitch=half / (2 * quarter), count=4 * quarter + 1, distance=case.image_distance
-    )
-    field = aperture_field(
-        source=case.source,
-        lens=case.lens,
-        targets=grid,
-        wavelength=case.wavelength,
-        method=method,
-        accuracy=FieldAccuracy(tolerance=tolerance),
-    )
-    wave = lens_wave(source=case.source, lens=case.lens, wavelength=case.wavelength, paraxial=method == "fresnel")
-    nodes = disc_nodes(radius=case.radius, radial_count=12, angular_count=24)
-    power = float(nodes.weights @ np.abs(wave.amplitude(nodes.x, nodes.y)) ** 2)
-    return PointSpread(x=grid.x_axis, y=grid.y_axis, intensity=field.intensity, pupil_power=power)
-
-
 def spread_measures(
     case: LensAndPoint, *, method: SpreadMethod, window: float, rms_radius: float, pixel_pitch: float, tolerance: float
 ) -> Mapping[str, tuple[float, float]]:
@@ -210,22 +159,26 @@ def spread_measures(
     tolerance
         Of the intensity.
     """
-    psf = point_spread_of(case, method=method, window=window, tolerance=tolerance)
-    centre, airy = case.chief_point, case.airy_radius
-    reference = diffraction_limited_peak(
-        pupil_power=psf.pupil_power,
-        pupil_area=math.pi * case.radius**2,
+    psf = point_spread(
+        focal_length=case.focal_length,
+        f_number=case.f_number,
         wavelength=case.wavelength,
-        distance=case.image_distance,
+        source=case.source,
+        method=method,
+        tolerance=tolerance,
+        focus_distance=case.object_distance,
+        lens_phase=case.lens_phase,
+        window=window,
     )
+    centre = psf.centre
     half_nyquist = np.array(1 / (4 * pixel_pitch))
     everything = Measured(value=np.array(1.0), error=np.array(0.0))
     measures: Mapping[str, Callable[[], Measured]] = {
         "full_width": lambda: full_width_at_half_maximum(psf, angle=math.pi / 2),
         "half_energy_radius": lambda: encircled_energy_radius(psf, centre=centre, share=0.5),
         "energy_radius_80": lambda: encircled_energy_radius(psf, centre=centre, share=0.8),
-        "rms_width": lambda: rms_width(psf, centre=centre, radius=rms_radius * airy),
-        "strehl_ratio": lambda: strehl_ratio(psf, reference_peak=reference),
+        "rms_width": lambda: rms_width(psf, centre=centre, radius=rms_radius * psf.airy_radius),
+        "strehl_ratio": psf.strehl_ratio,
         "transfer_half_nyquist": lambda: modulation_transfer(
             psf, frequency_x=half_nyquist, frequency_y=np.zeros_like(half_nyquist)
         ),

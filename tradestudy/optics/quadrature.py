@@ -26,6 +26,12 @@ class QuadratureNodes:
         Centre of the area [m].
     half_extent
         Half the larger side of the box around the area [m].
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> optics.disc_nodes(radius=1e-3, radial_count=3, angular_count=8).count
+    24
     """
 
     x: FloatArray
@@ -85,6 +91,14 @@ def disc_nodes(
     References
     ----------
     R. Cools and K. J. Kim, "A survey of known and new cubature formulas for the unit disk", 2000.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tradestudy import optics
+    >>> nodes = optics.disc_nodes(radius=2.0, radial_count=3, angular_count=8)
+    >>> print(f"{nodes.weights @ nodes.x**2 / np.pi:.12f}")  # π R⁴/4
+    4.000000000000
     """
     _check_positive("radius of the disc", radius)
     _check_counts(radial_count, int(np.min(angular_count)))
@@ -130,6 +144,17 @@ def rectangle_nodes(
     ------
     OutOfRangeError
         A side is not positive and finite, or a count is below 1.
+
+    References
+    ----------
+    P. J. Davis and P. Rabinowitz, *Methods of Numerical Integration*, section 2.7.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> nodes = optics.rectangle_nodes(width=2.0, height=1.0, counts=(3, 3))
+    >>> print(f"{nodes.weights @ nodes.x**2:.12f}")
+    0.666666666667
     """
     _check_positive("width of the rectangle", width)
     _check_positive("height of the rectangle", height)

@@ -49,6 +49,12 @@ class ChainAccuracy:
     ------
     OutOfRangeError
         If a value is outside its range.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> optics.ChainAccuracy(tolerance=1e-3).memory_limit
+    2000000000.0
     """
 
     tolerance: float = 1e-4
@@ -125,6 +131,38 @@ class ChainImage:
         Counts that tell what the computation took (nodes, samples, source points).
     handed_over
         Share of the points that a boundary wave left to Kirchhoff's integral; 0 for the other methods.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tradestudy import optics
+    >>> lenses = optics.Microlenses(
+    ...     centres=optics.square_centres(pitch=26e-6, count=3),
+    ...     focal_lengths=np.full(9, 76e-6),
+    ...     aperture="circular",
+    ...     aperture_width=24e-6,
+    ...     pitch=26e-6,
+    ...     layout="square",
+    ...     gaps="opaque",
+    ...     lens_phase="parabolic",
+    ... )
+    >>> path = optics.LightPath(
+    ...     main_lens=optics.CircularLens(radius=0.1e-3, focal_length=2e-3, lens_phase="parabolic"),
+    ...     microlenses=lenses,
+    ...     array_distance=2.5e-3,
+    ...     detector_distance=0.1e-3,
+    ...     pixels=optics.PixelGrid(pitch=4e-6, shape=(21, 21)),
+    ... )
+    >>> image = optics.chain_image(
+    ...     path,
+    ...     optics.PointSource(distance=20e-3),
+    ...     wavelength=550e-9,
+    ...     legs=optics.KIRCHHOFF,
+    ...     accuracy=optics.ChainAccuracy(tolerance=1e-2),
+    ...     rng=np.random.default_rng(1),
+    ... )
+    >>> image.pixels.shape, image.numerical_error < 1e-2
+    ((21, 21), True)
     """
 
     pixels: FloatArray

@@ -81,11 +81,43 @@ def chain_image(
         If the fast path disagrees grossly with direct quadrature, or Kirchhoff's
         integral misses the tolerance where a boundary wave is left to it.
 
-    Notes
-    -----
+    References
+    ----------
     "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 14, 16, 22 and 25, with these
     corrections: the leg to the array needs absolute array coordinates (eqs. 23–26 print local ones); the constant
     phases of eqs. 25 and 26 should read a_M + z + b_L; they drop out of every intensity.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tradestudy import optics
+    >>> lenses = optics.Microlenses(
+    ...     centres=optics.square_centres(pitch=26e-6, count=3),
+    ...     focal_lengths=np.full(9, 76e-6),
+    ...     aperture="circular",
+    ...     aperture_width=24e-6,
+    ...     pitch=26e-6,
+    ...     layout="square",
+    ...     gaps="opaque",
+    ...     lens_phase="parabolic",
+    ... )
+    >>> path = optics.LightPath(
+    ...     main_lens=optics.CircularLens(radius=0.1e-3, focal_length=2e-3, lens_phase="parabolic"),
+    ...     microlenses=lenses,
+    ...     array_distance=2.5e-3,
+    ...     detector_distance=0.1e-3,
+    ...     pixels=optics.PixelGrid(pitch=4e-6, shape=(21, 21)),
+    ... )
+    >>> image = optics.chain_image(
+    ...     path,
+    ...     optics.PointSource(distance=20e-3),
+    ...     wavelength=550e-9,
+    ...     legs=optics.KIRCHHOFF,
+    ...     accuracy=optics.ChainAccuracy(tolerance=1e-2),
+    ...     rng=np.random.default_rng(1),
+    ... )
+    >>> print(f"{image.pixels.sum():.2f} of the light on the detector")
+    0.83 of the light on the detector
     """
     if not (wavelength > 0 and math.isfinite(wavelength)):
         raise OutOfRangeError("wavelength", value=f"{wavelength:g} m", limit="> 0, finite")
@@ -144,6 +176,48 @@ def spectral_image(
     ------
     OutOfRangeError
         If shapes differ or the weights are not as above; else as `chain_image`.
+
+    Returns
+    -------
+    ChainImage
+        The errors of the wavelengths add up.
+
+    References
+    ----------
+    Light of different wavelengths does not interfere: Born and Wolf, section 7.5.8.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tradestudy import optics
+    >>> lenses = optics.Microlenses(
+    ...     centres=optics.square_centres(pitch=26e-6, count=3),
+    ...     focal_lengths=np.full(9, 76e-6),
+    ...     aperture="circular",
+    ...     aperture_width=24e-6,
+    ...     pitch=26e-6,
+    ...     layout="square",
+    ...     gaps="opaque",
+    ...     lens_phase="parabolic",
+    ... )
+    >>> path = optics.LightPath(
+    ...     main_lens=optics.CircularLens(radius=0.1e-3, focal_length=2e-3, lens_phase="parabolic"),
+    ...     microlenses=lenses,
+    ...     array_distance=2.5e-3,
+    ...     detector_distance=0.1e-3,
+    ...     pixels=optics.PixelGrid(pitch=4e-6, shape=(21, 21)),
+    ... )
+    >>> image = optics.spectral_image(
+    ...     path,
+    ...     optics.PointSource(distance=20e-3),
+    ...     wavelengths=np.array([500e-9, 600e-9]),
+    ...     weights=np.array([1.0, 1.0]),
+    ...     legs=optics.KIRCHHOFF,
+    ...     accuracy=optics.ChainAccuracy(tolerance=1e-2),
+    ...     rng=np.random.default_rng(1),
+    ... )
+    >>> list(image.error_terms)
+    ['500 nm', '600 nm']
     """
     if wavelengths.ndim != 1 or wavelengths.shape != weights.shape or wavelengths.size == 0:
         raise OutOfRangeError(
@@ -185,8 +259,59 @@ def separate_image(
 ) -> ChainImage:
     """Light on every pixel from the microlens alone that lies before it, as seen from the middle of the main lens.
 
-    Parameters and errors as of `chain_image`, which computes each microlens with its own pixels; what lands behind a
-    neighbour is lost, and nothing interferes across microlenses. `done` hears of every microlens.
+    Each microlens is computed with its own pixels; what lands behind a neighbour is lost, and nothing interferes across
+    microlenses.
+
+    Parameters
+    ----------
+    path, source, wavelength, legs, accuracy, rng, done
+        As in `chain_image`; `done` hears of every microlens.
+
+    Returns
+    -------
+    ChainImage
+        As of `chain_image`, without cross-talk; the errors of the microlenses add up as their squares do.
+
+    Raises
+    ------
+    OutOfRangeError, UnaffordableError, NotConvergedError
+        As `chain_image`.
+
+    References
+    ----------
+    The definition: `chain_image` of one microlens at a time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tradestudy import optics
+    >>> lenses = optics.Microlenses(
+    ...     centres=optics.square_centres(pitch=26e-6, count=3),
+    ...     focal_lengths=np.full(9, 76e-6),
+    ...     aperture="circular",
+    ...     aperture_width=24e-6,
+    ...     pitch=26e-6,
+    ...     layout="square",
+    ...     gaps="opaque",
+    ...     lens_phase="parabolic",
+    ... )
+    >>> path = optics.LightPath(
+    ...     main_lens=optics.CircularLens(radius=0.1e-3, focal_length=2e-3, lens_phase="parabolic"),
+    ...     microlenses=lenses,
+    ...     array_distance=2.5e-3,
+    ...     detector_distance=0.1e-3,
+    ...     pixels=optics.PixelGrid(pitch=4e-6, shape=(21, 21)),
+    ... )
+    >>> image = optics.separate_image(
+    ...     path,
+    ...     optics.PointSource(distance=20e-3),
+    ...     wavelength=550e-9,
+    ...     legs=optics.KIRCHHOFF,
+    ...     accuracy=optics.ChainAccuracy(tolerance=1e-2),
+    ...     rng=np.random.default_rng(1),
+    ... )
+    >>> print(f"{image.pixels.sum():.2f} of the light behind its own microlens")
+    0.82 of the light behind its own microlens
     """
     owner = nearest_microlens(path)
     pixels, errors, checks, effort, handed, passed = np.zeros(owner.shape), [], [], [], [], 0.0

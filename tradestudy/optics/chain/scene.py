@@ -40,6 +40,12 @@ class Legs:
     ------
     OutOfRangeError
         If a method is none of these, or rays are to be exact beside waves.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> optics.Legs(to_array="kirchhoff", to_detector="fresnel") == optics.KIRCHHOFF_FRESNEL
+    True
     """
 
     to_array: LegMethod
@@ -95,6 +101,23 @@ class Microlenses:
     ------
     OutOfRangeError
         If shapes or lengths do not fit together, or lenses overlap.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tradestudy import optics
+    >>> lenses = optics.Microlenses(
+    ...     centres=optics.square_centres(pitch=26e-6, count=3),
+    ...     focal_lengths=np.full(9, 76e-6),
+    ...     aperture="circular",
+    ...     aperture_width=24e-6,
+    ...     pitch=26e-6,
+    ...     layout="square",
+    ...     gaps="opaque",
+    ...     lens_phase="parabolic",
+    ... )
+    >>> print(f"{lenses.fill_factor:.3f}")
+    0.669
     """
 
     centres: FloatArray
@@ -191,6 +214,12 @@ class PixelGrid:
         Centre (x, y) of the grid [m], on the main lens's axis if not given.
     integrated
         Whether a pixel integrates over its square, or takes what falls on its centre times its area.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> print(f"{optics.PixelGrid(pitch=4e-6, shape=(9, 23)).edges_x[0]:.2g} m")
+    -4.6e-05 m
     """
 
     pitch: float
@@ -235,6 +264,30 @@ class LightPath:
         Array → detector, b_L [m], > 0.
     pixels
         The detector.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tradestudy import optics
+    >>> lenses = optics.Microlenses(
+    ...     centres=optics.square_centres(pitch=26e-6, count=3),
+    ...     focal_lengths=np.full(9, 76e-6),
+    ...     aperture="circular",
+    ...     aperture_width=24e-6,
+    ...     pitch=26e-6,
+    ...     layout="square",
+    ...     gaps="opaque",
+    ...     lens_phase="parabolic",
+    ... )
+    >>> path = optics.LightPath(
+    ...     main_lens=optics.CircularLens(radius=0.1e-3, focal_length=2e-3, lens_phase="parabolic"),
+    ...     microlenses=lenses,
+    ...     array_distance=2.5e-3,
+    ...     detector_distance=0.1e-3,
+    ...     pixels=optics.PixelGrid(pitch=4e-6, shape=(21, 21)),
+    ... )
+    >>> print("main image {2:.3g} m before the array".format(*path.image_at_array(optics.PointSource(distance=20e-3))))
+    main image 0.000278 m before the array
     """
 
     main_lens: CircularLens
@@ -268,14 +321,70 @@ class LightPath:
 
 
 def square_centres(*, pitch: float, count: int) -> FloatArray:
-    """Centres of ``count`` × ``count`` lenses on a square lattice about the axis [m], shape (count², 2)."""
+    """Centres of ``count`` × ``count`` lenses on a square lattice about the axis [m], shape (count², 2).
+
+    Parameters
+    ----------
+    pitch
+        Distance between neighbours [m].
+    count
+        Lenses along a side.
+
+    Returns
+    -------
+    ndarray
+        Centres (x, y) [m], row by row.
+
+    Raises
+    ------
+    ValueError
+        By NumPy, for a negative count.
+
+    References
+    ----------
+    The definition.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> optics.square_centres(pitch=26e-6, count=3).shape
+    (9, 2)
+    """
     axis = pitch * (np.arange(count) - (count - 1) / 2)
     x, y = np.meshgrid(axis, axis)
     return np.column_stack([x.ravel(), y.ravel()])
 
 
 def hexagonal_centres(*, pitch: float, rings: int) -> FloatArray:
-    """Centres of the lens on the axis and of ``rings`` hexagons around it, rows along x [m]."""
+    """Centres of the lens on the axis and of ``rings`` hexagons around it, rows along x [m].
+
+    Parameters
+    ----------
+    pitch
+        Distance between neighbours [m].
+    rings
+        Hexagons around the middle lens.
+
+    Returns
+    -------
+    ndarray
+        Centres (x, y) [m], shape (1 + 3 rings (rings + 1), 2).
+
+    Raises
+    ------
+    ValueError
+        By NumPy, for a negative number of rings.
+
+    References
+    ----------
+    The definition.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> optics.hexagonal_centres(pitch=26e-6, rings=1).shape
+    (7, 2)
+    """
     q, r = np.meshgrid(np.arange(-rings, rings + 1), np.arange(-rings, rings + 1))
     inside = np.abs(q + r) <= rings
     q, r = q[inside], r[inside]

@@ -34,6 +34,12 @@ class DiscSource:
         Centre [m].
     coherent
         False: every point radiates on its own and intensities add. True: one wave of one phase over the disc.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> optics.DiscSource(diameter=4e-3, distance=0.15).centre.distance
+    0.15
     """
 
     diameter: float

@@ -70,6 +70,8 @@ def geometric_field(
     return ApertureField(
         field=np.asarray(field.reshape(targets.shape)),
         intensity=np.asarray(intensity.reshape(targets.shape)),
+        targets=targets,
+        pupil_power=wave.power(),
         error=NumericalError(field=error / 2, intensity=error, nodes=0.0, low_rank=0.0, nufft=0.0, check=error),
         effort=Effort(
             nodes=0,
@@ -172,6 +174,22 @@ def aperture_field(
     ----------
     "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–22. Of its errata the one in eq. 23
     (2πi/(λ a) where πi/(λ a) belongs) does not enter here.
+
+    Examples
+    --------
+    Spherical aberration of a parabolic f/4.2 lens under exact paths:
+
+    >>> from tradestudy import optics
+    >>> field = optics.aperture_field(
+    ...     source=optics.PointSource(distance=0.15),
+    ...     lens=optics.CircularLens(radius=1.5e-3, focal_length=12.5e-3, lens_phase="parabolic"),
+    ...     targets=optics.TargetGrid.centred(centre=(0.0, 0.0), pitch=0.5e-6, count=65, distance=13.64e-3),
+    ...     wavelength=550e-9,
+    ...     method="kirchhoff",
+    ...     accuracy=optics.FieldAccuracy(tolerance=1e-6),
+    ... )
+    >>> print(f"{field.intensity.max() / field.pupil_power:.3g} 1/m², right to 1e-6: {field.error.intensity <= 1e-6}")
+    5.1e+10 1/m², right to 1e-6: True
     """
     if method not in METHODS:
         raise OutOfRangeError("method", value=repr(method), limit=" | ".join(METHODS))

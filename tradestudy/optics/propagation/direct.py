@@ -36,6 +36,16 @@ class ApertureSamples:
     ------
     OutOfRangeError
         Shapes differ or a value is not finite.
+
+    Examples
+    --------
+    A plane wave on a disc of a millimetre:
+
+    >>> import numpy as np
+    >>> from tradestudy import optics
+    >>> nodes = optics.disc_nodes(radius=0.5e-3, radial_count=20, angular_count=40)
+    >>> optics.ApertureSamples(nodes=nodes, field=np.ones(nodes.count, dtype=complex)).field.size
+    800
     """
 
     nodes: QuadratureNodes

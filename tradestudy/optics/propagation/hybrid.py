@@ -165,6 +165,8 @@ def hybrid_field(
     return ApertureField(
         field=field,
         intensity=squared_magnitude(field),
+        targets=targets,
+        pupil_power=wave.power(),
         error=error,
         effort=Effort(
             nodes=edge,
@@ -245,11 +247,14 @@ def _check(
     here = field[at.index]
     points = TargetPoints(x=at.x, y=at.y, distance=at.z)
     finer = _evaluate(wave, kernel, points, 2 * edge, _SHARE * accuracy.tolerance)
+    field_share, intensity_share = at.shares(reference.field, here)
     return CheckErrors(
         nodes=at.norm(np.where(finer.singular, 0.0, here - finer.field)),
         sums=0.0,
         total=at.norm(here - reference.field),
         intensity=at.intensity_norm(here - reference.field, reference.field),
+        field_share=field_share,
+        intensity_share=intensity_share,
         seconds=reference.seconds + time.perf_counter() - started,
         targets=at.index.size,
     )

@@ -36,6 +36,12 @@ class KirchhoffKernel:
     ----------
     "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–16; M. Born and E. Wolf,
     "Principles of Optics", 8.3.2; J. W. Goodman, "Introduction to Fourier Optics", 3.4–3.5.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> print(f"{optics.KirchhoffKernel(wavelength=550e-9, obliquity='textbook').wavenumber:.4g} rad/m")
+    1.142e+07 rad/m
     """
 
     wavelength: float
@@ -106,6 +112,12 @@ class FresnelKernel:
     References
     ----------
     "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 17–22.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> print(f"{optics.FresnelKernel(wavelength=550e-9).wavenumber:.4g} rad/m")
+    1.142e+07 rad/m
     """
 
     wavelength: float

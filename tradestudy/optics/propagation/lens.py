@@ -10,12 +10,16 @@ from typing import Literal
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.propagation.paths import Array, ParabolicPath, PathSum, SphericalPath
+from tradestudy.optics.propagation.paths import Array, ParabolicPath, PathSum, PathTerm, SphericalPath
+from tradestudy.optics.propagation.pupil import Pupil, checked_map
+from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
 
 LensPhase = Literal["parabolic", "stigmatic", "perfect"]
 LENS_PHASES: tuple[LensPhase, ...] = ("parabolic", "stigmatic", "perfect")
 Obliquity = Literal["paper", "textbook", "rayleigh-sommerfeld-1"]
 OBLIQUITIES: tuple[Obliquity, ...] = ("paper", "textbook", "rayleigh-sommerfeld-1")
+# As good as infinity: over an aperture of a metre its sphere departs from a plane by 1e-16 m, all that doubles hold.
+_AS_AT_INFINITY = 1e15
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +37,15 @@ class PointSource:
     ------
     OutOfRangeError
         The distance is zero, or a coordinate is not finite.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> near = optics.PointSource(x=1e-3, distance=0.15)
+    >>> star = optics.PointSource.at_infinity(angle_x=0.01)
+    >>> lens = optics.CircularLens(radius=2e-3, focal_length=50e-3, lens_phase="perfect")
+    >>> print("image at x = {:.3g} m, {:.3g} m behind the lens".format(*lens.image_of(star)[::2]))
+    image at x = -0.0005 m, 0.05 m behind the lens
     """
 
     x: float = 0.0
@@ -45,8 +58,28 @@ class PointSource:
                 "position of the point source",
                 value=f"x = {self.x:g} m, y = {self.y:g} m, distance = {self.distance:g} m",
                 limit="finite, distance ≠ 0",
-                remedy="for a source at infinity use a large finite distance (paths are exact at 1e8 m)",
+                remedy="for a source at infinity use PointSource.at_infinity",
             )
+
+    @classmethod
+    def at_infinity(cls, *, angle_x: float = 0.0, angle_y: float = 0.0) -> PointSource:
+        """Return a point so far away that its wave is plane: 1e15 m.
+
+        Parameters
+        ----------
+        angle_x, angle_y
+            Angle of its direction against the axis, as seen in the x–z and in the y–z plane [rad], within ±π/2.
+
+        Raises
+        ------
+        OutOfRangeError
+            An angle is a right one or larger.
+        """
+        if not (abs(angle_x) < math.pi / 2 and abs(angle_y) < math.pi / 2):
+            raise OutOfRangeError("field angle", value=f"{angle_x:g}, {angle_y:g} rad", limit="between −π/2 and π/2")
+        return cls(
+            x=_AS_AT_INFINITY * math.tan(angle_x), y=_AS_AT_INFINITY * math.tan(angle_y), distance=_AS_AT_INFINITY
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,11 +101,25 @@ class CircularLens:
         Object distance [m] for which a stigmatic lens is exact; required for it, forbidden for the others.
     centre
         Centre of the aperture and vertex of the lens [m].
+    pupil
+        Amplitude and aberrations of the aperture, the same for all source points. Fresnel, too, keeps them as they are.
 
     Raises
     ------
     OutOfRangeError
         A length is out of range, or `focus_distance` is missing or has no meaning.
+
+    Examples
+    --------
+    An f/2.8 lens that would be perfect but for a tenth of a wave of coma along x:
+
+    >>> from tradestudy import optics
+    >>> lens = optics.CircularLens(
+    ...     radius=50e-3 / 2.8 / 2,
+    ...     focal_length=50e-3,
+    ...     lens_phase="perfect",
+    ...     pupil=optics.Pupil.from_waves({8: 0.1}, wavelength=550e-9),
+    ... )
     """
 
     radius: float
@@ -80,6 +127,7 @@ class CircularLens:
     lens_phase: LensPhase
     focus_distance: float | None = None
     centre: tuple[float, float] = (0.0, 0.0)
+    pupil: Pupil | None = None
 
     def __post_init__(self) -> None:
         if self.lens_phase not in LENS_PHASES:
@@ -123,26 +171,32 @@ def finite_image_distance(object_distance: float, focal_length: float) -> float:
 
 
 def lens_paths(source: PointSource, lens: CircularLens, *, paraxial: bool) -> PathSum:
-    """Path behind the lens, source leg and lens together, relative to the vertex, in lens coordinates.
+    """Path behind the lens, source leg and lens together with its pupil, relative to the vertex, in lens coordinates.
 
     `paraxial` takes every conjugate path to second order, as Fresnel does; the three lens phases are then one.
     """
+    aberrations = () if lens.pupil is None else lens.pupil.path_terms(lens.radius)
+    return PathSum(terms=(*_conjugate_paths(source, lens, paraxial=paraxial), *aberrations))
+
+
+def _conjugate_paths(source: PointSource, lens: CircularLens, *, paraxial: bool) -> tuple[PathTerm, ...]:
+    """Terms of the source leg and of the lens phase."""
     x, y = source.x - lens.centre[0], source.y - lens.centre[1]
     if paraxial:
         incoming = ParabolicPath(x=x, y=y, distance=source.distance)
-        return PathSum(terms=(incoming, ParabolicPath(x=0.0, y=0.0, distance=-lens.focal_length)))
+        return (incoming, ParabolicPath(x=0.0, y=0.0, distance=-lens.focal_length))
     if lens.lens_phase == "perfect":
         # The lens takes the exact path from the source away and adds the one to the image: only the latter is left.
         image_x, image_y, b = lens.image_of(source)
-        return PathSum(terms=(SphericalPath(x=image_x - lens.centre[0], y=image_y - lens.centre[1], distance=-b),))
+        return (SphericalPath(x=image_x - lens.centre[0], y=image_y - lens.centre[1], distance=-b),)
     spherical = SphericalPath(x=x, y=y, distance=source.distance)
     if lens.lens_phase == "parabolic":
-        return PathSum(terms=(spherical, ParabolicPath(x=0.0, y=0.0, distance=-lens.focal_length)))
+        return (spherical, ParabolicPath(x=0.0, y=0.0, distance=-lens.focal_length))
     assert lens.focus_distance is not None  # guaranteed by CircularLens
     focus = lens.focus_distance
     cancelled = SphericalPath(x=0.0, y=0.0, distance=focus, weight=-1.0)
     added = SphericalPath(x=0.0, y=0.0, distance=-finite_image_distance(focus, lens.focal_length))
-    return PathSum(terms=(spherical, cancelled, added))
+    return (spherical, cancelled, added)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,11 +224,31 @@ class LensWave:
         return lens_paths(self.source, self.lens, paraxial=self.paraxial)
 
     def amplitude(self, x: Array, y: Array) -> Array:
-        """Slowly varying complex amplitude [1/m²] of a unit point.
+        """Slowly varying complex amplitude [1/m²] of a unit point, with that of the pupil.
 
         Paper's law (eq. 10): a/(iλ r²); textbook: 1/(iλ r), the free spherical wave; full Rayleigh–Sommerfeld I:
         a/(iλ r²) (1 + i/(k r)); Fresnel (eq. 18): 1/(iλ a).
         """
+        arriving = self._arriving(x, y)
+        passed = None if self.lens.pupil is None else self.lens.pupil.transmission
+        if passed is None:
+            return arriving
+        u, v = np.broadcast_arrays(x / self.lens.radius, y / self.lens.radius)
+        return np.asarray(arriving * checked_map(np.asarray(passed(u, v)), u, "amplitude"))
+
+    def power(self) -> float:
+        """∫ |U|² over the pupil."""
+        nodes = self.power_nodes()
+        return float(nodes.weights @ np.abs(self.amplitude(nodes.x, nodes.y)) ** 2)
+
+    def power_nodes(self) -> QuadratureNodes:
+        """Nodes, relative to the centre, that resolve the amplitude but not the phase."""
+        masked = self.lens.pupil is not None and self.lens.pupil.amplitude is not None
+        radial, angular = (100, 200) if masked else (12, 24)
+        return disc_nodes(radius=self.lens.radius, radial_count=radial, angular_count=angular)
+
+    def _arriving(self, x: Array, y: Array) -> Array:
+        """Amplitude before the pupil."""
         a = self.source.distance
         along_x, along_y = self.source.x - self.lens.centre[0], self.source.y - self.lens.centre[1]
         if self.paraxial:

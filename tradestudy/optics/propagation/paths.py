@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -39,6 +39,19 @@ class Expansion:
             xy=self.xy + other.xy,
             yy=self.yy + other.yy,
         )
+
+
+class PathTerm(Protocol):
+    """One path over a lens plane, relative to its centre."""
+
+    def value(self, x: Array, y: Array) -> Array:
+        """Path [m]."""
+
+    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Gradient of the path."""
+
+    def expansion(self, x: Array, y: Array) -> Expansion:
+        """Path, gradient and second derivatives [1/m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,7 +141,7 @@ class ParabolicPath:
 class PathSum:
     """The sum of path terms over one lens plane."""
 
-    terms: tuple[SphericalPath | ParabolicPath, ...]
+    terms: tuple[PathTerm, ...]
 
     def value(self, x: Array, y: Array) -> Array:
         """Path relative to the vertex [m]."""

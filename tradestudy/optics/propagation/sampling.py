@@ -35,6 +35,15 @@ class TargetPoints:
     ------
     OutOfRangeError
         A coordinate is not finite, a distance is not positive, or there is no point.
+
+    Examples
+    --------
+    Points on the axis, before and behind a focus:
+
+    >>> import numpy as np
+    >>> from tradestudy import optics
+    >>> optics.TargetPoints(x=0.0, y=0.0, distance=50e-3 + np.linspace(-50e-6, 50e-6, 11)).shape
+    (11,)
     """
 
     x: npt.ArrayLike
@@ -78,6 +87,13 @@ class TargetGrid:
     ------
     OutOfRangeError
         A coordinate is not finite, a pitch or the distance is not positive, or a count is below 1.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> grid = optics.TargetGrid.centred(centre=(0.0, 0.0), pitch=0.5e-6, count=65, distance=50e-3)
+    >>> grid.shape, f"{grid.x_axis[0]:.3g}"
+    ((65, 65), '-1.6e-05')
     """
 
     x_start: float
@@ -157,6 +173,12 @@ class Limits:
         Peak memory.
     seconds
         Predicted wall time.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> optics.Limits(seconds=60.0).memory_bytes
+    2000000000.0
     """
 
     nodes: int = 20_000_000

@@ -72,6 +72,12 @@ class FieldAccuracy:
     ------
     OutOfRangeError
         A value is outside its range.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> optics.FieldAccuracy(tolerance=1e-6).check_targets
+    16
     """
 
     tolerance: float
@@ -128,6 +134,27 @@ def propagate_samples(
         The limits do not allow it.
     NotConvergedError
         The tolerance is below what double precision gives at these targets.
+
+    References
+    ----------
+    As of `KirchhoffKernel` and `FresnelKernel`.
+
+    Examples
+    --------
+    On the axis behind an aperture of an odd number of Fresnel zones, four times the intensity without it:
+
+    >>> import numpy as np
+    >>> from tradestudy import optics
+    >>> nodes = optics.disc_nodes(radius=0.5e-3, radial_count=20, angular_count=40)
+    >>> zones = 3
+    >>> field = optics.propagate_samples(
+    ...     samples=optics.ApertureSamples(nodes=nodes, field=np.ones(nodes.count, dtype=complex)),
+    ...     kernel=optics.FresnelKernel(wavelength=550e-9),
+    ...     targets=optics.TargetPoints(x=0.0, y=0.0, distance=(0.5e-3) ** 2 / (zones * 550e-9)),
+    ...     accuracy=optics.FieldAccuracy(tolerance=1e-6),
+    ... )
+    >>> print(f"{field.intensity:.6f}")
+    4.000000
     """
     counts = NodeCounts(radial=1, angular=samples.nodes.count)
     return _refined(
@@ -255,6 +282,8 @@ def _refined(
     return ApertureField(
         field=field,
         intensity=squared_magnitude(field),
+        targets=targets,
+        pupil_power=float(samples.nodes.weights @ squared_magnitude(samples.field)),
         error=error,
         effort=Effort(
             nodes=samples.nodes.count,
@@ -285,11 +314,14 @@ def _check(
     same = direct_sum(samples, kernel, at.x, at.y, at.z)
     best = same if finer is None else direct_sum(finer, kernel, at.x, at.y, at.z)
     here = field[at.index]
+    field_share, intensity_share = at.shares(best, here)
     return CheckErrors(
         nodes=at.norm(same - best) if finer is not None else math.nan,
         sums=at.norm(here - same),
         total=at.norm(here - best),
         intensity=at.intensity_norm(here - best, best),
+        field_share=field_share,
+        intensity_share=intensity_share,
         seconds=time.perf_counter() - started,
         targets=at.index.size,
     )

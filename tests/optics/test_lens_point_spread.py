@@ -1,0 +1,120 @@
+"""From lens data to numbers in one call, against Airy's closed forms and against another program."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.special import j0, j1
+
+from tradestudy import optics
+from tradestudy.errors import OutOfRangeError
+
+LENS = {"focal_length": 50e-3, "f_number": 8.0, "wavelength": 550e-9}
+SCALE = 550e-9 * 8.0
+
+
+@functools.cache
+def airy() -> optics.LensPointSpread:
+    return optics.point_spread(**LENS, method="fresnel", tolerance=1e-7)
+
+
+def within(measured: optics.Measured, truth: object) -> bool:
+    return bool(np.all(np.abs(measured.value - truth) <= measured.error))
+
+
+def test_a_lens_without_aberration_has_airys_numbers_within_the_stated_errors() -> None:
+    psf = airy()
+    v = np.pi * np.hypot(psf.x[200], psf.y[190]) / SCALE
+    assert psf.relative_intensity[190, 200] == pytest.approx((2 * j1(v) / v) ** 2, abs=1e-8)
+    assert within(psf.strehl_ratio(), 1.0)
+    assert within(psf.width(), 1.0289939 * SCALE) or psf.width().value == pytest.approx(1.0289939 * SCALE, rel=1e-7)
+    radius = np.array([2e-6, 10e-6, 60e-6])
+    v = np.pi * radius / SCALE
+    assert within(psf.encircled_energy(radius), 1 - j0(v) ** 2 - j1(v) ** 2)
+    s = np.array([0.1, 0.5, 0.9])
+    truth = 2 / np.pi * (np.arccos(s) - s * np.sqrt(1 - s**2))
+    for angle in (0.0, 0.6):
+        mtf = psf.modulation_transfer(s / SCALE, angle=angle)
+        assert within(mtf, truth)
+        assert mtf.error.max() < 0.02
+
+
+def test_a_star_is_what_ever_farther_points_tend_to() -> None:
+    star = optics.point_spread(**LENS, source=optics.PointSource.at_infinity(angle_x=0.02, angle_y=-0.01), window=6)
+    differences = []
+    for distance in (1e4, 1e6):
+        point = optics.PointSource(x=distance * np.tan(0.02), y=-distance * np.tan(0.01), distance=distance)
+        near = optics.point_spread(**LENS, source=point, window=6)
+        differences.append(np.linalg.norm(near.intensity - star.intensity) / np.linalg.norm(star.intensity))
+        assert near.centre == pytest.approx(star.centre, rel=1e-5)
+    assert differences[1] < differences[0] / 50 < 1e-5
+    assert star.centre == pytest.approx((-50e-3 * np.tan(0.02), 50e-3 * np.tan(0.01)))
+
+
+def test_metrics_take_fields_on_any_regular_grid_with_their_error() -> None:
+    psf = airy()
+    radius = np.array(6e-6)
+    shares = []
+    axis = np.linspace(-15e-6, 15e-6, 61)
+    oblong = {"x_start": -15e-6, "y_start": -14e-6, "x_pitch": 0.4e-6, "y_pitch": 0.5e-6, "x_count": 78, "y_count": 60}
+    for targets in (
+        optics.TargetGrid(**oblong, distance=50e-3),
+        optics.TargetPoints(x=axis, y=axis[:, None], distance=50e-3),
+    ):
+        field = optics.aperture_field(
+            source=optics.PointSource.at_infinity(),
+            lens=optics.CircularLens(radius=50e-3 / 16, focal_length=50e-3, lens_phase="perfect"),
+            targets=targets,
+            wavelength=550e-9,
+            method="fresnel",
+            accuracy=optics.FieldAccuracy(tolerance=1e-3),
+        )
+        share = optics.encircled_energy(field, centre=(0.0, 0.0), radius=radius)
+        assert within(share, psf.encircled_energy(radius).value)
+        assert share.error > field.error.intensity / 10
+        assert np.isfinite(
+            optics.modulation_transfer(field, frequency_x=np.array(5e4), frequency_y=np.array(0.0)).value
+        )
+        shares.append(float(share.value))
+    assert shares[0] == pytest.approx(shares[1], abs=1e-4)
+
+
+def test_points_that_form_no_grid_are_refused_by_metrics() -> None:
+    field = optics.aperture_field(
+        source=optics.PointSource.at_infinity(),
+        lens=optics.CircularLens(radius=1e-3, focal_length=50e-3, lens_phase="perfect"),
+        targets=optics.TargetPoints(x=np.arange(3) * 1e-6, y=0.0, distance=50e-3),
+        wavelength=550e-9,
+        method="kirchhoff",
+        accuracy=optics.FieldAccuracy(tolerance=1e-3),
+    )
+    with pytest.raises(OutOfRangeError, match="TargetGrid"):
+        optics.window_share(field)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"f_number": 0.0}, "f-number"),
+        ({"window": -1.0}, "window"),
+        ({"focus_distance": 20e-3}, "focus beyond the focal length"),
+        ({"tolerance": 1.0}, "tolerance"),
+        ({"method": "fraunhofer"}, "method"),
+    ],
+)
+def test_impossible_lenses_are_refused(change: dict[str, object], said: str) -> None:
+    with pytest.raises(OutOfRangeError, match=said):
+        optics.point_spread(**(LENS | change))
+
+
+def test_the_plot_has_spot_cuts_energy_and_transfer(tmp_path: Path) -> None:
+    psf = optics.point_spread(**LENS, window=8)
+    figure = psf.plot(tmp_path / "spot.svg")
+    assert (tmp_path / "spot.svg").stat().st_size > 10_000
+    assert [axes.get_xlabel() for axes in figure.axes] == [
+        "x, µm", "position, µm", "radius about the chief ray, µm", "spatial frequency, 1/mm",
+    ]  # fmt: skip
+    assert "± " in figure.axes[0].get_title()

@@ -1,0 +1,119 @@
+"""Field curvature and axial colour of a lens as data: its focal length over field angle and wavelength."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.propagation.lens import PointSource
+
+
+@dataclass(frozen=True, kw_only=True)
+class FocalLengths:
+    """Focal length f(θ, λ) that puts the image of a point at b = a f/(a − f), tabulated; linear between entries.
+
+    The focal length of a direction is that with which this law gives the image's distance along the axis: on a Petzval
+    surface of radius R_P it is f − (f tan θ)²/(2 R_P) for a distant point.
+
+    Parameters
+    ----------
+    field_angles
+        θ of the source against the axis [rad], from 0 up, shape (n,). One angle stands for all: no field curvature.
+    wavelengths
+        λ [m], increasing, shape (m,). One wavelength stands for all: no axial colour.
+    focal_lengths
+        f [m], shape (n, m).
+    reference_wavelength
+        In light of which the camera is focused, on the axis [m].
+
+    Raises
+    ------
+    OutOfRangeError
+        If shapes or orders are not as above, or a focal length is zero.
+
+    References
+    ----------
+    M. Born and E. Wolf, *Principles of Optics*, sections 4.7 (axial colour) and 5.5.3 (Petzval's surface).
+
+    Examples
+    --------
+    A secondary spectrum of f/2000 between green and red:
+
+    >>> import numpy as np
+    >>> from tradestudy import optics
+    >>> lens = optics.FocalLengths(
+    ...     field_angles=np.array([0.0]),
+    ...     wavelengths=np.array([550e-9, 650e-9]),
+    ...     focal_lengths=np.array([[50e-3, 50.025e-3]]),
+    ...     reference_wavelength=550e-9,
+    ... )
+    >>> print(f"{lens.at(field_angle=0.0, wavelength=600e-9):.7f} m")
+    0.0500125 m
+    """
+
+    field_angles: FloatArray
+    wavelengths: FloatArray
+    focal_lengths: FloatArray
+    reference_wavelength: float
+
+    def __post_init__(self) -> None:
+        shape = self.field_angles.shape + self.wavelengths.shape
+        if len(shape) != 2 or self.focal_lengths.shape != shape or 0 in shape:
+            raise OutOfRangeError(
+                "table of focal lengths",
+                value=f"{self.focal_lengths.shape} for {self.field_angles.shape} angles and "
+                f"{self.wavelengths.shape} wavelengths",
+                limit="(n, m) for (n,) and (m,), n and m ≥ 1",
+            )
+        for name, axis in (("field angles", self.field_angles), ("wavelengths", self.wavelengths)):
+            if not (np.isfinite(axis).all() and np.all(np.diff(axis) > 0)):
+                raise OutOfRangeError(name, value=str(axis), limit="finite, increasing")
+        if not (self.field_angles[0] == 0.0 and self.field_angles[-1] < math.pi / 2):
+            raise OutOfRangeError("field angles", value=str(self.field_angles), limit="from 0 to below π/2")
+        if not (np.isfinite(self.focal_lengths).all() and np.all(self.focal_lengths != 0)):
+            raise OutOfRangeError("focal length", value="0 or not finite", limit="finite, ≠ 0")
+        self.reference  # noqa: B018  (refuses a reference wavelength beyond the table)
+
+    @property
+    def reference(self) -> float:
+        """Focal length on the axis at the reference wavelength [m]."""
+        return self.at(field_angle=0.0, wavelength=self.reference_wavelength)
+
+    def at(self, *, field_angle: float, wavelength: float) -> float:
+        """Focal length for a point in this direction in light of this wavelength [m].
+
+        Raises
+        ------
+        OutOfRangeError
+            If the angle or the wavelength lies beyond the table.
+        """
+        for name, value, axis, unit in (
+            ("field angle", field_angle, self.field_angles, "rad"),
+            ("wavelength", wavelength, self.wavelengths, "m"),
+        ):
+            if axis.size > 1 and not axis[0] <= value <= axis[-1]:
+                raise OutOfRangeError(
+                    f"{name} beyond the table of focal lengths",
+                    value=f"{value:g} {unit}",
+                    limit=f"{axis[0]:g} … {axis[-1]:g} {unit}",
+                    remedy="extend the table",
+                )
+        over_angle = [np.interp(wavelength, self.wavelengths, row) for row in self.focal_lengths]
+        return float(np.interp(field_angle, self.field_angles, over_angle))
+
+
+def focal_length_for(given: float | FocalLengths, source: PointSource, wavelength: float) -> float:
+    """Focal length of a lens for a point in light of a wavelength [m]."""
+    if not isinstance(given, FocalLengths):
+        return given
+    angle = math.atan2(math.hypot(source.x, source.y), abs(source.distance))
+    return given.at(field_angle=angle, wavelength=wavelength)
+
+
+def reference_focal_length(given: float | FocalLengths) -> float:
+    """Focal length with which a camera is focused [m]."""
+    return given.reference if isinstance(given, FocalLengths) else given

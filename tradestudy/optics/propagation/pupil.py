@@ -1,0 +1,312 @@
+"""What an aperture does to a wave beside its lens phase: Zernike aberrations, and any amplitude and path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval2d
+from scipy.interpolate import RectBivariateSpline
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.propagation.paths import Array, Expansion
+
+PupilMap = Callable[[FloatArray, FloatArray], FloatArray] | FloatArray
+_LARGEST_INDEX = 153  # radial order 16: beyond, the polynomials' coefficients cancel digits that a tolerance may need
+_LEAST_SAMPLES = 6  # a side of a map, for a quintic spline
+_STEP = 1e-4  # of the radius, for the slope of a function: differences of fourth order are then right to 1e-12
+
+
+def noll_order(index: int) -> tuple[int, int]:
+    """Radial order n and azimuthal order m of Noll's Zernike polynomial; m < 0 is the sine.
+
+    Parameters
+    ----------
+    index
+        Noll's j, from 1 to 153.
+
+    Returns
+    -------
+    tuple
+        (n, m); even j are cosines.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the index is none of these.
+
+    References
+    ----------
+    R. J. Noll, "Zernike polynomials and atmospheric turbulence", 1976, table I.
+
+    Examples
+    --------
+    Defocus, the two comas, and spherical aberration:
+
+    >>> from tradestudy import optics
+    >>> [optics.noll_order(j) for j in (4, 7, 8, 11)]
+    [(2, 0), (3, -1), (3, 1), (4, 0)]
+    """
+    if not (isinstance(index, int) and 1 <= index <= _LARGEST_INDEX):
+        raise OutOfRangeError("Noll index", value=str(index), limit=f"a whole number from 1 to {_LARGEST_INDEX}")
+    n = math.ceil((math.sqrt(8 * index + 1) - 3) / 2)
+    place = index - n * (n + 1) // 2 - 1  # within its order
+    m = 2 * ((place + 1 + n % 2) // 2) - n % 2
+    return n, m if index % 2 == 0 else -m
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pupil:
+    """Amplitude and optical path that an aperture adds to a wave, beside the lens phase.
+
+    The wave is multiplied by t exp(i k W). A longer path W retards. Positions are relative to the radius R of the
+    aperture, (x/R, y/R), along the axes of source and targets.
+
+    Parameters
+    ----------
+    zernikes
+        Coefficients of W [m rms] by Noll's index, of polynomials of unit variance over the disc.
+    path
+        More of W [m]: a function of (x/R, y/R), or an array.
+    amplitude
+        t [1]: likewise. 1 if not given.
+
+    Arrays have shape (n, n), n ≥ 6, over the square around the aperture: row i lies at y/R = −1 + 2 i/(n − 1), column j
+    at x/R likewise; a quintic spline goes through them, so that they must go on smoothly beyond the rim. Functions must
+    be smooth: behind a step within the aperture quadrature converges slowly, and a tolerance may be refused.
+
+    Rays and boundary waves need derivatives everywhere and take Zernike coefficients only.
+
+    Raises
+    ------
+    OutOfRangeError
+        A Noll index is unknown, a coefficient is not finite, or an array is not as above.
+
+    References
+    ----------
+    R. J. Noll, "Zernike polynomials and atmospheric turbulence", 1976.
+
+    Examples
+    --------
+    A tenth of a wave (rms) of coma along x; and a Gaussian beam that fills the aperture to 1/e²:
+
+    >>> import numpy as np
+    >>> from tradestudy import optics
+    >>> coma = optics.Pupil.from_waves({8: 0.1}, wavelength=550e-9)
+    >>> print(f"{coma.zernikes[8]:.3g} m")
+    5.5e-08 m
+    >>> gaussian = optics.Pupil(amplitude=lambda x, y: np.exp(-(x**2 + y**2)))
+    """
+
+    zernikes: Mapping[int, float] = field(default_factory=dict)
+    path: PupilMap | None = None
+    amplitude: PupilMap | None = None
+
+    def __post_init__(self) -> None:
+        for index, coefficient in self.zernikes.items():
+            noll_order(index)
+            if not math.isfinite(coefficient):
+                raise OutOfRangeError(f"Zernike coefficient {index}", value=f"{coefficient:g} m", limit="finite")
+        for name in ("path", "amplitude"):
+            given = getattr(self, name)
+            if given is None or callable(given):
+                continue
+            if given.ndim != 2 or given.shape[0] != given.shape[1] or given.shape[0] < _LEAST_SAMPLES:
+                raise OutOfRangeError(
+                    f"{name} of the pupil", value=f"shape {given.shape}", limit=f"(n, n), n ≥ {_LEAST_SAMPLES}"
+                )
+            if not np.isfinite(given).all():
+                raise OutOfRangeError(
+                    f"{name} of the pupil",
+                    value="not finite",
+                    limit="finite over the whole square",
+                    remedy="let the values go on smoothly beyond the rim",
+                )
+
+    @classmethod
+    def from_waves(
+        cls,
+        zernikes: Mapping[int, float],
+        *,
+        wavelength: float,
+        path: PupilMap | None = None,
+        amplitude: PupilMap | None = None,
+    ) -> Pupil:
+        """Return the pupil whose coefficients [waves rms] and path [waves] are given at a wavelength [m]."""
+        return cls(
+            zernikes={index: wavelength * waves for index, waves in zernikes.items()},
+            path=None if path is None else scaled(path, wavelength),
+            amplitude=amplitude,
+        )
+
+    @property
+    def aberrated(self) -> bool:
+        """Whether it changes the path."""
+        return self.path is not None or any(self.zernikes.values())
+
+    def path_terms(self, radius: float) -> tuple[ZernikePath | MapPath, ...]:
+        """Terms of the path on an aperture of this radius [m]."""
+        terms: list[ZernikePath | MapPath] = []
+        if any(self.zernikes.values()):
+            terms.append(ZernikePath(zernikes=self.zernikes, radius=radius))
+        if self.path is not None:
+            terms.append(MapPath(map=pupil_function(self.path), radius=radius))
+        return tuple(terms)
+
+    @cached_property
+    def transmission(self) -> Callable[[FloatArray, FloatArray], FloatArray] | None:
+        """Amplitude as a function of (x/R, y/R); None where it is 1."""
+        return None if self.amplitude is None else pupil_function(self.amplitude)
+
+
+def scaled(given: PupilMap, factor: float) -> PupilMap:
+    """Return a map times a factor."""
+    if callable(given):
+        return lambda x, y: factor * np.asarray(given(x, y))
+    return np.asarray(factor * given)
+
+
+def pupil_function(given: PupilMap) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    """Map as a function of relative positions: itself, or the quintic spline through its samples."""
+    if callable(given):
+        return given
+    axis = np.linspace(-1.0, 1.0, given.shape[0])
+    spline = RectBivariateSpline(axis, axis, given, kx=5, ky=5)
+    return lambda x, y: np.asarray(spline(y, x, grid=False))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ZernikePath:
+    """Σ a_j Z_j(x/R, y/R), as a polynomial in p = (x + i y)/R and q = (x − i y)/R.
+
+    Parameters
+    ----------
+    zernikes
+        a_j [m rms] by Noll's index.
+    radius
+        R [m].
+    """
+
+    zernikes: Mapping[int, float]
+    radius: float
+
+    @cached_property
+    def _polynomial(self) -> Array:
+        """Coefficients of p^i q^j: ρⁿ cos mθ = (p^m + q^m)(p q)^((n − m)/2)/2, and with a minus over i the sine."""
+        largest = max(noll_order(index)[0] for index in self.zernikes)
+        total = np.zeros((largest + 1, largest + 1), dtype=np.complex128)
+        for index, coefficient in self.zernikes.items():
+            n, signed = noll_order(index)
+            m = abs(signed)
+            norm = coefficient * math.sqrt((n + 1) * (2 if m else 1))
+            for k in range((n - m) // 2 + 1):
+                radial = (-1) ** k * math.comb(n - k, k) * math.comb(n - 2 * k, (n - m) // 2 - k)
+                pairs = (n - m) // 2 - k
+                total[pairs + m, pairs] += norm * radial * (0.5 if signed >= 0 else -0.5j)
+                total[pairs, pairs + m] += norm * radial * (0.5 if signed >= 0 else 0.5j)
+        return total
+
+    def value(self, x: Array, y: Array) -> Array:
+        """Path [m]."""
+        return self._at(self._polynomial, x, y)
+
+    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Gradient of the path: ∂x = ∂p + ∂q, ∂y = i (∂p − ∂q)."""
+        p, q = self._derivative(1, 0), self._derivative(0, 1)
+        return self._at(p + q, x, y), self._at(1j * (p - q), x, y)
+
+    def expansion(self, x: Array, y: Array) -> Expansion:
+        """Path, gradient and second derivatives [1/m]."""
+        pp, pq, qq = self._derivative(2, 0), self._derivative(1, 1), self._derivative(0, 2)
+        p_x, p_y = self.slope(x, y)
+        return Expansion(
+            value=self.value(x, y),
+            p_x=p_x,
+            p_y=p_y,
+            xx=self._at(pp + 2 * pq + qq, x, y),
+            xy=self._at(1j * (pp - qq), x, y),
+            yy=self._at(2 * pq - pp - qq, x, y),
+        )
+
+    def _derivative(self, along_p: int, along_q: int) -> Array:
+        """Coefficients of a derivative, in an array as large as that of the polynomial [1/mⁿ]."""
+        size = self._polynomial.shape[0]
+        found = polyder(polyder(self._polynomial, along_p, axis=0), along_q, axis=1)[:size, :size]
+        padded = np.pad(found, [(0, size - n) for n in found.shape])
+        return np.asarray(padded / self.radius ** (along_p + along_q))
+
+    def _at(self, polynomial: Array, x: Array, y: Array) -> Array:
+        """Evaluate it; real at real positions."""
+        x, y = np.broadcast_arrays(x, y)
+        found = np.asarray(polyval2d((x + 1j * y) / self.radius, (x - 1j * y) / self.radius, polynomial))
+        return found if np.iscomplexobj(x) or np.iscomplexobj(y) else found.real
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapPath:
+    """Any path over an aperture, its slope by differences.
+
+    Parameters
+    ----------
+    map
+        Path [m] as a function of (x/R, y/R).
+    radius
+        R [m].
+    """
+
+    map: Callable[[FloatArray, FloatArray], FloatArray]
+    radius: float
+
+    def value(self, x: Array, y: Array) -> Array:
+        """Path [m].
+
+        Raises
+        ------
+        OutOfRangeError
+            The function gives something else than finite numbers, one for each position.
+        """
+        x, y = np.broadcast_arrays(x, y)
+        found = np.asarray(self.map(x / self.radius, y / self.radius), dtype=np.float64)
+        return checked_map(found, x, "path")
+
+    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Gradient of the path; of a spline near the rim from the inside."""
+        h = _STEP * self.radius
+        inside = 1 - 2 * _STEP
+        x, y = inside * x, inside * y
+        along_x, along_y = (
+            (8 * (self.value(x + a, y + b) - self.value(x - a, y - b)))
+            - (self.value(x + 2 * a, y + 2 * b) - self.value(x - 2 * a, y - 2 * b))
+            for a, b in ((h, 0.0), (0.0, h))
+        )
+        return along_x / (12 * h), along_y / (12 * h)
+
+    def expansion(self, x: Array, y: Array) -> Expansion:  # noqa: ARG002  (one signature for all paths)
+        """Refuse: what needs second derivatives is for Zernike coefficients.
+
+        Raises
+        ------
+        OutOfRangeError
+            Always.
+        """
+        raise OutOfRangeError(
+            "rays or boundary waves behind a pupil whose path is a function or an array",
+            limit="a path of Zernike coefficients",
+            remedy="fit Zernike coefficients to the path, or take method 'fresnel' or 'kirchhoff'",
+        )
+
+
+def checked_map(found: FloatArray, x: Array, name: str) -> FloatArray:
+    """Refuse what a function of the pupil must not give."""
+    if found.shape not in ((), x.shape) or not np.isfinite(found).all():
+        raise OutOfRangeError(
+            f"{name} of the pupil",
+            value=f"shape {found.shape} for positions of shape {x.shape}"
+            + ("" if np.isfinite(found).all() else ", not finite"),
+            limit="one finite number for each position",
+        )
+    return np.broadcast_to(found, x.shape)

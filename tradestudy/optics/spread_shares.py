@@ -1,0 +1,267 @@
+"""Where the light of a point goes: modulation transfer, shares outside a disc and on pixels, with error bars.
+
+Shares refer to the power that passed the pupil; errors are made up as in `spread_metrics`.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.sampled_point_spread import Measured, PointSpread, measured
+from tradestudy.optics.spread_fields import SpreadField, as_point_spread
+from tradestudy.optics.spread_metrics import encircled_energy
+
+
+def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequency_y: FloatArray) -> Measured:
+    """MTF: |∫∫ I e^{−2πi (f_x x + f_y y)} dx dy| / P.
+
+    The error includes the share of power outside the window, which bounds what the missing light could add.
+
+    Parameters
+    ----------
+    field
+        Sampled intensity, or a field on a regular grid.
+    frequency_x, frequency_y
+        Spatial frequencies [cycles/m], broadcast.
+
+    Returns
+    -------
+    Measured
+        MTF [1] in the shape of the frequencies, with the errors of sampling, of the samples and of the window.
+
+    Raises
+    ------
+    OutOfRangeError
+        If a frequency exceeds half the sampling frequency.
+
+    References
+    ----------
+    J. W. Goodman, *Introduction to Fourier Optics*, section 6.3; of a perfect lens 2/π (arccos s − s √(1 − s²)) with
+    s = λ N f.
+
+    Examples
+    --------
+    At half the cutoff of a perfect lens, 0.391:
+
+    >>> import numpy as np
+    >>> from tradestudy import optics
+    >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=20)
+    >>> half_cutoff = np.array(0.5 / (550e-9 * 8))
+    >>> mtf = optics.modulation_transfer(psf, frequency_x=half_cutoff, frequency_y=np.array(0.0))
+    >>> print(f"{mtf.value:.2f}, to {mtf.error:.3f}, of which {1 - optics.window_share(psf).value:.3f} for the window")
+    0.39, to 0.008, of which 0.008 for the window
+    """
+    psf = as_point_spread(field)
+    fx, fy = np.broadcast_arrays(np.asarray(frequency_x, dtype=np.float64), np.asarray(frequency_y, dtype=np.float64))
+    for frequency, spacing in zip((fx, fy), psf.spacings, strict=True):
+        limit = 1 / (2 * spacing)
+        if np.abs(frequency).max() > limit:
+            raise OutOfRangeError(
+                "spatial frequency",
+                value=f"{np.abs(frequency).max():g} 1/m",
+                limit=f"≤ {limit:g} 1/m",
+                remedy="sample more finely",
+            )
+
+    def transfer(grid: PointSpread) -> FloatArray:
+        weight_x, weight_y = _trapezoid(grid.x), _trapezoid(grid.y)
+        along_x = weight_x[:, None] * np.exp(-2j * np.pi * np.outer(grid.x, fx.ravel()))
+        along_y = weight_y[:, None] * np.exp(-2j * np.pi * np.outer(grid.y, fy.ravel()))
+        transform = np.einsum("yk,yk->k", along_y, grid.intensity @ along_x)
+        return np.reshape(np.abs(transform), fx.shape) / grid.pupil_power
+
+    inside, share = measured(psf, transfer, carried=_over_window(psf)), window_share(psf)
+    return Measured(value=inside.value, error=inside.error + abs(1 - share.value) + share.error)
+
+
+def window_share(field: SpreadField) -> Measured:
+    """Share of the pupil's power that the sampled window holds: ∫∫ I dA / P.
+
+    Parameters
+    ----------
+    field
+        Sampled intensity, or a field on a regular grid.
+
+    Returns
+    -------
+    Measured
+        Share [1], shape (), with the errors of sampling and of the samples.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the field is on no regular grid.
+
+    References
+    ----------
+    Outside a circle of radius r Airy's pattern keeps 2 λ N/(π² r), Born and Wolf, section 8.5.2.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=4)
+    >>> print(f"{optics.window_share(psf).value:.3f}")
+    0.963
+    """
+    psf = as_point_spread(field)
+    return measured(
+        psf,
+        lambda g: g.spline.integral(g.y[0], g.y[-1], g.x[0], g.x[-1]) / g.pupil_power,
+        carried=_over_window(psf),
+    )
+
+
+def share_outside_disc(field: SpreadField, *, centre: tuple[float, float], radius: float) -> Measured:
+    """Share of the pupil's power outside a disc, such as the geometric footprint: 1 − ∫∫ I dA / P.
+
+    Parameters
+    ----------
+    field
+        Sampled intensity, or a field on a regular grid.
+    centre
+        Centre of the disc (x, y) [m].
+    radius
+        Radius of the disc [m].
+
+    Returns
+    -------
+    Measured
+        Share [1], shape (), with the error of `encircled_energy`.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the disc leaves the window.
+
+    References
+    ----------
+    The complement of `encircled_energy`.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=4)
+    >>> dark_ring = 1.2197 * 550e-9 * 8
+    >>> print(f"{optics.share_outside_disc(psf, centre=(0.0, 0.0), radius=dark_ring).value:.3f}")
+    0.163
+    """
+    inside = encircled_energy(field, centre=centre, radius=np.asarray(radius))
+    return Measured(value=1 - inside.value, error=inside.error)
+
+
+def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float], shape: tuple[int, int]) -> Measured:
+    """Share of the pupil's power on each pixel, the intensity integrated over the pixel's square.
+
+    Parameters
+    ----------
+    field
+        Sampled intensity, or a field on a regular grid.
+    pitch
+        Side of a pixel [m].
+    corner
+        Outer corner (x, y) of pixel [0, 0], at its smallest coordinates [m].
+    shape
+        (rows, columns).
+
+    Returns
+    -------
+    Measured
+        Shape ``shape``; row i spans y from corner_y + i pitch on. With the errors of sampling and of the samples.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the pixels leave the window.
+
+    References
+    ----------
+    The definition: an integral over the square, by the spline through the samples.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=4)
+    >>> shares = optics.pixel_shares(psf, pitch=5e-6, corner=(-7.5e-6, -7.5e-6), shape=(3, 3))
+    >>> print(f"{shares.value[1, 1]:.3f} on the middle pixel, {shares.value[1, 2]:.3f} beside it")
+    0.611 on the middle pixel, 0.059 beside it
+    """
+    psf = as_point_spread(field)
+    x_edges = corner[0] + pitch * np.arange(shape[1] + 1)
+    y_edges = corner[1] + pitch * np.arange(shape[0] + 1)
+    slack = 1e-9 * pitch
+    if (
+        x_edges[0] < psf.x[0] - slack
+        or x_edges[-1] > psf.x[-1] + slack
+        or y_edges[0] < psf.y[0] - slack
+        or y_edges[-1] > psf.y[-1] + slack
+    ):
+        raise OutOfRangeError(
+            "pixels leave the sampled window",
+            value=f"x {x_edges[0]:g}…{x_edges[-1]:g} m, y {y_edges[0]:g}…{y_edges[-1]:g} m",
+            limit=f"x {psf.x[0]:g}…{psf.x[-1]:g} m, y {psf.y[0]:g}…{psf.y[-1]:g} m",
+            remedy="widen the window or ask for fewer pixels",
+        )
+
+    def shares(grid: PointSpread) -> FloatArray:
+        integrals = [
+            [grid.spline.integral(y0, y1, x0, x1) for x0, x1 in pairwise(x_edges)] for y0, y1 in pairwise(y_edges)
+        ]
+        return np.asarray(integrals) / grid.pupil_power
+
+    return measured(psf, shares, carried=pitch * psf.intensity_error / psf.pupil_power)
+
+
+def share_on_neighbouring_pixels(field: SpreadField, *, pitch: float, centre: tuple[float, float]) -> Measured:
+    """Share of the pupil's power on the eight neighbours of the pixel centred at a point.
+
+    Parameters
+    ----------
+    field
+        Sampled intensity, or a field on a regular grid.
+    pitch
+        Side of a pixel [m].
+    centre
+        Centre (x, y) of the middle pixel [m].
+
+    Returns
+    -------
+    Measured
+        Share [1], shape (), with the errors of `pixel_shares` added up.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the nine pixels leave the window.
+
+    References
+    ----------
+    The definition, by `pixel_shares`.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=4)
+    >>> print(f"{optics.share_on_neighbouring_pixels(psf, pitch=5e-6, centre=(0.0, 0.0)).value:.3f}")
+    0.283
+    """
+    block = pixel_shares(field, pitch=pitch, corner=(centre[0] - 1.5 * pitch, centre[1] - 1.5 * pitch), shape=(3, 3))
+    ring = np.ones((3, 3))
+    ring[1, 1] = 0.0
+    return Measured(value=np.asarray(np.sum(ring * block.value)), error=np.asarray(np.sum(ring * block.error)))
+
+
+def _over_window(psf: PointSpread) -> float:
+    """The most that the stated error may do to an integral over the window with weights of magnitude 1/P."""
+    area = float((psf.x[-1] - psf.x[0]) * (psf.y[-1] - psf.y[0]))
+    return float(np.sqrt(area)) * psf.intensity_error / psf.pupil_power
+
+
+def _trapezoid(axis: FloatArray) -> FloatArray:
+    """Weights of the trapezoid rule on a uniform axis."""
+    weights = np.full(axis.size, (axis[-1] - axis[0]) / (axis.size - 1))
+    weights[[0, -1]] /= 2
+    return weights
