@@ -202,6 +202,13 @@ def aperture_field(
         )
     if method == "geometric" and counts is not None:
         raise OutOfRangeError("node counts of rays", value=str(counts), limit="None", remedy="leave them out")
+    if method == "boundary_wave" and lens.pupil is not None and lens.pupil.amplitude is not None:
+        raise OutOfRangeError(
+            "boundary wave of an aperture that is not lit evenly",
+            value="an amplitude over the pupil",
+            limit="none",
+            remedy="take method 'kirchhoff'",
+        )
     wave = lens_wave(source=source, lens=lens, wavelength=wavelength, paraxial=method == "fresnel", obliquity=obliquity)
     exact = KirchhoffKernel(wavelength=wavelength, obliquity=obliquity)
     if method == "geometric":
