@@ -451,3 +451,29 @@ def test_what_cannot_be_done_is_refused() -> None:
     for changes in ({"diameter": 0.0}, {"distance": -1.0}):
         with pytest.raises(OutOfRangeError):
             DiscSource(**({"diameter": 1e-4, "distance": 1.0} | changes))
+
+
+def test_an_image_beyond_its_tolerance_says_so() -> None:
+    source = PointSource(distance=20e-3)
+    good = image(camera(), source)
+    assert good.tolerance == FAST.tolerance
+    assert good.within_tolerance
+    starved = image(camera(), source, accuracy=replace(FAST, microlens_nodes=0.3))
+    assert relative(starved.pixels, good.pixels) > FAST.tolerance
+    assert not starved.within_tolerance
+    spectrum = spectral_image(
+        camera(),
+        source,
+        wavelengths=np.array([500e-9, 600e-9]),
+        weights=np.ones(2),
+        legs=KIRCHHOFF,
+        accuracy=replace(FAST, microlens_nodes=0.3),
+        rng=np.random.default_rng(7),
+    )
+    assert not spectrum.within_tolerance
+
+
+@pytest.mark.parametrize("changes", [{"detector_distance": 0.4e-6}, {"aperture_width": 0.5e-6}])
+def test_apertures_and_distances_below_a_wavelength_are_refused(changes: dict[str, float]) -> None:
+    with pytest.raises(OutOfRangeError, match="vector diffraction"):
+        image(camera(**changes), PointSource(distance=20e-3))

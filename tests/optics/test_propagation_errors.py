@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import math
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from tradestudy.optics.propagation import (
     lens_wave,
     nodes_for,
     propagate_samples,
+    propagate_wave,
     sample_wave,
 )
 from tradestudy.optics.quadrature import disc_nodes
@@ -113,6 +115,49 @@ def test_limits_of_memory_and_time_are_kept_too():
             )
 
 
+def test_the_stated_error_of_starved_nodes_goes_on_growing():
+    """Where too few nodes invent light, errors count against the light that there is: no statement stops near 4."""
+    arguments = {
+        "source": PointSource(distance=0.15),
+        "lens": MAIN,
+        "targets": TargetGrid.centred(centre=(0.0, 0.0), pitch=1e-6, count=65, distance=13.0e-3),
+        "wavelength": 550e-9,
+        "method": "kirchhoff",
+    }
+    truth = aperture_field(**arguments, accuracy=FieldAccuracy(tolerance=1e-6)).intensity
+    for count in (7, 8, 9):
+        starved = aperture_field(
+            **arguments,
+            accuracy=FieldAccuracy(tolerance=1e-3),
+            counts=NodeCounts(radial=count, angular=2 * count),
+        )
+        true = np.linalg.norm(starved.intensity - truth) / np.linalg.norm(truth)
+        assert true > 1.0
+        assert starved.error.intensity > max(0.3 * true, 10.0)
+
+
+def test_time_allowed_holds_refinement_too():
+    """Each round takes a quarter of a second and is not enough: the third would end too late."""
+    wave = lens_wave(source=SOURCE, lens=MAIN, wavelength=550e-9)
+    asked = []
+
+    def slow(counts):
+        asked.append(counts)
+        time.sleep(0.125)  # once for the result and once for its check
+        return sample_wave(wave, counts)
+
+    with pytest.raises(UnaffordableError, match=r"refinement that the tolerance needs.*0\.6 s"):
+        propagate_wave(
+            sample=slow,
+            counts=NodeCounts(radial=4, angular=8),
+            kernel=KirchhoffKernel(wavelength=550e-9, obliquity="paper"),
+            targets=TargetGrid.centred(centre=(0.0, 0.0), pitch=1e-6, count=9, distance=13.0e-3),
+            accuracy=FieldAccuracy(tolerance=1e-6),
+            limits=Limits(seconds=0.6),
+        )
+    assert len(asked) <= 4  # five rounds would ask for ten
+
+
 def attempt(**changes):
     arguments = {
         "source": SOURCE,
@@ -128,6 +173,8 @@ def attempt(**changes):
 @pytest.mark.parametrize(
     ("make", "word"),
     [
+        (lambda: attempt(wavelength=2.1 * MAIN.radius), "at most the width of the aperture"),
+        (lambda: attempt(targets=TargetPoints(x=0.0, y=0.0, distance=500e-9)), "at least one wavelength"),
         (lambda: attempt(method="fraunhofer"), "method"),
         (lambda: attempt(wavelength=0.0), "wavelength"),
         (lambda: attempt(wavelength=math.nan), "wavelength"),

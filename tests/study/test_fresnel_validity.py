@@ -11,9 +11,11 @@ from scipy.special import j0
 
 import tradestudy
 from tradestudy.analysis.fresnel_errors import limit_f_number
+from tradestudy.analysis.point_spreads import varied_values
 from tradestudy.api import Result
 from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.optics.psf_difference import fresnel_psf_difference
+from tradestudy.study.schema.wave_optics import listed
 
 STUDY = Path(__file__).parents[2] / "studies" / "fresnel_validity.yaml"
 MAIN = {"focal_length": 12.5e-3, "object_distance": 0.150}
@@ -262,11 +264,22 @@ def test_figures_and_report_show_it(result: Result, tmp_path: Path) -> None:
         ("claims.F4.path_error=0.1 waves", "belongs to the criterion path-error"),
         ("fresnel_validity=null", "has no element"),
         ("fresnel_validity.f_numbers.to=1", "must lie beyond from"),
+        ("fresnel_validity.f_numbers=[4, 2.8]", "must increase"),
     ],
 )
 def test_mistakes_are_told(override: str, complaint: str) -> None:
     with pytest.raises(StudyError, match=complaint):
         tradestudy.load(STUDY, [override])
+
+
+def test_f_numbers_are_a_list_or_a_range_wherever_they_are_asked_for() -> None:
+    for text, values in (("[2.8, 4, 5.6]", (2.8, 4, 5.6)), ("{from: 2, to: 8, points: 3}", (2, 4, 8))):
+        part = tradestudy.load(STUDY, [f"fresnel_validity.f_numbers={text}"]).file.fresnel_validity
+        assert part is not None
+        assert listed(part.f_numbers) == pytest.approx(values)
+        spread = tradestudy.load(STUDY.parent / "light_spot.yaml", [f"point_spread.f_numbers={text}"]).file.point_spread
+        assert spread is not None
+        assert varied_values(spread)["f_number"] == pytest.approx(values)
 
 
 def test_windows_out_of_order_are_refused() -> None:

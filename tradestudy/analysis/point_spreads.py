@@ -16,7 +16,7 @@ from tradestudy.optics.psf_difference import airy_radius
 from tradestudy.optics.sampled_point_spread import Measured
 from tradestudy.optics.spread_metrics import encircled_energy_radius, full_width_at_half_maximum, rms_width
 from tradestudy.optics.spread_shares import modulation_transfer, share_on_neighbouring_pixels, share_outside_disc
-from tradestudy.study.schema.wave_optics import ElementPart, PointSpreadPart
+from tradestudy.study.schema.wave_optics import ElementPart, PointSpreadPart, listed
 
 SpreadMethod = Literal["fresnel", "kirchhoff"]
 MEASURES: Final = (
@@ -110,7 +110,7 @@ def every_case(part: PointSpreadPart) -> list[LensAndPoint]:
 def varied_values(part: PointSpreadPart) -> Mapping[str, tuple[float, ...]]:
     """What is varied, and its values."""
     return {
-        "f_number": part.f_numbers,
+        "f_number": listed(part.f_numbers),
         "wavelength": part.wavelengths,
         "field_angle": part.field_angles,
         "defocus": part.defocus,

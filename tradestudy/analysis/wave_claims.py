@@ -22,7 +22,7 @@ from tradestudy.study.schema.questions import (
     LitPixelsClaim,
     PsfErrorClaim,
 )
-from tradestudy.study.schema.wave_optics import FresnelValidityPart
+from tradestudy.study.schema.wave_optics import FresnelValidityPart, listed
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
 
 WaveClaim = PsfErrorClaim | FresnelFNumberClaim | CriterionFNumberClaim | ImageDifferenceClaim | LitPixelsClaim
@@ -37,7 +37,7 @@ def wave_claim_value(claim: WaveClaim, fresnel: FresnelValidityPart | None, spot
             return _psf_error(claim, _there(fresnel), claim.f_number)
         case FresnelFNumberClaim():
             asked = _there(fresnel)
-            return limit_f_number(lambda f: _psf_error(claim, asked, f), asked.f_numbers.values(), claim.error)
+            return limit_f_number(lambda f: _psf_error(claim, asked, f), listed(asked.f_numbers), claim.error)
         case CriterionFNumberClaim():
             return _criterion(claim, _there(fresnel))
         case ImageDifferenceClaim() | LitPixelsClaim():

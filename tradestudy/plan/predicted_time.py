@@ -27,6 +27,7 @@ from tradestudy.study.schema.questions import (
     PsfErrorClaim,
 )
 from tradestudy.study.schema.trade_off import TradeOffPart
+from tradestudy.study.schema.wave_optics import listed
 from tradestudy.study.sweep import sweep_axes
 from tradestudy.wording import counted
 
@@ -141,7 +142,7 @@ class _Prediction:
             yield from self._light_spot(file.light_spot)
         if file.point_spread is not None:
             part = file.point_spread
-            varied = (part.f_numbers, part.wavelengths, part.field_angles, part.defocus)
+            varied = (listed(part.f_numbers), part.wavelengths, part.field_angles, part.defocus)
             count = 2 * len(part.elements) * sum(map(len, varied))
             yield PredictedStep(
                 name="point spread",
@@ -297,7 +298,7 @@ class _Prediction:
     def _fresnel_validity(self) -> Iterator[PredictedStep]:
         part = self.definition.file.fresnel_validity
         assert part is not None
-        f_numbers, wavelengths, elements = len(part.f_numbers.values()), len(part.wavelengths), part.elements.values()
+        f_numbers, wavelengths, elements = len(listed(part.f_numbers)), len(part.wavelengths), part.elements.values()
         pairs = len(part.elements) * wavelengths * (f_numbers + 2)
         yield PredictedStep(
             name="Fresnel against Kirchhoff, on axis",

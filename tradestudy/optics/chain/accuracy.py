@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 
@@ -131,6 +133,8 @@ class ChainImage:
         Counts that tell what the computation took (nodes, samples, source points).
     handed_over
         Share of the points that a boundary wave left to Kirchhoff's integral; 0 for the other methods.
+    tolerance
+        What was asked for; infinite where nobody asked.
 
     Examples
     --------
@@ -163,6 +167,8 @@ class ChainImage:
     ... )
     >>> image.pixels.shape, image.numerical_error < 1e-2
     ((21, 21), True)
+    >>> image.within_tolerance
+    True
     """
 
     pixels: FloatArray
@@ -172,3 +178,16 @@ class ChainImage:
     microlens_share: float
     effort: dict[str, int]
     handed_over: float = 0.0
+    tolerance: float = math.inf
+
+    @property
+    def within_tolerance(self) -> bool:
+        """Whether the stated error is no larger than what was asked for."""
+        return self.numerical_error <= self.tolerance
+
+
+def relative_change(fine: FloatArray, other: FloatArray) -> float:
+    """L2 change between two computations over the smaller of both, for starved nodes invent light; 0 for no change."""
+    change = float(np.linalg.norm(fine - other))
+    size = min(float(np.linalg.norm(one)) for one in (fine, other))
+    return 0.0 if change == 0.0 else change / size if size > 0.0 else math.inf

@@ -26,6 +26,7 @@ from tradestudy.optics.chain.scene import EXACT_RAYS, GEOMETRIC, Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.chain.spot_image import wave_spot_image
 from tradestudy.optics.propagation.lens import PointSource
+from tradestudy.optics.propagation.sampling import refuse_near_zone
 
 
 def chain_image(
@@ -68,13 +69,16 @@ def chain_image(
     Returns
     -------
     ChainImage
-        Share of the pupil's power on each pixel, with its numerical error.
+        Share of the pupil's power on each pixel, with its numerical error. Where that exceeds the tolerance, because
+        the knobs are starved or the coarser computation tells so, `ChainImage.within_tolerance` is False;
+        `microlens_image` refines further and refuses.
 
     Raises
     ------
     OutOfRangeError
-        If the wavelength is not positive, a coherent source is to be traced by rays or boundary waves, a boundary wave
-        is asked for behind square microlenses, or rays on one leg meet an array in the focus of the main lens.
+        If the wavelength exceeds an aperture or a distance, a coherent source is to be traced by rays or boundary
+        waves, a boundary wave is asked for behind square microlenses, or rays on one leg meet an array in the focus of
+        the main lens.
     UnaffordableError
         If nodes or samples need more memory than allowed.
     NotConvergedError
@@ -119,8 +123,28 @@ def chain_image(
     >>> print(f"{image.pixels.sum():.2f} of the light on the detector")
     0.83 of the light on the detector
     """
+    found = _image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng, done=done)
+    return replace(found, tolerance=accuracy.tolerance)
+
+
+def _image(
+    path: LightPath,
+    source: PointSource | DiscSource,
+    *,
+    wavelength: float,
+    legs: Legs,
+    accuracy: ChainAccuracy,
+    rng: np.random.Generator,
+    done: Callable[[float], None],
+) -> ChainImage:
+    """Image by the laws that the legs ask for."""
     if not (wavelength > 0 and math.isfinite(wavelength)):
         raise OutOfRangeError("wavelength", value=f"{wavelength:g} m", limit="> 0, finite")
+    for width, distance in (
+        (2 * path.main_lens.radius, path.array_distance),
+        (path.microlenses.aperture_width, path.detector_distance),
+    ):
+        refuse_near_zone(width=width, nearest=distance, wavelength=wavelength)
     coherent = isinstance(source, DiscSource) and source.coherent
     if coherent and not {legs.to_array, legs.to_detector} <= {"fresnel", "kirchhoff"}:
         raise OutOfRangeError(
@@ -244,6 +268,7 @@ def mean_image(parts: Sequence[ChainImage], wavelengths: FloatArray, share: Floa
         microlens_share=float(share @ [part.microlens_share for part in parts]),
         effort={name: sum(part.effort[name] for part in parts) for name in parts[0].effort},
         handed_over=max(part.handed_over for part in parts),
+        tolerance=max(part.tolerance for part in parts),
     )
 
 
@@ -344,6 +369,7 @@ def separate_image(
         microlens_share=passed,
         effort={name: sum(one[name] for one in effort) for name in effort[0]},
         handed_over=max(handed),
+        tolerance=accuracy.tolerance,
     )
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray, IndexArray
-from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, relative_change
 from tradestudy.optics.chain.array_field import PupilWave, direct_field
 from tradestudy.optics.chain.arriving_light import ArrivingLight, arriving_light, refuse_focus_on_array
 from tradestudy.optics.chain.pixels import refuse_pixel_centres
@@ -88,9 +88,7 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
     refuse_focus_on_array(wave.path, wave.source, wave.wavelength)
     with ThreadPoolExecutor(2) as pool:  # a boundary wave is compared with Kirchhoff's integral
         fine, other = pool.map(_landed, (wave, wave.reference), (accuracy, accuracy.compared()))
-    size = float(np.linalg.norm(fine.pixels))
-    change = float(np.linalg.norm(fine.pixels - other.pixels))
-    terms = {"other sampling": _SAFETY * change / size if change > 0 else 0.0}
+    terms = {"other sampling": _SAFETY * relative_change(fine.pixels, other.pixels)}
     check = _irradiance_check(wave, fine, rng)
     if check > _GROSS:
         raise NotConvergedError(

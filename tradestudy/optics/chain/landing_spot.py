@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, relative_change
 from tradestudy.optics.chain.array_field import direct_field
 from tradestudy.optics.chain.arriving_light import refuse_focus_on_array
 from tradestudy.optics.chain.detector_patch import lit_radius
@@ -87,9 +87,7 @@ def landing_spot_image(
         fine, other = pool.map(
             lambda each: _landed(path, source, wavelength, *each), ((legs, accuracy), (compared, _coarser(accuracy)))
         )
-    size = float(np.linalg.norm(fine.pixels))
-    change = float(np.linalg.norm(fine.pixels - other.pixels))
-    terms = {"other sampling": _SAFETY * change / size if change > 0 else 0.0}
+    terms = {"other sampling": _SAFETY * relative_change(fine.pixels, other.pixels)}
     return ChainImage(
         pixels=fine.pixels,
         numerical_error=math.hypot(*terms.values()),

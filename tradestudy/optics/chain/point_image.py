@@ -10,7 +10,7 @@ import numpy as np
 
 from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, relative_change
 from tradestudy.optics.chain.array_field import PupilWave, direct_field, leg_kernel
 from tradestudy.optics.chain.arriving_light import ArrivingLight, RayReach, RayWave, arriving_light, ray_reach
 from tradestudy.optics.chain.detector_patch import DetectorPlan, field_on_detector, plan_detector
@@ -114,11 +114,9 @@ def stated_point(
             lambda each: compute_point(*each),
             ((wave, to_detector, accuracy), (reference, reference_law(to_detector), accuracy.compared())),
         )
-    size = min(float(np.linalg.norm(one.pixels)) for one in (fine, other))  # starved nodes invent light
-    change = float(np.linalg.norm(fine.pixels - other.pixels))
     safety = _SAFETY_OF_EDGES if to_detector == "boundary_wave" or reference is not wave else _SAFETY
     terms = {
-        "other sampling": safety * change / size if change > 0 else 0.0,  # no light, no change: all is shadow
+        "other sampling": safety * relative_change(fine.pixels, other.pixels),
         "pixel integration": fine.pixel_error,
     }
     return fine, terms

@@ -14,7 +14,7 @@ from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, Kirchho
 from tradestudy.optics.propagation.lens import OBLIQUITIES, CircularLens, LensWave, Obliquity, PointSource
 from tradestudy.optics.propagation.rays import find_rays, land, one_ray_per_target, ray_fields
 from tradestudy.optics.propagation.result import ApertureField, Effort, Method, NumericalError, squared_magnitude
-from tradestudy.optics.propagation.sampling import Limits, NodeCounts, Targets
+from tradestudy.optics.propagation.sampling import Limits, NodeCounts, Targets, refuse_near_zone
 from tradestudy.optics.propagation.wave_optics import FieldAccuracy, nodes_for, propagate_wave, sample_wave
 
 METHODS: tuple[Method, ...] = ("geometric", "boundary_wave", "fresnel", "kirchhoff")
@@ -164,7 +164,8 @@ def aperture_field(
     Raises
     ------
     OutOfRangeError
-        An argument is outside the validity of the laws, or an option has no meaning for the method.
+        An argument is outside the validity of the laws, the wavelength exceeds the aperture, a target lies within a
+        wavelength of it, or an option has no meaning for the method.
     UnaffordableError
         The nodes needed exceed the limits; nothing is undersampled instead.
     NotConvergedError
@@ -210,6 +211,8 @@ def aperture_field(
             remedy="take method 'kirchhoff'",
         )
     wave = lens_wave(source=source, lens=lens, wavelength=wavelength, paraxial=method == "fresnel", obliquity=obliquity)
+    nearest = float(targets.coordinates()[2].min())
+    refuse_near_zone(width=2 * lens.radius, nearest=nearest, wavelength=wavelength)
     exact = KirchhoffKernel(wavelength=wavelength, obliquity=obliquity)
     if method == "geometric":
         return geometric_field(wave=wave, kernel=exact, targets=targets, accuracy=accuracy)

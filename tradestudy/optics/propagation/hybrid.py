@@ -31,6 +31,7 @@ from tradestudy.optics.propagation.sampling import (
     TargetPoints,
     Targets,
     check_affordable,
+    check_time,
     edge_node_count,
     outline,
 )
@@ -137,18 +138,22 @@ def hybrid_field(
         The limits do not allow the targets handed over, or the check.
     """
     size = math.prod(targets.shape)
-    seconds = 0.0
-    started = time.perf_counter()
+    seconds, last = 0.0, 0.0
+    begun = started = time.perf_counter()
     edge = edge_nodes or _edge_nodes(wave, kernel, targets, accuracy)
     seconds += time.perf_counter() - started
     check_affordable(NodeCounts(radial=1, angular=edge), targets=size, check_targets=0, limits=limits)
     reference: _Reference | None = None
     for rounds in range(1, _MAX_ROUNDS + 1):
         started = time.perf_counter()
+        check_time(spent=started - begun, needed=2 * last, limits=limits)
         result = _evaluate(wave, kernel, targets, edge, _SHARE * accuracy.tolerance)
-        field, share = _handed_over(result, wave, kernel, targets, accuracy, limits)
-        seconds += time.perf_counter() - started
-        reference = reference or _reference(wave, kernel, targets, field, accuracy, limits)
+        left = replace(limits, seconds=limits.seconds - (time.perf_counter() - begun))
+        field, share = _handed_over(result, wave, kernel, targets, accuracy, left)
+        last = time.perf_counter() - started
+        seconds += last
+        left = replace(limits, seconds=limits.seconds - (time.perf_counter() - begun))
+        reference = reference or _reference(wave, kernel, targets, field, accuracy, left)
         check = _check(wave, kernel, field, reference, edge, accuracy)
         error = stated_error(field, check, largest=reference.largest, rounding=reference.rounding)
         if error.intensity <= accuracy.tolerance or edge_nodes is not None:

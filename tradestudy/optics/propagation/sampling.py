@@ -172,7 +172,7 @@ class Limits:
     memory_bytes
         Peak memory.
     seconds
-        Predicted wall time.
+        Wall time of everything: set-up, computation, check, and every refinement.
 
     Examples
     --------
@@ -315,6 +315,57 @@ def check_affordable(counts: NodeCounts, *, targets: int, check_targets: int, li
             limit=f"{limits.nodes} nodes, {limits.memory_bytes:.3g} bytes, {limits.seconds:.3g} s",
             remedy="raise limits=Limits(nodes, memory_bytes, seconds), take fewer or less distant targets, or use "
             "method='boundary_wave', whose nodes lie on the edge only",
+        )
+
+
+def check_time(*, spent: float, needed: float, limits: Limits) -> None:
+    """Refuse a refinement that would end beyond the time allowed.
+
+    Raises
+    ------
+    UnaffordableError
+        With the seconds spent and those that the next round would take, as the last one did.
+    """
+    if spent + needed > limits.seconds:
+        raise UnaffordableError(
+            "the refinement that the tolerance needs takes longer than the limits allow",
+            value=f"{spent:.3g} s spent, {needed:.3g} s more",
+            limit=f"{limits.seconds:.3g} s",
+            remedy="raise limits=Limits(seconds) or the tolerance",
+        )
+
+
+def refuse_near_zone(*, width: float, nearest: float, wavelength: float) -> None:
+    """Refuse what scalar diffraction at an aperture does not describe.
+
+    Parameters
+    ----------
+    width
+        Of the aperture [m].
+    nearest
+        Distance of the nearest target [m].
+    wavelength
+        [m].
+
+    Raises
+    ------
+    OutOfRangeError
+        The wavelength exceeds the width of the aperture, or a target lies within one wavelength of its plane, where the
+        field depends on polarisation and on the screen.
+    """
+    if wavelength > width:
+        raise OutOfRangeError(
+            "wavelength",
+            value=f"{wavelength:g} m",
+            limit=f"at most the width of the aperture, {width:g} m",
+            remedy="check the units; smaller apertures need vector diffraction",
+        )
+    if nearest < wavelength:
+        raise OutOfRangeError(
+            "distance of the nearest target from the aperture",
+            value=f"{nearest:g} m",
+            limit=f"at least one wavelength, {wavelength:g} m",
+            remedy="check the units; nearer targets need vector diffraction",
         )
 
 

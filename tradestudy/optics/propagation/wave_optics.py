@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,16 @@ from tradestudy.optics.propagation.result import (
     squared_magnitude,
     stated_error,
 )
-from tradestudy.optics.propagation.sampling import Limits, NodeCounts, Targets, check_affordable, needed_nodes, outline
+from tradestudy.optics.propagation.sampling import (
+    Limits,
+    NodeCounts,
+    Targets,
+    check_affordable,
+    check_time,
+    needed_nodes,
+    outline,
+    refuse_near_zone,
+)
 from tradestudy.optics.quadrature import disc_nodes
 
 _MAX_ROUNDS = 5
@@ -129,7 +138,8 @@ def propagate_samples(
     Raises
     ------
     OutOfRangeError
-        The kernel needs directions that `samples` does not have.
+        The kernel needs directions that `samples` does not have, the wavelength exceeds the aperture, or a target lies
+        within a wavelength of it.
     UnaffordableError
         The limits do not allow it.
     NotConvergedError
@@ -156,6 +166,8 @@ def propagate_samples(
     >>> print(f"{field.intensity:.6f}")
     4.000000
     """
+    nearest = float(targets.coordinates()[2].min())
+    refuse_near_zone(width=2 * samples.nodes.half_extent, nearest=nearest, wavelength=kernel.wavelength)
     counts = NodeCounts(radial=1, angular=samples.nodes.count)
     return _refined(
         sample=lambda _: samples,
@@ -207,7 +219,7 @@ def propagate_wave(
     Raises
     ------
     UnaffordableError
-        The nodes needed exceed the limits.
+        The nodes needed exceed the limits, or the time left is too short for the next refinement.
     NotConvergedError
         The tolerance is not reached, by rounding or because `sample` does not converge.
     """
@@ -242,13 +254,19 @@ def _refined(
 ) -> ApertureField:
     """Compute, check against direct quadrature, and refine what limits the result until it meets the tolerance."""
     share = 0.2 * accuracy.tolerance
-    started = time.perf_counter()
+    begun = started = time.perf_counter()
     if callable(counts):
         counts = counts()
     seconds, check_seconds = time.perf_counter() - started, 0.0
-    size = math.prod(targets.shape)
-    for rounds in range(1, _MAX_ROUNDS + 1):  # noqa: B007  (reported below)
-        check_affordable(counts, targets=size, check_targets=accuracy.check_targets, limits=limits)
+    size, nodes, last = math.prod(targets.shape), counts.total, math.nan
+    for rounds in range(1, _MAX_ROUNDS + 1):
+        spent = time.perf_counter() - begun
+        # Of the first round the seconds are predicted; the others take as long for each node as the one before.
+        allowed = replace(limits, seconds=limits.seconds - spent if rounds == 1 else math.inf)
+        check_affordable(counts, targets=size, check_targets=accuracy.check_targets, limits=allowed)
+        if rounds > 1:
+            check_time(spent=spent, needed=last * counts.total / nodes, limits=limits)
+        nodes = counts.total
         started = time.perf_counter()
         samples = sample(counts)
         fast = fast_sum(samples, kernel, targets, low_rank_tolerance=share, nufft_tolerance=0.3 * share)
@@ -256,6 +274,7 @@ def _refined(
         finer = sample(counts.scaled(2.0)) if doubling else None
         check = _check(samples, finer, kernel, targets, fast.field, accuracy)
         check_seconds += check.seconds
+        last = time.perf_counter() - begun - spent
         error = stated_error(
             fast.field,
             check,

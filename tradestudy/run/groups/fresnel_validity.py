@@ -25,7 +25,7 @@ from tradestudy.optics.paper_equation_27 import paper_eq27_sweep
 from tradestudy.optics.propagation import LensPhase
 from tradestudy.optics.psf_difference import PsfDifference
 from tradestudy.results import dataset
-from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart
+from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart, listed
 
 _SWEEP_POINTS: Final = 1025  # so that the smaller zero is followed up to twice its least value and more
 _STEP: Final = "Fresnel against Kirchhoff, on axis"
@@ -35,7 +35,7 @@ _OFF_AXIS_STEP: Final = "Fresnel against Kirchhoff, off axis"
 def fresnel_validity_group(asked: FresnelValidityPart, progress: Progress, seconds: Seconds) -> xr.Dataset:
     """/fresnel_validity over elements, lens phases, wavelengths, f-numbers, metrics and windows."""
     elements = list(asked.elements.values())
-    f_numbers = asked.f_numbers.values()
+    f_numbers = listed(asked.f_numbers)
     with timed(seconds, _STEP):
         errors, numerical = _swept(
             asked, elements, f_numbers, progress, step=_STEP, field_angle=0.0, wavelengths=asked.wavelengths

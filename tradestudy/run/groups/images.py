@@ -107,6 +107,7 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, mode
             "microlens_aperture_width": lenses.aperture_width,
             "main_lens_phase": part.main_lens.lens_phase,
             "microlens_phase": part.microlenses.lens_phase,
+            "compared_tolerance": shown[0].tolerance,
             "chosen_method": chosen.method,
             "chosen_tolerance": chosen.tolerance,
             "chosen_crosstalk": float(not chosen.separate),

@@ -53,6 +53,14 @@ class FNumberRangePart(Part):
         return tuple(float(value) for value in np.geomspace(self.start, self.stop, self.points))
 
 
+FNumbers = Annotated[tuple[FNumber, ...], Field(min_length=1, max_length=200)] | FNumberRangePart
+
+
+def listed(f_numbers: FNumbers) -> tuple[float, ...]:
+    """F-numbers one by one, however they were written."""
+    return f_numbers.values() if isinstance(f_numbers, FNumberRangePart) else f_numbers
+
+
 class PublishedErrorPart(Part):
     """An error that somebody read off for this lens."""
 
@@ -97,7 +105,7 @@ class FresnelValidityPart(Part):
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
         description="Lenses by name."
     )
-    f_numbers: FNumberRangePart
+    f_numbers: FNumbers = Field(description="Increasing, one by one or as a range.")
     wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)] = Field(
         description="Wavelengths to evaluate."
     )
@@ -116,8 +124,8 @@ class FresnelValidityPart(Part):
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        for name in ("wavelengths", "windows"):
-            values = getattr(self, name)
+        increasing = {"f_numbers": listed(self.f_numbers), "wavelengths": self.wavelengths, "windows": self.windows}
+        for name, values in increasing.items():
             if any(not a < b for a, b in itertools.pairwise(values)):
                 raise MistakeAt((name,), "must increase")
         if len(set(self.lens_phases)) < len(self.lens_phases):
@@ -135,9 +143,7 @@ class PointSpreadPart(Part):
     pixel_pitch: PixelPitch = Field(description="Of the pixels whose neighbours are counted.")
     window: PositiveNumber = Field(description="Half the side of the sampled window, in Airy radii of each lens.")
     rms_radius: PositiveNumber = Field(description="Radius within which the rms width is taken, in Airy radii.")
-    f_numbers: Annotated[tuple[FNumber, ...], Field(min_length=1, max_length=20)] = Field(
-        description="F-numbers to evaluate."
-    )
+    f_numbers: FNumbers = Field(description="One by one or as a range.")
     wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)] = Field(
         description="Wavelengths to evaluate."
     )
