@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -29,6 +30,7 @@ from tradestudy.optics.chain import (
 )
 from tradestudy.optics.chain.sources import moved, moved_image, orbits, source_nodes, symmetries
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
+from tradestudy.optics.propagation.pupil import Pupil
 
 FAST = ChainAccuracy(tolerance=1e-3)
 
@@ -59,14 +61,26 @@ def polar(radius: float, rings: int, angles: int) -> tuple[np.ndarray, np.ndarra
     return np.outer(r, np.cos(angle)).ravel(), np.outer(r, np.sin(angle)).ravel(), weight.ravel()
 
 
-def nested_pixels(path: LightPath, source: PointSource, legs: Legs, pixels: list[tuple[int, int]]) -> np.ndarray:
-    """Equations 14 and 22 as nested sums over pupil, microlenses and pixels."""
+def clear(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return np.ones_like(x)
+
+
+def nested_pixels(
+    path: LightPath,
+    source: PointSource,
+    legs: Legs,
+    pixels: list[tuple[int, int]],
+    main: Callable[[np.ndarray, np.ndarray], np.ndarray] = clear,
+    micro: Callable[[np.ndarray, np.ndarray], np.ndarray] = clear,
+) -> np.ndarray:
+    """Equations 14 and 22 as nested sums over pupil, microlenses and pixels; `main` and `micro` are what pupils do."""
     lenses = path.microlenses
     u, v, w = polar(path.main_lens.radius, 45, 130)
     k = 2 * np.pi / WAVELENGTH
     before = kernel(legs.to_array, u - source.x, v - source.y, source.distance)
-    pupil_power = np.sum(w * np.abs(before) ** 2)
-    behind = w * before * np.exp(-1j * k * (u**2 + v**2) / (2 * path.main_lens.focal_length))
+    passed = main(u / path.main_lens.radius, v / path.main_lens.radius)
+    pupil_power = np.sum(w * np.abs(before * passed) ** 2)
+    behind = w * passed * before * np.exp(-1j * k * (u**2 + v**2) / (2 * path.main_lens.focal_length))
     t, g = np.polynomial.legendre.leggauss(7)
     h = path.pixels.pitch
     at = [
@@ -91,7 +105,7 @@ def nested_pixels(path: LightPath, source: PointSource, legs: Legs, pixels: list
                 for part in np.array_split(np.arange(x.size), 20)
             ]
         )
-        left = a * arriving * np.exp(-1j * k * (q**2 + p**2) / (2 * f))
+        left = a * micro(q / lenses.reach, p / lenses.reach) * arriving * np.exp(-1j * k * (q**2 + p**2) / (2 * f))
         field += kernel(legs.to_detector, sx[:, None] - x, sy[:, None] - y, path.detector_distance) @ left
     weights = np.outer(g, g).ravel() * h**2 / 4
     return np.abs(field.reshape(len(pixels), -1)) ** 2 @ weights / pupil_power
@@ -477,3 +491,74 @@ def test_an_image_beyond_its_tolerance_says_so() -> None:
 def test_apertures_and_distances_below_a_wavelength_are_refused(changes: dict[str, float]) -> None:
     with pytest.raises(OutOfRangeError, match="vector diffraction"):
         image(camera(**changes), PointSource(distance=20e-3))
+
+
+def aberrated(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A third of a wave of coma along y and half a wave of astigmatism, in Noll's polynomials written out."""
+    r2 = x**2 + y**2
+    return np.exp(2j * np.pi * (np.sqrt(8) * (3 * r2 - 2) * y / 3 + np.sqrt(6) * (x**2 - y**2) / 2))
+
+
+def shaded(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return np.exp(-(x**2) - (y - 0.2) ** 2 + 2j * np.pi * 0.2 * np.sin(2 * x))
+
+
+SHADED = Pupil(
+    amplitude=lambda x, y: np.exp(-(x**2) - (y - 0.2) ** 2), path=lambda x, y: 0.2 * WAVELENGTH * np.sin(2 * x)
+)
+ABERRATED = Pupil.from_waves({7: 1 / 3, 6: 0.5}, wavelength=WAVELENGTH)
+
+
+@pytest.mark.parametrize(
+    ("main", "micro", "legs"), [(ABERRATED, SHADED, KIRCHHOFF), (SHADED, ABERRATED, FRESNEL)], ids=["main", "micro"]
+)
+def test_pupils_of_both_lenses_are_those_of_nested_sums(main: Pupil, micro: Pupil, legs: Legs) -> None:
+    plain = camera(**PAIR)
+    path = replace(
+        plain,
+        main_lens=replace(plain.main_lens, pupil=main),
+        microlenses=replace(plain.microlenses, pupil=micro),
+    )
+    found = image(path, OFF, legs)
+    order = np.argsort(found.pixels.ravel())[::-1][[0, 3, 60]]
+    picks = [(int(i), int(j)) for i, j in zip(*np.unravel_index(order, found.pixels.shape), strict=True)]
+    laws = {id(ABERRATED): aberrated, id(SHADED): shaded}
+    truth = nested_pixels(path, OFF, legs, picks, laws[id(main)], laws[id(micro)])
+    allowed = found.numerical_error * np.linalg.norm(found.pixels)
+    assert np.abs([found.pixels[at] for at in picks] - truth).max() < allowed < 3e-3 * np.linalg.norm(found.pixels)
+    assert relative(found.pixels, image(plain, OFF, legs).pixels) > 0.2
+
+
+def test_a_spot_behind_round_aberrations_is_the_mean_of_its_points_and_others_are_refused() -> None:
+    plain = camera(**PAIR)
+    spherical = Pupil.from_waves({11: 0.2}, wavelength=WAVELENGTH)
+    path = replace(
+        plain,
+        main_lens=replace(plain.main_lens, pupil=spherical),
+        microlenses=replace(plain.microlenses, pupil=ABERRATED),
+    )
+    accuracy = ChainAccuracy(tolerance=1e-2)
+    disc = DiscSource(diameter=12e-6, distance=24e-3)
+    spot = image(path, disc, accuracy=accuracy)
+    radius = 6e-6 * np.sqrt(0.5 + np.array([[-1], [1]]) / np.sqrt(12))  # Gauss's two points in the squared radius
+    angle = 2 * np.pi * (np.arange(5) + 0.2) / 5
+    at = zip((radius * np.cos(angle)).ravel(), (radius * np.sin(angle)).ravel(), strict=True)
+    points = [image(path, PointSource(x=x, y=y, distance=24e-3), accuracy=accuracy) for x, y in at]
+    truth = np.mean([point.pixels for point in points], axis=0)
+    assert relative(spot.pixels, truth) < spot.numerical_error + max(point.numerical_error for point in points) < 0.01
+    assert relative(image(plain, disc, accuracy=accuracy).pixels, truth) > 0.1
+    with pytest.raises(OutOfRangeError, match="turn about the axis"):
+        image(replace(path, main_lens=replace(plain.main_lens, pupil=ABERRATED)), disc)
+    with pytest.raises(OutOfRangeError, match="fresnel or kirchhoff"):
+        image(path, ON, GEOMETRIC)
+
+
+def test_a_star_is_what_far_points_tend_to_through_the_chain() -> None:
+    path = camera(**PAIR, array_distance=2.2e-3)
+    star = image(path, PointSource.at_infinity(angle_x=0.004)).pixels
+    differences = [
+        relative(image(path, PointSource(x=a * math.tan(0.004), distance=a)).pixels, star) for a in (2.0, 2e3)
+    ]
+    assert differences[1] < 2e-5 < differences[0]
+    rays = image(path, PointSource.at_infinity(angle_x=0.004), GEOMETRIC).pixels
+    assert relative(rays, image(path, PointSource(x=8.000043, distance=2e3), GEOMETRIC).pixels) < 1e-4

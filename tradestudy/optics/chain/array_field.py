@@ -94,9 +94,9 @@ class PupilWave:
         """∫ |U|² over the pupil."""
         if self.coherent_radius > 0:
             nodes = self.nodes((np.zeros(1), np.zeros(1)), density=1.0)
-            return float(nodes.weights @ np.abs(self._disc_wave(nodes)) ** 2)
-        nodes = disc_nodes(radius=self.path.main_lens.radius, radial_count=12, angular_count=24)
-        return float(nodes.weights @ np.abs(self.wave.amplitude(nodes.x, nodes.y)) ** 2)
+            passed = self.path.main_lens.transmission(nodes.x, nodes.y)
+            return float(nodes.weights @ np.abs(self._disc_wave(nodes) * passed) ** 2)
+        return self.wave.power()
 
     def _point_wave(self, nodes: QuadratureNodes) -> ComplexArray:
         """Wave of the middle of the source before the main lens, in the units of the disc's."""
@@ -198,7 +198,8 @@ def fast_phase(wave: PupilWave, x: Array, y: Array) -> FloatArray:
     sphere = _sphere(wave)
     if sphere is None:
         return np.full(np.broadcast(x, y).shape, k * chief)
-    return np.asarray(k * (chief + sphere.value(x - chief_x, y - chief_y)))
+    # The chief ray's phase is a constant; turns of a far source would leave no digits to the sphere.
+    return np.asarray(math.fmod(k * chief, 2 * math.pi) + k * sphere.value(x - chief_x, y - chief_y))
 
 
 def _sphere(wave: PupilWave) -> SphericalPath | None:
@@ -206,6 +207,9 @@ def _sphere(wave: PupilWave) -> SphericalPath | None:
     x, y, depth = wave.path.image_at_array(wave.source)
     b = wave.path.array_distance - depth
     blur = wave.path.main_lens.radius * abs(depth / b)
+    pupil = wave.path.main_lens.pupil
+    if pupil is not None and pupil.aberrated:
+        return None  # light of one array point then comes from all over the pupil
     if wave.coherent_radius > 0 or blur**2 <= _LEAST_FRESNEL_NUMBER * wave.wavelength * abs(depth):
         return None
     chief_x, chief_y = wave.path.chief_point(wave.source)

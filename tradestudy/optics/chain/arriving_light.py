@@ -47,13 +47,17 @@ class RayReach:
 def ray_reach(path: LightPath, source: PointSource, *, whole_pupil: bool = False) -> RayReach:
     """Trace the rays through centre and rim of every cell, from the pupil points that can reach them.
 
-    `whole_pupil` admits rays from every pupil point to every array point, as a coherent extended source does.
+    `whole_pupil` admits rays from every pupil point to every array point, as a coherent extended source does and an
+    aberrated main lens may.
     """
     lenses, b = path.microlenses, path.detector_distance
+    whole_pupil = whole_pupil or (path.main_lens.pupil is not None and path.main_lens.pupil.aberrated)
     angle = 2 * np.pi * np.arange(16) / 16
     rim = np.column_stack([np.cos(angle), np.sin(angle)])
-    rings = [np.zeros((1, 2)), lenses.reach * rim]
-    acting = [True] * (1 + angle.size)
+    aberrated = lenses.pupil is not None and lenses.pupil.aberrated
+    within = (0.25, 0.5, 0.75, 1.0) if aberrated else (1.0,)  # the steepest ray need not pass the rim
+    rings = [np.zeros((1, 2)), *(share * lenses.reach * rim for share in within)]
+    acting = [True] * (1 + len(within) * angle.size)
     if lenses.gaps == "clear":
         rings.append(lenses.cell_reach * rim)
         acting += [False] * angle.size
@@ -62,6 +66,10 @@ def ray_reach(path: LightPath, source: PointSource, *, whole_pupil: bool = False
     slope = _arriving_slope(path, source, at, rim, whole_pupil)  # (lenses, points, candidates, 2)
     power = np.asarray(acting)[:, None, None] / lenses.focal_lengths[:, None, None, None]
     behind = slope - power * offset[:, None, :]
+    if lenses.pupil is not None and aberrated:
+        for term in lenses.pupil.path_terms(lenses.reach):
+            bent = np.stack(term.slope(offset[:, 0], offset[:, 1]), axis=-1)
+            behind = behind + (np.asarray(acting)[:, None] * bent)[:, None, :]
     landing = at[:, :, None] + b * behind
     image = landing[:, 0].mean(axis=1)
     travel = np.linalg.norm(b * behind, axis=-1).max(axis=(1, 2))

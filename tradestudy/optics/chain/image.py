@@ -22,11 +22,11 @@ from tradestudy.optics.chain.landing import landing_point_image
 from tradestudy.optics.chain.landing_spot import landing_spot_image
 from tradestudy.optics.chain.microlens_edges import refuse_square_edges
 from tradestudy.optics.chain.point_image import wave_point_image
+from tradestudy.optics.chain.refusals import refuse_impossible
 from tradestudy.optics.chain.scene import EXACT_RAYS, GEOMETRIC, Legs, LightPath, PixelGrid
 from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.chain.spot_image import wave_spot_image
 from tradestudy.optics.propagation.lens import PointSource
-from tradestudy.optics.propagation.sampling import refuse_near_zone
 
 
 def chain_image(
@@ -138,21 +138,8 @@ def _image(
     done: Callable[[float], None],
 ) -> ChainImage:
     """Image by the laws that the legs ask for."""
-    if not (wavelength > 0 and math.isfinite(wavelength)):
-        raise OutOfRangeError("wavelength", value=f"{wavelength:g} m", limit="> 0, finite")
-    for width, distance in (
-        (2 * path.main_lens.radius, path.array_distance),
-        (path.microlenses.aperture_width, path.detector_distance),
-    ):
-        refuse_near_zone(width=width, nearest=distance, wavelength=wavelength)
+    refuse_impossible(path, source, wavelength, legs)
     coherent = isinstance(source, DiscSource) and source.coherent
-    if coherent and not {legs.to_array, legs.to_detector} <= {"fresnel", "kirchhoff"}:
-        raise OutOfRangeError(
-            "rays or boundary waves of a coherent disc",
-            value=f"coherent, {legs.to_array} to the array, {legs.to_detector} to the detector",
-            limit="fresnel or kirchhoff on both legs",
-            remedy="choose fresnel or kirchhoff, or an incoherent source",
-        )
     if legs.to_detector == "boundary_wave":
         refuse_square_edges(path.microlenses)
     if legs == GEOMETRIC:

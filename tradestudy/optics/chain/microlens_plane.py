@@ -59,7 +59,7 @@ class MicrolensPlane:
         return np.broadcast_to(self.cell.weights, self.positions[0].shape)
 
     def transmission(self, source: PointSource) -> ComplexArray:
-        """Area weight times the phasor of each lens, shape (lenses, nodes)."""
+        """Area weight times the phasor and amplitude of each lens, shape (lenses, nodes)."""
         lenses = self.path.microlenses
         if lenses.lens_phase == "perfect":
             phases = [self._lens_path(i, self.path.object_before(i, source)) for i in range(lenses.count)]
@@ -71,7 +71,8 @@ class MicrolensPlane:
             each = [self._lens_path(i, _ANY_POINT) for i in first]
             phases = [each[j] for j in which]
         phase = np.where(self.cell.in_lens, 2 * math.pi / self.wavelength * np.array(phases), 0.0)
-        return np.asarray(unit_phasor(phase) * self.cell.weights)
+        passed = np.where(self.cell.in_lens, lenses.lens(0).transmission(self.cell.x, self.cell.y), 1.0)
+        return np.asarray(unit_phasor(phase) * (passed * self.cell.weights))
 
     def _lens_path(self, index: int, arriving: PointSource) -> FloatArray:
         """Path that a lens adds, relative to its vertex [m]."""

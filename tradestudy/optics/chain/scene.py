@@ -11,6 +11,7 @@ import numpy as np
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSource
+from tradestudy.optics.propagation.pupil import Pupil
 
 LegMethod = Literal["geometric", "boundary_wave", "fresnel", "kirchhoff"]
 WaveMethod = Literal["boundary_wave", "fresnel", "kirchhoff"]
@@ -96,6 +97,8 @@ class Microlenses:
         As in `CircularLens`; ``perfect`` sends the main lens's image of the source to its thin-lens image.
     focus_distance
         For ``stigmatic`` only [m].
+    pupil
+        Amplitude and aberrations of every microlens, over the circle around its aperture.
 
     Raises
     ------
@@ -112,9 +115,7 @@ class Microlenses:
     ...     aperture="circular",
     ...     aperture_width=24e-6,
     ...     pitch=26e-6,
-    ...     layout="square",
-    ...     gaps="opaque",
-    ...     lens_phase="parabolic",
+    ...     layout="square", gaps="opaque", lens_phase="parabolic",
     ... )
     >>> print(f"{lenses.fill_factor:.3f}")
     0.669
@@ -129,6 +130,7 @@ class Microlenses:
     gaps: Gaps
     lens_phase: LensPhase
     focus_distance: float | None = None
+    pupil: Pupil | None = None
 
     def __post_init__(self) -> None:
         n = self.centres.shape[0]
@@ -197,6 +199,7 @@ class Microlenses:
             focal_length=float(self.focal_lengths[index]),
             lens_phase=self.lens_phase,
             focus_distance=self.focus_distance,
+            pupil=self.pupil,
         )
 
 
@@ -275,9 +278,7 @@ class LightPath:
     ...     aperture="circular",
     ...     aperture_width=24e-6,
     ...     pitch=26e-6,
-    ...     layout="square",
-    ...     gaps="opaque",
-    ...     lens_phase="parabolic",
+    ...     layout="square", gaps="opaque", lens_phase="parabolic",
     ... )
     >>> path = optics.LightPath(
     ...     main_lens=optics.CircularLens(radius=0.1e-3, focal_length=2e-3, lens_phase="parabolic"),
@@ -302,6 +303,11 @@ class LightPath:
                 raise OutOfRangeError(name, value=f"{value:g} m", limit="> 0, finite")
         if self.main_lens.centre != (0.0, 0.0):
             raise OutOfRangeError("centre of the main lens", value=str(self.main_lens.centre), limit="(0, 0)")
+
+    @property
+    def pupils(self) -> tuple[Pupil, ...]:
+        """Pupils of main lens and microlenses that have one."""
+        return tuple(one for one in (self.main_lens.pupil, self.microlenses.pupil) if one is not None)
 
     def image_at_array(self, source: PointSource) -> tuple[float, float, float]:
         """Main lens's image of a source: x, y [m] and its signed distance before the array, a_L = z − b [m]."""

@@ -131,6 +131,8 @@ def _rings(source: DiscSource, relative_radii: FloatArray, phase: float) -> tupl
 
 def symmetries(path: LightPath, source: DiscSource) -> list[Symmetry]:
     """Mirrors and quarter turns that change neither lenses, nor pixels, nor the disc; the identity comes first."""
+    if not all(pupil.round for pupil in path.pupils):
+        return [(1, 1, False)]
     candidates: list[Symmetry] = [(sx, sy, swap) for swap in (False, True) for sx in (1, -1) for sy in (1, -1)]
     return [one for one in candidates if _leaves(path, source, one)]
 

@@ -144,6 +144,20 @@ class CircularLens:
                 remedy="give the object distance for which the stigmatic element is made, or choose another phase",
             )
 
+    def transmission(self, x: Array, y: Array) -> Array | float:
+        """Amplitude of the pupil at points relative to the centre [1]; 1 without a pupil.
+
+        Raises
+        ------
+        OutOfRangeError
+            A function given for it gives something else than finite numbers, one for each position.
+        """
+        passed = None if self.pupil is None else self.pupil.transmission
+        if passed is None:
+            return 1.0
+        u, v = np.broadcast_arrays(x / self.radius, y / self.radius)
+        return checked_map(np.asarray(passed(u, v), dtype=np.float64), u, "amplitude")
+
     def image_of(self, source: PointSource) -> tuple[float, float, float]:
         """Thin-lens image of a point: x, y [m] and its distance behind the lens [m] (< 0: virtual).
 
@@ -229,12 +243,7 @@ class LensWave:
         Paper's law (eq. 10): a/(iλ r²); textbook: 1/(iλ r), the free spherical wave; full Rayleigh–Sommerfeld I:
         a/(iλ r²) (1 + i/(k r)); Fresnel (eq. 18): 1/(iλ a).
         """
-        arriving = self._arriving(x, y)
-        passed = None if self.lens.pupil is None else self.lens.pupil.transmission
-        if passed is None:
-            return arriving
-        u, v = np.broadcast_arrays(x / self.lens.radius, y / self.lens.radius)
-        return np.asarray(arriving * checked_map(np.asarray(passed(u, v)), u, "amplitude"))
+        return np.asarray(self._arriving(x, y) * self.lens.transmission(x, y))
 
     def power(self) -> float:
         """∫ |U|² over the pupil."""

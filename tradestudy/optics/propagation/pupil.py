@@ -148,6 +148,12 @@ class Pupil:
         """Whether it changes the path."""
         return self.path is not None or any(self.zernikes.values())
 
+    @property
+    def round(self) -> bool:
+        """Whether no turn about the axis changes it: Zernike coefficients without azimuth alone."""
+        even = all(noll_order(index)[1] == 0 for index, coefficient in self.zernikes.items() if coefficient)
+        return even and self.path is None and self.amplitude is None
+
     def path_terms(self, radius: float) -> tuple[ZernikePath | MapPath, ...]:
         """Terms of the path on an aperture of this radius [m]."""
         terms: list[ZernikePath | MapPath] = []

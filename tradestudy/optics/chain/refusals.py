@@ -1,0 +1,52 @@
+"""What the laws of the chain do not hold for, or its short cuts do not know."""
+
+from __future__ import annotations
+
+import math
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.chain.scene import Legs, LightPath
+from tradestudy.optics.chain.sources import DiscSource
+from tradestudy.optics.propagation.lens import PointSource
+from tradestudy.optics.propagation.sampling import refuse_near_zone
+
+
+def refuse_impossible(path: LightPath, source: PointSource | DiscSource, wavelength: float, legs: Legs) -> None:
+    """Refuse lengths of light beyond the laws, and sources and pupils that the laws of the legs do not take.
+
+    Raises
+    ------
+    OutOfRangeError
+        With what to choose instead.
+    """
+    if not (wavelength > 0 and math.isfinite(wavelength)):
+        raise OutOfRangeError("wavelength", value=f"{wavelength:g} m", limit="> 0, finite")
+    for width, distance in (
+        (2 * path.main_lens.radius, path.array_distance),
+        (path.microlenses.aperture_width, path.detector_distance),
+    ):
+        refuse_near_zone(width=width, nearest=distance, wavelength=wavelength)
+    laws = f"{legs.to_array} to the array, {legs.to_detector} to the detector"
+    integrals = {legs.to_array, legs.to_detector} <= {"fresnel", "kirchhoff"}
+    coherent = isinstance(source, DiscSource) and source.coherent
+    if coherent and not integrals:
+        raise OutOfRangeError(
+            "rays or boundary waves of a coherent disc",
+            value=f"coherent, {laws}",
+            limit="fresnel or kirchhoff on both legs",
+            remedy="choose fresnel or kirchhoff, or an incoherent source",
+        )
+    if path.pupils and not integrals:
+        raise OutOfRangeError(
+            "rays or boundary waves through lenses with a pupil",
+            value=laws,
+            limit="fresnel or kirchhoff on both legs",
+            remedy="choose fresnel or kirchhoff, or leave the pupil out",
+        )
+    main = path.main_lens.pupil
+    if isinstance(source, DiscSource) and not coherent and main is not None and not main.round:
+        raise OutOfRangeError(
+            "incoherent disc behind a pupil of the main lens that a turn about the axis changes",
+            limit="Zernike coefficients without azimuth, such as 4, 11 and 22",
+            remedy="add images of points, or leave the other coefficients out",
+        )
