@@ -26,9 +26,12 @@ from tradestudy.units import FRACTION, LENGTH, pretty
 
 if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
+    from tradestudy.optics.microlens_camera import MicrolensCamera
 
 # f-number matching is a rule of thumb of lens design; a few percent neither wastes nor mixes pixels.
 _MATCHING_TOLERANCE: Final = 0.05
+_FIELD_PLACES: Final = 101  # of a table: between them a parabola is straight to 1e-4 of its depth
+_ANY_COLOUR: Final = 550e-9  # of a table that is the same for all
 _CELL_OVER_PITCH_SQUARED: Final = {"hexagonal": math.sqrt(3.0) / 2.0, "square": 1.0}
 
 
@@ -109,6 +112,38 @@ class PlenopticCamera(DepthCamera):
             inverse_depth=inverse,
             no_overlap=np.zeros((1, 1), dtype=bool),
             out_of_range=~(valid & (a > self.main_lens.focal_length)),
+        )
+
+    def light_chain(self) -> MicrolensCamera:
+        """Numbers of main lens, array and sensor, as `tradestudy.optics.microlens_image` takes them.
+
+        Lenses send every point to its thin-lens image; `dataclasses.replace` gives them aberrations. Field curvature is
+        a table of focal lengths that moves images near the array as the design has it. Positions are those of the
+        light, upside down against the picture.
+        """
+        from tradestudy.optics.focal_lengths import FocalLengths
+        from tradestudy.optics.microlens_camera import MicrolensCamera  # who reads studies propagates no waves
+
+        f, z, corner = self.main_lens.focal_length, self.geometry.mla_distance, self.sensor.diagonal / 2.0
+        height = corner * np.linspace(0.0, 1.0, _FIELD_PLACES)
+        moved = z + self.field_curvature * (height / corner) ** 2
+        curved = FocalLengths(
+            field_angles=np.arctan(height / z),
+            wavelengths=np.array([_ANY_COLOUR]),
+            focal_lengths=1.0 / (1.0 / f - 1.0 / z + 1.0 / moved)[:, np.newaxis],
+            reference_wavelength=_ANY_COLOUR,
+        )
+        return MicrolensCamera(
+            focal_length=curved if self.field_curvature else f,
+            f_number=self.main_lens.f_number,
+            array_distance=z,
+            microlens_focal_lengths=self.microlenses.focal_lengths,
+            microlens_pitch=self.microlenses.pitch,
+            gap=self.microlenses.gap,
+            pixel_pitch=self.sensor.pixel_pitch,
+            layout=self.microlenses.layout,
+            microlens_aperture=self.microlenses.aperture_diameter,
+            odd_pixels=(self.sensor.rows % 2 == 1, self.sensor.columns % 2 == 1),
         )
 
     @property

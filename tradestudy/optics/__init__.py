@@ -7,7 +7,8 @@ Start here:
   `FocalLengths` its field curvature and axial colour.
 * `aperture_field`: complex field and intensity of a point behind a lens at any points. Metrics such as
   `encircled_energy` and `modulation_transfer` take what either of them returns.
-* `chain_image`: a point or a disc through main lens and microlens array onto the pixels.
+* `microlens_image`: a point or a disc through main lens and microlens array onto the pixels, from the numbers of a
+  `MicrolensCamera`. `chain_image` does the same for any `LightPath`.
 
 Lengths are in metres, angles in radians. Positions of sources, apertures and targets share axes; nothing is mirrored.
 Every result states its error, and what misses its tolerance is refused.

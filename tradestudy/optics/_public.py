@@ -23,6 +23,7 @@ from tradestudy.optics.chain import (
 )
 from tradestudy.optics.focal_lengths import FocalLengths
 from tradestudy.optics.lens_point_spread import LensPointSpread, point_spread
+from tradestudy.optics.microlens_camera import MicrolensCamera, microlens_image
 from tradestudy.optics.propagation import (
     ApertureField,
     ApertureSamples,
@@ -78,6 +79,7 @@ __all__ = [
     "LightPath",
     "Limits",
     "Measured",
+    "MicrolensCamera",
     "Microlenses",
     "PixelGrid",
     "PointSource",
@@ -95,6 +97,7 @@ __all__ = [
     "encircled_energy_radius",
     "full_width_at_half_maximum",
     "hexagonal_centres",
+    "microlens_image",
     "modulation_transfer",
     "noll_order",
     "pixel_shares",

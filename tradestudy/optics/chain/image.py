@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave
@@ -24,7 +23,7 @@ from tradestudy.optics.chain.microlens_edges import refuse_square_edges
 from tradestudy.optics.chain.point_image import wave_point_image
 from tradestudy.optics.chain.refusals import refuse_impossible
 from tradestudy.optics.chain.scene import EXACT_RAYS, GEOMETRIC, Legs, LightPath, PixelGrid
-from tradestudy.optics.chain.sources import DiscSource
+from tradestudy.optics.chain.sources import DiscSource, spectral_shares
 from tradestudy.optics.chain.spot_image import wave_spot_image
 from tradestudy.optics.propagation.lens import PointSource
 
@@ -230,14 +229,9 @@ def spectral_image(
     >>> list(image.error_terms)
     ['500 nm', '600 nm']
     """
-    if wavelengths.ndim != 1 or wavelengths.shape != weights.shape or wavelengths.size == 0:
-        raise OutOfRangeError(
-            "spectrum", value=f"shapes {wavelengths.shape}, {weights.shape}", limit="two arrays of shape (n,), n ≥ 1"
-        )
-    if not (np.all(weights >= 0) and np.isfinite(weights).all() and weights.sum() > 0):
-        raise OutOfRangeError("spectral weights", value=str(weights), limit="≥ 0, finite, not all zero")
+    shares = spectral_shares(wavelengths, weights)
     parts = [chain_image(path, source, wavelength=float(w), legs=legs, accuracy=accuracy, rng=rng) for w in wavelengths]
-    return mean_image(parts, wavelengths, weights / weights.sum())
+    return mean_image(parts, wavelengths, shares)
 
 
 def mean_image(parts: Sequence[ChainImage], wavelengths: FloatArray, share: FloatArray) -> ChainImage:

@@ -1,4 +1,4 @@
-"""Extended sources: a disc, its quadrature nodes, and the symmetry that spares most of them."""
+"""Extended sources: a disc, its quadrature nodes, the symmetry that spares most of them, and the colours of light."""
 
 from __future__ import annotations
 
@@ -113,6 +113,23 @@ def source_nodes(path: LightPath, source: DiscSource, *, wavelength: float, dens
         radial_weights=weights,
         rings=_rings(source, np.sqrt(points), phase),
     )
+
+
+def spectral_shares(wavelengths: FloatArray, weights: FloatArray) -> FloatArray:
+    """Shares of the light at each wavelength, which add up to 1.
+
+    Raises
+    ------
+    OutOfRangeError
+        If shapes differ, or a weight is negative, infinite or not a number, or all are zero.
+    """
+    if wavelengths.ndim != 1 or wavelengths.shape != weights.shape or wavelengths.size == 0:
+        raise OutOfRangeError(
+            "spectrum", value=f"shapes {wavelengths.shape}, {weights.shape}", limit="two arrays of shape (n,), n ≥ 1"
+        )
+    if not (np.all(weights >= 0) and np.isfinite(weights).all() and weights.sum() > 0):
+        raise OutOfRangeError("spectral weights", value=str(weights), limit="≥ 0, finite, not all zero")
+    return np.asarray(weights / weights.sum())
 
 
 def tolerated_density(accuracy: ChainAccuracy) -> float:

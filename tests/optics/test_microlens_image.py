@@ -1,0 +1,147 @@
+"""The spot behind a microlens array from numbers in one call: what is computed, and how well."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.cameras.builders import r5
+from tests.optics.small_chain import relative
+from tradestudy import optics
+from tradestudy.errors import NotConvergedError, OutOfRangeError
+from tradestudy.optics import microlens_camera as module
+
+WAVELENGTH = 550e-9
+CAMERA = optics.MicrolensCamera(
+    focal_length=2e-3,
+    f_number=8.0,
+    array_distance=2.5e-3,
+    microlens_focal_lengths=(70e-6, 76e-6, 85e-6),
+    microlens_pitch=26e-6,
+    gap=0.1e-3,
+    pixel_pitch=4e-6,
+    microlens_aperture=24e-6,
+)
+POINT = optics.PointSource(x=0.3e-3, y=-0.2e-3, distance=20e-3)
+
+
+def test_one_call_is_the_chain_put_together_by_hand_with_more_of_the_array() -> None:
+    """The microlenses and pixels that were left out hardly see any light."""
+    image = module.microlens_image(CAMERA, POINT, wavelength=WAVELENGTH, tolerance=1e-3)
+    path = CAMERA.light_path(POINT, wavelength=WAVELENGTH)
+    centres = 26e-6 * np.array([[q + r / 2, r * np.sqrt(3) / 2] for q in range(-8, 9) for r in range(-8, 9)])
+    types = np.array([(q - r) % 3 for q in range(-8, 9) for r in range(-8, 9)])
+    near = np.linalg.norm(centres - path.chief_point(POINT), axis=1) < 110e-6
+    by_hand = optics.LightPath(
+        main_lens=optics.CircularLens(radius=0.125e-3, focal_length=2e-3, lens_phase="perfect"),
+        microlenses=optics.Microlenses(
+            centres=centres[near],
+            focal_lengths=np.array([70e-6, 76e-6, 85e-6])[types[near]],
+            aperture="circular",
+            aperture_width=24e-6,
+            pitch=26e-6,
+            layout="hexagonal",
+            gaps="opaque",
+            lens_phase="perfect",
+        ),
+        array_distance=2.5e-3,
+        detector_distance=0.1e-3,
+        pixels=path.pixels,
+    )
+    truth = optics.chain_image(
+        by_hand,
+        POINT,
+        wavelength=WAVELENGTH,
+        legs=optics.KIRCHHOFF,
+        accuracy=optics.ChainAccuracy(tolerance=1e-3),
+        rng=np.random.default_rng(3),
+    )
+    assert near.sum() > 1.5 * path.microlenses.count
+    assert relative(image.pixels, truth.pixels) < 0.01
+    assert image.numerical_error <= 1e-3
+    assert 0.6 < image.pixels.sum() < 1.0
+    edge = path.pixels.edges_x / 4e-6
+    assert edge == pytest.approx(np.rint(edge), abs=1e-6)  # whole pixels of the sensor
+
+
+def test_what_misses_its_tolerance_is_refined_and_else_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    coma = replace(CAMERA, pupil=optics.Pupil.from_waves({8: 0.25}, wavelength=WAVELENGTH))
+    good = module.microlens_image(coma, POINT, wavelength=WAVELENGTH, tolerance=1e-4)
+    assert good.numerical_error <= 1e-4
+    assert good.within_tolerance
+    rough = module.microlens_image(coma, POINT, wavelength=WAVELENGTH, tolerance=1e-2)
+    assert relative(rough.pixels, good.pixels) <= rough.numerical_error + good.numerical_error
+    asked = []
+
+    def stubborn(*_: object, accuracy: optics.ChainAccuracy, **__: object) -> optics.ChainImage:
+        asked.append(accuracy.tolerance)
+        return replace(good, numerical_error=0.01)
+
+    monkeypatch.setattr(module, "chain_image", stubborn)
+    with pytest.raises(NotConvergedError, match=r"stated relative L2 error 0\.01"):
+        module.microlens_image(coma, POINT, wavelength=WAVELENGTH, tolerance=1e-3)
+    assert asked == sorted(asked, reverse=True)
+    assert asked[-1] < 1e-2 * asked[0]
+
+
+def test_colour_and_curvature_move_the_image_as_another_focal_length_does() -> None:
+    table = optics.FocalLengths(
+        field_angles=np.array([0.0, 0.1]),
+        wavelengths=np.array([500e-9, 600e-9]),
+        focal_lengths=np.array([[1.99e-3, 2.01e-3], [1.97e-3, 1.99e-3]]),
+        reference_wavelength=550e-9,
+    )
+    camera = replace(CAMERA, focal_length=table)
+    spectrum = module.microlens_image(
+        camera, POINT, wavelength=np.array([500e-9, 600e-9]), weights=np.array([1.0, 3.0]), tolerance=1e-2
+    )
+    angle = np.arctan(np.hypot(0.3, 0.2) / 20)
+    images = []
+    for wavelength, on_axis in ((500e-9, 1.99e-3), (600e-9, 2.01e-3)):
+        focal_length = on_axis - 0.02e-3 * angle / 0.1
+        plain = replace(CAMERA, focal_length=focal_length, f_number=focal_length / 0.25e-3)
+        path = camera.light_path(POINT, wavelength=wavelength)
+        assert path.main_lens.focal_length == pytest.approx(focal_length)
+        assert path.main_lens.radius == pytest.approx(0.125e-3)
+        images.append(module.microlens_image(plain, POINT, wavelength=wavelength, tolerance=1e-2).pixels)
+    smallest = min(image.shape[0] for image in images)
+    cropped = []
+    for image in (*images, spectrum.pixels):
+        margin = (image.shape[0] - smallest) // 2
+        cropped.append(image[margin : margin + smallest, margin : margin + smallest])
+    assert relative(cropped[2], 0.25 * cropped[0] + 0.75 * cropped[1]) < 0.02
+    assert relative(cropped[0], cropped[1]) > 0.05
+    with pytest.raises(OutOfRangeError, match="field curvature over a disc"):
+        camera.light_path(optics.DiscSource(diameter=0.1e-3, distance=20e-3), wavelength=550e-9)
+
+
+def test_a_declared_camera_gives_its_own_chain_in_one_call() -> None:
+    camera = r5()
+    chain = camera.light_chain()
+    point = optics.PointSource(distance=0.3)
+    path = chain.light_path(point, wavelength=WAVELENGTH)
+    assert path.array_distance == camera.geometry.mla_distance
+    assert path.main_lens.radius == pytest.approx(camera.main_lens.pupil_diameter / 2)
+    # The disc of light on the array is what the camera's own geometry says, with a ring of microlenses around.
+    reach = float(camera.radius_over_pitch(0.3)) * camera.microlenses.pitch
+    distance = np.linalg.norm(path.microlenses.centres, axis=1)
+    assert reach < distance.max() < reach + 1.01 * camera.microlenses.pitch
+    shares = [np.isclose(path.microlenses.focal_lengths, f).mean() for f in camera.microlenses.focal_lengths]
+    assert min(shares) > 0.2
+    image = module.microlens_image(chain, point, wavelength=WAVELENGTH, legs=optics.KIRCHHOFF_FRESNEL, tolerance=2e-2)
+    assert image.within_tolerance
+    assert 0.6 < image.pixels.sum() < 1.0
+
+
+def test_field_curvature_of_a_camera_moves_the_image_that_far() -> None:
+    camera = r5(field_curvature=40e-6)
+    z, corner = camera.geometry.mla_distance, camera.sensor.diagonal / 2
+    flat = r5().light_chain()
+    source = 1 / (1 / camera.main_lens.focal_length - 1 / z)  # what is in focus on the array
+    for share in (0.0, 0.5, 1.0):
+        point = optics.PointSource(x=share * 0.999999 * corner / z * source, distance=source)
+        moved = camera.light_chain().light_path(point, wavelength=WAVELENGTH).image_at_array(point)[2]
+        assert -moved == pytest.approx(40e-6 * share**2, rel=1e-3, abs=1e-9)
+        assert flat.light_path(point, wavelength=WAVELENGTH).image_at_array(point)[2] == pytest.approx(0, abs=1e-9)
