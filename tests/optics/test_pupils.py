@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from prysm import propagation
 from prysm.polynomials import noll_to_nm, zernike_nm
-from scipy.special import erf
+from scipy.special import erf, j1
 
 from tradestudy import optics
 from tradestudy.errors import OutOfRangeError
@@ -168,6 +168,19 @@ def test_any_pupil_by_exact_paths_is_plain_quadrature(as_array: bool) -> None:
     assert psf.relative_error <= 1e-6
 
 
+@pytest.mark.parametrize("obscuration", [0.3, 0.7])
+def test_a_dark_middle_leaves_the_pattern_of_a_ring(obscuration: float) -> None:
+    """Born and Wolf, section 8.6.2: both discs' patterns, one less the other."""
+    psf = optics.point_spread(**LENS, method="fresnel", pupil=Pupil(obscuration=obscuration), window=8)
+    v = np.pi * np.hypot(psf.x, psf.y[:, None] + 1e-300) / (WAVELENGTH * 2.8)
+    v = np.maximum(v, 1e-9)
+    ring = (2 * j1(v) / v - obscuration * 2 * j1(obscuration * v) / v) / (1 - obscuration**2)
+    assert np.abs(psf.relative_intensity - ring**2).max() < 1e-8
+    area = np.pi * RADIUS**2 * (1 - obscuration**2)
+    assert psf.reference_peak == pytest.approx(area / (WAVELENGTH * 50e-3) ** 2, rel=1e-9)
+    assert psf.relative_error <= 1e-6
+
+
 def behind_focus(method: str, pupil: Pupil, tolerance: float) -> optics.ApertureField:
     return optics.aperture_field(
         source=optics.PointSource.at_infinity(),
@@ -197,6 +210,7 @@ def test_what_pupils_cannot_be_is_refused() -> None:
         {"zernikes": {0: 1e-7}},
         {"zernikes": {154: 1e-7}},
         {"zernikes": {4: np.inf}},
+        {"obscuration": 1.0},
         {"path": np.zeros((8, 9))},
         {"amplitude": np.full((9, 9), np.nan)},
     ):
@@ -207,5 +221,7 @@ def test_what_pupils_cannot_be_is_refused() -> None:
     for method in ("geometric", "boundary_wave"):
         with pytest.raises(OutOfRangeError, match="fit Zernike"):
             behind_focus(method, Pupil(path=path), 0.05)
-    with pytest.raises(OutOfRangeError, match="kirchhoff"):
-        behind_focus("boundary_wave", Pupil(amplitude=amplitude), 0.05)
+    for method in ("geometric", "boundary_wave"):
+        for uneven in (Pupil(amplitude=amplitude), Pupil(obscuration=0.2)):
+            with pytest.raises(OutOfRangeError, match="kirchhoff"):
+                behind_focus(method, uneven, 0.05)

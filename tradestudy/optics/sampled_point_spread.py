@@ -114,7 +114,12 @@ class PointSpread:
             if not step > 0 or not np.allclose(np.diff(axis), step, rtol=1e-6, atol=0):
                 raise OutOfRangeError(f"sample positions along {name}", limit="increasing, equally spaced")
         if not np.all(np.isfinite(self.intensity)) or np.any(self.intensity < 0):
-            raise OutOfRangeError("intensity", value=f"{self.intensity.min():g}", limit="≥ 0 and finite")
+            raise OutOfRangeError(
+                "intensity",
+                value=f"from {self.intensity.min():g} to {self.intensity.max():g} W/m²",
+                limit="≥ 0 and finite",
+                remedy="rays are infinite in a focus: take waves, or a plane out of it",
+            )
         if not (self.pupil_power > 0 and np.isfinite(self.pupil_power)):
             raise OutOfRangeError("pupil power", value=f"{self.pupil_power:g} W", limit="positive and finite")
         if not 0 <= self.relative_error < np.inf:

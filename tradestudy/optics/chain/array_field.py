@@ -139,7 +139,11 @@ class PupilWave:
         high_x, high_y = (np.max(c) + wider for c in region)
         box = outline(np.array([low_x, high_x]), np.array([low_y, high_y]), np.array([z, z]))
         half_range, turns = net_phase(self.wave.paths, self.kernel, radius=radius, x=box[0], y=box[1], z=box[2])
-        return tapered_disc_nodes(radius=radius, radial_phase=2 * density * half_range, angular_phase=density * turns)
+        return self.path.main_lens.without_obscuration(
+            lambda part: tapered_disc_nodes(
+                radius=part, radial_phase=2 * density * half_range, angular_phase=density * turns
+            )
+        )
 
 
 def leg_kernel(wavelength: float, paraxial: bool) -> Kernel:
@@ -208,8 +212,8 @@ def _sphere(wave: PupilWave) -> SphericalPath | None:
     b = wave.path.array_distance - depth
     blur = wave.path.main_lens.radius * abs(depth / b)
     pupil = wave.path.main_lens.pupil
-    if pupil is not None and pupil.aberrated:
-        return None  # light of one array point then comes from all over the pupil
+    if pupil is not None and (pupil.aberrated or not pupil.evenly_lit):
+        return None  # light of one array point then comes from all over the pupil, or from an edge within it
     if wave.coherent_radius > 0 or blur**2 <= _LEAST_FRESNEL_NUMBER * wave.wavelength * abs(depth):
         return None
     chief_x, chief_y = wave.path.chief_point(wave.source)

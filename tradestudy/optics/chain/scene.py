@@ -161,6 +161,8 @@ class Microlenses:
         distances = np.linalg.norm(self.centres[:, None] - self.centres[None], axis=-1)
         if n > 1 and np.min(distances + np.diag(np.full(n, np.inf))) < self.pitch * (1 - 1e-6):
             raise OutOfRangeError("microlenses closer than their pitch", limit=f"≥ {self.pitch:g} m")
+        if self.pupil is not None and self.pupil.obscuration:
+            raise OutOfRangeError("obscuration of microlenses", value=f"{self.pupil.obscuration:g}", limit="0")
         for index in range(n):
             self.lens(index)
 

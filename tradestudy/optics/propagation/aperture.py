@@ -203,12 +203,12 @@ def aperture_field(
         )
     if method == "geometric" and counts is not None:
         raise OutOfRangeError("node counts of rays", value=str(counts), limit="None", remedy="leave them out")
-    if method == "boundary_wave" and lens.pupil is not None and lens.pupil.amplitude is not None:
+    if method in ("boundary_wave", "geometric") and lens.pupil is not None and not lens.pupil.evenly_lit:
         raise OutOfRangeError(
-            "boundary wave of an aperture that is not lit evenly",
-            value="an amplitude over the pupil",
-            limit="none",
-            remedy="take method 'kirchhoff'",
+            "rays or boundary waves of an aperture that is not lit evenly",
+            value=f"amplitude or obscuration, by method {method!r}",
+            limit="neither",
+            remedy="take method 'kirchhoff' or 'fresnel'",
         )
     wave = lens_wave(source=source, lens=lens, wavelength=wavelength, paraxial=method == "fresnel", obliquity=obliquity)
     nearest = float(targets.coordinates()[2].min())

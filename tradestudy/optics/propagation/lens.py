@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -144,6 +145,22 @@ class CircularLens:
                 remedy="give the object distance for which the stigmatic element is made, or choose another phase",
             )
 
+    def without_obscuration(self, nodes_of: Callable[[float], QuadratureNodes]) -> QuadratureNodes:
+        """Nodes of the aperture, from which those of its dark middle are taken away: both are discs, to full accuracy.
+
+        `nodes_of` gives the nodes of a disc of a radius [m] about the centre of the aperture.
+        """
+        whole = nodes_of(self.radius)
+        if self.pupil is None or self.pupil.obscuration == 0.0:
+            return whole
+        dark = nodes_of(self.pupil.obscuration * self.radius)
+        return replace(
+            whole,
+            x=np.concatenate([whole.x, dark.x]),
+            y=np.concatenate([whole.y, dark.y]),
+            weights=np.concatenate([whole.weights, -dark.weights]),
+        )
+
     def transmission(self, x: Array, y: Array) -> Array | float:
         """Amplitude of the pupil at points relative to the centre [1]; 1 without a pupil.
 
@@ -254,7 +271,9 @@ class LensWave:
         """Nodes, relative to the centre, that resolve the amplitude but not the phase."""
         masked = self.lens.pupil is not None and self.lens.pupil.amplitude is not None
         radial, angular = (100, 200) if masked else (12, 24)
-        return disc_nodes(radius=self.lens.radius, radial_count=radial, angular_count=angular)
+        return self.lens.without_obscuration(
+            lambda radius: disc_nodes(radius=radius, radial_count=radial, angular_count=angular)
+        )
 
     def _arriving(self, x: Array, y: Array) -> Array:
         """Amplitude before the pupil."""

@@ -42,7 +42,11 @@ _SMALLEST_CHECK = 4
 def sample_wave(wave: LensWave, counts: NodeCounts) -> ApertureSamples:
     """Sample the wave behind a lens on the nodes of its disc."""
     lens = wave.lens
-    nodes = disc_nodes(radius=lens.radius, radial_count=counts.radial, angular_count=counts.angular, centre=lens.centre)
+    nodes = lens.without_obscuration(
+        lambda radius: disc_nodes(
+            radius=radius, radial_count=counts.radial, angular_count=counts.angular, centre=lens.centre
+        )
+    )
     x, y = nodes.x - lens.centre[0], nodes.y - lens.centre[1]
     cosine = None if wave.paraxial or wave.obliquity != "textbook" else wave.axial_cosine(x, y)
     return ApertureSamples(nodes=nodes, field=np.asarray(wave.field(x, y), dtype=np.complex128), axial_cosine=cosine)
