@@ -545,7 +545,7 @@ def test_a_spot_behind_round_aberrations_is_the_mean_of_its_points_and_others_ar
     disc = DiscSource(diameter=12e-6, distance=24e-3)
     spot = image(path, disc, accuracy=accuracy)
     radius = 6e-6 * np.sqrt(0.5 + np.array([[-1], [1]]) / np.sqrt(12))  # Gauss's two points in the squared radius
-    angle = 2 * np.pi * (np.arange(5) + 0.2) / 5
+    angle = 2 * np.pi * (np.arange(3) + 0.2) / 3
     at = zip((radius * np.cos(angle)).ravel(), (radius * np.sin(angle)).ravel(), strict=True)
     points = [image(path, PointSource(x=x, y=y, distance=24e-3), accuracy=accuracy) for x, y in at]
     truth = np.mean([point.pixels for point in points], axis=0)

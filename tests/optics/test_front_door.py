@@ -17,7 +17,7 @@ EXAMPLES = [
     for name in optics.__all__
     if inspect.isclass(getattr(optics, name)) or inspect.isfunction(getattr(optics, name))
     for example in doctest.DocTestFinder(recurse=False).find(getattr(optics, name), name, globs={})
-]
+] + doctest.DocTestFinder(recurse=False).find(optics, "optics", globs={})
 
 
 def test_the_front_door_shows_what_there_is_to_use_and_nothing_else() -> None:

@@ -130,7 +130,7 @@ def test_a_declared_camera_gives_its_own_chain_in_one_call() -> None:
     assert reach < distance.max() < reach + 1.01 * camera.microlenses.pitch
     shares = [np.isclose(path.microlenses.focal_lengths, f).mean() for f in camera.microlenses.focal_lengths]
     assert min(shares) > 0.2
-    image = module.microlens_image(chain, point, wavelength=WAVELENGTH, legs=optics.KIRCHHOFF_FRESNEL, tolerance=2e-2)
+    image = module.microlens_image(chain, point, wavelength=WAVELENGTH, legs=optics.GEOMETRIC)
     assert image.within_tolerance
     assert 0.6 < image.pixels.sum() < 1.0
 
