@@ -11,8 +11,8 @@ Start here:
   `MicrolensCamera`. `chain_image` does the same for any `LightPath`.
 
 Lengths are in metres, angles in radians. Positions of sources, apertures and targets share axes; nothing is mirrored.
-Every result states its error. What misses its tolerance is refused; only `chain_image`, whose knobs may be starved on
-purpose, returns it with `within_tolerance` False.
+Every result states its error. What misses its tolerance is refused, except where nodes may be starved on purpose:
+images of a `LightPath` then say so by `within_tolerance`, `aperture_field` with node counts of your own by its error.
 
 Examples
 --------
