@@ -19,7 +19,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 import tradestudy
-from tradestudy import api, cli
+from tradestudy import api, cli, shown_progress
 from tradestudy.errors import NotConvergedError, ResultsError, UnaffordableError
 
 HERE = Path(__file__).parent
@@ -190,7 +190,7 @@ class TestRun:
 
 class TestProgress:
     def test_short_work_shows_no_bar(self) -> None:
-        bar = cli._ProgressBar(is_predicted=True)
+        bar = shown_progress.ProgressBar(is_predicted=True)
         bar("depth", 0.5)
         assert bar.progress is None
 
@@ -198,11 +198,11 @@ class TestProgress:
         screen = io.StringIO()
         screen.isatty = lambda: True  # type: ignore[method-assign]  # a terminal to write on
         monkeypatch.setattr(sys, "stderr", screen)
-        monkeypatch.setattr(cli._ProgressBar, "WORTH_A_LOOK", 0.0)
+        monkeypatch.setattr(shown_progress.ProgressBar, "WORTH_A_LOOK", 0.0)
         monkeypatch.setenv("TERM", "xterm")
         monkeypatch.setenv("COLUMNS", "80")
-        with cli._shown_progress(quiet=False) as progress:
-            assert isinstance(progress, cli._ProgressBar)
+        with shown_progress.shown_progress(quiet=False) as progress:
+            assert isinstance(progress, shown_progress.ProgressBar)
             progress.expect({"depth": 400.0, "report": 200.0})
             progress("depth", 0.0)
             assert progress.progress is not None
@@ -214,10 +214,10 @@ class TestProgress:
         screen = io.StringIO()
         screen.isatty = lambda: True  # type: ignore[method-assign]  # a terminal to write on
         monkeypatch.setattr(sys, "stderr", screen)
-        monkeypatch.setattr(cli._ProgressBar, "WORTH_A_LOOK", 0.0)
+        monkeypatch.setattr(shown_progress.ProgressBar, "WORTH_A_LOOK", 0.0)
 
         def fail() -> None:
-            with cli._shown_progress(quiet=False) as progress:
+            with shown_progress.shown_progress(quiet=False) as progress:
                 progress("depth", 0.25)
                 raise RuntimeError
 

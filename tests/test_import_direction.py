@@ -17,7 +17,8 @@ ORDER = (
     "optics", "declarations", "uncertainty", "execution",
     "cameras", "imaging", "calibration", "effects",
     "study", "analysis", "verification", "results", "plan", "run",
-    "figures", "report", "comparison", "cost", "api", "cli", "__main__",
+    "figures", "report", "comparison", "cost", "result", "api",
+    "shown_progress", "cli", "__main__",
 )  # fmt: skip
 # Figures and reports are made from results, and from nothing that computes them.
 READ_RESULTS_ONLY = ("figures", "report")
@@ -33,7 +34,7 @@ DRAWINGS = ("figures", "figures.drawing", "figures.drawn", "figures.fonts")
 # library → packages and modules that may import it; every other one must go through them.
 HEAVY = {
     "pydantic": ("declarations", "study", *DECLARATIONS),
-    "xarray": ("results", "run", "cost", "comparison", "figures", "report", "api"),
+    "xarray": ("results", "run", "cost", "comparison", "figures", "report", "result", "api"),
     "matplotlib": ("figures", "optics.spread_plot"),
     "PIL": ("imaging.scenes.files", "run.pictures", "run.depth_maps"),
     "typst": ("report",),
@@ -41,7 +42,7 @@ HEAVY = {
     "ruamel": ("study", "verification.hard_cases.study_files"),
     "pint": ("units",),
     "typer": ("cli",),
-    "rich": ("cli",),
+    "rich": ("shown_progress",),
     "emcee": ("calibration",),
     "arviz_stats": ("calibration",),
     "distributed": ("execution",),
@@ -49,8 +50,8 @@ HEAVY = {
 }
 # module, library → why it may break the rule above.
 EXCEPTIONS = {
-    ("optics.lens_point_spread", "matplotlib"): "as api: names the type of the plot; imported for typing only",
-    ("api", "matplotlib"): "names the type of a figure for the reader of its signature; imported for typing only",
+    ("optics.lens_point_spread", "matplotlib"): "as result: names the type of the plot; imported for typing only",
+    ("result", "matplotlib"): "names the type of a figure for the reader of its signature; imported for typing only",
 }
 
 

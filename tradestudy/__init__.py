@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tradestudy import optics, uncertainty
-    from tradestudy.api import Result, Study, compare, load, open_result, schema
+    from tradestudy.api import Study, compare, load, schema
+    from tradestudy.result import Result, open_result
     from tradestudy.study.starter import starter
 
 __all__ = ["Result", "Study", "compare", "load", "open_result", "optics", "schema", "starter", "uncertainty"]
@@ -25,7 +26,7 @@ def __getattr__(name: str) -> Any:
     if name in _PACKAGES:
         return importlib.import_module(f"tradestudy.{name}")
     if name in __all__:
-        module = "study.starter" if name == "starter" else "api"
+        module = {"starter": "study.starter", "Result": "result", "open_result": "result"}.get(name, "api")
         return getattr(importlib.import_module(f"tradestudy.{module}"), name)
     raise AttributeError(f"module 'tradestudy' has no attribute {name!r}")
 

@@ -5,26 +5,23 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import logging
-import math
 import os
 import signal
 import sys
 import tempfile
-import time
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TextIO
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from tradestudy.cost import DEFAULT_BUDGET
 from tradestudy.errors import RequirementsNotMetError, TradestudyError, place_error
+from tradestudy.shown_progress import shown_progress
 
 if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
-
     from tradestudy.api import Study
     from tradestudy.execution import Executor
 
@@ -125,7 +122,7 @@ def run(
         loaded = _warned(api.load(study, set_ or (), tolerance=tolerance))
         directory = out if out is not None else Path("reports") / loaded.folder_name
         executor = _executor(jobs=jobs, threads=threads, dask=dask)
-        with _shown_progress(quiet=quiet) as progress:
+        with shown_progress(quiet=quiet) as progress:
             result = api.run(
                 loaded,
                 directory,
@@ -166,7 +163,7 @@ def render(
         loaded = _warned(api.load(study, set_ or ()))
         directory = out if out is not None else Path("reports") / loaded.folder_name
         executor = _executor(jobs=jobs, threads=threads, dask=dask)
-        with _shown_progress(quiet=quiet, is_predicted=False) as progress:
+        with shown_progress(quiet=quiet, is_predicted=False) as progress:
             done = api.render(loaded, directory, depth=depth, fresh=fresh, progress=progress, executor=executor)
         if not quiet:
             typer.echo(
@@ -240,7 +237,7 @@ def cost(
 
         loaded = _warned(api.load(study, set_ or (), tolerance=tolerance))
         directory = out if out is not None else Path("reports") / loaded.folder_name
-        with _shown_progress(quiet=quiet, is_predicted=False) as progress:  # what fits shows only as it is measured
+        with shown_progress(quiet=quiet, is_predicted=False) as progress:  # what fits shows only as it is measured
             told = api.cost(loaded, directory, budget=budget, progress=progress)
         if not quiet:
             typer.echo("\n".join(told))
@@ -443,103 +440,3 @@ def _logged() -> str:
     except OSError as error:
         return f"no log could be written ({error.strerror}), --debug shows more"
     return f"details are in {file.name}"
-
-
-class _ProgressLine:
-    """A step as one line of text, for logs and pipes."""
-
-    def __init__(self, stream: TextIO) -> None:
-        self.stream, self.step = stream, ""
-
-    def expect(self, predicted: Mapping[str, float]) -> None:
-        """Steps are named as they begin, and nothing is said of those to come."""
-
-    def __call__(self, step: str, _share: float) -> None:
-        """Print a step once, when it begins."""
-        if step != self.step:
-            print(f"{step} …", file=self.stream, flush=True)
-            self.step = step
-
-
-class _ProgressBar:
-    """Bars with the time left, or gone by; they appear only once the work has taken long enough to be worth a look."""
-
-    WORTH_A_LOOK = 2.0
-
-    def __init__(self, *, is_predicted: bool) -> None:
-        from tradestudy.execution.time_left import TimeLeft
-
-        self.is_predicted = is_predicted
-        self.begin = time.monotonic()
-        self.left = TimeLeft()
-        self.tasks: dict[str, TaskID] = {}
-        self.progress: Progress | None = None
-
-    def expect(self, predicted: Mapping[str, float]) -> None:
-        """Predicted seconds of every step."""
-        self.left.expect(predicted)
-
-    def __call__(self, step: str, share: float) -> None:
-        """Move the bar of a step."""
-        self.left(step, share)
-        if self.progress is None:
-            if time.monotonic() - self.begin < self.WORTH_A_LOOK:
-                return
-            from rich import progress
-            from rich.console import Console
-
-            self.progress = progress.Progress(
-                progress.TextColumn("{task.description}"),
-                progress.BarColumn(),
-                progress.TaskProgressColumn(),
-                progress.TextColumn("{task.fields[left]}") if self.is_predicted else progress.TimeElapsedColumn(),
-                console=Console(stderr=True),
-                transient=True,
-            )
-            self.progress.start()
-        if step not in self.tasks:
-            for task in self.tasks.values():
-                self.progress.update(task, left="")
-            self.tasks[step] = self.progress.add_task(step, total=1.0, left="")
-        self.progress.update(self.tasks[step], completed=share, left=self._words())
-
-    def _words(self) -> str:
-        """What is left of the running step and of the run."""
-        step, run = self.left.of_step, self.left.of_run
-        words = "" if math.isnan(step) else f"{_minutes(step)} left"
-        return f"{words}, {_minutes(run)} in all" if run > step else words
-
-    def close(self) -> None:
-        """Leave the terminal as it was."""
-        if self.progress is not None:
-            self.progress.stop()
-
-
-def _minutes(seconds: float) -> str:
-    whole = round(seconds)
-    return f"{whole // 60}:{whole % 60:02}"
-
-
-class _Silent:
-    """Shows nothing."""
-
-    def expect(self, predicted: Mapping[str, float]) -> None:
-        """Hear of predictions."""
-
-    def __call__(self, step: str, share: float) -> None:
-        """Hear of progress."""
-
-
-@contextmanager
-def _shown_progress(*, quiet: bool, is_predicted: bool = True) -> Iterator[_Silent | _ProgressLine | _ProgressBar]:
-    """Choose how a long command shows how far it is; where nothing is predicted, how long it has run."""
-    if quiet:
-        yield _Silent()
-    elif not sys.stderr.isatty():
-        yield _ProgressLine(sys.stderr)
-    else:
-        bar = _ProgressBar(is_predicted=is_predicted)
-        try:
-            yield bar
-        finally:
-            bar.close()

@@ -1,0 +1,183 @@
+"""What a study found: its results tree, figures, tables and files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+    from tradestudy.figures.drawn import Drawer
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """What a study found.
+
+    Parameters
+    ----------
+    data
+        The results tree, SI units in the attributes.
+    run_record
+        Provenance, the content of ``run.json``.
+    """
+
+    data: xr.DataTree
+    run_record: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        return f"<Result {self.data.attrs['study']}: {', '.join(self.data.children)}>"
+
+    @property
+    def unmet_requirements(self) -> list[str]:
+        """What the study requires and no camera gives, and calibrations that were inferred and did not converge."""
+        missed = []
+        if "requirements" in self.data.children:
+            columns = ["says", "priority", "met", "camera_deciding", "reason"]
+            table = self.data["requirements"].to_dataset()[columns].to_dataframe()
+            unmet = table[(table["met"] != 1) & (table["priority"] == "must")]
+            missed += [
+                f"{name}: {row['says']} ({row['camera_deciding']}: {row['reason']})" for name, row in unmet.iterrows()
+            ]
+        if "calibration" in self.data.children and "posterior_converged" in self.data["calibration"].data_vars:
+            chains = self.data["calibration"].to_dataset()
+            for name, converged in zip(chains["posterior"].values, chains["posterior_converged"].values, strict=True):
+                if not converged:
+                    why = str(chains["posterior_verdict"].sel(posterior=name).item())
+                    missed.append(f"{name}: its calibration did not converge ({why})")
+        return missed
+
+    def lines(self, most: int = 5) -> tuple[str, ...]:
+        """The conclusions as a terminal shows them: the best cameras, requirements, what the answers rest on."""
+        from tradestudy.results.views.conclusions import terminal_lines
+
+        return tuple(terminal_lines(self.data, most))
+
+    def conclusions(self, directory: str | Path | None = None) -> dict[str, Any]:
+        """The conclusions as ``--json`` prints them, numbers in SI.
+
+        - ``format`` counts up when a key changes its meaning; ``study``, ``title``, ``question`` are the study's own.
+        - ``best``: for each stretch of distance ``near``, ``far`` [m] and ``cameras`` (titles; none where none is
+          usable).
+        - ``requirements``: ``name``, ``says``, ``priority``, ``met`` (null where undecided), ``camera``, ``margin``
+          (share by which the worst value could be worse), ``place`` [m], ``conformity``, ``reason``, ``rests_on``,
+          ``probability`` (share of the combinations of what is not known that meet it; null where nothing is); in a
+          sweep ``designs_met`` and ``designs``; of one swept number ``met_with``: ``parameter``, ``from``, ``to``,
+          ``error``, ``camera``. Where a matcher is declared ``bound_alone``: ``met``, ``camera`` and ``reason`` if
+          matching reached its bound.
+        - ``designs``, in a sweep with requirements: their ``count``, how many are ``feasible``, and the ``best``:
+          ``values`` by path and least ``margin``.
+        - ``questions``: the inverse ones, ``name``, ``says``, ``answer`` in words, first ``value`` with ``error`` in
+          ``units`` (null where there is none) and how many ``solutions``.
+        - ``trade_off``: by ``camera`` the share of the possible weights that rank it ``first``, and its ``error``.
+        - ``rests_on``: the inputs that decide the answers, in words.
+        - ``measure_first``: what to measure next, in words, empty where nothing says so; ``assumptions``: what knowing
+          each is worth, the most valuable first: ``assumption``, ``between``, ``worth`` and its standard ``error``
+          (shares of the distance).
+        - ``report``: where the report is.
+        """
+        from tradestudy.results.views.conclusions_json import conclusions_as_json
+
+        found = conclusions_as_json(self.data)
+        return found if directory is None else {**found, "report": str(Path(directory) / "report.html")}
+
+    @property
+    def figure_names(self) -> list[str]:
+        """Names that `figure` takes."""
+        from tradestudy import figures
+
+        return list(figures.build(self.data))
+
+    def figure(self, name: str) -> Figure:
+        """One figure of the report, as a matplotlib figure."""
+        from tradestudy import figures
+
+        return figures.figure(self.data, name)
+
+    def with_cost(self, cost: xr.Dataset) -> Result:
+        """The same with what `Study.cost` measured, for the report to show."""
+        return replace(self, data=self.data.assign({"cost": type(self.data)(cost)}))
+
+    def write(self, directory: str | Path, *, pdf: bool = True, drawer: Drawer | None = None) -> Path:
+        """Write results, record, tables, figures and report; every file whole or not at all.
+
+        Parameters
+        ----------
+        directory
+            Where to; made if missing.
+        pdf
+            Whether to write the PDF too.
+        drawer
+            Who draws the figures while the rest is written; None draws them here.
+        """
+        from tradestudy import report as renderer
+        from tradestudy.results import storage
+
+        target = Path(directory)
+        if drawer is not None:
+            drawer.begin(self.data)
+        storage.remove_abandoned(target)
+        record = storage.write_finished(self.data, self.run_record, target)
+        _write_posteriors(self.data, target)
+        _write_matchers(self.data, target)
+        renderer.write(self.data, record, target, pdf=pdf, drawer=drawer)
+        return target
+
+    def _repr_html_(self) -> str:
+        if "decision" not in self.data.children:
+            return f"<h3>{escape(str(self.data.attrs['title']))}</h3><p>{escape(', '.join(self.data.children))}</p>"
+        best = self.data["decision"].to_dataset()["best_camera"].sel(way="both").to_series()
+        runs = best.groupby((best != best.shift()).cumsum())
+        rows = "".join(
+            f"<tr><td>{run.index[0]:.3g} – {run.index[-1]:.3g} m</td><td>{escape(str(run.iloc[0])) or '—'}</td></tr>"
+            for _, run in runs
+        )
+        return (
+            f"<h3>{escape(str(self.data.attrs['title']))}</h3><p>{escape(str(self.data.attrs['question']))}</p>"
+            f"<table><tr><th>distance</th><th>most certain usable camera</th></tr>{rows}</table>"
+            f"<p>{escape(', '.join(self.data.children))}</p>"
+        )
+
+
+def open_result(directory: str | Path) -> Result:
+    """Read what an earlier run wrote.
+
+    Raises
+    ------
+    ResultsError
+        Where there is nothing, or nothing that can be read; where the results are damaged, or a run was killed between
+        its record and its results.
+    """
+    from tradestudy.results import storage
+
+    data, record = storage.read_finished(Path(directory))
+    return Result(data=data, run_record=record)
+
+
+def _write_posteriors(tree: xr.DataTree, directory: Path) -> None:
+    """Write every posterior of a run as a file that a camera's ``calibration: {posterior: {file: …}}`` reads."""
+    if "calibration" not in tree.children:
+        return
+    from tradestudy.calibration.posterior_file import write_posterior
+    from tradestudy.results.storage import replacing
+    from tradestudy.run.groups.calibration import saved_posteriors
+
+    for name, posterior in saved_posteriors(tree).items():
+        with replacing(directory / "posteriors" / f"{name}.nc") as file:
+            write_posterior(file, posterior)
+
+
+def _write_matchers(tree: xr.DataTree, directory: Path) -> None:
+    """Write the matchers that a depth loop has fitted as ``matchers.yaml``, which a study's cameras take."""
+    if "depth_loop" not in tree.children:
+        return
+    from tradestudy.results.storage import replace_file
+    from tradestudy.run.groups.depth_loop import matcher_file
+
+    text = matcher_file(tree["depth_loop"].to_dataset(), str(tree.attrs["study"]))
+    replace_file(directory / "matchers.yaml", text.encode())

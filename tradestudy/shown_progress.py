@@ -1,0 +1,113 @@
+"""How a long command shows how far it is: bars in a terminal, lines in a log, or nothing."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, TextIO
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+
+class ProgressLine:
+    """A step as one line of text, for logs and pipes."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream, self.step = stream, ""
+
+    def expect(self, predicted: Mapping[str, float]) -> None:
+        """Steps are named as they begin, and nothing is said of those to come."""
+
+    def __call__(self, step: str, _share: float) -> None:
+        """Print a step once, when it begins."""
+        if step != self.step:
+            print(f"{step} …", file=self.stream, flush=True)
+            self.step = step
+
+
+class ProgressBar:
+    """Bars with the time left, or gone by; they appear only once the work has taken long enough to be worth a look."""
+
+    WORTH_A_LOOK = 2.0
+
+    def __init__(self, *, is_predicted: bool) -> None:
+        from tradestudy.execution.time_left import TimeLeft
+
+        self.is_predicted = is_predicted
+        self.begin = time.monotonic()
+        self.left = TimeLeft()
+        self.tasks: dict[str, TaskID] = {}
+        self.progress: Progress | None = None
+
+    def expect(self, predicted: Mapping[str, float]) -> None:
+        """Predicted seconds of every step."""
+        self.left.expect(predicted)
+
+    def __call__(self, step: str, share: float) -> None:
+        """Move the bar of a step."""
+        self.left(step, share)
+        if self.progress is None:
+            if time.monotonic() - self.begin < self.WORTH_A_LOOK:
+                return
+            from rich import progress
+            from rich.console import Console
+
+            self.progress = progress.Progress(
+                progress.TextColumn("{task.description}"),
+                progress.BarColumn(),
+                progress.TaskProgressColumn(),
+                progress.TextColumn("{task.fields[left]}") if self.is_predicted else progress.TimeElapsedColumn(),
+                console=Console(stderr=True),
+                transient=True,
+            )
+            self.progress.start()
+        if step not in self.tasks:
+            for task in self.tasks.values():
+                self.progress.update(task, left="")
+            self.tasks[step] = self.progress.add_task(step, total=1.0, left="")
+        self.progress.update(self.tasks[step], completed=share, left=self._words())
+
+    def _words(self) -> str:
+        """What is left of the running step and of the run."""
+        step, run = self.left.of_step, self.left.of_run
+        words = "" if math.isnan(step) else f"{_minutes(step)} left"
+        return f"{words}, {_minutes(run)} in all" if run > step else words
+
+    def close(self) -> None:
+        """Leave the terminal as it was."""
+        if self.progress is not None:
+            self.progress.stop()
+
+
+def _minutes(seconds: float) -> str:
+    whole = round(seconds)
+    return f"{whole // 60}:{whole % 60:02}"
+
+
+class Silent:
+    """Shows nothing."""
+
+    def expect(self, predicted: Mapping[str, float]) -> None:
+        """Hear of predictions."""
+
+    def __call__(self, step: str, share: float) -> None:
+        """Hear of progress."""
+
+
+@contextmanager
+def shown_progress(*, quiet: bool, is_predicted: bool = True) -> Iterator[Silent | ProgressLine | ProgressBar]:
+    """Choose how a long command shows how far it is; where nothing is predicted, how long it has run."""
+    if quiet:
+        yield Silent()
+    elif not sys.stderr.isatty():
+        yield ProgressLine(sys.stderr)
+    else:
+        bar = ProgressBar(is_predicted=is_predicted)
+        try:
+            yield bar
+        finally:
+            bar.close()
