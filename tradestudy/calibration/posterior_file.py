@@ -19,11 +19,11 @@ from tradestudy.calibration.corners.rig_geometry import check_geometry
 from tradestudy.calibration.corners.rig_reading import RIG_PARAMETERS, RigReading
 from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.sources import CALIBRATION, group_of_draws
+from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.calibration import Calibration, SourceName
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.cameras.pair_geometry import PairGeometry
-from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.uncertainty.sources import Group
@@ -91,25 +91,26 @@ def rig_calibration(camera: PairGeometry, posterior: CalibrationDraws, *, source
     """
     assert posterior.best is not None
     assert posterior.pixels is not None
-    reading = reading_of_rig(camera, posterior.best, posterior.pixels)
+    reading = reading_of_rig(camera, CalibratedPair(parameters=tuple(posterior.best)), posterior.pixels)
     group = group_of_draws(CALIBRATION, posterior.names, posterior.draws)
     return Calibration(groups=(group,), source=source, reading=reading, vocabulary=reading.vocabulary)
 
 
-def reading_of_rig(camera: PairGeometry, best: FloatArray, pixels: tuple[int, int]) -> RigReading:
+def reading_of_rig(camera: PairGeometry, pair: CalibratedPair, pixels: tuple[int, int]) -> RigReading:
     """The exact model of a calibrated pair.
 
     Parameters
     ----------
     camera
         The design.
-    best : array (18,)
-        Its parameters, in the order of ``SHARED_NAMES`` [px, 1, rad, m].
+    pair
+        As calibrated.
     pixels
         Columns and rows of its pictures.
     """
     return RigReading(
-        best=best,
+        best=np.array(pair.parameters),
+        lenses=pair.lenses,
         pixels=pixels,
         pixel_pitch=camera.sensor.pixel_pitch,
         vocabulary={**RIG_PARAMETERS, **camera.error_vocabulary},
@@ -123,8 +124,8 @@ def as_calibrated(calibration: Calibration, camera: DepthCamera) -> Calibration:
     """
     if camera.calibrated_pair is None or calibration.reading is not None or not calibration.inferred:
         return calibration
-    pair, sensor = cast(PairGeometry, camera), camera.sensor
-    reading = reading_of_rig(pair, np.array(camera.calibrated_pair), (sensor.columns, sensor.rows))
+    pixels = (camera.sensor.columns, camera.sensor.rows)
+    reading = reading_of_rig(cast(PairGeometry, camera), camera.calibrated_pair, pixels)
     return replace(calibration, reading=reading, vocabulary=reading.vocabulary)
 
 

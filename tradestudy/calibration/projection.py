@@ -1,7 +1,8 @@
-"""The pinhole camera with two radial distortion terms, and rigid motions, with analytic derivatives.
+"""Cameras with two radial distortion terms beyond a lens model, and rigid motions, with analytic derivatives.
 
 Intrinsic parameters travel as the last axis of an array, in the order of ``INTRINSIC_NAMES``; rotations as rotation
-vectors (axis times angle). Everything broadcasts over leading axes.
+vectors (axis times angle). Everything broadcasts over leading axes. A lens model that has k1 and k2 itself is changed
+by those of the parameters; the one that corners are fitted with is a pinhole.
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.rational import Rational
+from tradestudy.optics.lens_models.lens_model import LensModel, slopes
+from tradestudy.optics.lens_models.rational import IDEAL
 
 INTRINSIC_NAMES = (
     "focal_length_x_px",
@@ -21,8 +23,8 @@ INTRINSIC_NAMES = (
 )
 
 
-def project(intrinsics: FloatArray, points: FloatArray) -> FloatArray:
-    """Image of points in front of a camera: u = f x (1 + k1 r² + k2 r⁴) + c, with x = X/Z, r² = x² + y².
+def project(intrinsics: FloatArray, points: FloatArray, lens: LensModel = IDEAL) -> FloatArray:
+    """Image of points: u = f x (1 + k1 r² + k2 r⁴) + c, with x = X/Z, r² = x² + y², unless a lens model is given.
 
     Parameters
     ----------
@@ -30,18 +32,27 @@ def project(intrinsics: FloatArray, points: FloatArray) -> FloatArray:
         Focal lengths and principal point [px], distortion [1], in the order of ``INTRINSIC_NAMES``.
     points : array (..., N, 3)
         Points in the camera's frame: x right, y down, z along the optical axis [m].
+    lens
+        Lens model that the distortion of the parameters adds to.
 
     Returns
     -------
     array (..., N, 2)
-        Image coordinates [px]; NaN for points at or behind the camera (Z <= 0).
+        Image coordinates [px]; NaN outside the valid field of the lens model, that of a pinhole ending at Z = 0.
+
+    Raises
+    ------
+    OutOfRangeError
+        The parameters have distortion, and the lens model has no k1 and k2.
 
     Notes
     -----
     D. C. Brown, "Close-range camera calibration", Photogrammetric Engineering 37 (1971) 855, radial terms only.
     """
-    u, v = _lens(intrinsics).image(points[..., 0], points[..., 1], points[..., 2])
-    return _pixels(intrinsics, u, v)
+    x, y, z = points[..., 0], points[..., 1], points[..., 2]
+    with np.errstate(all="ignore"):  # what the law is not made for ends as NaN
+        u, v = _lens(intrinsics, lens).image(x, y, z)
+    return np.where(lens.sees(x, y, z)[..., None], _pixels(intrinsics, u, v), np.nan)
 
 
 def project_with_jacobians(intrinsics: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -73,7 +84,7 @@ def project_with_jacobians(intrinsics: FloatArray, points: FloatArray) -> tuple[
     return _pixels(intrinsics, u, v), by_intrinsics, focal * by_points
 
 
-def ray_slopes(intrinsics: FloatArray, image: FloatArray, lens: Rational | None = None) -> FloatArray:
+def ray_slopes(intrinsics: FloatArray, image: FloatArray, lens: LensModel = IDEAL) -> FloatArray:
     """Slopes (X/Z, Y/Z) of the ray that a camera images at a place: the inverse of ``project``.
 
     Parameters
@@ -83,18 +94,18 @@ def ray_slopes(intrinsics: FloatArray, image: FloatArray, lens: Rational | None 
     image : array (..., N, 2)
         Image coordinates [px].
     lens
-        A lens model instead of that of the intrinsic parameters.
+        As for ``project``.
 
     Returns
     -------
     array (..., N, 2)
-        Slopes of the rays [1]; NaN where the image coordinates are NaN, and where the distortion polynomial has no
-        rising inverse (too far outside the calibrated field): an outcome of a draw, to be counted by its cause.
+        Slopes of the rays [1]; NaN where the image coordinates are NaN, for rays at or beyond 90° from the axis, and
+        where the distortion has no rising inverse (too far outside the calibrated field): an outcome of a draw, to be
+        counted by its cause.
     """
     x = (image[..., 0] - intrinsics[..., 2, None]) / intrinsics[..., 0, None]
     y = (image[..., 1] - intrinsics[..., 3, None]) / intrinsics[..., 1, None]
-    a, b, _ = (lens or _lens(intrinsics)).ray(x, y)
-    return np.stack([a, b], axis=-1)
+    return np.stack(slopes(*_lens(intrinsics, lens).ray(x, y)), axis=-1)
 
 
 def cross_matrix(vector: FloatArray) -> FloatArray:
@@ -181,9 +192,9 @@ def move_jacobian(pose: FloatArray, points: FloatArray) -> FloatArray:
     return np.concatenate([by_rotation, identity], axis=-1)
 
 
-def _lens(intrinsics: FloatArray) -> Rational:
+def _lens(intrinsics: FloatArray, lens: LensModel = IDEAL) -> LensModel:
     """The lens model of intrinsic parameters, which broadcasts with points."""
-    return Rational(k1=intrinsics[..., 4, None], k2=intrinsics[..., 5, None])
+    return lens.with_radial_error(intrinsics[..., 4, None], intrinsics[..., 5, None])
 
 
 def _pixels(intrinsics: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ from typing import ClassVar, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.calibration import LINEAR, PERFECT, Calibration, Propagation
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.environment import Environment
@@ -141,8 +142,8 @@ class DepthCamera(Camera):
         require_positive("discrimination step", self.discrimination_step_px, "px")
 
     @property
-    def calibrated_pair(self) -> tuple[float, ...] | None:
-        """The 18 parameters of a calibrated pair that depth is read with; None: those of the design."""
+    def calibrated_pair(self) -> CalibratedPair | None:
+        """The calibrated pair that depth is read with; None: the design."""
         return None
 
     def exported(self, fitted: FloatArray | None = None) -> ImportedRig | None:  # noqa: ARG002 - of a pair

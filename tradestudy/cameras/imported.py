@@ -9,13 +9,14 @@ from typing import Literal
 LensModelName = Literal[
     "rational",
     "kannala-brandt",
-    "field-of-view",
-    "omnidirectional",
+    "fov",
+    "omni",
     "double-sphere",
-    "extended-unified",
+    "eucm",
     "stereographic",
     "longitude-latitude",
 ]
+"""The families of `optics.lens_models`, by their names, and two that no camera here can have."""
 Vector = tuple[float, float, float]
 Rotation = tuple[Vector, Vector, Vector]
 Value = str | float | Sequence["Value"]

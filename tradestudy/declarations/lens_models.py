@@ -13,10 +13,8 @@ from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import quantity
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.lens_models.families import FAMILIES
+from tradestudy.optics.lens_models.families import ANGLES, FAMILIES
 from tradestudy.optics.lens_models.lens_model import LensModel
-
-_ANGLES = ("tau_x", "tau_y", "w")
 
 
 class LensModelPart(Part):
@@ -43,7 +41,7 @@ def _part_of(family: type[LensModel]) -> type[LensModelPart]:
     fields: dict[str, Any] = {"model": (Literal[family.name], ...)}
     optional = family.optional_names()
     for name in family.coefficient_names():
-        unit = units.ANGLE if name in _ANGLES else units.NUMBER
+        unit = units.ANGLE if name in ANGLES else units.NUMBER
         fields[name] = (Annotated[float, *quantity(unit)], 0.0 if name in optional else ...)
     made = create_model(f"{family.__name__}Part", __base__=LensModelPart, __doc__=LensModelPart.__doc__, **fields)
     made.family = family

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,9 +17,11 @@ _TURN = cv2.Rodrigues(np.array([0.3, -0.2, 0.1]))[0]
 _MOVE = np.array([0.5, -1.2, 2.0])
 
 
-def cameramodel(path: Path, rotation: np.ndarray, moved: np.ndarray, **changed: object) -> Path:
+def cameramodel(
+    path: Path, rotation: np.ndarray, moved: np.ndarray, lenses: Sequence[np.ndarray] = (D1, D2), **changed: object
+) -> Path:
     """One camera of mrcal."""
-    k, d = (K1, D1) if path.stem == "left" else (K2, D2)
+    k, d = (K1, lenses[0]) if path.stem == "left" else (K2, lenses[1])
     says: dict[str, object] = {
         "lensmodel": "LENSMODEL_OPENCV5",
         "intrinsics": [*k[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), *d.tolist()],
@@ -31,7 +34,7 @@ def cameramodel(path: Path, rotation: np.ndarray, moved: np.ndarray, **changed: 
     return path
 
 
-def cameramodels(folder: Path, **changed: object) -> tuple[Path, Path]:
+def cameramodels(folder: Path, **changed: Any) -> tuple[Path, Path]:
     """The rig of `written` by two cameras in a frame of reference."""
     return (
         cameramodel(folder / "left.cameramodel", _TURN, _MOVE, **changed),

@@ -14,8 +14,9 @@ from tests.study.camera_files import written
 from tests.study.camera_files.test_import import ERRORS, expected, shared
 from tests.study.camera_files.written import SIZE, study
 from tradestudy import api
+from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.imported import ImportedCamera, ImportedRig, LensModelName
-from tradestudy.cameras.stereo.exported import rig_of_shared
+from tradestudy.cameras.stereo.exported import rig_of_calibration
 from tradestudy.errors import TradestudyError
 from tradestudy.study.camera_files import kalibr, mrcal, opencv, ros
 from tradestudy.study.camera_files.importing import recognised
@@ -31,17 +32,17 @@ READ_BACK: list[tuple[Format, LensModelName, Mapping[str, float]]] = [
     *((one, "rational", PRISM) for one in (opencv.FORMAT, mrcal.FORMAT)),
     (opencv.FORMAT, "rational", {**PRISM, "tau_x": 0.01, "tau_y": -0.02}),
     *((one, "kannala-brandt", FISHEYE) for one in (opencv.FORMAT, ros.FORMAT, kalibr.FORMAT)),
-    (kalibr.FORMAT, "field-of-view", {"w": 0.92}),
-    (kalibr.FORMAT, "omnidirectional", {"xi": 1.1, **BROWN}),
+    (kalibr.FORMAT, "fov", {"w": 0.92}),
+    (kalibr.FORMAT, "omni", {"xi": 1.1, **BROWN}),
     (kalibr.FORMAT, "double-sphere", {"xi": -0.2, "alpha": 0.59}),
-    (kalibr.FORMAT, "extended-unified", {"alpha": 0.6, "beta": 1.1}),
+    (kalibr.FORMAT, "eucm", {"alpha": 0.6, "beta": 1.1}),
     (mrcal.FORMAT, "stereographic", {}),
     (mrcal.FORMAT, "longitude-latitude", {}),
 ]
 
 
 def pair(model: LensModelName, coefficients: Mapping[str, float]) -> ImportedRig:
-    rig = rig_of_shared(expected(), SIZE)
+    rig = rig_of_calibration(CalibratedPair(parameters=tuple(expected())), SIZE)
     lens = {"lens_model": model, "coefficients": coefficients}
     return replace(rig, left=replace(rig.left, **lens), right=replace(rig.right, **lens))  # type: ignore[arg-type]
 

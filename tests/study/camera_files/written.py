@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -64,7 +65,9 @@ def camera_info_pair(folder: Path) -> tuple[Path, Path]:
     return camera_info(folder / "left.yaml", K1, D1, r1, p1), camera_info(folder / "right.yaml", K2, D2, r2, p2)
 
 
-def camchain(path: Path, *, translation: np.ndarray = T, **changed: object) -> Path:
+def camchain(
+    path: Path, *, translation: np.ndarray = T, lenses: Sequence[np.ndarray] = (D1, D2), **changed: object
+) -> Path:
     """Two cameras in a chain, as Kalibr writes it."""
     transform = [[*row, moved] for row, moved in zip(R.tolist(), translation.tolist(), strict=True)]
     cameras = [
@@ -76,7 +79,7 @@ def camchain(path: Path, *, translation: np.ndarray = T, **changed: object) -> P
             "resolution": list(SIZE),
             "rostopic": f"/cam{number}/image_raw",
         }
-        for number, (k, d) in enumerate(((K1, D1), (K2, D2)))
+        for number, (k, d) in enumerate(zip((K1, K2), lenses, strict=True))
     ]
     cameras[1]["T_cn_cnm1"] = [*transform, [0.0, 0.0, 0.0, 1.0]]
     for camera in cameras:

@@ -25,9 +25,9 @@ from tradestudy.calibration.corners.pair_residual import (
 )
 from tradestudy.calibration.corners.view_blocks import LEFT, RELATIVE, RIGHT, motion_columns, pair_blocks
 from tradestudy.calibration.projection import move, project, ray_slopes, rotation_matrix
+from tradestudy.cameras.calibrated_pair import PINHOLES, Lenses
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.lens_models.rational import Rational
 from tradestudy.optics.triangulation import inverse_depth_on_ray
 
 _MOST_WEIGHTINGS = 10
@@ -36,7 +36,7 @@ _ROUNDS = 2  # of noise, fit and warp: each knows of the others
 _BETTER = 0.9  # an exchange of columns must lower the residuals by a tenth to be believed
 
 
-def observe_pair(shared: FloatArray, points: FloatArray) -> FloatArray:
+def observe_pair(shared: FloatArray, points: FloatArray, lenses: Lenses = PINHOLES) -> FloatArray:
     """Image coordinates of points in both cameras.
 
     Parameters
@@ -45,14 +45,16 @@ def observe_pair(shared: FloatArray, points: FloatArray) -> FloatArray:
         In the order of ``view_blocks.SHARED_NAMES`` [px, 1, rad, m].
     points : array (..., N, 3)
         Points in the left camera's frame [m].
+    lenses
+        Lens models that the distortion of the parameters adds to.
 
     Returns
     -------
     array (..., N, 4)
-        Left x, y and right x, y [px]; NaN for points behind the camera concerned.
+        Left x, y and right x, y [px]; NaN for points outside the field of the camera concerned.
     """
-    left = project(shared[..., LEFT], points)
-    right = project(shared[..., RIGHT], move(shared[..., RELATIVE], points))
+    left = project(shared[..., LEFT], points, lenses[0])
+    right = project(shared[..., RIGHT], move(shared[..., RELATIVE], points), lenses[1])
     return np.concatenate(np.broadcast_arrays(left, right), axis=-1)
 
 
@@ -63,9 +65,7 @@ def points_midway(shared: FloatArray, z: FloatArray) -> FloatArray:
     return np.concatenate([0.5 * centre[:2] + z[:, None] * axis[:2] / axis[2], z[:, None]], axis=-1)
 
 
-def inverse_depth(
-    shared: FloatArray, seen: FloatArray, lenses: tuple[Rational | None, Rational | None] = (None, None)
-) -> FloatArray:
+def inverse_depth(shared: FloatArray, seen: FloatArray, lenses: Lenses = PINHOLES) -> FloatArray:
     """Inverse depth of points from their coordinates in both images, by disparity only.
 
     The left ray Z d is Z R d in the axes of the right camera; see `inverse_depth_on_ray`. The right y coordinate takes
@@ -78,7 +78,7 @@ def inverse_depth(
     seen : array (..., N, 4)
         Left x, y and right x, y [px].
     lenses
-        Lens models of left and right instead of those that the parameters have.
+        Lens models that the distortion of the parameters adds to.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Depth read by a pair that was calibrated from corners: all 18 of its parameters can be in error."""
+"""Depth read by a calibrated pair: all 18 of its parameters can be in error."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ import numpy as np
 from tradestudy.calibration.corners.real_rig import inverse_depth, observe_pair, points_midway
 from tradestudy.calibration.corners.view_blocks import RELATIVE_POSE_NAMES, SHARED_NAMES
 from tradestudy.calibration.projection import INTRINSIC_NAMES, rotation_matrix, rotation_vector
+from tradestudy.cameras.calibrated_pair import PINHOLES, Lenses
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import INTERIOR, PIXEL_NOISE, ErrorParameter, ErrorVocabulary, Unit
 from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.lens_models.lens_model import slopes
 
 SIDES: Final = ("left", "right")
 _BOTH: Final = {"left": -0.5, "right": 0.5}
@@ -51,7 +53,7 @@ RIG_PARAMETERS: Final[ErrorVocabulary] = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RigReading:
-    """The exact model of a pair calibrated from corners, as a `Calibration` takes it.
+    """The exact model of a pair calibrated from corners or by a calibration file, as a `Calibration` takes it.
 
     Parameters
     ----------
@@ -63,12 +65,15 @@ class RigReading:
         [m], which turns errors on the sensor into pixels.
     vocabulary
         Everything that can be in error: `RIG_PARAMETERS`, and those of a stereo rig, which can have aged.
+    lenses
+        Lens models that the distortion of the parameters adds to.
     """
 
     best: FloatArray
     pixels: tuple[int, int]
     pixel_pitch: float
     vocabulary: ErrorVocabulary
+    lenses: Lenses = PINHOLES
 
     def __call__(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
@@ -76,8 +81,8 @@ class RigReading:
         """Inverse depths by disparity in the frame of the left camera; arguments as of `DepthCamera.read`.
 
         The axis runs from the middle of the baseline midway between the two optical axes; the edge lies from there
-        towards the corner of the left picture. Baseline and principal distances grow with the housing; pressure and
-        colour move the focus of a lens, not its principal distance.
+        towards the corner of the left picture, as its lens model images it. Baseline and principal distances grow with
+        the housing; pressure and colour move the focus of a lens, not its principal distance.
         """
         require_known(errors, self.vocabulary, "a rig calibrated from corners")
         require_field(field)
@@ -85,12 +90,12 @@ class RigReading:
         if any(len(shape) == 2 and shape[1] > 1 for shape in rigs):
             return self._at_each(distance, field, errors, environment)
         points = self._points(np.asarray(distance, dtype=np.float64), field)
-        seen = observe_pair(self._grown(errors, environment), points)
+        seen = observe_pair(self._grown(errors, environment), points, self.lenses)
         size = np.array([*self.pixels, *self.pixels], dtype=np.float64)
-        inside = np.all((seen >= -0.5) & (seen <= size - 0.5), axis=-1)  # NaN, behind a camera, is not inside
+        inside = np.all((seen >= -0.5) & (seen <= size - 0.5), axis=-1)  # NaN, outside a field, is not inside
         half = value_of(errors, PIXEL_NOISE)[..., None] / (2.0 * self.pixel_pitch)
         measured = np.where(inside[..., None], seen, size / 2.0) + half * np.array([1.0, 0.0, -1.0, 0.0])
-        inverse = inverse_depth(self._believed(errors), measured)
+        inverse = inverse_depth(self._believed(errors), measured, self.lenses)
         return InverseDepthReading(
             inverse_depth=inverse, no_overlap=np.atleast_2d(~inside), out_of_range=inside & np.isnan(inverse)
         )
@@ -117,9 +122,9 @@ class RigReading:
 
     def _points(self, z: FloatArray, field: float) -> FloatArray:
         """Points at distances z [m] in the left camera's frame, shape (distances, 3)."""
-        corner = np.array([self.pixels[0] / 2.0 / self.best[0], self.pixels[1] / 2.0 / self.best[1]])
+        across, down = (field * self.pixels[axis] / 2.0 / self.best[axis] for axis in (0, 1))
         points = points_midway(self.best, z)
-        points[:, :2] += field * z[:, None] * corner
+        points[:, :2] += z[:, None] * np.stack(slopes(*self.lenses[0].ray(across, down)))
         return points
 
     def _grown(self, errors: Errors, environment: Environment | None) -> FloatArray:

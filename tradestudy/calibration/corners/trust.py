@@ -16,9 +16,8 @@ from tradestudy.calibration.corners.marginal_views import CompressedViews, compr
 from tradestudy.calibration.corners.model_columns import LENS_EXTENSIONS, lens_columns
 from tradestudy.calibration.corners.pair_residual import extended_step, inverse_information
 from tradestudy.calibration.corners.real_rig import RigFit, inverse_depth, observe_pair, points_midway
-from tradestudy.calibration.corners.view_blocks import LEFT, RIGHT
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.rational import Rational
+from tradestudy.optics.lens_models.rational import IDEAL, Rational
 
 DISTANCES: Final = (0.3, 0.5, 1.0, 2.0, 5.0)
 _HALVES: Final = 200
@@ -153,15 +152,13 @@ def _slopes(fit: RigFit, seen: FloatArray) -> FloatArray:
 def _slopes_by_lens(shared: FloatArray, seen: FloatArray, names: tuple[str, ...]) -> FloatArray:
     """Derivatives of inverse depth by more coefficients of the left, then of the right lens, shape (D, 2 n)."""
     step = 1e-5
-    radial = [{"k1": shared[side][4:5], "k2": shared[side][5:6]} for side in (LEFT, RIGHT)]
     columns = []
     for side in range(2):
         for name in names:
             read = []
             for sign in (1.0, -1.0):
-                changed = {name: np.full(1, sign * step)}
-                left, right = (Rational(**one, **(changed if side == k else {})) for k, one in enumerate(radial))
-                read.append(inverse_depth(shared, seen, (left, right)))
+                changed = Rational(**{name: sign * step})
+                read.append(inverse_depth(shared, seen, (changed, IDEAL) if side == 0 else (IDEAL, changed)))
             columns.append((read[0] - read[1]) / (2.0 * step))
     return np.stack(columns, axis=-1)
 

@@ -18,6 +18,7 @@ from tradestudy.cameras.stereo.depth_reading import PairReader
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.cameras.stereo.geometry import GeometryPart
 from tradestudy.cameras.stereo.imported import stated_by
+from tradestudy.cameras.stereo.picture_field import full_angle
 from tradestudy.declarations.lens_models import AnyLensModel
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.quantities import Baseline, FNumber, ObjectDistanceOrInfinity, PositivePixels
@@ -138,20 +139,20 @@ class StereoDeclaration(DepthCameraDeclaration):
 
     @model_validator(mode="after")
     def _one_lens_model(self) -> Self:
-        if self.distortion is None:
-            return self
-        if self.geometry is not None:
+        if self.distortion is not None and self.geometry is not None:
             raise MistakeAt(("distortion",), "the geometry of the calibrated pair holds the lenses; leave it out")
-        if self.lenses.field_of_view is not None:
+        if self.distortion is not None and self.lenses.field_of_view is not None:
             raise MistakeAt(
                 ("lenses", "field_of_view"), "of lenses that distort it follows from distortion; give a focal_length"
             )
-        known = {"k1", "k2"} <= {*self.distortion.family.coefficient_names()}
+        both = () if self.geometry is None else (self.geometry.left.distortion, self.geometry.right.distortion)
+        given = (self.distortion, *both)
+        without = [one.model for one in given if one and not {"k1", "k2"} <= {*one.family.coefficient_names()}]
         errors = {"errors": self.calibration.errors, "ageing": self.calibration.stability.ageing}
         radial = [(where, name) for where, part in errors.items() for name in part.given() if "_distortion_k" in name]
-        if radial and not known:
+        if radial and without:
             where = ("calibration", *(("stability",) if radial[0][0] == "ageing" else ()), *radial[0])
-            raise MistakeAt(where, f"a lens of the model {self.distortion.model} has no k1 and k2; leave it out")
+            raise MistakeAt(where, f"a lens of the model {without[0]} has no k1 and k2; leave it out")
         return self
 
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -168,19 +169,21 @@ class StereoDeclaration(DepthCameraDeclaration):
     def design(self, picture_law: DisparityErrorLaw | None) -> StereoRig:
         """The rig in SI; axes that meet at Z₀ converge by ``2 atan(B / 2Z₀)``.
 
-        A calibrated pair is read with its geometry, and designed with the mean of its focal lengths and, where its axes
-        converge by more than a twentieth of the field of view, with their angle.
+        A calibrated pair is read with its geometry, and designed with the mean of its focal lengths, the lens model of
+        its left camera and, where its axes converge by more than a twentieth of the field of view, with their angle.
         """
         sensor, geometry = self.sensor.sensor(), self.geometry
-        if geometry is None:
+        calibrated = None if geometry is None else geometry.pair
+        if geometry is None or calibrated is None:
             assert self.baseline is not None  # the validator's promise
             lens, baseline = self.lenses.lens(sensor), self.baseline
             angle = 2.0 * math.atan(baseline / (2.0 * self.convergence_distance))
+            distortion = IDEAL if self.distortion is None else self.distortion.lens_model()
         else:
             focal_length = geometry.focal_length_px * sensor.pixel_pitch
             lens, baseline = Lens(focal_length=focal_length, f_number=self.lenses.f_number), geometry.baseline
-            angle = geometry.convergence_angle
-            if abs(angle) <= _NEARLY_PARALLEL * lens.field_of_view(sensor.width):
+            distortion, angle = calibrated.lenses[0], geometry.convergence_angle
+            if abs(angle) <= _NEARLY_PARALLEL * full_angle(distortion, sensor.width / 2.0 / focal_length, 0.0):
                 angle = 0.0
         return StereoRig(
             lens=lens,
@@ -189,9 +192,9 @@ class StereoDeclaration(DepthCameraDeclaration):
             principal_distance_rule=self.principal_distance,
             baseline=baseline,
             convergence_angle=angle,
-            calibrated_pair=None if geometry is None else tuple(geometry.shared),
+            calibrated_pair=calibrated,
             triangulation=self.depth.estimator,
-            distortion=IDEAL if self.distortion is None else self.distortion.lens_model(),
+            distortion=distortion,
             disparity_error_px=self.depth.error(picture_law),
             discrimination_step_px=self.depth.discrimination_step,
         )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.contradictions import Contradiction, lens_contradictions, show
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
@@ -23,7 +24,7 @@ from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
 from tradestudy.cameras.single_lens_exposure import SingleLensExposure
 from tradestudy.cameras.stereo.errors import STEREO_ERRORS
-from tradestudy.cameras.stereo.exported import rig_of_design, rig_of_shared
+from tradestudy.cameras.stereo.exported import rig_of_calibration, rig_of_design
 from tradestudy.cameras.stereo.method import METHOD
 from tradestudy.cameras.stereo.overlap import shared_view
 from tradestudy.cameras.stereo.pair import (
@@ -39,7 +40,7 @@ from tradestudy.cameras.stereo.picture_field import (
     edge_angle,
     full_angle,
     place_across,
-    properties_of_lens_model,
+    properties_of_lens_models,
     scale_across,
 )
 from tradestudy.cameras.through_lens import picture_through_lens
@@ -87,8 +88,8 @@ class StereoRig(DepthCamera):
     discrimination_step_px
         The disparity step [px] of the depth discrimination.
     calibrated_pair
-        The 18 parameters of `calibration.projection` that depth is read with, where a calibration gave them; the
-        rest of the rig, such as its overlap, is that of two equal cameras like these.
+        What depth is read with, where a calibration gave it; the rest of the rig, such as its overlap, is that of two
+        equal cameras like these.
 
     Raises
     ------
@@ -111,7 +112,7 @@ class StereoRig(DepthCamera):
     convergence_angle: float
     triangulation: Literal["disparity", "midpoint"]
     distortion: LensModel = IDEAL
-    calibrated_pair: tuple[float, ...] | None = None
+    calibrated_pair: CalibratedPair | None = None
 
     def __post_init__(self) -> None:
         require_positive("baseline", self.baseline)
@@ -214,9 +215,9 @@ class StereoRig(DepthCamera):
 
     def exported(self, fitted: FloatArray | None = None) -> ImportedRig:
         """The pair of 18 fitted parameters, else the calibrated one, else that of the design."""
-        shared = self.calibrated_pair if fitted is None else fitted
-        if shared is not None:
-            return rig_of_shared(np.array(shared), (self.sensor.columns, self.sensor.rows))
+        found = self.calibrated_pair if fitted is None else CalibratedPair(parameters=tuple(fitted))
+        if found is not None:
+            return rig_of_calibration(found, (self.sensor.columns, self.sensor.rows))
         return rig_of_design(self.pair, self.sensor)
 
     def disparity(self, distance: ArrayLike) -> FloatArray:
@@ -380,7 +381,7 @@ class StereoRig(DepthCamera):
             ("field of view across", pretty(self.field_of_view, ANGLE, 4)),
             ("field of view on the diagonal", pretty(self.view_of(self.sensor.width, self.sensor.height), ANGLE, 4)),
             ("baseline", pretty(self.baseline, LENGTH, 4)),
-            *properties_of_lens_model(self.distortion),
+            *properties_of_lens_models(self.distortion, self.calibrated_pair),
         )
 
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:

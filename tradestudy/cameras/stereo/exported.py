@@ -2,32 +2,35 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 
-from tradestudy.cameras.imported import ImportedCamera, ImportedRig, Rotation, Vector
+from tradestudy.cameras.calibrated_pair import CalibratedPair
+from tradestudy.cameras.imported import ImportedCamera, ImportedRig, LensModelName, Rotation, Vector
 from tradestudy.cameras.parts import Sensor
 from tradestudy.cameras.stereo.pair import Pair, pair_poses
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.lens_models.lens_model import LensModel
 
 _KEYS: Final = dict.fromkeys(("focal_lengths", "centre", "pixels", "coefficients"), "")
 
 
-def rig_of_shared(shared: FloatArray, pixels: tuple[int, int]) -> ImportedRig:
-    """The pair of 18 parameters: two cameras, rotation vector and translation, as `calibration.projection` has them."""
+def rig_of_calibration(pair: CalibratedPair, pixels: tuple[int, int]) -> ImportedRig:
+    """A calibrated pair."""
     from scipy.spatial.transform import Rotation as Turn
 
+    shared = np.array(pair.parameters)
     return _rig(
-        _camera("left", shared[:6], pixels),
-        _camera("right", shared[6:12], pixels),
+        _camera("left", shared[:6], pair.lenses[0], pixels),
+        _camera("right", shared[6:12], pair.lenses[1], pixels),
         Turn.from_rotvec(shared[12:15]).as_matrix(),
         shared[15:18],
     )
 
 
 def rig_of_design(pair: Pair, sensor: Sensor) -> ImportedRig:
-    """Two equal cameras without distortion whose axes meet the middle of their pictures."""
+    """Two equal cameras whose axes meet the middle of their pictures."""
     focal_length = pair.principal_distance / sensor.pixel_pitch
     middle = ((sensor.columns - 1) / 2.0, (sensor.rows - 1) / 2.0)
     interior = np.array([focal_length, focal_length, *middle, 0.0, 0.0])
@@ -35,22 +38,22 @@ def rig_of_design(pair: Pair, sensor: Sensor) -> ImportedRig:
     to_right = np.array(right.rotation).T
     pixels = (sensor.columns, sensor.rows)
     return _rig(
-        _camera("left", interior, pixels),
-        _camera("right", interior, pixels),
+        _camera("left", interior, pair.distortion, pixels),
+        _camera("right", interior, pair.distortion, pixels),
         to_right @ np.array(left.rotation),
         to_right @ (np.array(left.centre) - np.array(right.centre)),
     )
 
 
-def _camera(name: str, interior: FloatArray, pixels: tuple[int, int]) -> ImportedCamera:
-    fx, fy, cx, cy, k1, k2 = (float(one) for one in interior)
+def _camera(name: str, interior: FloatArray, lens: LensModel, pixels: tuple[int, int]) -> ImportedCamera:
+    fx, fy, cx, cy = (float(one) for one in interior[:4])
     return ImportedCamera(
         name=name,
         focal_lengths=(fx, fy),
         centre=(cx, cy),
         pixels=pixels,
-        lens_model="rational",
-        coefficients={"k1": k1, "k2": k2},
+        lens_model=cast(LensModelName, lens.name),
+        coefficients=lens.with_radial_error(interior[4], interior[5]).coefficients(),
         conventions=(),
         keys=_KEYS,
     )

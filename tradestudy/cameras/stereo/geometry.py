@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Final, Self
+from typing import Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from tradestudy.cameras.imported import LensModelName
+from tradestudy.cameras.calibrated_pair import CalibratedPair
+from tradestudy.declarations.lens_models import AnyLensModel
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
-from tradestudy.declarations.quantities import Angle, Length, Number, Pixels, PositivePixels
-from tradestudy.optics.arrays import FloatArray
-
-_CARRIED: Final = ("k1", "k2")
+from tradestudy.declarations.quantities import Angle, Length, Pixels, PositivePixels
+from tradestudy.optics.lens_models.lens_model import LensModel
+from tradestudy.optics.lens_models.rational import IDEAL
 
 
 class CalibratedCameraPart(Part):
@@ -22,29 +21,15 @@ class CalibratedCameraPart(Part):
 
     focal_length: tuple[PositivePixels, PositivePixels] = Field(description="Across and down.")
     principal_point: tuple[Pixels, Pixels] = Field(description="Where the optical axis meets the picture.")
-    lens_model: LensModelName = Field(default="rational", description="From slopes of rays to the picture.")
-    coefficients: dict[str, Number] = Field(default={}, description="Of the lens model, by name.")
+    distortion: AnyLensModel | None = Field(default=None, description="Lens model; left out: none.")
 
-    @model_validator(mode="after")
-    def _is_carried(self) -> Self:
-        if mistakes := [*self._beyond_what_is_carried()]:
-            raise MistakeAt.several(mistakes)
-        return self
-
-    def _beyond_what_is_carried(self) -> Iterator[MistakeAt]:
-        rectified = "k1 and k2 of the radial polynomial are; take the rectified pictures of the pair instead"
-        if self.lens_model != "rational":
-            yield MistakeAt(("lens_model",), f"the lens model '{self.lens_model}' is not supported yet; {rectified}")
-            return
-        acting = [name for name, value in self.coefficients.items() if name not in _CARRIED and value != 0.0]
-        for name in acting:
-            what = f"{name} = {self.coefficients[name]:g} is not supported yet; {rectified}"
-            yield MistakeAt(("coefficients", name), what)
+    def lens_model(self) -> LensModel:
+        """In SI."""
+        return IDEAL if self.distortion is None else self.distortion.lens_model()
 
     def values(self) -> tuple[float, ...]:
-        """Focal lengths, principal point [px], k1 and k2, as `calibration.projection` takes them."""
-        k1, k2 = (self.coefficients.get(name, 0.0) for name in _CARRIED)
-        return (*self.focal_length, *self.principal_point, k1, k2)
+        """Focal lengths and principal point [px], and no distortion beyond that of the lens model."""
+        return (*self.focal_length, *self.principal_point, 0.0, 0.0)
 
 
 class GeometryPart(Part):
@@ -90,6 +75,7 @@ class GeometryPart(Part):
         return float(np.arctan2(-right_axis[0], right_axis[2]))
 
     @property
-    def shared(self) -> FloatArray:
-        """All 18 parameters: left and right camera, rotation vector [rad], translation [m]."""
-        return np.array([*self.left.values(), *self.right.values(), *self.rotation, *self.translation])
+    def pair(self) -> CalibratedPair:
+        """In SI."""
+        parameters = (*self.left.values(), *self.right.values(), *self.rotation, *self.translation)
+        return CalibratedPair(parameters=parameters, lenses=(self.left.lens_model(), self.right.lens_model()))

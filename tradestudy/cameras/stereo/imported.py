@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.imported import ImportedCamera, ImportedCorners, ImportedRig, Stated, conventions_stated
+from tradestudy.optics.lens_models.families import ANGLES
 
 _NOMINAL_PITCH: Final = "3 um"
 _NOMINAL: Final = (
@@ -52,14 +53,16 @@ def _of_rig(rig: ImportedRig) -> Iterator[Stated]:
 
 
 def _of_camera(side: str, camera: ImportedCamera) -> Iterator[Stated]:
-    where, keys = ("geometry", side), camera.keys
+    where: tuple[str, ...] = ("geometry", side)
+    keys = camera.keys
     yield Stated(
         path=(*where, "focal_length"), value=[f"{f!r} px" for f in camera.focal_lengths], key=keys["focal_lengths"]
     )
     yield Stated(path=(*where, "principal_point"), value=[f"{c!r} px" for c in camera.centre], key=keys["centre"])
-    yield Stated(path=(*where, "lens_model"), value=camera.lens_model, key=keys["coefficients"], basis="derived")
+    where, key = (*where, "distortion"), keys["coefficients"]
+    yield Stated(path=(*where, "model"), value=camera.lens_model, key=key, basis="derived")
     for name, value in camera.coefficients.items():
-        yield Stated(path=(*where, "coefficients", name), value=value, key=keys["coefficients"])
+        yield Stated(path=(*where, name), value=f"{value!r} rad" if name in ANGLES else value, key=key)
 
 
 def _pitch(key: str) -> Stated:

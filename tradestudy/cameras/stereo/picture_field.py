@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.camera import Properties
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_models.lens_model import LensModel
@@ -25,14 +26,21 @@ def full_angle(lens: LensModel, across: float, down: float) -> float:
     return edge_angle(lens, -across, -down) + edge_angle(lens, across, down)
 
 
-def properties_of_lens_model(lens: LensModel) -> Properties:
+def properties_of_lens_models(lens: LensModel, pair: CalibratedPair | None) -> Properties:
+    """Of the lens of both cameras, or of each of a calibrated pair."""
+    if pair is None:
+        return _properties_of(lens, "lens model")
+    return (*_properties_of(pair.lenses[0], "left lens model"), *_properties_of(pair.lenses[1], "right lens model"))
+
+
+def _properties_of(lens: LensModel, what: str) -> Properties:
     """Its name and coefficients that are not zero, and where it ends; nothing of a pinhole."""
     if lens == IDEAL:
         return ()
     given = ", ".join(f"{name} {value:g}" for name, value in lens.coefficients().items() if value)
     return (
-        ("lens model", f"{lens.name} ({given})"),
-        ("valid field of the lens model, from the axis", pretty(float(lens.valid_field), ANGLE, 4)),
+        (what, f"{lens.name} ({given})"),
+        (f"valid field of the {what}, from the axis", pretty(float(lens.valid_field), ANGLE, 4)),
     )
 
 

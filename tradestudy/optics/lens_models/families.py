@@ -17,3 +17,5 @@ FAMILIES: Final[Mapping[str, type[LensModel]]] = {
     family.name: family
     for family in (Rational, KannalaBrandt, FieldOfView, Omnidirectional, DoubleSphere, ExtendedUnified)
 }
+ANGLES: Final = ("tau_x", "tau_y", "w")
+"""Coefficients in rad; the others are numbers."""

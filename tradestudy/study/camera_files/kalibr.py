@@ -16,15 +16,15 @@ from tradestudy.study.camera_files.request import CannotHoldError, Format, Reque
 
 _OWN: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
     "pinhole": ("rational", ()),
-    "omni": ("omnidirectional", ("xi",)),
+    "omni": ("omni", ("xi",)),
     "ds": ("double-sphere", ("xi", "alpha")),
-    "eucm": ("extended-unified", ("alpha", "beta")),
+    "eucm": ("eucm", ("alpha", "beta")),
 }
 """Camera models with the names of what stands before the focal lengths in ``intrinsics``."""
 _DISTORTION: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
     "radtan": ("rational", ("k1", "k2", "p1", "p2")),
     "equidistant": ("kannala-brandt", ("k1", "k2", "k3", "k4")),
-    "fov": ("field-of-view", ("w",)),
+    "fov": ("fov", ("w",)),
 }
 _WITH: Final = {"pinhole": ("radtan", "equidistant", "fov", "none"), "omni": ("radtan", "none")}
 _TRANSFORM: Final = "T_cn_cnm1"
