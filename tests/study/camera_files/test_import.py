@@ -102,19 +102,21 @@ def test_two_camera_files_and_their_extrinsics_make_a_pair(tmp_path: Path) -> No
 
 
 def test_a_vertical_pair_is_read_turned_and_sees_the_same_world(tmp_path: Path) -> None:
-    """A point that OpenCV projects into both pictures is where the turned pair says, turned."""
+    """A point that OpenCV projects into both pictures is where the turned pair says, turned, whatever turns with it."""
     moved = np.array([0.0004, -0.07, 0.0011])
-    written.opencv(tmp_path / "rig.yml", T=moved)
-    found = shared(study(tmp_path, rig="from: rig.yml, length_unit: m"))
+    turning = [1.5e-3, -2.5e-3, 0.01, 0.2, -0.03, 0.004, 1e-3, -2e-4, 3e-4, 4e-5]
+    d1, d2 = np.append(D1[:2], turning), np.append(D2[:2], turning[::-1])
+    written.opencv(tmp_path / "rig.yml", T=moved, D1=d1[None], D2=d2[None])
+    found = calibrated(study(tmp_path, rig="from: rig.yml, length_unit: m"))
     from tradestudy.calibration.corners.real_rig import observe_pair
 
     point = np.array([[0.1, -0.05, 1.3]])
-    upper = cv2.projectPoints(point, np.zeros(3), np.zeros(3), K1, D1)[0].ravel()
-    lower = cv2.projectPoints(point, cv2.Rodrigues(R)[0], moved, K2, D2)[0].ravel()
+    upper = cv2.projectPoints(point, np.zeros(3), np.zeros(3), K1, d1)[0].ravel()
+    lower = cv2.projectPoints(point, cv2.Rodrigues(R)[0], moved, K2, d2)[0].ravel()
     turned = point @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]).T
     columns = SIZE[0]
     np.testing.assert_allclose(
-        observe_pair(found, turned)[0],
+        observe_pair(np.array(found.parameters), turned, found.lenses)[0],
         [upper[1], columns - 1 - upper[0], lower[1], columns - 1 - lower[0]],
         atol=1e-9,
     )

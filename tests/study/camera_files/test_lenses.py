@@ -19,6 +19,7 @@ from tests.study.camera_files.written import K1, K2, R, T, study
 from tradestudy import api
 from tradestudy.cameras.imported import LensModelName
 from tradestudy.cameras.stereo.design import StereoRig
+from tradestudy.optics.lens_models.double_sphere import DoubleSphere
 from tradestudy.optics.lens_models.families import FAMILIES
 from tradestudy.study.camera_files.request import Format
 
@@ -178,6 +179,17 @@ def test_a_fisheye_rig_is_as_wide_as_its_lenses(tmp_path: Path) -> None:
     assert (
         said["left lens model"] == said["right lens model"] == "kannala-brandt (k1 -0.03, k2 0.01, k3 -0.004, k4 0.001)"
     )
+
+
+def test_a_declared_rig_is_exported_with_its_distortion(tmp_path: Path) -> None:
+    said = (
+        "kind: stereo, lenses: {focal_length: 400 px}, sensor: {pixels: [640, 480], pixel_pitch: 3 um}, "
+        "baseline: 80 mm, distortion: {model: double-sphere, xi: -0.2, alpha: 0.59}"
+    )
+    api.export(api.load(study(tmp_path, rig=said)), "rig", tmp_path, formats=("kalibr",))
+    found = calibrated(study(tmp_path, rig="from: rig-camchain.yaml"))
+    assert found.lenses == (DoubleSphere(xi=-0.2, alpha=0.59),) * 2
+    np.testing.assert_allclose(found.parameters[:4], [400.0, 400.0, 319.5, 239.5], rtol=1e-12)
 
 
 @pytest.mark.parametrize("model", ["STEREOGRAPHIC", "LONLAT"])
