@@ -157,6 +157,30 @@ def test_nothing_is_measured_without_texture(tmp_path: Path, camera: str) -> Non
     assert np.mean(np.isfinite(maps[""])) < 0.01
 
 
+def test_a_range_of_disparities_wider_than_the_picture_costs_no_more_than_the_picture(tmp_path: Path) -> None:
+    """From 10 um on, a pair with a base of 10 mm has disparities of more than a million pixels."""
+    pytest.importorskip("cv2")
+    path = tmp_path / "maps.yaml"
+    path.write_text(study_text("pair", PLANE.format(150)), encoding="utf-8")
+    study = api.load(path)
+    near = study.with_values({"scene.distances": "[10 um, 150 mm, 200 mm]"})
+    score = api.render(near, tmp_path / "near", depth=True).depths["pair"]
+    declared = api.render(study, tmp_path / "declared", depth=True).depths["pair"]
+    assert score.measured > 0.7 * score.seen
+    assert score.bias == pytest.approx(declared.bias, abs=0.1 * declared.spread)
+
+
+@pytest.mark.parametrize("camera", ["pair", "plenoptic"])
+def test_a_plane_beyond_what_is_searched_has_no_depth(tmp_path: Path, camera: str) -> None:
+    if camera == "pair":
+        pytest.importorskip("cv2")
+    score, maps = mapped(tmp_path, camera, "{shape: plane, distance: 50 m}")
+    assert (maps["_true"][np.isfinite(maps["_true"])] > 49.0).all()
+    # A pair of windows that look alike by chance is all that may be found.
+    assert np.isfinite(maps[""]).mean() < 0.05
+    assert score.seen == 0
+
+
 def test_what_only_one_of_two_sees_is_hardly_ever_measured(tmp_path: Path) -> None:
     pytest.importorskip("cv2")
     score, maps = mapped(tmp_path, "pair", "{shape: step, near: 130 mm, far: 180 mm}")

@@ -129,9 +129,9 @@ class RawPictureReader(DepthReader):
         return self._on_sensor(picture, inverse, deviation, reason)
 
     def made_of(self, pictures: Mapping[str, FlatPicture], found: DepthMap, middle: float) -> dict[str, Samples]:
-        """Refocused on the middle of the scene, sharp throughout, and so from the left and from the right."""
+        """Refocused on the middle of the scene where it is searched, sharp throughout, and so from left and right."""
         synthesis = RawPictureSynthesis(camera=self.camera, search=self.search, picture=pictures["raw"])
-        made = {"refocused": synthesis.refocused(middle)}
+        made = {"refocused": synthesis.refocused(middle)} if self.search.near <= middle <= self.search.far else {}
         if np.any(np.isfinite(found.depth)):
             depth, aside = synthesis.filled_depth(found), _ASIDE * self.camera.main_lens.pupil_diameter
             made["all_in_focus"] = synthesis.view(depth)

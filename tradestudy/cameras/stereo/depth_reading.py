@@ -55,7 +55,10 @@ class PairReader(DepthReader):
 
     @property
     def _steps(self) -> range:
-        return range(math.floor(self._scale / self.search.far) - 1, math.floor(self._scale / self.search.near) + 3)
+        """Of whole pixels; beyond the width of a picture the two have nothing in common, however near is searched."""
+        first = math.floor(self._scale / self.search.far) - 1
+        last = min(math.floor(self._scale / self.search.near) + 3, self.camera.sensor.columns)
+        return range(first, max(last, first + 4))
 
     def _depth(self, disparity: Samples) -> Samples:
         """Of disparities of parallel pictures [px]."""
