@@ -15,7 +15,8 @@ from tradestudy.execution import Threads
 from tradestudy.imaging.estimation.score import DepthScore, score
 from tradestudy.optics.window_matching import Reason
 from tradestudy.report.contents import compose_report
-from tradestudy.report.document import Table, plain_text
+from tradestudy.report.document import Paragraph, Table, plain_text
+from tradestudy.units import LENGTH, pretty
 
 ROCK = "{shape: rock, near: 140 mm, far: 160 mm, feature_size: 10 mm}"
 
@@ -74,6 +75,9 @@ def test_the_report_shows_maps_and_compares_them(ran: tuple[api.Result, Path]) -
     tables = {block.name: block for block in report.blocks if isinstance(block, Table)}
     assert [row[0] for row in tables["depth-maps-depth-table"].rows] == ["Plenoptic"]
     assert plain_text(tables["depth-maps-disparity-table"].rows[0][1]) != "—"
+    spread = float(tree["pictures"]["depth_spread"][0])
+    first_page = [plain_text(block.text) for block in report.blocks[:8] if isinstance(block, Paragraph)]
+    assert any(f"points that it could, to ±{pretty(spread, LENGTH, digits=2)}" in text for text in first_page)
 
 
 def test_maps_do_not_depend_on_who_computes_them(ran: tuple[api.Result, Path], tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from tradestudy.plan.pilots import seconds_of
 from tradestudy.plan.rendering_pilot import loop_seconds
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Paragraph, Table, plain_text
+from tradestudy.results.views.conclusions import terminal_lines
 from tradestudy.run import depth_loop
 from tradestudy.study.document import Value
 
@@ -114,6 +115,12 @@ def test_the_report_compares_prediction_and_achievement(ran: tuple[api.Result, P
     tables = {block.name: block for block in report.blocks if isinstance(block, Table)}
     assert len(tables["depth-loop-depth-table"].rows) == 7  # the camera, and its planes
     told = [plain_text(block.text) for block in report.blocks if isinstance(block, Paragraph)]
+    over = tree["depth_loop"]["depth_relative_spread"].values
+    first_page = (
+        f"In pictures of planes the spread of depth over the predicted one is {over.min():.2g} to {over.max():.2g}"
+    )
+    assert any(first_page in text for text in told)
+    assert any(first_page in line for line in terminal_lines(tree))
     assert any("matcher: {factor: " in text and "on 4 other planes" in text for text in told)
 
 

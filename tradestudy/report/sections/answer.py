@@ -38,6 +38,7 @@ from tradestudy.results.views.depth import broken_limits, largest_part, nominal,
 from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
 from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated, titles_in
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher
+from tradestudy.results.views.measured_depth import measured_words
 from tradestudy.results.views.requirement_conclusions import (
     RequirementConclusion,
     requirement_conclusions,
@@ -69,6 +70,7 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     yield from _requirements(tree, as_declared=bool(designs))
     told = [
         *_weighed(tree),
+        *_measured(tree),
         *_taken_as_perfect(tree),
         *_rests_on(tree),
         *_measure_first(tree),
@@ -128,6 +130,12 @@ def _weighed(tree: xr.DataTree) -> Iterator[Spans]:
     """Who ranks first by all declared criteria."""
     if told := trade_off_conclusion(tree):
         yield say("**By all criteria** ([](#trade-off-table)): {told}.", told=told)
+
+
+def _measured(tree: xr.DataTree) -> Iterator[Spans]:
+    """What rendered pictures say of the prediction."""
+    for sentence in measured_words(tree):
+        yield say("{sentence}.", sentence=sentence)
 
 
 def _taken_as_perfect(tree: xr.DataTree) -> Iterator[Spans]:

@@ -16,6 +16,7 @@ from tradestudy.results.views.designs import (
     path_words,
 )
 from tradestudy.results.views.groups import camera_titles, group, has, records
+from tradestudy.results.views.measured_depth import measured_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.units import FRACTION, pretty
@@ -187,6 +188,7 @@ def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
     lines += [f"{asked_words(says)} {answer}" for says, answer in solved_questions(tree)]
     if weighed := trade_off_conclusion(tree):
         lines.append(f"By all criteria: {weighed}")
+    lines += measured_words(tree)
     first = measure_first(tree)
     if rests and first == f"Measure first: {rests[0]}":
         last = [f"Rests on, so measure first: {'; '.join(rests)}"]

@@ -1,0 +1,60 @@
+"""What depth that was measured in rendered pictures says of the prediction, in one sentence for each study."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.results.views.groups import camera_titles, group, has
+from tradestudy.units import FRACTION, LENGTH, pretty, significant
+from tradestudy.wording import listed
+
+
+def measured_words(tree: xr.DataTree) -> tuple[str, ...]:
+    """How well cameras measured planes and the scene, without full stops; empty for a study that measured neither."""
+    return (*_of_planes(tree), *_of_scene(tree))
+
+
+def _of_planes(tree: xr.DataTree) -> Iterator[str]:
+    """Over all planes of a camera, the least and the largest spread over the predicted one."""
+    if not has(tree, "depth_loop", "depth_spread"):
+        return
+    data, titles = group(tree, "depth_loop"), camera_titles(tree)
+    reached, failed = [], []
+    for name in data["camera"].values:
+        over = data["depth_relative_spread"].sel(camera=name).values
+        over, title = over[np.isfinite(over)], titles[str(name)]
+        if not over.size:
+            failed.append(title)
+            continue
+        low, high = significant(float(over.min()), 2), significant(float(over.max()), 2)
+        reached.append(f"{low} for {title}" if low == high else f"{low} to {high} for {title}")
+    if reached:
+        yield f"In pictures of planes the spread of depth over the predicted one is {'; '.join(reached)}"
+    if failed:
+        yield f"In pictures of planes {listed(failed)} measured nothing"
+
+
+def _of_scene(tree: xr.DataTree) -> Iterator[str]:
+    """Spread and bias of each camera, and at which share of its points."""
+    if not has(tree, "pictures", "map_depth"):
+        return
+    data, titles = group(tree, "pictures"), camera_titles(tree)
+    rows = [data.isel(mapped_camera=k) for k in range(data.sizes["mapped_camera"])]
+    yield f"In the pictures of the scene {'; '.join(_one(row, titles) for row in rows)}"
+
+
+def _one(row: xr.Dataset, titles: Mapping[str, str]) -> str:
+    title = titles[str(row["mapped_camera"].item())]
+    spread, bias, predicted, filled = (
+        float(row[f"depth_{name}"].item()) for name in ("spread", "bias", "predicted", "filled")
+    )
+    if not np.isfinite(spread):
+        return f"{title} measured nothing"
+    beside = f" (predicted: ±{pretty(predicted, LENGTH, digits=2)})" if np.isfinite(predicted) else ""
+    return (
+        f"{title} measured {pretty(filled, FRACTION, digits=2)} of the points that it could, to "
+        f"±{pretty(spread, LENGTH, digits=2)}{beside} with a bias of {pretty(bias, LENGTH, digits=2)}"
+    )
