@@ -75,9 +75,12 @@ def test_the_report_shows_maps_and_compares_them(ran: tuple[api.Result, Path]) -
     tables = {block.name: block for block in report.blocks if isinstance(block, Table)}
     assert [row[0] for row in tables["depth-maps-depth-table"].rows] == ["Plenoptic"]
     assert plain_text(tables["depth-maps-disparity-table"].rows[0][1]) != "—"
+    told = [plain_text(block.text) for block in report.blocks if isinstance(block, Paragraph)]
+    (matcher,) = (text for text in told if "matcher: {" in text)
+    assert matcher.startswith("Plenoptic: matcher: {factor: ")
+    assert matcher.endswith(" windows).")
     spread = float(tree["pictures"]["depth_spread"][0])
-    first_page = [plain_text(block.text) for block in report.blocks[:8] if isinstance(block, Paragraph)]
-    assert any(f"points that it could, to ±{pretty(spread, LENGTH, digits=2)}" in text for text in first_page)
+    assert f"points that it could, to ±{pretty(spread, LENGTH, digits=2)}" in told[0]
 
 
 def test_maps_do_not_depend_on_who_computes_them(ran: tuple[api.Result, Path], tmp_path: Path) -> None:
@@ -115,3 +118,15 @@ def test_standard_errors_are_those_of_repetitions() -> None:
     assert np.mean([each.neighbour_correlation for each in scores]) == pytest.approx(2.0 / 3.0, abs=0.02)
     assert np.mean([each.window_correlation for each in scores]) == pytest.approx(0.0, abs=0.02)
     assert scores[0].windows == 1600.0
+
+
+def test_figures_of_a_camera_that_measured_nothing_say_so_and_a_bias_fits_its_scale(
+    ran: tuple[api.Result, Path],
+) -> None:
+    tree = ran[0].data.copy(deep=True)
+    pictures = tree["pictures"]
+    pictures["depth_bias"][:] = 0.02
+    pictures["depth_spread"][:] = 0.001
+    assert "error, ±23 mm" in figures.build(tree)["depth_maps"].draw().svg().decode()
+    pictures["class_bias"][:] = np.nan
+    assert "measured nothing" in figures.build(tree)["depth_achieved"].draw().svg().decode()

@@ -17,7 +17,7 @@ from tradestudy.wording import listed
 
 _MOST = 6  # cameras
 _LONGEST = 30
-_ERROR_SPREADS = 3.0  # spreads of the errors that the scale of an error map spans to either side
+_ERROR_SPREADS = 3.0  # spreads of the errors that the scale of an error map spans beyond their bias, to either side
 
 
 def depth_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
@@ -70,7 +70,7 @@ def draw_depth_maps(tree: xr.DataTree) -> StudyFigure:
         bare(deep, "measured depth")
         shape = cropped(one["map_hidden"].values).shape
         last = _map(deep, one["map_depth"].values[: shape[0], : shape[1]] * 1e3, (near * 1e3, far * 1e3), "cividis")
-        limit = _ERROR_SPREADS * float(one["depth_spread"].item()) * 1e3
+        limit = (abs(float(one["depth_bias"].item())) + _ERROR_SPREADS * float(one["depth_spread"].item())) * 1e3
         bare(wrong, f"error, ±{limit:.2g} mm" if np.isfinite(limit) else "error")
         limit = limit if np.isfinite(limit) and limit > 0.0 else 1.0
         _map(wrong, one["map_depth_error"].values[: shape[0], : shape[1]] * 1e3, (-limit, limit), "RdBu_r")
@@ -106,6 +106,10 @@ def draw_achieved(tree: xr.DataTree) -> StudyFigure:
         style = line_style(k)
         axes.set_title(shortened(titles[str(one["mapped_camera"].item())], _LONGEST))
         distance = one["class_distance"].values * 1e3
+        if not np.any(np.isfinite(one["class_bias"].values)):
+            bare(axes, axes.get_title())
+            axes.text(0.5, 0.5, "measured nothing", ha="center", va="center", transform=axes.transAxes, color=SOFT)
+            continue
         bias, spread, predicted = (one[f"class_{name}"].values * 1e3 for name in ("bias", "spread", "predicted"))
         axes.axhline(0.0, color=INK, linewidth=0.6)
         axes.fill_between(distance, -predicted, predicted, color=style.color, alpha=0.18, linewidth=0.0)

@@ -256,7 +256,7 @@ def _matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> str:
     try:
         return fit_matcher(found, truth, window_px).declaration
     except OutOfRangeError as reason:
-        return f"no matcher can be told: {reason}"
+        return f"no matcher can be fitted: {reason}"
 
 
 def predicted_uncertainty(camera: Camera, depth: FloatArray, way: str) -> FloatArray:

@@ -72,12 +72,14 @@ def fit_matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> MatcherF
     both = (found.reason == Reason.MEASURED) & truth.measurable & (found.deviation > 0.0)
     bound = found.disparity_deviation[both]
     windows = bound.size / window_px**2
-    require_windows(windows if np.all(np.isfinite(bound)) else 0.0)
+    if not np.all(np.isfinite(bound)):
+        raise OutOfRangeError("this camera measures no disparity")
+    require_windows(windows)
     return fit_errors((found.depth - truth.depth)[both] / found.deviation[both] * bound, bound, windows)
 
 
 def require_windows(windows: float) -> None:
-    """Refuse to tell a matcher from too few windows without common pixels.
+    """Refuse to fit a matcher to too few windows without common pixels.
 
     Raises
     ------
@@ -86,7 +88,7 @@ def require_windows(windows: float) -> None:
     """
     if not windows >= LEAST_WINDOWS:
         raise OutOfRangeError(
-            "windows without common pixels from which a matcher can be told",
+            "independent matching windows to fit a matcher to",
             value=f"{windows:.0f}",
             limit=f"{LEAST_WINDOWS} or more",
             remedy="render a larger sensor or more texture",

@@ -49,7 +49,7 @@ def _told(one: xr.Dataset, title: str) -> Text:
     text += say(" Its factor is {factor}.", factor=told)
     if over.size:
         text += say(
-            " It tells {low} to {high} of the noise that was found on {count}.",
+            " It predicts {low} to {high} of the noise found on {count}.",
             count=counted(over.size, "other plane"),
             low=share(float(1.0 / over.max())),
             high=share(float(1.0 / over.min())),

@@ -12,7 +12,6 @@ from tradestudy.report.words import length, or_dash, share, with_error
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import significant
 
-PAPER_ACCURACY = 0.1  # px, section 6 of the paper
 ScoreRow = tuple[tuple[Text, ...], xr.Dataset | None]
 """First cells of a row, and the numbers behind them; none behind a heading."""
 
@@ -35,13 +34,15 @@ def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
         rows=[((titles[str(one["mapped_camera"].item())],), one) for one in rows],
     )
     for one in rows:
-        yield Paragraph(
-            say(
-                "{camera}: `{matcher}`",
-                camera=titles[str(one["mapped_camera"].item())],
-                matcher=str(one["matcher"].item()),
-            )
-        )
+        yield Paragraph(_matcher(titles[str(one["mapped_camera"].item())], str(one["matcher"].item())))
+
+
+def _matcher(title: str, told: str) -> Text:
+    """What a study may declare, as it is written there, or why there is nothing to declare."""
+    declared, _, errors = told.partition("  # ")
+    if not errors:
+        return say("**{title}**: {why}.", title=title, why=told)
+    return say("**{title}**: `{matcher}` ({errors}).", title=title, matcher=declared, errors=errors)
 
 
 def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRow]) -> Iterator[Table]:
@@ -67,10 +68,9 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
         ),
         rows=tuple(cells if one is None else (*cells, *_of_disparity(one)) for cells, one in rows),
         notes=(
-            f"Bias and spread in pixels, where the paper supposes {significant(PAPER_ACCURACY)} px. Over noise: spread "
-            "of the errors over what noise gives each window by its texture, to first order. Neighbours, a window "
-            "apart: correlation of the errors of points beside each other, and of points so far apart. Windows: how "
-            "many without a common pixel were measured.",
+            "Bias and spread in pixels. Over noise: spread of the errors over what noise gives each window by its "
+            "texture, to first order. Neighbours, a window apart: correlation of the errors of points beside each "
+            "other, and of points so far apart. Windows: how many without a common pixel were measured.",
         ),
     )
 
