@@ -129,4 +129,12 @@ def test_figures_of_a_camera_that_measured_nothing_say_so_and_a_bias_fits_its_sc
     pictures["depth_spread"][:] = 0.001
     assert "error, ±23 mm" in figures.build(tree)["depth_maps"].draw().svg().decode()
     pictures["class_bias"][:] = np.nan
-    assert "measured nothing" in figures.build(tree)["depth_achieved"].draw().svg().decode()
+    drawn = figures.build(tree)["depth_achieved"].draw().svg().decode()
+    assert "measured nothing" in drawn
+    assert "Plenoptic" in drawn
+
+
+def test_a_range_of_less_than_a_factor_of_two_has_its_names_in_the_figure(ran: tuple[api.Result, Path]) -> None:
+    curves, bars = figures.figure(ran[0].data, "whole_range").axes[:2]
+    assert "pair" in [text.get_text() for text in bars.texts]
+    assert any(text.get_text().endswith("%") or "% of" in text.get_text() for text in curves.texts)

@@ -34,7 +34,8 @@ from tradestudy.wording import distance as distance_words
 
 MM = 1e3
 _UNUSABLE_WIDTH, _USABLE_WIDTH = 0.7, 1.9
-_LETTERS_PER_DECADE, _SHORTEST_NAME = 34, 9  # of a name written into the bar of the best camera
+_LETTERS_ACROSS, _SHORTEST_NAME = 78, 9  # of a name written into the bar of the best camera
+_ROOM_OF_GUIDE = 0.13  # of the width, for the name of a line of equal relative uncertainty
 
 
 @styled()
@@ -126,12 +127,13 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
 def draw_relative_guides(axes: Axes, distance: FloatArray) -> None:
     """Lines of equal relative uncertainty, named inside the panel at its right edge."""
     bottom, top = axes.get_ylim()
+    room = float(distance[0] * (distance[-1] / distance[0]) ** _ROOM_OF_GUIDE)
     for share, name in ((1e-4, "0.01 %"), (1e-3, "0.1 %"), (1e-2, "1 %"), (1e-1, "10 %"), (1.0, "100 %")):
         y = share * distance * MM
         axes.plot(distance, y, color=FAINT, linewidth=0.9, zorder=0.5)
         # The name stands where the line leaves the panel: at its right end, or at its top.
         x_end = min(float(distance[-1]), top / (share * MM)) * 0.93
-        if bottom < share * x_end * MM < top and x_end > 2.0 * float(distance[0]):
+        if bottom < share * x_end * MM < top and x_end > room:
             axes.annotate(
                 f"{name} of distance" if name == "1 %" else name,
                 (x_end, share * x_end * MM),
@@ -158,6 +160,7 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ..
     by_key = {camera.key: camera for camera in shown}
     titles = {camera.key: camera.title for camera in shown}
     row = len(shown) + 0.25
+    distance = nominal(tree)["distance"].values
     for start, end, answer in winners(tree):
         best = tied(answer)
         for order, key in enumerate(best):  # cameras that are alike share the bar
@@ -165,7 +168,7 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ..
             middle = row - 0.45 + (order + 0.5) * height
             axes.barh(middle, end - start, left=start, height=height, color=by_key[key].style.color, linewidth=0)
         if best:
-            letters = int(_LETTERS_PER_DECADE * np.log10(end / start))
+            letters = int(_LETTERS_ACROSS * np.log(end / start) / np.log(distance[-1] / distance[0]))
             if letters >= _SHORTEST_NAME:
                 name = shortened(answer_title(titles, answer), letters)
                 axes.text(np.sqrt(start * end), row, name, color="white", ha="center", va="center", fontsize=6.5)

@@ -104,10 +104,11 @@ def draw_achieved(tree: xr.DataTree) -> StudyFigure:
     for k, axes in enumerate(panels[:count]):
         one = data.isel(mapped_camera=k)
         style = line_style(k)
-        axes.set_title(shortened(titles[str(one["mapped_camera"].item())], _LONGEST))
+        title = shortened(titles[str(one["mapped_camera"].item())], _LONGEST)
+        axes.set_title(title)
         distance = one["class_distance"].values * 1e3
         if not np.any(np.isfinite(one["class_bias"].values)):
-            bare(axes, axes.get_title())
+            bare(axes, title)
             axes.text(0.5, 0.5, "measured nothing", ha="center", va="center", transform=axes.transAxes, color=SOFT)
             continue
         bias, spread, predicted = (one[f"class_{name}"].values * 1e3 for name in ("bias", "spread", "predicted"))
