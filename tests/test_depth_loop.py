@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tests.scene_studies import PAIR, scene_study
+from tests.scene_studies import PAIR, PLENOPTIC, scene_study
 from tradestudy import api, figures
 from tradestudy.errors import StudyError
 from tradestudy.execution import Threads
@@ -149,6 +149,25 @@ def test_where_nothing_can_be_measured_the_results_say_why(tmp_path: Path) -> No
     assert np.all(data["depth_measured"].sel(distance=0.024) == 0.0)
     assert "independent matching windows to fit a matcher to: 0" in str(data["matcher"].item())
     assert np.isnan(data["matcher_factor"])
+
+
+def test_a_plane_nearer_than_the_focal_length_has_no_picture_and_the_others_are_measured(tmp_path: Path) -> None:
+    """A main lens of 12.5 mm makes no real image of a plane at 10 mm."""
+    text = scene_study(
+        PLENOPTIC.format(pixels="[200, 200]", estimator="same-type-pair", lenses=""),
+        "{shape: plane, distance: 150 mm}",
+        distances="from: 120 mm, to: 200 mm, points: 3",
+        window="7 px",
+        light="at_f_number: 8",
+    )
+    loop = "depth_loop: {distances: [10 mm, 150 mm], fitted_at: [150 mm], windows: 100}\n"
+    path = tmp_path / "near.yaml"
+    path.write_text(text[: text.index("  image:")] + loop, encoding="utf-8")
+    study = api.load(path).with_values({"plenoptic.depth.disparity_error": "derived"})
+    data = study.run().data["depth_loop"].to_dataset().sel(camera="plenoptic").squeeze()
+    assert "so near that the lens makes no picture" in str(data["reason"].sel(distance=0.01).item())
+    assert data["depth_measured"].values.tolist()[0] == 0.0
+    assert data["depth_measured"].values.tolist()[1] > 0.0
 
 
 def test_the_plan_says_how_long_the_loop_takes(tmp_path: Path) -> None:

@@ -148,6 +148,13 @@ def measure_loop(
 def measure_on_plane(point: LoopPoint) -> LoopFinding:
     """Take the pictures of one plane and measure depth in them: a few pixels first, to know how many are needed."""
     camera = _with_picture(point.camera, point.settings)
+    geometry = camera.picture_geometry(np.array([point.distance]))
+    blur = float(np.ravel(geometry.blur_px)[0])
+    if not np.all(np.isfinite(geometry.magnification)):
+        reason = "the plane is so near that the lens makes no picture of it"
+        return LoopFinding(
+            score=None, errors_px=np.empty(0), bounds_px=np.empty(0), available=0.0, blur_px=blur, reason=reason
+        )
     small = _cropped(camera, point.distance, _PILOT)
     try:
         found, truth = _depth(camera, small, point)
@@ -166,7 +173,7 @@ def measure_on_plane(point: LoopPoint) -> LoopFinding:
         errors_px=errors,
         bounds_px=bounds,
         available=predicted_availability(small, point.distance),
-        blur_px=float(np.ravel(camera.picture_geometry(np.array([point.distance])).blur_px)[0]),
+        blur_px=blur,
         reason=reason,
     )
 
