@@ -60,8 +60,8 @@ def test_the_place_holds_what_the_message_quotes(name: str, monkeypatch: pytest.
 
 def test_files_that_are_no_text(tmp_path: Path) -> None:
     contents = {
-        "nothing": (b"", "1:1: it is empty; a study is expected, and `tradestudy new NAME` writes one to start from"),
-        "binary": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "1:1: it is a binary file; a study is text in YAML"),
+        "nothing": (b"", "1:1: it is empty; `tradestudy new NAME` writes a study to start from"),
+        "binary": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "1:1: it is a binary file; text is expected"),
         "latin": (b"format: 2\ntitle: Gr\xf6\xdfe\n", "2:10: the byte 0xf6 is not UTF-8; save it as UTF-8"),
         "utf16": ("format: 2".encode("utf-16"), "1:1: it is text in UTF-16; save it as UTF-8"),
         "control": (
@@ -83,8 +83,8 @@ def test_files_that_are_no_files(tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text("format: 2")
     near = tmp_path / "stduy.yaml"
     assert messages(near) == [f"{near}:1:1: there is no such file; nearest: '{tmp_path / 'study.yaml'}'"]
-    assert messages(tmp_path) == [f"{tmp_path}:1:1: it is a folder; a study file is expected"]
-    assert messages(Path("/dev/zero")) == ["/dev/zero:1:1: it is not a regular file; a study file is expected"]
+    assert messages(tmp_path) == [f"{tmp_path}:1:1: it is a folder; a file is expected"]
+    assert messages(Path("/dev/zero")) == ["/dev/zero:1:1: it is not a regular file; a file is expected"]
     assert messages(Path("a\0b")) == ["a\0b:1:1: it cannot be read (embedded null byte)"]
     long = Path("n" * 5000)
     assert messages(long) == [f"{long}:1:1: it cannot be read (File name too long)"]

@@ -51,7 +51,7 @@ def _text(path: Path) -> str:
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise refused(place, "it is text in UTF-16; save it as UTF-8")
     if b"\0" in content:
-        raise refused(place, "it is a binary file; a study is text in YAML")
+        raise refused(place, "it is a binary file; text is expected")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -66,9 +66,9 @@ def _content(path: Path, place: Place) -> bytes:
     """Read the bytes of a regular file of a bearable size; devices and pipes could go on for ever."""
     mode = path.stat().st_mode
     if stat.S_ISDIR(mode):
-        raise refused(place, "it is a folder; a study file is expected")
+        raise refused(place, "it is a folder; a file is expected")
     if not stat.S_ISREG(mode):
-        raise refused(place, "it is not a regular file; a study file is expected")
+        raise refused(place, "it is not a regular file; a file is expected")
     with path.open("rb") as file:
         content = file.read(MOST_BYTES + 1)
         if b"lensmodel" in content[:_HEAD]:  # beside its camera an mrcal file may hold all that it was inferred from

@@ -95,7 +95,7 @@ def compose(text: str, start: Place, *, tags: bool = False) -> tuple[Entry, list
         # The parser lets slips of its own out on some malformed escapes and directives.
         composer.fail(composer.last, f"this is not valid YAML ({error})")
     if composer.root is None:
-        composer.fail(start, "it is empty; a study is expected, and `tradestudy new NAME` writes one to start from")
+        composer.fail(start, "it is empty; `tradestudy new NAME` writes a study to start from")
     return composer.root, composer.problems
 
 

@@ -129,6 +129,9 @@ def test_rectified_pictures_have_no_distortion(tmp_path: Path) -> None:
     found = shared(study(tmp_path, rig="from: rig.yml, length_unit: mm, pictures: rectified"))
     np.testing.assert_allclose(found[[0, 1, 6, 7]], p1[0, 0], rtol=1e-14)
     np.testing.assert_allclose(found[12:], [0, 0, 0, -np.linalg.norm(T), 0, 0], atol=1e-12)
+    written.opencv(tmp_path / "rig.yml", D1=lens, D2=lens)
+    said = refusal(study(tmp_path, rig="from: rig.yml, length_unit: mm, pictures: rectified"))
+    assert "rectified pictures need the P1 and P2 that stereoRectify computes" in said
 
 
 def test_the_register_lists_how_the_file_was_read(tmp_path: Path) -> None:

@@ -66,6 +66,6 @@ def _values(file: Path) -> FloatArray:
     except (OSError, ValueError) as error:
         raise OutOfRangeError(
             "a file that cannot be read",
-            value=f"{file}: {error}",
+            value=f"{file}: {getattr(error, 'strerror', None) or error}",
             limit="PNG, TIFF or NPY",
         ) from error

@@ -167,6 +167,10 @@ def _matrix(value: Located, *counts: int) -> tuple[float, ...]:
 def _rectified(pair: Located, extrinsic: Located, request: Request) -> Imported:
     """The pair of rectified pictures, by its projection matrices: one focal length, no distortion, parallel axes."""
     holder = pair if pair.find("P1") is not None else extrinsic
+    if holder.find("P1") is None:
+        raise holder.fail(
+            "rectified pictures need the P1 and P2 that stereoRectify computes; store them in the file, too"
+        )
     cameras = []
     for side, name in enumerate(("P1", "P2")):
         value = holder.need(name)
