@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -294,6 +294,7 @@ def new(
                 _warned(api.load(path))
             except TradestudyError:
                 path.unlink()  # a study that cannot run is none to start from
+                typer.echo(f"{path} was not written; {_SAYING_MORE}. It would have these mistakes:", err=True)
                 raise
         typer.echo(f"{path}\npython -m tradestudy run {path}")
 
@@ -384,6 +385,12 @@ def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Exe
     cluster.check()  # before anything is computed or written
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # it would tell of every lost worker; so does the run
     return cluster
+
+
+_SAYING_MORE: Final = (
+    "what the files do not state is said by --set, such as --set length_unit=mm or --set 'sensor.pixels=[1280, 720]', "
+    "and the file of a second camera by another --from"
+)
 
 
 class _InputError(TradestudyError):

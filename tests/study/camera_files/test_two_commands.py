@@ -33,7 +33,21 @@ def test_a_study_that_cannot_run_is_not_written(tmp_path: Path, monkeypatch: pyt
     made = CliRunner().invoke(app, ["new", "my-rig", "--from", "stereo.yml"])
     assert made.exit_code == 2
     assert "say length_unit: mm" in made.output
+    assert "my-rig.yaml was not written; what the files do not state is said by --set" in made.output
     assert not (tmp_path / "my-rig.yaml").exists()
+
+
+def test_a_size_of_pictures_that_the_file_lacks_is_said_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written.opencv(tmp_path / "stereo.yml", size=None)
+    monkeypatch.chdir(tmp_path)
+    asked = ["new", "my-rig", "--from", "stereo.yml", "--set", "length_unit=mm"]
+    refused = CliRunner().invoke(app, asked)
+    assert refused.exit_code == 2
+    assert "sensor.pixels: this key is missing" in refused.output
+    made = CliRunner().invoke(app, [*asked, "--set", "sensor.pixels=[640, 480]"])
+    assert made.exit_code == 0, made.output
 
 
 def test_a_place_that_cannot_be_written_to_is_told_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
