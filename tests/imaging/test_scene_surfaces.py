@@ -152,6 +152,13 @@ def test_a_depth_map_with_holes_or_a_file_that_is_none_is_refused(tmp_path: Path
     (tmp_path / "text.png").write_text("no picture")
     with pytest.raises(OutOfRangeError, match="cannot be read"):
         read_picture(tmp_path / "text.png")
+    Image.fromarray(np.ones((4, 4), np.float32)).save(tmp_path / "whole.tiff")
+    whole = (tmp_path / "whole.tiff").read_bytes()
+    (tmp_path / "cut.tiff").write_bytes(whole[:40])  # warnings are errors here: none reaches the terminal
+    with pytest.raises(OutOfRangeError, match="cannot be read"):
+        read_depths(tmp_path / "cut.tiff", 1e-3)
+    with pytest.raises(OutOfRangeError, match=r"none\.png: No such file or directory \(allowed"):
+        read_depths(tmp_path / "none.png", 1e-3)
 
 
 def test_a_picture_keeps_its_colours_and_its_rows(tmp_path: Path) -> None:

@@ -88,7 +88,7 @@ def require_windows(windows: float) -> None:
     """
     if not windows >= LEAST_WINDOWS:
         raise OutOfRangeError(
-            "independent matching windows to fit a matcher to",
+            "independent matching windows",
             value=f"{windows:.0f}",
             limit=f"{LEAST_WINDOWS} or more",
             remedy="render a larger sensor or more texture",

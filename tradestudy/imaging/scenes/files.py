@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -61,7 +62,8 @@ def _values(file: Path) -> FloatArray:
             return np.asarray(np.load(file, allow_pickle=False), np.float64)
         from PIL import Image
 
-        with Image.open(file) as picture:
+        # What the library warns of are broken tags, which mean nothing here; broken pixels are an error.
+        with warnings.catch_warnings(action="ignore", category=UserWarning), Image.open(file) as picture:
             return np.asarray(picture.convert("RGB") if picture.mode == "P" else picture, np.float64)
     except (OSError, ValueError) as error:
         raise OutOfRangeError(
