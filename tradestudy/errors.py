@@ -108,12 +108,12 @@ _PLACES: Final = {
     errno.ENOTDIR: f"a folder is expected where a file stands; {_ANOTHER}",
     errno.EEXIST: f"a folder is expected where a file stands; {_ANOTHER}",
     errno.EISDIR: "a file is expected where a folder stands",
-    errno.EACCES: f"its permissions do not allow that; {_ANOTHER}",
-    errno.EPERM: f"its permissions do not allow that; {_ANOTHER}",
-    errno.EROFS: f"its file system is read-only; {_ANOTHER}",
     errno.ENAMETOOLONG: f"its name is too long; {_ANOTHER}",
 }
 _DISKS: Final = {
+    errno.EROFS: f"its file system is read-only; {_ANOTHER}",
+    errno.EPERM: f"its permissions do not allow that; {_ANOTHER}",
+    errno.EACCES: f"its permissions do not allow that; {_ANOTHER}",
     errno.ENOSPC: "make room and run again; what is finished is kept",
     errno.EDQUOT: "make room in the quota and run again; what is finished is kept",
     errno.EIO: "the disk does not answer",
