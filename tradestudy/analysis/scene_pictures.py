@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from tradestudy.analysis.rendered_scene import pattern_of_scene, scene_of
@@ -61,12 +61,19 @@ def declared_image(definition: StudyDefinition) -> tuple[SceneImagePart, Picture
     return scene.image, scene.picture
 
 
-def set_up(definition: StudyDefinition, *, rig: Rig | None = None) -> tuple[SceneSource, list[Taken]]:
-    """The scene, and the cameras that take it, with every mistake at its place; ``rig`` in place of the study's own."""
+def set_up(
+    definition: StudyDefinition, *, rig: Rig | None = None, texture_side: int | None = None
+) -> tuple[SceneSource, list[Taken]]:
+    """The scene, and the cameras that take it, with every mistake at its place; ``rig`` in place of the study's own.
+
+    With ``texture_side`` the texture repeats itself after so many samples at most, which a few patches do not show.
+    """
     image, picture = declared_image(definition)
     extent, cameras = extent_and_cameras(definition, rig=rig)
     exposures = [exposure for taken in cameras for exposure in taken.exposures]
     pattern = pattern_of_scene(texture_of(picture), exposures, extent, definition.file.propagation.seed)
+    if texture_side is not None:
+        pattern = replace(pattern, side=min(pattern.side, texture_side))
     return scene_of(image, pattern, definition.folder_of(_WHERE)), cameras
 
 
