@@ -124,6 +124,13 @@ class PictureSettings:
     pixel_fill: float = 1.0
     lens_phase: Literal["perfect", "parabolic"] = "perfect"
 
+    def asked_window(self, magnification: FloatArray, sample_pitch: float) -> FloatArray:
+        """Side of the window [samples] that is asked for where a picture has this magnification."""
+        if self.window_px is not None:
+            return np.full_like(magnification, self.window_px)
+        assert self.window_length is not None  # one of the two is given
+        return np.asarray(self.window_length * magnification / sample_pitch)
+
     def __post_init__(self) -> None:
         if (self.window_px is None) == (self.window_length is None):
             raise OutOfRangeError(

@@ -52,11 +52,7 @@ def picture_electrons(geometry: PictureGeometry, settings: PictureSettings, mode
 
 def matched_window(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> MatchedWindow:
     """The window over distance: at most the declared one, and what the compared pictures share through the pupil."""
-    if settings.window_px is not None:
-        asked = np.full_like(geometry.magnification, settings.window_px)
-    else:
-        assert settings.window_length is not None  # the settings hold one of the two
-        asked = settings.window_length * geometry.magnification / geometry.sample_pitch
+    asked = settings.asked_window(geometry.magnification, geometry.sample_pitch)
     width = 1.0
     if models.vignetting == "cos4":
         width = radial_pupil_width(

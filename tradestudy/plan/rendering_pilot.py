@@ -86,11 +86,7 @@ def rendering_seconds(camera: Camera, image: SceneImagePart, distance: float, se
 def loop_seconds(camera: DepthCamera, part: DepthLoopPart, settings: PictureSettings) -> float:
     """Processor seconds of a camera before all planes of a depth loop, in one texture and light."""
     geometry = camera.picture_geometry(np.array(part.distances))
-    if settings.window_px is not None:
-        window = np.full_like(geometry.magnification, settings.window_px)
-    else:
-        assert settings.window_length is not None  # the settings hold one of the two
-        window = settings.window_length * geometry.magnification / geometry.sample_pitch
+    window = settings.asked_window(geometry.magnification, geometry.sample_pitch)
     window = np.minimum(window, geometry.compared.widest_px) * geometry.sample_pitch / camera.sensor.pixel_pitch
     pixels = part.windows * float(np.sum(np.square(window))) * _PIXELS_OF_A_LOOP
     middle = part.distances[len(part.distances) // 2]

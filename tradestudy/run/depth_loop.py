@@ -128,7 +128,7 @@ def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[
             camera=camera,
             reader=reader,
             settings=settings,
-            window_px=window_at(picture.matching_window, camera, distance),
+            window_px=window_at(settings, camera, distance),
             distance=distance,
             windows=part.windows,
             samples=part.samples,

@@ -23,6 +23,7 @@ from tradestudy.execution import Steps
 from tradestudy.imaging.estimation.flat_field import flat_picture, white_picture
 from tradestudy.imaging.estimation.matcher_fit import fit_matcher
 from tradestudy.imaging.estimation.score import DepthScore, score
+from tradestudy.imaging.models import PictureSettings
 from tradestudy.imaging.render.sensor import Recording
 from tradestudy.imaging.render.wave_set_up import waves_of
 from tradestudy.imaging.render.waves import Waves
@@ -31,7 +32,6 @@ from tradestudy.optics.window_matching import REASONS
 from tradestudy.results.storage import replace_file, replacing
 from tradestudy.run.pictures import Rendering
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.picture import Window
 
 STEP: Final = "depth maps"
 _DISTANCES: Final = 33  # at which the predicted uncertainty is computed; linear in between
@@ -135,12 +135,9 @@ def set_up_readers(definition: StudyDefinition) -> list[CameraReader]:
             "depth maps from pictures behind a mosaic of colour filters",
             remedy="leave scene.image.mosaic out, or ask for no depth maps",
         )
-    distances = definition.case.distance
+    distances, settings = definition.case.distance, picture.settings(definition.case.wavelength)
     ends = float(distances.min()), float(distances.max())
-    return [
-        reader_of(definition, taken, ends, window_of(picture.matching_window, taken, sum(extent) / 2.0))
-        for taken in cameras
-    ]
+    return [reader_of(definition, taken, ends, window_of(settings, taken, sum(extent) / 2.0)) for taken in cameras]
 
 
 def reader_of(definition: StudyDefinition, taken: Taken, ends: tuple[float, float], window_px: float) -> CameraReader:
@@ -227,13 +224,13 @@ def read_depth(point: PicturesToRead) -> MeasuredDepth:
     )
 
 
-def window_of(window: Window, taken: Taken, distance: float) -> float:
+def window_of(settings: PictureSettings, taken: Taken, distance: float) -> float:
     """Side of the window [samples] where the scene is."""
     camera = taken.camera
     if isinstance(camera, DepthCamera):
-        return window_at(window, camera, distance)
-    if window.of == "picture":
-        return window.size
+        return window_at(settings, camera, distance)
+    if settings.window_px is not None:
+        return settings.window_px
     raise OutOfRangeError(
         f"the matching window of {taken.name}, which measures no disparity",
         value="a length on the object",
@@ -242,13 +239,11 @@ def window_of(window: Window, taken: Taken, distance: float) -> float:
     )
 
 
-def window_at(window: Window, camera: DepthCamera, distance: float) -> float:
+def window_at(settings: PictureSettings, camera: DepthCamera, distance: float) -> float:
     """Side of the window [samples] at a distance [m], at most the widest that the camera has."""
     geometry = camera.picture_geometry(np.array([distance]))
-    size = window.size
-    if window.of == "object":
-        size *= float(geometry.magnification[0]) / geometry.sample_pitch
-    return min(size, geometry.compared.widest_px)
+    asked = settings.asked_window(geometry.magnification, geometry.sample_pitch)
+    return min(float(asked[0]), geometry.compared.widest_px)
 
 
 def _matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> str:

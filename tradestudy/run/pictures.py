@@ -139,9 +139,10 @@ def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
 def _models(definition: StudyDefinition) -> list[tuple[bool, float]]:
     """For each camera that takes pictures, whether by waves, and what the choice changes in them."""
     forced, tolerances = definition.file.effects.forced(), definition.file.accuracy.asked().tolerances
+    free = {one.name: one for one in picture_pieces(definition, {})} if forced else {}
     found = []
-    for piece, free in zip(picture_pieces(definition, forced), picture_pieces(definition, {}), strict=True):
-        one = chosen(piece, tolerances, forced, free)
+    for piece in picture_pieces(definition, forced):
+        one = chosen(piece, tolerances, forced, free.get(piece.name))
         change = {**one.choice.changes, **one.by_forcing}["pixel_intensity"].relative
         found.append((one.models["main_lens_diffraction"] != OFF, change))
     return found
