@@ -20,7 +20,7 @@ from tradestudy.imaging.render import tiles
 from tradestudy.imaging.render.rig import drawn_errors
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.pilots import seconds_of
-from tradestudy.plan.rendering_pilot import rendering_seconds
+from tradestudy.plan.rendering_pilot import picture_seconds
 from tradestudy.run import pictures
 
 CAMERAS = (
@@ -277,24 +277,12 @@ def test_the_plan_says_how_long_rendering_takes(tmp_path: Path) -> None:
     (step,) = (one for one in loaded.plan().steps if one.name == pictures.STEP)
     assert step.work == "0.0689 million pixels of 2 cameras"
     image, picture = pictures.declared_image(loaded.definition)
-    settings = picture.settings(550e-9)
-    told = sum(rendering_seconds(one, image, 0.15, settings) for one in loaded.definition.case.all_cameras.values())
     scene, cameras = pictures.set_up(loaded.definition)
     recording = pictures.recording_of(image, picture)
     whole = [
-        tiles.Tile(
-            camera=one.name,
-            exposure=exposure,
-            scene=scene,
-            recording=recording,
-            samples=image.samples,
-            seed=0,
-            rows=(0, exposure.sensor.rows),
-            columns=(0, exposure.sensor.columns),
-        )
-        for one in cameras
-        for exposure in one.exposures
+        one for taken in cameras for one in pictures.whole_pictures(loaded.definition, image, scene, taken, recording)
     ]
+    told = sum(picture_seconds(one, None) for one in whole)
     scene.build()
     taken = sum(seconds_of(lambda tile=tile: tiles.expected_electrons(tile)) for tile in whole)  # type: ignore[misc]
     assert taken / 4.0 < told < 4.0 * taken

@@ -120,7 +120,7 @@ class _Prediction:
         if file.scene is not None and file.scene.image is not None:
             from tradestudy.plan.rendering_pilot import rendering_work
 
-            seconds, work = rendering_work(self.definition, file.scene.image)
+            seconds, work = rendering_work(self.definition)
             yield PredictedStep(name="rendering", seconds=seconds, work=work)
         if file.depth_loop is not None:
             from tradestudy.plan.rendering_pilot import loop_work

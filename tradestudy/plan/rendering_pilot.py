@@ -1,4 +1,4 @@
-"""How long pictures of a scene or of a depth loop take: a few pixels of a plane, times their number."""
+"""How long pictures of a scene or of a depth loop take: a few of their pixels, times their number."""
 
 from __future__ import annotations
 
@@ -8,18 +8,20 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.cameras.camera import Camera
+from tradestudy.analysis.scene_pictures import declared_image, recording_of, set_up, whole_pictures
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.effects.models import OFF
 from tradestudy.imaging.models import PictureSettings
 from tradestudy.imaging.render.sensor import Recording
-from tradestudy.imaging.render.tiles import Tile, expected_electrons
+from tradestudy.imaging.render.tiles import FINER, Tile, expected_electrons
+from tradestudy.imaging.render.wave_set_up import waves_of
 from tradestudy.imaging.scenes.pattern import RandomPattern
 from tradestudy.imaging.scenes.plain_surfaces import Flat
 from tradestudy.imaging.scenes.scene import Plain, SceneSource
+from tradestudy.plan.pieces.scene_pictures import TRIAL_TEXTURE, name_of
 from tradestudy.plan.pilots import seconds_of
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.depth_loop import DepthLoopPart
-from tradestudy.study.schema.scene_image import SceneImagePart, StairsPart
 from tradestudy.wording import counted
 
 _SIDE: Final = 64  # pixels across and down that are rendered
@@ -29,16 +31,46 @@ _READING: Final = 2.0  # times the rendering, with that
 _PATTERN: Final = 512  # samples of a texture, whose size hardly matters for the time
 
 
-def rendering_work(definition: StudyDefinition, image: SceneImagePart) -> tuple[float, str]:
-    """Processor seconds of all pictures of the study's scene, and what is counted, in words."""
-    settings, distances = _pictured(definition)
-    middle = float(np.median(distances))
-    cameras = [
-        camera for name, camera in definition.case.all_cameras.items() if image.cameras is None or name in image.cameras
-    ]
-    pixels = sum(pixels_of(camera, middle, settings) for camera in cameras)
-    seconds = math.fsum(rendering_seconds(camera, image, middle, settings) for camera in cameras)
+def rendering_work(definition: StudyDefinition) -> tuple[float, str]:
+    """Processor seconds of all pictures of the study's scene, by the models acting in it, and what is counted."""
+    image, picture = declared_image(definition)
+    scene, cameras = set_up(definition, rig="as-designed", texture_side=TRIAL_TEXTURE)
+    recording = recording_of(image, picture)
+    seconds, pixels = 0.0, 0
+    for taken in cameras:
+        pictures = whole_pictures(definition, image, scene, taken, recording)
+        models = definition.models.get(name_of(taken.name), {})
+        wavelength = definition.case.wavelength if models.get("main_lens_diffraction", OFF) != OFF else None
+        seconds += len(pictures) * picture_seconds(pictures[0], wavelength)
+        pixels += sum(one.rows[1] * one.columns[1] for one in pictures)
     return seconds, f"{pixels / 1e6:.3g} million pixels of {counted(len(cameras), 'camera')}"
+
+
+def picture_seconds(whole: Tile, wavelength: float | None) -> float:
+    """Processor seconds of a picture: what is made once, and its pixels, from a few in its middle.
+
+    Parameters
+    ----------
+    whole
+        The picture as one tile.
+    wavelength
+        Of the waves that render it [m]; None: rays do.
+    """
+    rows, columns = (
+        (max(0, (size - _SIDE) // 2), min(size, (size + _SIDE) // 2)) for size in (whole.rows[1], whole.columns[1])
+    )
+    patch = replace(whole, rows=rows, columns=columns)
+    row = replace(patch, rows=(rows[0], rows[0] + 1))
+    expected_electrons(row)  # makes the texture and the surfaces
+    prepared = 0.0
+    if wavelength is not None:
+        waves = waves_of(whole.exposure, whole.scene, wavelength)
+        patch, row = replace(patch, waves=waves), replace(row, waves=waves)
+        # The one that its sampling error is estimated by.
+        finer = replace(row, samples=FINER * row.samples, waves=replace(waves, fineness=2 * waves.fineness))
+        prepared = seconds_of(lambda: (expected_electrons(row), expected_electrons(finer)))
+    share = whole.rows[1] * whole.columns[1] / (float(np.diff(rows)[0]) * float(np.diff(columns)[0]))
+    return prepared + share * seconds_of(lambda: expected_electrons(patch))
 
 
 def loop_work(definition: StudyDefinition, part: DepthLoopPart) -> tuple[float, str]:
@@ -58,31 +90,6 @@ def _pictured(definition: StudyDefinition) -> tuple[PictureSettings, tuple[float
     return scene.picture.settings(scene.wavelength), tuple(scene.distance_values())
 
 
-def pixels_of(camera: Camera, distance: float, settings: PictureSettings) -> int:
-    """Pixels of all pictures that a camera takes of a scene whose middle is at a distance [m]."""
-    exposures = camera.exposures(distance, {}, None, settings.stop_separation)
-    return sum(one.sensor.columns * one.sensor.rows for one in exposures)
-
-
-def rendering_seconds(camera: Camera, image: SceneImagePart, distance: float, settings: PictureSettings) -> float:
-    """Processor seconds of all pictures that a camera takes of a scene.
-
-    Parameters
-    ----------
-    camera
-        As it was designed.
-    image
-        The scene; its surfaces count, not their shapes: a rock takes from half to 1.2 times as long as a plane.
-    distance
-        Of its middle [m].
-    settings
-        Texture, light and sensor.
-    """
-    faces = sum(2 * one.treads - 1 if isinstance(one, StairsPart) else 1 for one in image.surfaces)
-    each = pixel_seconds(camera, distance, settings, image.samples)
-    return each * faces * pixels_of(camera, distance, settings)
-
-
 def loop_seconds(camera: DepthCamera, part: DepthLoopPart, settings: PictureSettings) -> float:
     """Processor seconds of a camera before all planes of a depth loop, in one texture and light."""
     geometry = camera.picture_geometry(np.array(part.distances))
@@ -93,7 +100,7 @@ def loop_seconds(camera: DepthCamera, part: DepthLoopPart, settings: PictureSett
     return pixels * pixel_seconds(camera, middle, settings, part.samples) * _READING
 
 
-def pixel_seconds(camera: Camera, distance: float, settings: PictureSettings, samples: int) -> float:
+def pixel_seconds(camera: DepthCamera, distance: float, settings: PictureSettings, samples: int) -> float:
     """Processor seconds of a pixel of a plane, in the middle of the first picture."""
     exposure = camera.exposures(distance, {}, None, settings.stop_separation)[0]
     sensor, texture = exposure.sensor, settings.texture

@@ -23,9 +23,9 @@ from tradestudy.study.definition import StudyDefinition
 _PATCHES: Final = 3  # along each side of a picture, where both models are rendered
 _SIDE: Final = 24  # pixels of a patch
 _SAMPLES: Final = 16  # so that what differs is the models
-# Of the trial, for a few places do not see all of a picture.
-_TEXTURE: Final = 1024  # samples after which the texture of a trial repeats itself
-_MARGIN: Final = 1.3
+TRIAL_TEXTURE: Final = 1024
+"""Samples after which the texture of a trial repeats itself, which a few places do not show."""
+_MARGIN: Final = 1.3  # of the trial, for a few places do not see all of a picture
 _MOST_WAVES: Final = 60.0  # of defocus, beyond which the spot of rays is hundreds of wavelengths wide
 
 
@@ -43,7 +43,7 @@ def picture_pieces(definition: StudyDefinition, forced: Models) -> Iterator[Scen
         For a scene that cannot be rendered.
     """
     image, picture = declared_image(definition)
-    scene, cameras = set_up(definition, rig="as-designed", texture_side=_TEXTURE)
+    scene, cameras = set_up(definition, rig="as-designed", texture_side=TRIAL_TEXTURE)
     recording = recording_of(image, picture)
     for taken in cameras:
         yield ScenePicturesPiece(
