@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
@@ -105,6 +106,16 @@ def test_the_matcher_is_written_as_a_study_takes_it(ran: tuple[api.Result, Path]
 def test_results_do_not_depend_on_who_computes_them(ran: tuple[api.Result, Path], tmp_path: Path) -> None:
     again = study(tmp_path).run(executor=Threads(2))
     xr.testing.assert_identical(again.data["depth_loop"].to_dataset(), ran[0].data["depth_loop"].to_dataset())
+
+
+def test_every_plane_is_among_the_conclusions(ran: tuple[api.Result, Path], measured: xr.Dataset) -> None:
+    planes = json.loads(json.dumps(ran[0].conclusions(), allow_nan=False))["measured"]
+    assert len(planes) == 6
+    for plane in planes:
+        assert (plane["camera"], plane["of"]) == ("Pair", "plane")
+        there = measured.sel(distance=plane["distance"], electrons=plane["electrons"]).squeeze()
+        for name in ("spread", "spread_error", "bias", "bias_error", "predicted", "filled"):
+            assert plane[name] == float(there[f"depth_{name}"])
 
 
 def test_the_report_compares_prediction_and_achievement(ran: tuple[api.Result, Path]) -> None:

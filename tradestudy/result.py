@@ -75,6 +75,10 @@ class Result:
         - ``questions``: the inverse ones, ``name``, ``says``, ``answer`` in words, first ``value`` with ``error`` in
           ``units`` (null where there is none) and how many ``solutions``.
         - ``trade_off``: by ``camera`` the share of the possible weights that rank it ``first``, and its ``error``.
+        - ``measured``: depth that each ``camera`` measured in pictures ``of`` the ``scene`` or of a ``plane`` (at its
+          ``distance`` [m], ``contrast`` and ``electrons``): ``spread`` and ``bias`` with the standard errors
+          ``spread_error`` and ``bias_error``, the ``predicted`` spread [m], and the share ``filled`` of the points that
+          it could measure.
         - ``rests_on``: the inputs that decide the answers, in words.
         - ``measure_first``: what to measure next, in words, empty where nothing says so; ``assumptions``: what knowing
           each is worth, the most valuable first: ``assumption``, ``between``, ``worth`` and its standard ``error``

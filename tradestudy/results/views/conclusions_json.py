@@ -10,6 +10,7 @@ import xarray as xr
 from tradestudy.results.views.conclusions import best_stretches, measure_first, rests_on, worths
 from tradestudy.results.views.designs import feasible_designs
 from tradestudy.results.views.groups import has, records
+from tradestudy.results.views.measured_depth import measured_numbers
 from tradestudy.results.views.requirement_conclusions import RequirementConclusion, requirement_conclusions
 from tradestudy.results.views.trade_off import candidates_by_rank
 
@@ -27,6 +28,10 @@ def conclusions_as_json(tree: xr.DataTree) -> dict[str, Any]:
         "questions": _questions_as_json(tree),
         "trade_off": [
             {"camera": one.title, "first": one.ranks[0], "error": one.first_error} for one in candidates_by_rank(tree)
+        ],
+        "measured": [
+            {key: value if isinstance(value, str) else _number(value) for key, value in one.items()}
+            for one in measured_numbers(tree)
         ],
         "rests_on": list(rests_on(tree)),
         "measure_first": measure_first(tree),

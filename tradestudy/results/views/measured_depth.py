@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
@@ -10,6 +11,22 @@ import xarray as xr
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
 from tradestudy.wording import listed
+
+_NUMBERS: Final = ("spread", "spread_error", "bias", "bias_error", "predicted", "filled")
+
+
+def measured_numbers(tree: xr.DataTree) -> list[dict[str, Any]]:
+    """What each camera measured in the pictures of the scene and before each plane; NaN where it measured nothing."""
+    found: list[dict[str, Any]] = []
+    titles = camera_titles(tree)
+    for name, camera in (("pictures", "mapped_camera"), ("depth_loop", "camera")):
+        if not has(tree, name, "depth_spread"):
+            continue
+        table = group(tree, name)[[f"depth_{number}" for number in _NUMBERS]].to_dataframe().reset_index()
+        for row in table.rename(columns=lambda column: str(column).removeprefix("depth_")).to_dict("records"):
+            values = {str(key): value for key, value in row.items() if key != camera}
+            found.append({"camera": titles[row[camera]], "of": "scene" if name == "pictures" else "plane", **values})
+    return found
 
 
 def measured_words(tree: xr.DataTree) -> tuple[str, ...]:
