@@ -118,10 +118,10 @@ class _Prediction:
         if self.definition.case.cameras:
             yield from self._depth()
         if file.scene is not None and file.scene.image is not None:
-            from tradestudy.plan.rendering_pilot import rendering_work
+            from tradestudy.plan.rendering_pilot import scene_work
 
-            seconds, work = rendering_work(self.definition)
-            yield PredictedStep(name="rendering", seconds=seconds, work=work)
+            for name, seconds, work in scene_work(self.definition):
+                yield PredictedStep(name=name, seconds=seconds, work=work)
         if file.depth_loop is not None:
             from tradestudy.plan.rendering_pilot import loop_work
 

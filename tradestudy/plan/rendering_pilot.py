@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
@@ -28,22 +29,30 @@ _SIDE: Final = 64  # pixels across and down that are rendered
 # A loop renders a trial first, and pictures of which a part shows what the estimator has two pictures of.
 _PIXELS_OF_A_LOOP: Final = 5.0  # for each that a window needs; 3.5 of a stereo rig, 6 of a raw plenoptic picture
 _READING: Final = 2.0  # times the rendering, with that
+_READING_OF_A_SCENE: Final = 1.3  # times rendering by rays; 0.2 for a stack, 1.5 for a raw plenoptic picture
 _PATTERN: Final = 512  # samples of a texture, whose size hardly matters for the time
 
 
-def rendering_work(definition: StudyDefinition) -> tuple[float, str]:
-    """Processor seconds of all pictures of the study's scene, by the models acting in it, and what is counted."""
+def scene_work(definition: StudyDefinition) -> Iterator[tuple[str, float, str]]:
+    """Steps of taking the study's scene by the models acting in it: name, processor seconds, what is counted."""
     image, picture = declared_image(definition)
     scene, cameras = set_up(definition, rig="as-designed", texture_side=TRIAL_TEXTURE)
     recording = recording_of(image, picture)
-    seconds, pixels = 0.0, 0
+    rendering, reading, pixels = 0.0, 0.0, 0
     for taken in cameras:
         pictures = whole_pictures(definition, image, scene, taken, recording)
+        by_rays = len(pictures) * picture_seconds(pictures[0], None)
         models = definition.models.get(name_of(taken.name), {})
-        wavelength = definition.case.wavelength if models.get("main_lens_diffraction", OFF) != OFF else None
-        seconds += len(pictures) * picture_seconds(pictures[0], wavelength)
+        if models.get("main_lens_diffraction", OFF) == OFF:
+            rendering += by_rays
+        else:
+            rendering += len(pictures) * picture_seconds(pictures[0], definition.case.wavelength)
+        reading += _READING_OF_A_SCENE * by_rays
         pixels += sum(one.rows[1] * one.columns[1] for one in pictures)
-    return seconds, f"{pixels / 1e6:.3g} million pixels of {counted(len(cameras), 'camera')}"
+    work = f"{pixels / 1e6:.3g} million pixels of {counted(len(cameras), 'camera')}"
+    yield "rendering", rendering, work
+    if image.depth_maps:
+        yield "depth maps", reading, work
 
 
 def picture_seconds(whole: Tile, wavelength: float | None) -> float:
