@@ -185,9 +185,7 @@ class TestExecutors:
         assert len(workers(tmp_path)) >= 2
 
     def test_a_point_that_kills_again_and_again_is_named(self, tmp_path: Path) -> None:
-        with pytest.raises(
-            DeadlyPointError, match=r"3 workers died .* of counting: number=3; what is finished is kept"
-        ):
+        with pytest.raises(DeadlyPointError, match=r"^3 .*counting.*: number=3; .*kept"):
             mapped(Processes(2), points(tmp_path, 6, p3="kills always"))
         assert times_computed(tmp_path)[3] == 3
 
@@ -235,8 +233,11 @@ class TestDask:
 
     @pytest.mark.parametrize("address", ["", "foo", "127.0.0.1:80", "http://a:1", "tcp://a", "tcp://a b:1"])
     def test_what_is_no_address_is_refused_at_once(self, address: str) -> None:
-        with pytest.raises(UnavailableError, match="cannot be the address of a Dask scheduler"):
+        with pytest.raises(UnavailableError) as refused:
             DaskCluster(address).check()
+        assert refused.value.value == repr(address)
+        assert "tcp://" in refused.value.limit
+        assert "scheduler" in refused.value.remedy
 
     def test_where_nothing_answers_is_refused_in_time(self) -> None:
         begin = time.monotonic()
@@ -449,7 +450,7 @@ class TestCommand:
             (("--threads", "-1"), "number of threads: -1 (allowed: 1 or more)"),
             (("--jobs", "2", "--dask", "tcp://127.0.0.1:9"), "these exclude each other: --jobs and --dask"),
             (("--jobs", "2", "--threads", "2"), "these exclude each other: --jobs and --threads"),
-            (("--dask", "foo"), "this cannot be the address of a Dask scheduler: 'foo'"),
+            (("--dask", "foo"), "not the address of a Dask scheduler: 'foo' (allowed: addresses such as tcp://"),
         ],
     )
     def test_impossible_workers_are_refused_before_anything_is_written(

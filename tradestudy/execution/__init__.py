@@ -1,4 +1,4 @@
-"""Independent points of a study, computed one after another, on threads, on processes or on a Dask cluster."""
+"""Compute the independent points of a study serially, on threads, on processes or on a Dask cluster."""
 
 from __future__ import annotations
 

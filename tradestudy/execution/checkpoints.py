@@ -1,4 +1,4 @@
-"""Finished points on disk, so that a run that ends early is taken up where it was."""
+"""Finished points on disk, so that an interrupted run resumes where it stopped."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from typing import Any, Final
 
 FOLDER: Final = ".unfinished"
 _SUFFIX: Final = ".points"
-_MARK: Final = bytes.fromhex("8f7470 6f696e74 0a")  # begins a record: no text begins so
+_MARK: Final = bytes.fromhex("8f7470 6f696e74 0a")  # starts a record; no text starts with these bytes
 _HEAD: Final = struct.Struct(f"<{len(_MARK)}s32sQ32s")  # mark, key, length of the content, checksum
-# What a value on disk may consist of, beside this package's dataclasses.
+# The numpy and built-in types that a value on disk may contain, besides this package's dataclasses.
 _NUMPY: Final = frozenset({"_reconstruct", "_frombuffer", "scalar", "ndarray", "dtype"})
 _BUILTINS: Final = frozenset({"complex", "set", "frozenset", "slice", "range"})
 
 
 class Checkpoints:
-    """Values of finished points in a hidden folder inside the output folder.
+    """Values of finished points, in a hidden folder inside the output folder.
 
-    Each run appends to a file of its own, one record as soon as a point is finished: key, length, SHA-256, value. A
-    record that is not whole, or whose checksum does not fit, is not there. Files of other runs are only read; those
-    that no living run holds are removed when a run has finished.
+    Each run appends to its own file, one record per finished point: key, length, SHA-256, value. Incomplete records
+    and records whose checksum does not match are ignored. A run only reads the files of other runs; once it finishes,
+    it removes those that no running process holds.
 
     Parameters
     ----------
     directory
-        The output folder; nothing is made in it before a point is finished.
+        The output folder; nothing is created in it until a point is finished.
     fresh
         Whether to remove what earlier runs left instead of reading it.
     """
@@ -53,50 +53,50 @@ class Checkpoints:
             self._index_all()
 
     def finished(self, keys: Sequence[bytes]) -> dict[int, Any]:
-        """Values of those keys that are there, by their place among the keys."""
+        """Values of the keys that are on disk, by their position among the keys."""
         values = {}
         for place, key in enumerate(keys):
             if key in self._index:
                 file, start, length = self._index[key]
                 file.seek(start)
-                with contextlib.suppress(UnpicklingError):  # nothing that a run has written
+                with contextlib.suppress(UnpicklingError):  # no run wrote this record
                     values[place] = _Unpickler(io.BytesIO(file.read(length))).load()
         return values
 
     def add(self, key: bytes, value: object) -> None:
-        """Put a value on disk at once."""
+        """Write a value to disk at once."""
         content = pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL)
         if self._own is None:
             self._own = self._begin()
         head = _HEAD.pack(_MARK, key, len(content), _checksum(key, content))
         rest = memoryview(head + content)
-        while rest:  # a disk that is nearly full takes a part, and refuses the next
+        while rest:  # a nearly full disk accepts a part and refuses the next
             rest = rest[self._own.write(rest) :]
 
     def close(self) -> None:
-        """Close the files; what is finished stays."""
+        """Close the files; finished points stay on disk."""
         for file in (*self._read, *(() if self._own is None else (self._own,))):
             file.close()
         self._own, self._read, self._index = None, [], {}
 
     def remove(self) -> None:
-        """Remove the folder, but for what other living runs write there."""
+        """Remove the folder, except files that other running processes write to."""
         self.close()
         for path in self._folder.glob(f"*{_SUFFIX}"):
             with contextlib.suppress(OSError), path.open("rb", buffering=0) as file:
                 if _held(file):
                     path.unlink()
-        with contextlib.suppress(OSError):  # not there, or another run's
+        with contextlib.suppress(OSError):  # the folder is missing, or still holds another run's file
             self._folder.rmdir()
 
     def _begin(self) -> FileIO:
-        """A file that no other run writes to, held against removal."""
+        """Create a file that no other run writes to, locked against removal."""
         while True:
             self._folder.mkdir(parents=True, exist_ok=True)
             with contextlib.suppress(FileNotFoundError):  # a run that has just finished removed the folder
                 file = FileIO(self._folder / f"{secrets.token_hex(8)}{_SUFFIX}", "xb")
                 _held(file)
-                if os.fstat(file.fileno()).st_nlink:  # it was not removed before it was held
+                if os.fstat(file.fileno()).st_nlink:  # nobody removed it before the lock was taken
                     return file
                 file.close()
 
@@ -104,13 +104,13 @@ class Checkpoints:
         for path in sorted(self._folder.glob(f"*{_SUFFIX}")):
             with contextlib.suppress(FileNotFoundError):
                 file = FileIO(path, "rb")
-                self._read.append(file)  # stays open: another run may remove its name
+                self._read.append(file)  # kept open: another run may remove its name
                 for key, start, length in _whole_records(file.readall()):
                     self._index[key] = file, start, length
 
 
 def _whole_records(content: bytes) -> Iterator[tuple[bytes, int, int]]:
-    """Key, start and length of the content of every record that its checksum confirms."""
+    """Key, start and length of the content of every record whose checksum matches."""
     place = content.find(_MARK)
     while 0 <= place <= len(content) - _HEAD.size:
         _, key, length, checksum = _HEAD.unpack_from(content, place)
@@ -118,7 +118,7 @@ def _whole_records(content: bytes) -> Iterator[tuple[bytes, int, int]]:
         if start + length <= len(content) and _checksum(key, content[start : start + length]) == checksum:
             yield key, start, length
             place = content.find(_MARK, start + length)
-        else:  # damaged: the length cannot be trusted either
+        else:  # damaged, so the length cannot be trusted either
             place = content.find(_MARK, place + 1)
 
 
@@ -127,9 +127,9 @@ def _checksum(key: bytes, content: bytes) -> bytes:
 
 
 def _held(file: FileIO) -> bool:
-    """Hold a file for as long as it is open; False where another run does."""
+    """Lock a file for as long as it is open; False if another run holds the lock."""
     if os.name != "posix":
-        return True  # nobody can remove an open file there
+        return True  # open files cannot be removed there
     import fcntl
 
     try:
@@ -140,9 +140,9 @@ def _held(file: FileIO) -> bool:
 
 
 class _Unpickler(pickle.Unpickler):
-    """Of this package's dataclasses, numpy's arrays and plain values alone: an output folder may come from a stranger.
+    """Loads only this package's dataclasses, numpy arrays and plain values: an output folder may come from a stranger.
 
-    Where the bytes ask for anything else, it raises `pickle.UnpicklingError`.
+    Anything else in the bytes raises `pickle.UnpicklingError`.
     """
 
     def find_class(self, module: str, name: str) -> Any:
@@ -154,4 +154,4 @@ class _Unpickler(pickle.Unpickler):
             found = getattr(importlib.import_module(module), name)
             if isinstance(found, type) and (is_dataclass(found) or issubclass(found, Enum)):
                 return found
-        raise pickle.UnpicklingError(f"{module}.{name} is no part of a result")
+        raise pickle.UnpicklingError(f"{module}.{name} is not allowed in a result")

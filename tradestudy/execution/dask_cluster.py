@@ -1,4 +1,4 @@
-"""Points on the workers of a Dask cluster that somebody has started."""
+"""Compute points on the workers of a running Dask cluster."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from tradestudy.execution.fingerprint import environment
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-# Checked here, since a client that cannot read its address neither starts nor ends.
+# Checked here because a client that cannot parse its address neither starts nor fails.
 _ADDRESS: Final = re.compile(r"(tcp|tls|ws|wss)://[^\s/:]+:\d{1,5}")
 _SAME_CODE: Final = "install the same tradestudy and libraries on every worker as here"
 _GRAIN: Final = 0.2
-"""Seconds of work that go to a worker at once, as sending a point takes 20 ms: one point, or as many cheap ones."""
-_LOOK_AGAIN: Final = 2.0  # s without a result until the cluster is looked at
-_WITHOUT_WORKERS: Final = 30.0  # s until a cluster that has lost all its workers is given up
+"""Seconds of work sent to a worker at once: one point, or several cheap ones, because sending takes 20 ms."""
+_LOOK_AGAIN: Final = 2.0  # s without a result before the cluster is checked
+_WITHOUT_WORKERS: Final = 30.0  # s without any worker before the cluster is given up
 
 
 class ClusterLostError(TradestudyError):
@@ -33,14 +33,14 @@ class ClusterLostError(TradestudyError):
 
 @dataclass(frozen=True)
 class DaskCluster:
-    """A Dask cluster by the address of its scheduler; its workers need this very version of the program.
+    """A Dask cluster, found by the address of its scheduler; its workers must run exactly this version of the program.
 
-    A worker that dies costs the points that it was computing; Dask gives them to others.
+    When a worker dies, Dask gives the points that it was computing to others.
 
     Parameters
     ----------
     address
-        Such as ``tcp://10.0.0.1:8786``.
+        Address of the scheduler, such as ``tcp://10.0.0.1:8786``.
     timeout
         Seconds to wait for the scheduler, and then for a worker.
     """
@@ -49,12 +49,12 @@ class DaskCluster:
     timeout: float = 5.0
 
     def check(self) -> None:
-        """See that the cluster answers and that its workers compute as this process does.
+        """Check that the cluster answers and that its workers run the same code as this process.
 
         Raises
         ------
         UnavailableError
-            Dask is not installed; the scheduler does not answer; it has no workers; a worker runs other code.
+            Dask is not installed, the scheduler does not answer, it has no workers, or a worker runs other code.
         """
         with self._connected():
             pass
@@ -62,12 +62,12 @@ class DaskCluster:
     def map_unordered(
         self, function: Callable[[Point], Value], points: Sequence[Point]
     ) -> Generator[tuple[int, Value | Raised], None, None]:
-        """As `Executor` says.
+        """See `Executor.map_unordered`.
 
         Raises
         ------
         ClusterLostError
-            The scheduler, or the last worker, went away.
+            The scheduler or the last worker went away.
         """
         if not points:
             return
@@ -87,8 +87,8 @@ class DaskCluster:
                 alone = bool(suspects) and not underway
                 if alone:
                     send([suspects.popleft()])
-                # No more than one chunk to a thread: results that wait on a worker would die with it, and Dask blames
-                # everything that a dead worker had, also what it had not begun.
+                # At most one chunk per thread: results waiting on a worker would die with it, and Dask blames every
+                # task that a dead worker held, even those it had not started.
                 while waiting and not (alone or suspects) and len(underway) < threads:
                     affordable = int(_GRAIN * computed / max(seconds, 1e-9))
                     size = max(1, min(affordable, math.ceil(len(waiting) / threads / 2)))
@@ -100,26 +100,26 @@ class DaskCluster:
                     except KilledWorker as killed:
                         if alone:
                             raise LostPointError(chunk[0], killed.allowed_failures + 1) from killed
-                        suspects.extend(chunk)  # of all that the dead workers had; computed alone to find the one
+                        suspects.extend(chunk)  # all that the dead workers held; each runs alone to find the culprit
                         continue
-                    except Exception as error:  # by the worker around the points, whose own errors are values
+                    except Exception as error:  # from the worker itself: the errors of points arrive as values
                         raise self._lost() if future.status != "error" else self._unable(error) from error
                     seconds, computed = seconds + took, computed + len(chunk)
                     yield from zip(chunk, outcomes, strict=True)
 
     @contextmanager
     def _connected(self) -> Iterator[Client]:
-        """Give a client of a cluster whose workers compute as this process does."""
+        """Yield a client of a cluster whose workers run the same code as this process."""
         try:
             from distributed import Client
         except ModuleNotFoundError as error:
             raise UnavailableError("Dask is not installed", remedy="pip install 'tradestudy[dask]'") from error
         if not _ADDRESS.fullmatch(self.address):
             raise UnavailableError(
-                "this cannot be the address of a Dask scheduler",
+                "not the address of a Dask scheduler",
                 value=repr(self.address),
-                limit="such as tcp://10.0.0.1:8786",
-                remedy="a scheduler says its own when it starts",
+                limit="addresses such as tcp://10.0.0.1:8786",
+                remedy="use the address that the scheduler prints when it starts",
             )
         try:
             client = Client(self.address, timeout=self.timeout, set_as_default=False)
@@ -154,11 +154,11 @@ class DaskCluster:
             ]
             if differing:
                 raise UnavailableError(
-                    f"the Dask worker {worker} computes with other code", value="; ".join(differing), remedy=_SAME_CODE
+                    f"the Dask worker {worker} runs other code", value="; ".join(differing), remedy=_SAME_CODE
                 )
 
     def _done(self, client: Client, underway: Iterable[Future[Any]]) -> Iterable[Future[Any]]:
-        """Wait for points that are done, unless the cluster is."""
+        """Wait until points are done; raise if the cluster is lost meanwhile."""
         from distributed import wait
 
         with_workers = time.monotonic()
@@ -169,7 +169,7 @@ class DaskCluster:
             except TimeoutError:  # look at the cluster
                 if self._has_workers(client):
                     with_workers = time.monotonic()
-            except Exception as error:  # futures are cancelled where the scheduler is gone
+            except Exception as error:  # futures are cancelled when the scheduler goes away
                 raise self._lost() from error
             else:
                 done: set[Future[Any]] = found.done
@@ -179,12 +179,12 @@ class DaskCluster:
     def _has_workers(self, client: Client) -> bool:
         try:
             return bool(client.nthreads())
-        except Exception as error:  # whatever the client says where its scheduler is gone
+        except Exception as error:  # whatever the client raises when its scheduler is gone
             raise self._lost() from error
 
     def _lost(self) -> ClusterLostError:
         return ClusterLostError(
-            "the Dask cluster was lost", value=self.address, remedy="what is finished is kept; run again"
+            "the Dask cluster was lost", value=self.address, remedy="run again; finished points are kept"
         )
 
     def _unable(self, error: Exception) -> UnavailableError:
@@ -196,9 +196,9 @@ class DaskCluster:
 def _compute(
     function: Callable[[Point], Value], points: Sequence[Point], expected: dict[str, str]
 ) -> tuple[float, list[Value | Raised]]:
-    """Seconds and values of a chunk on a worker, which may have joined after the others were checked."""
+    """Compute a chunk on a worker; return seconds and values. The worker may have joined after the others' check."""
     if environment() != expected:
-        raise RuntimeError(f"other code than that of the run: {environment()}, not {expected}")
+        raise RuntimeError(f"the worker runs other code than the run: {environment()}, not {expected}")
     begin = time.perf_counter()
     outcomes = [attempt(function, point) for point in points]
     return time.perf_counter() - begin, outcomes

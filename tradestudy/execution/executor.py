@@ -1,4 +1,4 @@
-"""What computes points: any of several ways, all of which give the same bits; the simplest ones stand here."""
+"""The interface of everything that computes points, and its two simplest forms; all give the same bits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Value = TypeVar("Value")
 
 @dataclass(frozen=True)
 class Raised:
-    """An error on its way to whoever asked; its traceback travels as a note, for ``--debug``."""
+    """An error on its way to the caller; its traceback travels as a note, for ``--debug``."""
 
     error: Exception
 
@@ -28,16 +28,16 @@ class Raised:
 
 
 def _raised_elsewhere(kind: type[Exception], arguments: tuple[Any, ...], state: dict[str, Any], trace: str) -> Raised:
-    # Not through the constructor: those of this package take keywords, which the standard way of exceptions drops.
+    # Bypass the constructor: this package's errors take keywords, which the standard pickling of exceptions drops.
     error = kind.__new__(kind, *arguments)
     error.args = arguments
     error.__dict__.update(state)
-    error.add_note(f"where it was computed:\n{trace}")
+    error.add_note(f"raised in a worker:\n{trace}")
     return Raised(error)
 
 
 def attempt(function: Callable[[Point], Value], point: Point) -> Value | Raised:
-    """Compute one point."""
+    """Compute one point; return its error instead of raising it."""
     try:
         return function(point)
     except Exception as error:
@@ -45,38 +45,38 @@ def attempt(function: Callable[[Point], Value], point: Point) -> Value | Raised:
 
 
 class Executor(Protocol):
-    """Where points are computed."""
+    """Computes points."""
 
     def map_unordered(
         self, function: Callable[[Point], Value], points: Sequence[Point]
     ) -> Generator[tuple[int, Value | Raised], None, None]:
-        """Compute every point once, and give its place in ``points`` with its value as soon as it is there.
+        """Compute every point once, and yield its index in ``points`` with its value as soon as it is done.
 
         Parameters
         ----------
         function
-            A function of a module, without random state of its own; it is named, not sent, to other processes.
+            A module-level function without random state of its own; other processes import it by name.
         points
-            Its arguments; they are pickled for other processes.
+            Its arguments, which are pickled for other processes.
 
         Raises
         ------
         LostPointError
-            Workers died over one point again and again.
+            Workers died repeatedly over one point.
         UnavailableError
-            There is nothing to compute with.
+            The means of computing is missing.
         """
         ...
 
 
 class UnavailableError(TradestudyError):
-    """What was asked to compute the points cannot be reached, or cannot be used."""
+    """The requested workers cannot be reached or used."""
 
     exit_status = 2
 
 
 class LostPointError(Exception):
-    """Workers died over one point; ``index`` is its place among the points."""
+    """Workers died over one point; ``index`` is its position among the points."""
 
     def __init__(self, index: int, deaths: int) -> None:
         super().__init__(index, deaths)
@@ -85,23 +85,23 @@ class LostPointError(Exception):
 
 @dataclass(frozen=True)
 class Serial:
-    """One point after another, here."""
+    """Computes one point after another in this thread."""
 
     def map_unordered(
         self, function: Callable[[Point], Value], points: Sequence[Point]
     ) -> Generator[tuple[int, Value | Raised], None, None]:
-        """As `Executor` says."""
+        """See `Executor.map_unordered`."""
         for index, point in enumerate(points):
             yield index, attempt(function, point)
 
 
 def refuse_fewer_than_one(count: int, what: str) -> None:
-    """Workers are counted from one.
+    """Refuse a number of workers below one.
 
     Raises
     ------
     OutOfRangeError
-        For fewer.
+        The count is below one.
     """
     if count < 1:
         raise OutOfRangeError(what, value=str(count), limit="1 or more", remedy="leave it out to compute serially")
@@ -109,7 +109,7 @@ def refuse_fewer_than_one(count: int, what: str) -> None:
 
 @dataclass(frozen=True)
 class Threads:
-    """Threads of this process: they cost nothing to start, and share its memory and its interpreter.
+    """Threads of this process, which start at no cost and share its memory and its interpreter.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ class Threads:
     def map_unordered(
         self, function: Callable[[Point], Value], points: Sequence[Point]
     ) -> Generator[tuple[int, Value | Raised], None, None]:
-        """As `Executor` says."""
+        """See `Executor.map_unordered`."""
         waiting = deque(enumerate(points))
         done: SimpleQueue[tuple[int, Value | Raised]] = SimpleQueue()
 
@@ -137,7 +137,7 @@ class Threads:
                     return
                 done.put((index, attempt(function, point)))
 
-        # Daemons of our own: those of the standard library would finish their points before an interrupted run ends.
+        # Our own daemon threads: the standard pool would finish its points before an interrupted run could end.
         for _ in range(min(self.count, len(points))):
             Thread(target=work, daemon=True).start()
         try:

@@ -1,4 +1,4 @@
-"""What the bits of a value depend on: what its point says, whatever shares memory with what, the code and libraries."""
+"""Hashes of all that the bits of a value depend on: the content of its point, the code and the libraries."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _COMPUTING = ("numpy", "scipy", "finufft", "emcee", "arviz-stats")
 
 
 def fingerprint(*values: object) -> bytes:
-    """SHA-256 of numbers, texts, arrays, mappings in their order, lists, dataclasses, functions and classes of modules.
+    """SHA-256 of numbers, strings, arrays, ordered mappings, lists, dataclasses, module-level functions and classes.
 
-    Pickles would not do: their bytes depend on which parts are one object, and on the order of sets.
+    Pickles do not serve: their bytes depend on which parts are the same object, and on the order of sets.
 
     Raises
     ------
     TypeError
-        For anything else: what cannot be told apart must not be confused.
+        For any other value: values that cannot be told apart must not be confused.
     """
     parts: list[bytes] = []
     _tell(values, parts)
@@ -68,7 +68,7 @@ def _tell(value: Any, parts: list[bytes]) -> None:
 
 
 def _inside(value: Any) -> list[Any] | None:
-    """What an object consists of; None where that is not known."""
+    """The parts that an object consists of; None if they are unknown."""
     names = _fields_of(value.__class__)
     if names is not None:
         return [getattr(value, name) for name in names]
@@ -94,7 +94,7 @@ def _name(what: type | FunctionType) -> str:
 
 @cache
 def environment() -> dict[str, str]:
-    """Hash of this package's sources, and the versions of Python and of the libraries that numbers come from."""
+    """Hash of this package's sources, and the versions of Python and of the libraries that compute numbers."""
     return {
         "tradestudy": code_hash(),
         "python": platform.python_version(),

@@ -1,4 +1,4 @@
-"""Points on processes of this machine, which may die without taking more than their own point with them."""
+"""Compute points on processes of this machine; a process that dies takes only its current point with it."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from tradestudy.execution.executor import (
 )
 
 MOST_DEATHS: Final = 3
-"""Workers that may die over one point before the run gives it up."""
-_BEGINNING: Final = -1  # the place of no point: the worker is being started
+"""Workers that may die over one point before the run gives up on it."""
+_BEGINNING: Final = -1  # index of no point: the worker is starting
 _NO_COMPLAINT: Final = "ignore:resource_tracker"
 
 
 @dataclass(frozen=True)
 class Processes:
-    """Worker processes, each with an interpreter of its own; one that dies is replaced.
+    """Worker processes, each with its own interpreter; one that dies is replaced.
 
-    They are started anew (not forked, which would copy locks that other threads hold), so a script that asks for them
-    needs the usual ``if __name__ == "__main__":`` around what it does.
+    They are spawned, not forked (a fork would copy locks that other threads hold), so a script that uses them
+    needs the usual ``if __name__ == "__main__":`` guard.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Processes:
     def map_unordered(
         self, function: Callable[[Point], Value], points: Sequence[Point]
     ) -> Generator[tuple[int, Value | Raised], None, None]:
-        """As `Executor` says; a worker has one point at a time, so a death costs the one point that it interrupts."""
+        """See `Executor.map_unordered`; a worker holds one point at a time, so a death costs only that point."""
         waiting = deque(range(len(points)))
         deaths: Counter[int] = Counter()
         pools: list[ProcessPoolExecutor] = []
@@ -62,7 +62,7 @@ class Processes:
 
         def start() -> None:
             with _started_quietly():
-                # Of one process: a death breaks the whole pool, and does not tell over which of its points.
+                # One process per pool: a death breaks the whole pool without saying which point caused it.
                 pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _end_with, (watched,))
                 pools.append(pool)
                 underway[pool.submit(os.getpid)] = pool, _BEGINNING
@@ -87,8 +87,8 @@ class Processes:
                     except BrokenProcessPool:
                         if index == _BEGINNING:
                             raise UnavailableError(
-                                "a worker process died before it could begin",
-                                remedy="compute serially; a script that asks for processes needs "
+                                "a worker process died before it could start",
+                                remedy="compute serially; a script that uses processes needs "
                                 "'if __name__ == \"__main__\":'",
                             ) from None
                         deaths[index] += 1
@@ -97,22 +97,22 @@ class Processes:
                         waiting.appendleft(index)
                         start()
                         continue
-                    except Exception as error:  # not of the point, whose errors are values
+                    except Exception as error:  # not from the point: its errors arrive as values
                         outcome = Raised(TypeError(f"the value of a point cannot be sent: {error}"))
-                    employ(pool)  # before the result is handed on: no worker waits for whoever takes it
+                    employ(pool)  # before the result is yielded, so that no worker waits for the consumer
                     if index != _BEGINNING:
                         yield index, outcome
         finally:
-            run.close()  # ends the workers, whatever they are at
+            run.close()  # ends the workers at once
             for pool in pools:
                 pool.shutdown()
 
 
 @contextmanager
 def _started_quietly() -> Iterator[None]:
-    """Nothing that is started here sees Ctrl-C, which a terminal sends to all: the run ends its workers itself.
+    """Block Ctrl-C for processes started here: a terminal sends it to all of them, but the run ends its own workers.
 
-    Nor does the tracker of semaphores complain that a run which was killed has left it some to remove.
+    Also keep the semaphore tracker from complaining when it cleans up after a killed run.
     """
     if os.name != "posix":
         yield
@@ -127,7 +127,7 @@ def _started_quietly() -> Iterator[None]:
 
 
 def _end_with(watched: Connection) -> None:
-    """Have a worker end itself as soon as its run closes the other end of the pipe, or is killed."""
+    """End this worker as soon as its run closes the other end of the pipe or is killed."""
 
     def watch() -> None:
         with suppress(EOFError):

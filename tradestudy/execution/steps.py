@@ -1,4 +1,4 @@
-"""Long independent work of a study: taken up, spread over workers, kept as it finishes; how far it is, and how long."""
+"""Long steps of a study made of independent points: resumed, spread over workers, saved and timed."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ from tradestudy.execution.fingerprint import environment, fingerprint
 
 _GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
 
-# Called with the name of a step and the share of it that is done, 0 … 1.
+# Called with the name of a step and the share of it that is done, from 0 to 1.
 Progress = Callable[[str, float], None]
 
 
-# Wall seconds by the name of what took them; for run.json, never for results, which two equal runs must share.
+# Wall seconds by name of the task; for run.json, never for results, which must be equal for equal runs.
 Seconds = MutableMapping[str, float]
 
 
 @contextmanager
 def timed(seconds: Seconds, name: str) -> Iterator[None]:
-    """Add the wall time of a block under a name."""
+    """Add the wall time of a block under this name."""
     begin = time.perf_counter()
     yield
     seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - begin
 
 
 def mixed(count: int) -> list[int]:
-    """An order of so many points in which every part of them comes up early, so that shares of points are of time.
+    """Order so many points so that any first share of them takes about the same share of the time.
 
-    By the golden ratio: neighbours often take alike, and those that are computed first lie evenly among all.
+    The golden ratio spreads them: neighbours often take equally long, and the first ones lie evenly among all.
     """
     return sorted(range(count), key=lambda k: k * _GOLDEN % 1.0)
 
 
 class DeadlyPointError(TradestudyError):
-    """Workers died over one point of the study again and again."""
+    """Workers died repeatedly over one point of the study."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,13 +51,13 @@ class Steps:
     Parameters
     ----------
     executor
-        Where.
+        What computes the points.
     checkpoints
-        Where finished points are kept and looked for; None keeps nothing.
+        Where finished points are saved and looked up; None saves nothing.
     progress
-        Called with the name of a step and the share of it done.
+        Called with the name of a step and the share of it that is done.
     counts
-        Takes, for each step, how many points were computed and how many were taken up from an earlier run.
+        Receives, for each step, how many points were computed and how many were taken from an earlier run.
     """
 
     executor: Executor = field(default_factory=Serial)
@@ -73,27 +73,27 @@ class Steps:
         labels: Sequence[str],
         efforts: Sequence[float] = (),
     ) -> list[Value]:
-        """Values of a function at points, in their order.
+        """Values of a function at points, in the order of the points.
 
         Parameters
         ----------
         step
-            Name of the work, for progress and record.
+            Name of the step, for progress and record.
         function
-            A function of a module; its value at a point depends on nothing but the point.
+            A module-level function whose value at a point depends on the point alone.
         points
-            Its arguments; what they say, and the code, is the key under which a value is kept.
+            Its arguments; their content, with the code, is the key under which a value is saved.
         labels
-            What a person calls each point.
+            Names of the points for people.
         efforts
-            Relative work of each point, which shares of progress are of; none: all are alike.
+            Relative work of each point, from which progress is computed; equal if empty.
 
         Raises
         ------
         DeadlyPointError
-            Workers died over one point again and again; named by its label.
+            Workers died repeatedly over one point; its label is given.
         Exception
-            What the first of the points that fail raises; all before it are finished then.
+            The error of the first point that fails; all points before it are finished then.
         """
         values: dict[int, Any] = {}
         keys: list[bytes] = []
@@ -103,14 +103,14 @@ class Steps:
             values = self.checkpoints.finished(keys)
         taken = len(values)
         missing = [i for i in range(len(points)) if i not in values]
-        executor = self.executor if len(missing) > 1 else Serial()  # one point alone is nothing to spread
+        executor = self.executor if len(missing) > 1 else Serial()  # a single point needs no workers
         failed: dict[int, Exception] = {}
         work = efforts or [1.0] * len(points)
 
-        def tell() -> None:
+        def report() -> None:
             self.progress(step, math.fsum(work[i] for i in values) / max(math.fsum(work), 1.0))
 
-        tell()
+        report()
         try:
             with closing(executor.map_unordered(function, [points[i] for i in missing])) as found:
                 for number, outcome in found:
@@ -121,14 +121,14 @@ class Steps:
                         values[place] = outcome
                         if self.checkpoints is not None:
                             self.checkpoints.add(keys[place], outcome)
-                        tell()
+                        report()
                     if failed and all(i in values for i in missing if i < min(failed)):
                         raise failed[min(failed)]
         except LostPointError as lost:
             raise DeadlyPointError(
-                f"{lost.deaths} workers died one after another over one point of {step}",
+                f"{lost.deaths} workers died one after another over the same point of the step '{step}'",
                 value=labels[missing[lost.index]],
-                remedy="what is finished is kept; look for what ends them, such as too little memory",
+                remedy="finished points are kept; find out what ends the workers, such as too little memory",
             ) from lost
         finally:
             self.counts[step] = {"computed": len(values) - taken, "taken up": taken}

@@ -1,4 +1,4 @@
-"""How long a run will still take: what it has done so far, and what was predicted of what is to come."""
+"""Predict how long a run will still take, from its progress so far and the predicted times of its steps."""
 
 from __future__ import annotations
 
@@ -7,18 +7,19 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Final
 
-_TELLS: Final = 0.1  # share of a step from which on its own pace says more than its prediction
+_TELLS: Final = 0.1  # share of a step after which its own pace predicts better than its prediction
 
 
 class TimeLeft:
-    """Hears of the progress of a run; a step takes for the rest of it as long as for what it has done of it.
+    """Follows the progress of a run and extrapolates the pace of the running step.
 
-    Steps to come, and one that has hardly begun, take what was predicted, times how far off the steps before were.
+    Steps to come, and a step that has hardly begun, are taken to need their predicted time, scaled by how far off the
+    predictions of the finished steps were.
 
     Parameters
     ----------
     clock
-        Seconds since any moment.
+        Returns seconds since a fixed moment.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -30,11 +31,11 @@ class TimeLeft:
         self._took: dict[str, float] = {}
 
     def expect(self, predicted: Mapping[str, float]) -> None:
-        """Predicted seconds of steps, in the order of the run."""
+        """Set the predicted seconds of the steps, in the order of the run."""
         self.predicted = dict(predicted)
 
     def __call__(self, step: str, share: float) -> None:
-        """Hear that a share of a step is done, 0 … 1; a step that was taken up begins with more than none."""
+        """Note that a share of a step is done, from 0 to 1; a resumed step starts above 0."""
         now = self.clock()
         if step != self._step:
             if self._step:
@@ -44,7 +45,7 @@ class TimeLeft:
 
     @property
     def of_step(self) -> float:
-        """Seconds that are left of the running step; NaN where nothing says how many."""
+        """Seconds left of the running step; NaN if neither its pace nor a prediction is known."""
         if self._share >= 1.0:
             return 0.0
         since = self.clock() - self._told
@@ -58,7 +59,7 @@ class TimeLeft:
 
     @property
     def of_run(self) -> float:
-        """Seconds that are left of the run."""
+        """Seconds left of the run."""
         names = list(self.predicted)
         to_come = names[names.index(self._step) + 1 :] if self._step in names else []
         left = self.of_step
@@ -66,7 +67,7 @@ class TimeLeft:
 
     @property
     def _off(self) -> float:
-        """How much longer the finished steps took than predicted."""
+        """Ratio of the measured to the predicted time of the finished steps."""
         finished = [name for name in self._took if name in self.predicted]
         predicted = math.fsum(self.predicted[name] for name in finished)
         return math.fsum(self._took[name] for name in finished) / predicted if predicted > 0.0 else 1.0
