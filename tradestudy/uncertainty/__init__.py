@@ -1,7 +1,7 @@
-"""Distributions, and what they make of anything computed from them.
+"""Distributions, and their propagation through anything computed from them.
 
 `propagate_through` takes any function and any of the distributions here; cameras and studies propagate their own errors
-by the same draws.
+by the same method.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    # Whoever imports one of the modules below does not pay for the others.
+    # Importing one of the modules below does not load the others.
     if name in __all__:
         module = "any_function" if name in ("Spread", "propagate_through") else "distributions"
         return getattr(importlib.import_module(f"tradestudy.uncertainty.{module}"), name)

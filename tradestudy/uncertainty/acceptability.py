@@ -1,4 +1,4 @@
-"""Which alternative ranks where, and under which weights it comes first: stochastic multicriteria acceptability."""
+"""Stochastic multicriteria acceptability: the ranks of alternatives over weights, and the weights that favour each."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from tradestudy.uncertainty.value_scale import ValueScale
 from tradestudy.uncertainty.weights import WeightSpace
 
 _DRAWS, _SCRAMBLES = 2**11, 16
-_EQUAL: Final = 1e-12  # of the scale of values: what differs by less is tied
+_EQUAL: Final = 1e-12  # of the scale of values; smaller differences are ties
 
 
 @dataclass(frozen=True, kw_only=True)
 class Acceptability:
-    """Ranks over all weights that are possible.
+    """Ranks over all possible weights.
 
     Parameters
     ----------
     rank, rank_error
         Share of the weights that give an alternative a rank, b_i^r, and its standard error; shape (alternatives,
-        ranks). Alternatives that are tied share their ranks.
+        ranks). Tied alternatives share their ranks.
     central, central_error
-        Mean of the weights that rank an alternative first, and its standard error; shape (alternatives, criteria),
-        NaN for one that is never first, or in too few draws to tell the error.
+        Mean of the weights that rank an alternative first, and its standard error; shape (alternatives, criteria).
+        NaN if it is never first, or first in too few draws to estimate the error.
     mean
         Mean of all weights.
     draws
-        Sets of weights.
+        Number of sets of weights.
     """
 
     rank: FloatArray
@@ -47,7 +47,7 @@ class Acceptability:
 def acceptability(
     measured: FloatArray, errors: FloatArray, scales: tuple[ValueScale, ...], weights: WeightSpace, *, seed: int
 ) -> Acceptability:
-    """Rank alternatives by Σ_j w_j v_j(x_ij) over weights, and over the errors of what is measured.
+    """Rank alternatives by Σ_j w_j v_j(x_ij), over the weights and over the errors of the criteria.
 
     Parameters
     ----------
@@ -56,15 +56,15 @@ def acceptability(
     scales
         v_j.
     weights
-        All that are possible, equally likely.
+        The possible weights, all equally likely.
     seed
-        Of the study.
+        Seed of the study.
 
     Returns
     -------
     Acceptability
-        Standard errors are those of independent scrambles of Sobol points; a share is never said to be known better
-        than to one draw. Without anything uncertain the ranks are exact.
+        Standard errors come from independent scrambles of Sobol points and are at least one draw for a share. If
+        nothing is uncertain, the ranks are exact.
 
     References
     ----------
@@ -79,7 +79,7 @@ def acceptability(
     exact = dimensions == 0
     found = rank.mean(axis=0)
     error = np.zeros(found.shape) if exact else np.maximum(_standard_error(rank), 1.0 / draws)
-    with np.errstate(invalid="ignore", divide="ignore"):  # an alternative that is never first has none
+    with np.errstate(invalid="ignore", divide="ignore"):  # no central weights for an alternative that is never first
         central = sums.sum(axis=0) / first.sum(axis=0)[:, np.newaxis]
         residual = (sums - central * first[..., np.newaxis]) / first.mean(axis=0)[:, np.newaxis]
     central_error = np.zeros(central.shape) if exact else _standard_error(residual)
@@ -111,7 +111,7 @@ def _scrambles(
     dimensions: int,
     seed: int,
 ) -> Iterator[_Scramble]:
-    """Of each scramble: shares of ranks, shares of first ranks, sums of weights with these, mean weight, draws."""
+    """For each scramble: shares of ranks, shares of first ranks, sums of weights with these, mean weight, draws."""
     for replicate in range(_SCRAMBLES):
         stream = scrambled_sobol(dimensions, point_generator(seed=seed, point="trade-off", replicate=replicate))
         drawn, others = weights.draw(stream, _DRAWS)
@@ -122,7 +122,7 @@ def _scrambles(
         worth = np.stack([scale.value(values[:, j]) for j, scale in enumerate(scales)], axis=1)
         shares = rank_shares(np.einsum("ijk,jk->ki", worth, drawn))
         first = shares[0]
-        # Divided by the draws of a scramble, so that scrambles with a few draws more count alike.
+        # Divided by the draws of a scramble, so that scrambles count equally despite a few extra draws.
         sums = np.einsum("ki,jk->ij", first, drawn) / count
         yield (
             np.stack([one.mean(axis=0) for one in shares], axis=1),
@@ -134,7 +134,7 @@ def _scrambles(
 
 
 def rank_shares(worth: FloatArray) -> list[FloatArray]:
-    """For each rank the share that every alternative has of it in every draw: 1, 0, or less than 1 where it is tied.
+    """For each rank, the share that every alternative has of it in every draw: 1 or 0, or a fraction in a tie.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def rank_shares(worth: FloatArray) -> list[FloatArray]:
     order = np.argsort(-worth, axis=1, kind="stable")
     ordered = np.take_along_axis(worth, order, axis=1)
     count = worth.shape[1]
-    # Where a new worth begins; all alternatives up to the next such place are tied.
+    # Where a new worth begins; all alternatives up to the next such index are tied.
     begins = np.ones(worth.shape, dtype=bool)
     begins[:, 1:] = ordered[:, :-1] - ordered[:, 1:] > _EQUAL
     place = np.arange(count)

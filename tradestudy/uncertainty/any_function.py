@@ -30,22 +30,23 @@ Function = Callable[..., ArrayLike]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spread:
-    """What uncertain inputs make of the outputs of a function; arrays have the shape of one output.
+    """Distribution of a function's outputs for uncertain inputs; arrays have the shape of one output.
 
     Parameters
     ----------
     coverage
         Probabilities of the intervals.
     median, standard_deviation
-        In the unit of the output; the standard deviation may not exist, and then grows with the draws.
+        In the unit of the output; a standard deviation that does not exist grows with the draws.
     low, high
-        Ends of the central intervals, the probability outside shared by both sides, shape (coverages, …).
+        Ends of the central intervals, with equal probability outside on both sides; shape (coverages, …).
     error
-        Standard error of either end, shape (coverages, …): the larger one, from the scatter of independent replicates.
+        Standard error of the ends, shape (coverages, …): the larger of both, from the scatter of independent
+        replicates.
     draws
-        Evaluations in all.
+        Total number of evaluations.
     converged
-        Whether every end is known to the tolerance at 95 % confidence.
+        Whether every end is within the tolerance at 95 % confidence.
     values
         The outputs of all draws, shape (…, draws).
     """
@@ -76,10 +77,10 @@ def propagate_through(
     most_draws: int = 2**22,
     seed: int = 0,
 ) -> Spread:
-    """Propagate distributions through a function by Monte Carlo, as JCGM 101:2008 does, until the intervals are known.
+    """Propagate distributions through a function by Monte Carlo (JCGM 101:2008) until the intervals have converged.
 
-    Draws are scrambled Sobol points in sixteen independent replicates, whose scatter gives the errors; they double
-    until every end of every interval is known to the tolerance at 95 % confidence, or the draws are spent.
+    Draws are scrambled Sobol points in sixteen independent replicates, whose scatter gives the errors. They double
+    until every end of every interval is within the tolerance at 95 % confidence, or the draws are used up.
 
     Parameters
     ----------
@@ -88,15 +89,15 @@ def propagate_through(
     inputs
         A distribution for each argument, such as ``Normal(mean=…, standard_deviation=…)``, ``Uniform(low=…, high=…)``.
     correlation
-        Of the normal scores of pairs of inputs (a Gaussian copula; for normal inputs, their correlation).
+        Correlations of the normal scores of pairs of inputs (a Gaussian copula; for normal inputs, their correlation).
     coverage
         Probabilities of the central intervals, each between 0 and 1.
     tolerance
-        Error of an end over half the width of its interval.
+        Allowed error of an end, relative to half the width of its interval.
     most_draws
-        At most so many evaluations.
+        Largest number of evaluations.
     seed
-        Of the draws, ≥ 0: the same seed gives the same numbers.
+        Seed of the draws, ≥ 0: the same seed gives the same numbers.
 
     Returns
     -------
@@ -106,12 +107,12 @@ def propagate_through(
     Raises
     ------
     OutOfRangeError
-        For a coverage, tolerance or number of draws outside its range, correlations of unknown inputs or that no
-        distribution can have, and where the function returns the wrong shape or values that are not finite.
+        A coverage, tolerance or number of draws is outside its range; correlations name unknown inputs or belong to no
+        distribution; or the function returns the wrong shape or non-finite values.
 
     Examples
     --------
-    A length from its parts, to 99 %:
+    A length from its parts, with 99 % coverage:
 
     >>> from tradestudy.uncertainty import Normal, Uniform, propagate_through
     >>> found = propagate_through(
@@ -177,7 +178,7 @@ def _require(coverage: Sequence[float], tolerance: float, most_draws: int, seed:
 def _sources(inputs: Mapping[str, Distribution], correlation: Mapping[tuple[str, str], float]) -> Sources:
     names = tuple(inputs)
     if unknown := sorted({name for pair in correlation for name in pair} - set(names)):
-        raise OutOfRangeError("there is no input of this name", value=", ".join(unknown), limit=", ".join(names))
+        raise OutOfRangeError("a correlation names an unknown input", value=", ".join(unknown), limit=", ".join(names))
     if not correlation:
         own = [Source(name=name, distribution=one, error_class=ErrorClass.RIG) for name, one in inputs.items()]
         return Sources(groups=tuple(own))
@@ -204,16 +205,16 @@ def _model(function: Function, shape: tuple[int, ...]) -> Model:
         found = np.asarray(function(**given), dtype=np.float64)
         if found.shape != (draws, *shape):
             raise OutOfRangeError(
-                "the function returns an array of another shape",
+                "the function returned an array of another shape than expected",
                 value=str(found.shape),
                 limit=str((draws, *shape)),
                 remedy="compute one value, or one array, for every draw",
             )
         if not np.isfinite(found).all():
             raise OutOfRangeError(
-                "the function returns values that are not finite",
+                "the function returned non-finite values",
                 value=f"{np.mean(~np.isfinite(found)):.2g} of {found.size}",
-                remedy="limit the distributions to inputs for which it is defined",
+                remedy="limit the distributions to inputs for which the function is defined",
             )
         return Outcome(values=found.reshape(draws, -1))
 

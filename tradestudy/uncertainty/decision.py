@@ -93,16 +93,16 @@ def rank_probability(
 ) -> RankProbability:
     """Probability that |depth error| of one camera is smaller than that of the other.
 
-    With only the calibration classes of sources active this is the probability over calibrations. A draw
-    without a result loses against one with a result; so does one at infinity against a finite one.
+    With only the calibration classes of sources active, this is the probability over calibrations. A draw
+    without a result loses against one with a result, and an infinite depth against a finite one.
 
     Parameters
     ----------
     first, second : Model
         Models of inverse depth at the compared distances, outputs (draws, distances).
     sources : Sources
-        The sources of both cameras together; what both share (temperature) is one source that both models
-        read.
+        The sources of both cameras together; a shared source (such as temperature) appears once, and both models
+        read it.
     true_depth : array, shape (distances,)
         True depth [m].
     draws : Draws

@@ -1,7 +1,7 @@
 """Distributions of single errors: quantile function, mean and standard deviation where they exist.
 
-All sampling goes through the quantile function, so that quasi-random points keep their evenness. scipy is imported
-where it is called: a study is checked without it.
+All sampling goes through the quantile function, which preserves the evenness of quasi-random points. scipy is imported
+inside functions, so that checking a study does not load it.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ FloatArray = NDArray[np.float64]
 
 
 def at_scores(distribution: Distribution, scores: FloatArray) -> FloatArray:
-    """Map standard normal scores z to draws: x = Q(Φ(z)), without the detour for a normal distribution.
+    """Map standard normal scores z to draws: x = Q(Φ(z)), directly for a normal distribution.
 
-    Φ rounds to 1 above 8.2 standard deviations; the last double below it keeps unbounded distributions
-    finite.
+    Φ rounds to 1 above 8.2 standard deviations; it is clipped to the last double below 1, which keeps unbounded
+    distributions finite.
     """
     if isinstance(distribution, Normal):
         return np.asarray(distribution.mean + distribution.standard_deviation * scores)
@@ -35,7 +35,7 @@ def at_scores(distribution: Distribution, scores: FloatArray) -> FloatArray:
 def _require_finite(what: str, *values: float) -> None:
     if not all(math.isfinite(value) for value in values):
         raise OutOfRangeError(
-            f"{what} has a parameter that is not a number",
+            f"{what} has a non-finite parameter",
             value=", ".join(f"{value:g}" for value in values),
             limit="finite numbers",
             remedy="correct the study or leave the source out",
@@ -51,7 +51,7 @@ def _require_ordered(what: str, *values: float) -> None:
     _require_finite(what, *values)
     if any(later < earlier for earlier, later in pairwise(values)):
         raise OutOfRangeError(
-            f"{what} needs its limits in rising order",
+            f"{what} needs its limits in increasing order",
             value=", ".join(f"{value:g}" for value in values),
             limit="low <= ... <= high",
             remedy="swap them",
@@ -114,7 +114,7 @@ class Uniform(_Limited):
     Raises
     ------
     OutOfRangeError
-        A limit is not finite or the limits are not in rising order.
+        A limit is not finite, or the limits are not in increasing order.
     """
 
     def __post_init__(self) -> None:
@@ -142,7 +142,7 @@ class Triangular:
     Raises
     ------
     OutOfRangeError
-        A value is not finite or they are not in rising order.
+        A value is not finite, or the values are not in increasing order.
     """
 
     low: float
@@ -174,7 +174,7 @@ class Triangular:
 
 @dataclass(frozen=True, kw_only=True)
 class StudentT:
-    """Scaled and shifted Student t distribution: what few repeated readings know of a mean.
+    """Scaled and shifted Student t distribution: the uncertainty of a mean from few repeated readings.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ class Arcsine(_Limited):
     Raises
     ------
     OutOfRangeError
-        A limit is not finite or the limits are not in rising order.
+        A limit is not finite, or the limits are not in increasing order.
     """
 
     def __post_init__(self) -> None:
@@ -269,7 +269,7 @@ class CurvilinearTrapezoid(_Limited):
     Raises
     ------
     OutOfRangeError
-        A value is not finite, the limits are not in rising order, or the inexactness exceeds the half-width.
+        A value is not finite, the limits are not in increasing order, or the inexactness exceeds the half-width.
     """
 
     inexactness: float
@@ -308,7 +308,7 @@ class CurvilinearTrapezoid(_Limited):
 
 
 def _log_ratio(outer: float, inner: float) -> float:
-    """ln(outer/inner), and 0 for inner = 0, where it is only ever multiplied by zero."""
+    """ln(outer/inner), or 0 for inner = 0, where the result is only ever multiplied by zero."""
     return math.log(outer / inner) if inner > 0.0 else 0.0
 
 
@@ -347,7 +347,7 @@ class Empirical:
                 "empirical draws",
                 value=f"shape {draws.shape}, {int(np.sum(~np.isfinite(draws)))} of them not finite",
                 limit="one column of at least two finite values",
-                remedy="remove the rows that are not finite, and say so in the study",
+                remedy="remove the non-finite rows, and say so in the study",
             )
         draws.setflags(write=False)
         object.__setattr__(self, "draws", draws)

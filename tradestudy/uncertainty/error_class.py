@@ -1,4 +1,4 @@
-"""How often an error is drawn anew."""
+"""How often an error is redrawn."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final
 
 
 class ErrorClass(Enum):
-    """How often an error is drawn anew: averaging readings shrinks only what is drawn per measurement."""
+    """How often an error is redrawn: averaging readings reduces only errors that are drawn per measurement."""
 
     RIG = "per rig"
     """One draw per built and calibrated rig: calibration."""
@@ -20,6 +20,6 @@ class ErrorClass(Enum):
 
 
 NOISE: Final = (ErrorClass.MEASUREMENT,)
-"""What differs from one reading to the next."""
+"""Errors that differ from one reading to the next."""
 CALIBRATION: Final = (ErrorClass.RIG, ErrorClass.SESSION, ErrorClass.ELEMENT)
-"""What stays when a reading is repeated at once with the same rig."""
+"""Errors that stay the same if a reading is repeated at once with the same rig."""

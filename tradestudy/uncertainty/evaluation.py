@@ -16,7 +16,7 @@ from tradestudy.uncertainty.streams import Sampler, point_generator
 BoolArray = NDArray[np.bool_]
 
 CAUSES = ("nonfinite", "no_overlap", "out_of_range")
-"""Why a draw has no rank: not a number, a point the camera does not see, input outside a law's validity."""
+"""Reasons for a draw without rank: not a number, a point the camera does not see, input outside a law's validity."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,7 +37,7 @@ class Outcome:
 
 
 Model = Callable[[Mapping[str, FloatArray]], Outcome]
-"""Takes every parameter by name, shape (draws, 1), and returns an outcome of shape (draws, outputs)."""
+"""Takes every parameter by name, shape (draws, 1), and returns an `Outcome` of shape (draws, outputs)."""
 
 
 def depth_from_inverse(inverse_depth: FloatArray) -> FloatArray:
@@ -49,7 +49,7 @@ def depth_from_inverse(inverse_depth: FloatArray) -> FloatArray:
         w [1/m]; NaN stays NaN.
     """
     positive = inverse_depth > 0.0
-    with np.errstate(over="ignore"):  # a subnormal inverse depth is at infinity too
+    with np.errstate(over="ignore"):  # a subnormal inverse depth counts as infinity
         if np.all(positive):
             return np.asarray(1.0 / inverse_depth)
         depth = np.where(np.isnan(inverse_depth), np.nan, np.inf)
@@ -65,7 +65,7 @@ def ranked(outcome: Outcome, *, inverse_depth: bool, draws: int) -> tuple[FloatA
             "a model returned an array of the wrong shape",
             value=f"{values.shape}",
             limit=f"({draws}, outputs)",
-            remedy="let the parameters, each of shape (draws, 1), broadcast against the outputs",
+            remedy="make the parameters, each of shape (draws, 1), broadcast against the outputs",
         )
     if np.all(np.isfinite(values)) and not np.any(outcome.no_overlap) and not np.any(outcome.out_of_range):
         counts = np.zeros((len(CAUSES), values.shape[1]), np.int64)
@@ -86,16 +86,15 @@ def evaluate_nominal(model: Model, sources: Sources, *, inverse_depth: bool) -> 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScoreAlignment:
-    """A rotation of the standard normal scores: what moves the outputs most gets the first coordinates.
+    """A rotation of the standard normal scores that gives the first coordinates to what moves the outputs most.
 
-    Quasi-random points are most even in their first coordinates. A rotation leaves the distribution of
-    independent normal scores as it is, so it changes the error of a result and never its expectation (Imai
-    and Tan 2006).
+    Quasi-random points are most even in their first coordinates. A rotation does not change the distribution of
+    independent normal scores, so it changes the error of a result but never its expectation (Imai and Tan 2006).
 
     Parameters
     ----------
     reflectors : array, shape (directions, dimensions)
-        Unit normals of the Householder reflections whose product is the rotation; none is no rotation.
+        Unit normals of the Householder reflections whose product is the rotation; empty for no rotation.
     """
 
     reflectors: FloatArray
@@ -114,7 +113,7 @@ class ScoreAlignment:
 UNALIGNED = ScoreAlignment(reflectors=np.empty((0, 0)))
 """No rotation: coordinates in the order of the sources."""
 
-# More directions than this gain nothing, and weaker ones than this are left to the remaining coordinates.
+# More directions than this gain nothing; weaker ones than this are left to the remaining coordinates.
 _MOST_DIRECTIONS = 4
 _WEAKEST_DIRECTION = 1e-3
 
@@ -127,12 +126,12 @@ def alignment_with(models: Sequence[Model], sources: Sources) -> ScoreAlignment:
     models : sequence of Model
         Models whose draws are compared or reported together; each is evaluated at ± 1 of each score.
     sources : Sources
-        What is uncertain.
+        The uncertain sources.
 
     Returns
     -------
     ScoreAlignment
-        Outputs that are not finite at one of these points take no part; without any, nothing is rotated.
+        Outputs that are not finite at one of these points are ignored; if all are, nothing is rotated.
     """
     size = sources.dimensions
     if size < 2:
@@ -154,9 +153,9 @@ def alignment_with(models: Sequence[Model], sources: Sources) -> ScoreAlignment:
 def _reflectors(columns: FloatArray) -> FloatArray:
     """Householder normals whose product has these orthonormal columns, up to sign, as its first ones.
 
-    The sign of a singular direction is arbitrary. What is left of each column is turned so that its largest component
-    is positive: its first is then never near −1, where the reflection would not exist, and the product changes as
-    little as the columns do from one design to the next.
+    The sign of a singular direction is arbitrary. The remainder of each column is oriented so that its largest
+    component is positive. Then its first component is never near −1, where the reflection would not exist, and the
+    product changes as little as the columns do from one design to the next.
     """
     rest, normals = columns.copy(), np.zeros((columns.shape[1], columns.shape[0]))
     for k, normal in enumerate(normals):
@@ -169,22 +168,22 @@ def _reflectors(columns: FloatArray) -> FloatArray:
 
 
 class Replicate:
-    """One independent replicate of the draws of a model, which can be lengthened without starting again.
+    """One independent replicate of the draws of a model, which can be extended without starting again.
 
     Parameters
     ----------
     model : Model
         The vectorised model.
     sources : Sources
-        What is uncertain.
+        The uncertain sources.
     sampler : Sampler
         Scrambled Sobol or plain random points.
     seed, point, replicate
         Identity of the random stream (see :func:`tradestudy.uncertainty.streams.point_generator`).
     alignment : ScoreAlignment
-        Which combinations of sources get the best coordinates; replicates that are compared share it.
+        The combinations of sources that get the best coordinates; replicates that are compared share it.
     inverse_depth : bool
-        The model returns inverse depth; values are kept as depth.
+        Whether the model returns inverse depth; values are then stored as depth.
     """
 
     def __init__(
@@ -212,14 +211,13 @@ class Replicate:
         return int(self.values.shape[1])
 
     def lengthen(self, draws: int, batch_draws: int) -> None:
-        """Evaluate until there are so many draws; the batch size changes memory and speed, never a bit."""
-        from scipy.special import ndtri  # a study is checked without it
+        """Evaluate up to this number of draws; the batch size affects memory and speed, but never the results."""
+        from scipy.special import ndtri  # imported here, so that checking a study does not load it
 
         blocks, counts = [self.values] if self.draws else [], [self.failures] if self.draws else []
         done = self.draws
         while done < draws:
-            # Batches end on multiples of their size, so that a Sobol sequence is always asked for whole
-            # blocks.
+            # Batches end on multiples of their size, so that a Sobol sequence always delivers whole blocks.
             size = min(batch_draws, draws - done)
             parameters = self._sources.draw(self._alignment.apply(ndtri(self._uniform(size))))
             block, failed = ranked(self._model(parameters), inverse_depth=self._inverse_depth, draws=size)

@@ -1,10 +1,9 @@
 """Parameters drawn together: joint normal, Gaussian copula, and the draws of a posterior.
 
-One rule decides what counts as singular. The correlation matrix of k parameters is split into eigenvalues.
-What lies between −k·1e-9 (the rounding of a file with nine digits) and k·2.2e-14 is an exact dependence: it
-is set to zero and takes no random coordinate, so correlations of ±1 are exact. What is more negative
-belongs to no distribution at all and is refused. Every larger positive eigenvalue is kept, however small: a
-weak direction can be the one that moves depth.
+One rule decides what counts as singular. Of the eigenvalues of the correlation matrix of k parameters, those between
+−k·1e-9 (the rounding of a file with nine digits) and k·2.2e-14 are exact dependences: they are set to zero and take no
+random coordinate, so correlations of ±1 are exact. More negative ones belong to no distribution and are refused. Every
+larger positive eigenvalue is kept, however small: a weak direction can be the one that moves depth.
 """
 
 from __future__ import annotations
@@ -61,8 +60,8 @@ def correlation_factor(correlation: FloatArray) -> FloatArray:
     Returns
     -------
     array, shape (k, rank)
-        Columns in order of falling variance: the first coordinates of a quasi-random sequence are its best.
-        Eigenvalues that are zero to rounding (see the rule of this module) take no column.
+        Columns in order of decreasing variance: the first coordinates of a quasi-random sequence are its best.
+        Eigenvalues that are zero up to rounding (see the rule of this module) have no column.
 
     Raises
     ------
@@ -78,10 +77,10 @@ def correlation_factor(correlation: FloatArray) -> FloatArray:
             "the correlation matrix is not positive definite",
             value=f"smallest eigenvalue {smallest:.3e} along ({direction})",
             limit=f">= {-size * _ROUNDING_OF_FILES:.1e}, the rounding of a file with nine digits",
-            remedy="give more digits, leave out a parameter that the others determine, or give joint draws",
+            remedy="give more digits, leave out a parameter that the others determine, or provide joint draws",
         )
     kept = values > size * _ROUNDING_OF_EIGENVALUES
-    # Each eigenvector's sign is arbitrary: fixing it keeps draws the same on every linear algebra library.
+    # The sign of an eigenvector is arbitrary; fixing it keeps draws the same with every linear algebra library.
     largest = np.argmax(np.abs(vectors), axis=0)
     vectors = vectors * np.sign(vectors[largest, np.arange(size)])
     factor = vectors[:, kept] * np.sqrt(values[kept])
@@ -90,7 +89,7 @@ def correlation_factor(correlation: FloatArray) -> FloatArray:
 
 
 def _correlation_of(covariance: FloatArray) -> FloatArray:
-    """Correlation from a covariance; a constant is correlated with nothing."""
+    """Correlation from a covariance; a constant is uncorrelated with everything."""
     spread = np.sqrt(np.diag(covariance))
     safe = np.where(spread > 0.0, spread, 1.0)
     correlation = np.asarray(covariance / np.outer(safe, safe))
@@ -110,7 +109,7 @@ def _require_names(names: tuple[str, ...], size: int) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Joint:
-    """What parameters that are drawn together have in common: names, and how often they are drawn anew."""
+    """Common part of jointly drawn parameters: their names, and how often they are redrawn."""
 
     name: str
     parameters: tuple[str, ...]
@@ -122,20 +121,20 @@ class _Joint:
         return tuple((one.shape, one.tobytes()) if isinstance(one, np.ndarray) else one for one in values)
 
     def __eq__(self, other: object) -> bool:
-        """The same numbers of the same kind, so that cameras of two designs can be told to be one."""
+        """Whether both hold the same numbers of the same kind, so that equal cameras of two designs are recognised."""
         return isinstance(other, type(self)) and self._content == other._content
 
     def __hash__(self) -> int:
         return hash(self._content)
 
     def under(self, prefix: str) -> Self:
-        """Return the same group with a prefix to its own name and to those of its parameters."""
+        """Return the same group with a prefix to its name and to the names of its parameters."""
         return replace(self, name=prefix + self.name, parameters=tuple(prefix + name for name in self.parameters))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointNormal(_Joint):
-    """Joint normal distribution with a full covariance, singular ones included.
+    """Joint normal distribution with a full covariance, which may be singular.
 
     Parameters
     ----------
@@ -148,13 +147,13 @@ class JointNormal(_Joint):
     covariance : array, shape (k, k)
         Covariance [product of the units]. A zero on the diagonal is a constant.
     error_class : ErrorClass
-        How often the group is drawn anew.
+        How often the group is redrawn.
 
     Raises
     ------
     OutOfRangeError
         Shapes do not match, a value is not finite, a variance is negative, or the matrix is not symmetric or
-        not positive definite beyond rounding (the rule is at the head of this module).
+        not positive definite beyond rounding (see the rule of this module).
     """
 
     mean: FloatArray
@@ -227,7 +226,7 @@ def _correlation_matrix(correlation: FloatArray, size: int) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GaussianCopula(_Joint):
-    """Any marginal distributions, tied by a Gaussian copula: x_i = Q_i(Φ(z_i)), z jointly normal.
+    """Any marginal distributions, coupled by a Gaussian copula: x_i = Q_i(Φ(z_i)), z jointly normal.
 
     Parameters
     ----------
@@ -238,10 +237,10 @@ class GaussianCopula(_Joint):
     marginals : tuple of Distribution, length k
         Distribution of each parameter.
     correlation : array, shape (k, k)
-        Correlation of the normal scores z. A rank correlation ρ_S belongs to 2 sin(π ρ_S/6); the
-        correlation of the parameters themselves is a little smaller in magnitude.
+        Correlation of the normal scores z. A rank correlation ρ_S corresponds to 2 sin(π ρ_S/6); the
+        correlation of the parameters themselves is slightly smaller in magnitude.
     error_class : ErrorClass
-        How often the group is drawn anew.
+        How often the group is redrawn.
 
     Raises
     ------
@@ -267,15 +266,15 @@ class GaussianCopula(_Joint):
 
     @property
     def nominal(self) -> FloatArray:
-        """Mean of each parameter, or its median where no mean exists."""
+        """Mean of each parameter, or its median if it has no mean."""
         return np.array([float(m.quantile(0.5)) if m.mean is None else m.mean for m in self.marginals])
 
     @property
     def covariance(self) -> FloatArray | None:
-        """Covariance of the parameters by Mehler's expansion in Hermite polynomials; None where one has none.
+        """Covariance of the parameters by Mehler's expansion in Hermite polynomials; None if one has no variance.
 
         The diagonal is exact, and the matrix is positive semidefinite. Off-diagonal entries are exact for normal and
-        uniform marginals, and good to about 1e-4 of the two standard deviations for others.
+        uniform marginals, and accurate to about 1e-4 of the two standard deviations for others.
         """
         deviations = [marginal.standard_deviation for marginal in self.marginals]
         if any(deviation is None for deviation in deviations):
@@ -308,9 +307,9 @@ def _hermite_coefficients(marginal: Distribution) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointDraws(_Joint):
-    """Equally weighted joint draws, as a posterior sampler returns them; a draw is one whole row.
+    """Equally weighted joint draws, as a posterior sampler returns them; one draw is one whole row.
 
-    Rows are sorted into stretches along one direction and, within each stretch, along a second, so that even a short
+    Rows are sorted into groups along one direction and, within each group, along a second, so that even a short
     quasi-random sequence covers both directions evenly; n draws from n rows take each row once.
 
     Parameters
@@ -322,9 +321,9 @@ class JointDraws(_Joint):
     draws : array, shape (n, k)
         Finite joint draws [unit of each], n >= 2.
     error_class : ErrorClass
-        How often the group is drawn anew.
+        How often the group is redrawn.
     along : array, shape (2, k), optional
-        Responses of two outputs to each parameter, along which rows are ordered; left out: their first two principal
+        Responses of two outputs to each parameter, along which rows are ordered; by default their first two principal
         components.
 
     Raises
@@ -345,7 +344,7 @@ class JointDraws(_Joint):
                 "joint draws",
                 value=f"shape {draws.shape}, {bad} rows not finite",
                 limit="at least two rows of finite values, one column per parameter",
-                remedy="remove the rows that are not finite, and say so in the study",
+                remedy="remove the non-finite rows, and say so in the study",
             )
         _require_names(self.parameters, draws.shape[1])
         first, second = _along_principal(draws) if self.along is None else (draws @ self.along.T).T
@@ -358,7 +357,7 @@ class JointDraws(_Joint):
 
     @property
     def dimensions(self) -> int:
-        """Two: the stretch of rows, and the row within it."""
+        """Two: the group of rows, and the row within it."""
         return 2
 
     @property
@@ -368,7 +367,7 @@ class JointDraws(_Joint):
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance of the draws taken as the whole distribution (divisor n)."""
+        """Covariance of the draws as the whole distribution (divisor n)."""
         return np.atleast_2d(np.cov(self.draws, rowvar=False, bias=True))
 
     @property
@@ -378,7 +377,7 @@ class JointDraws(_Joint):
 
     def draw(self, scores: FloatArray) -> FloatArray:
         """Map standard normal scores (2, n) to draws (k, n)."""
-        from scipy.special import ndtr  # a study is checked without it
+        from scipy.special import ndtr  # imported here, so that checking a study does not load it
 
         rows = self._ordered.shape[1]
         ends = np.cumsum([0, *map(len, np.array_split(np.arange(rows), max(1, round(rows**0.5))))])
@@ -394,7 +393,7 @@ class JointDraws(_Joint):
 
 
 def _along_principal(draws: FloatArray) -> FloatArray:
-    """Places of rows along the first two principal components of parameters in their standard deviations, (2, rows)."""
+    """Coordinates of rows along the first two principal components of the standardised parameters, (2, rows)."""
     scale = np.std(draws, axis=0)
     standard = (draws - np.mean(draws, axis=0)) / np.where(scale > 0.0, scale, 1.0)
     components = np.linalg.svd(standard, full_matrices=False)[2]

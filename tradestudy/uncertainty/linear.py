@@ -1,4 +1,4 @@
-"""Linear propagation: in the output, and in inverse depth with quantiles mapped back."""
+"""Linear propagation: of the output itself, or of inverse depth with its quantiles mapped to depth."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from tradestudy.uncertainty.evaluation import Model, depth_from_inverse, ranked
 from tradestudy.uncertainty.outputs import COVERAGE, Propagated
 from tradestudy.uncertainty.sources import Sources
 
-# Central differences over so many standard deviations: far above the rounding of the model, and with a
-# truncation error of a millionth of the third-order term.
+# Central differences over so many standard deviations: far above the rounding of the model, with a truncation error
+# of a millionth of the third-order term.
 _STEP = 1e-3
 
 
@@ -37,24 +37,24 @@ class Linear:
 
     @property
     def symmetric_interval(self) -> FloatArray:
-        """Estimate ± 1.96 u, shape (2, outputs): what a normal output would have."""
+        """Estimate ± 1.96 u, shape (2, outputs): the interval of a normal output."""
         half = float(ndtri(0.5 * (1.0 + COVERAGE))) * self.standard_uncertainty
         return np.stack([self.estimate - half, self.estimate + half])
 
     def mapped_quantiles(self, probabilities: ArrayLike) -> FloatArray:
-        """Quantiles of depth by the line in inverse depth, shape (probabilities, outputs).
+        """Quantiles of depth from the linear model of inverse depth, shape (probabilities, outputs).
 
         Z_p = 1/(w₀ + Φ⁻¹(1 − p) u(w)): right where inverse depth is nearly linear in its sources and nearly
-        normal, which stereo disparity is; +∞ where the line has passed infinity.
+        normal, as for stereo disparity; +∞ where the line has passed infinity.
 
         Raises
         ------
         OutOfRangeError
-            The model was not one of inverse depth.
+            The model is not one of inverse depth.
         """
         if self.inverse_estimate is None or self.inverse_uncertainty is None:
             raise OutOfRangeError(
-                "quantiles mapped back from inverse depth",
+                "quantiles mapped from inverse depth to depth",
                 value="a model of the output itself",
                 limit="models of inverse depth",
                 remedy="propagate inverse depth, with inverse_depth=True",
@@ -91,9 +91,9 @@ def linear(model: Model, sources: Sources, *, inverse_depth: bool) -> Linear:
     model : Model
         Vectorised model; it is evaluated 2 n + 1 times for n uncertain parameters (17 for eight).
     sources : Sources
-        What is uncertain; their covariance V enters in full.
+        The uncertain sources; their full covariance V is used.
     inverse_depth : bool
-        The model returns inverse depth; the result is for depth, u(Z) = Z² u(w).
+        Whether the model returns inverse depth; the result is then for depth, u(Z) = Z² u(w).
 
     Raises
     ------
@@ -102,7 +102,7 @@ def linear(model: Model, sources: Sources, *, inverse_depth: bool) -> Linear:
 
     Notes
     -----
-    JCGM 100:2008, eq. 13. Whether the line is good enough is judged by :func:`validity`.
+    JCGM 100:2008, eq. 13. :func:`validity` judges whether the linear model is good enough.
     """
     covariance = _covariance(sources)
     deviation = np.sqrt(np.diag(covariance))
@@ -115,7 +115,7 @@ def linear(model: Model, sources: Sources, *, inverse_depth: bool) -> Linear:
     sensitivity = np.zeros((deviation.size, values.shape[1]))
     sensitivity[uncertain] = (above - below) / (2.0 * _STEP * deviation[uncertain, None])
     variance = np.einsum("ko,kl,lo->o", sensitivity, covariance, sensitivity)
-    # A correlation of ±1 can cancel the variance to a rounding below zero.
+    # With a correlation of ±1 rounding can make the variance slightly negative.
     estimate, uncertainty = values[0], np.sqrt(np.maximum(variance, 0.0))
     if not inverse_depth:
         return Linear(
@@ -141,10 +141,9 @@ def linear(model: Model, sources: Sources, *, inverse_depth: bool) -> Linear:
 class Validity:
     """Whether a linear 95 % interval may be used, by comparison with Monte Carlo (JCGM 101:2008, clause 8).
 
-    ``verdict`` is, per output, ``valid``, ``invalid``, or ``undecided`` where the Monte Carlo error is
-    larger than a fifth of the tolerance and a verdict would be a guess. ``low_difference`` and
-    ``high_difference`` are |linear − Monte Carlo| of the interval ends; ``tolerance`` is what they are
-    compared with.
+    ``verdict`` is, per output, ``valid``, ``invalid``, or ``undecided`` if the Monte Carlo error exceeds a fifth of
+    the tolerance, so that a verdict would be a guess. ``low_difference`` and ``high_difference`` are
+    |linear − Monte Carlo| of the interval ends, which are compared with ``tolerance``.
     """
 
     verdict: NDArray[np.str_]
@@ -154,12 +153,12 @@ class Validity:
 
 
 def numerical_tolerance(standard_uncertainty: ArrayLike, significant_digits: int) -> FloatArray:
-    """Half a unit in the last significant digit of u (JCGM 101:2008, 7.9.2): u = c·10^l gives δ = ½·10^l.
+    """Half a unit in the last significant digit of u (JCGM 101:2008, 7.9.2): for u = c·10^l, δ = ½·10^l.
 
     Parameters
     ----------
     standard_uncertainty : array, any shape
-        u [unit of the output]; zero and NaN have no digits and give zero and NaN.
+        u [unit of the output]; zero and NaN have no digits, and give zero and NaN.
     significant_digits : int
         Digits of c, usually 1 or 2.
     """
@@ -184,13 +183,13 @@ def validity(
     Parameters
     ----------
     interval : array, shape (2, outputs)
-        Ends of the linear interval, or of the one mapped back from inverse depth.
+        Ends of the linear interval, or of the one mapped from inverse depth.
     propagated : Propagated
         Monte Carlo result for the same outputs.
     standard_uncertainty : array, shape (outputs,)
-        u of the analytic method, from whose last digit the tolerance follows.
+        u of the analytic method, whose last digit sets the tolerance.
     significant_digits : int
-        Digits of u that are meant.
+        Number of significant digits of u.
     """
     tolerance = numerical_tolerance(standard_uncertainty, significant_digits)
     reference = propagated.symmetric_interval

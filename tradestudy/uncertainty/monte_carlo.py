@@ -1,4 +1,4 @@
-"""Monte Carlo propagation with scrambled Sobol points, stopped by the error of the quantiles."""
+"""Monte Carlo propagation with scrambled Sobol points, which stops once the quantiles have converged."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from tradestudy.uncertainty.sources import Sources
 from tradestudy.uncertainty.streams import Sampler, scrambled_sobol
 
 FEWEST_REPLICATES = 8
-"""Fewer independent scrambles do not give a trustworthy standard error."""
+"""With fewer independent scrambles the standard error would not be trustworthy."""
 
 # The bias of a sample quantile of n draws is at most about 2.6/√n of its standard error (independent draws, the 97.5 %
-# point of a normal; far less for Sobol points). The mean of R of them keeps it below two thirds of its own standard
-# error while R <= n/16.
+# point of a normal; far less for Sobol points). In the mean of R of them the bias stays below two thirds of the mean's
+# own standard error while R <= n/16.
 _DRAWS_PER_REPLICATE_NUMBER = 16
 
-# Bytes per held number: the number itself, its copy while a replicate is lengthened, and the sorted copies.
+# Bytes per stored number: the number itself, its copy while a replicate is extended, and the sorted copies.
 _BYTES_PER_DRAW = 4 * 8
 
 
@@ -44,27 +44,27 @@ class Sampling:
     absolute_tolerance : float or array, shape (outputs,)
         Allowed error of each quantile [unit of the output].
     relative_tolerance : float
-        Allowed error as a share of the quantile's magnitude, added to the absolute one.
+        Allowed error relative to the quantile's magnitude, added to the absolute one.
     budget_draws : int
-        Largest number of draws over all replicates. With both tolerances zero the whole budget is spent.
+        Largest number of draws over all replicates. If both tolerances are zero, the whole budget is used.
     replicates : int
         Independent scrambles, >= 8.
     first_draws : int
-        Draws per replicate before the first look, a power of two >= 64.
+        Draws per replicate before the first convergence check, a power of two >= 64.
     batch_draws : int
-        Draws per call of the model, a power of two; changes memory and speed, never a result. The arrays of one
+        Draws per call of the model, a power of two; affects memory and speed, but never a result. The arrays of one
         such call come on top of ``memory_bytes``.
     memory_bytes : int
-        Bound on the draws that are held. Replicates are not lengthened beyond it; more replicates of the same
-        length are added, whose quantiles stay exact, until their bias could count (status ``memory``).
+        Limit on the memory for stored draws. Replicates are not extended beyond it; instead more replicates of the same
+        length are added, whose quantiles remain exact, until their bias could matter (status ``memory``).
     sampler : Sampler
         :func:`~tradestudy.uncertainty.streams.scrambled_sobol`, or
-        :func:`~tradestudy.uncertainty.streams.plain_random` as a comparison.
+        :func:`~tradestudy.uncertainty.streams.plain_random` for comparison.
 
     Raises
     ------
     OutOfRangeError
-        A number is outside its range or not a power of two where one is asked for.
+        A number is outside its range, or is not a power of two where it must be.
     """
 
     absolute_tolerance: ArrayLike
@@ -86,7 +86,7 @@ class Sampling:
                     f"{name} of a Sobol sequence",
                     value=str(number),
                     limit=f"a power of two >= {least}",
-                    remedy="Sobol points are balanced in blocks of powers of two only",
+                    remedy="Sobol points are balanced only in blocks of powers of two",
                 )
         if self.replicates < FEWEST_REPLICATES:
             raise OutOfRangeError(
@@ -108,7 +108,7 @@ class Sampling:
                 "tolerances of the quantiles",
                 value=f"absolute {tolerances}, relative {self.relative_tolerance}",
                 limit=">= 0",
-                remedy="give the error that the result may have",
+                remedy="give the allowed error of the result",
             )
 
 
@@ -117,7 +117,7 @@ def _longest(sampling: Sampling, outputs: int) -> int:
     needed = _BYTES_PER_DRAW * sampling.replicates * outputs
     if needed * sampling.first_draws > sampling.memory_bytes:
         raise UnaffordableError(
-            "holding the first draws of all replicates",
+            "storing the first draws of all replicates",
             value=f"{needed * sampling.first_draws} bytes for {outputs} outputs",
             limit=f"{sampling.memory_bytes} bytes",
             remedy="propagate fewer outputs at a time, or raise memory_bytes",
@@ -129,7 +129,7 @@ def _converged(running: RunningStatistics, sampling: Sampling) -> NDArray[np.boo
     """Per output: t_0.975 times the standard error of every quantile is below the tolerance."""
     quantiles = running["quantiles"]
     error = float(stdtrit(quantiles.count - 1, 0.975)) * quantiles.standard_error
-    # An infinite quantile has no relative error: it is settled when all replicates agree on it.
+    # An infinite quantile has no relative error: it has converged once all replicates agree on it.
     size = np.where(np.isinf(quantiles.mean), 0.0, np.abs(quantiles.mean))
     allowed = np.asarray(sampling.absolute_tolerance, float) + sampling.relative_tolerance * size
     return np.asarray(np.all(error <= allowed, axis=0))
@@ -143,7 +143,7 @@ def _status(running: RunningStatistics, failed: NDArray[np.int64], draws: int, s
 
 @dataclass(kw_only=True)
 class _Progress:
-    """What is known so far: statistics over replicates of one length, and the draws that failed."""
+    """Results so far: statistics over replicates of one length, and the draws that failed."""
 
     running: RunningStatistics
     failed: NDArray[np.int64]
@@ -164,7 +164,7 @@ Look = tuple[ReplicateStatistics, NDArray[np.int64]]
 
 
 def _add(progress: _Progress, looks: Iterable[Look], sampling: Sampling) -> None:
-    """Add replicates in their order and judge again."""
+    """Add replicates in their order and check convergence again."""
     for statistics, failures in looks:
         for name, running in progress.running.items():
             running.add(getattr(statistics, name))
@@ -173,7 +173,7 @@ def _add(progress: _Progress, looks: Iterable[Look], sampling: Sampling) -> None
 
 
 def _run(begin: Begin, sampling: Sampling, *, outputs: int, depth: bool) -> _Progress:
-    """Lengthen the replicates while memory allows, then add more, until converged or out of budget."""
+    """Extend the replicates while memory allows, then add more, until converged or out of budget."""
 
     def look(replicate: Replicate, length: int) -> Look:
         replicate.lengthen(length, sampling.batch_draws)
@@ -220,25 +220,24 @@ def propagate(
 ) -> Propagated:
     """Propagate uncertain inputs through a model to the distribution of its outputs.
 
-    Replicates are lengthened by doubling until t₀.₉₇₅(replicates − 1) times the replicate-to-replicate
-    standard error of every watched quantile (2.5, 15.9, 50, 84.1, 97.5 %) is within the tolerance, or the
-    budget is spent.
+    Replicates double in length until t₀.₉₇₅(replicates − 1) times the replicate-to-replicate standard error of every
+    watched quantile (2.5, 15.9, 50, 84.1, 97.5 %) is within the tolerance, or the budget is used up.
 
     Parameters
     ----------
     model : Model
         Vectorised: parameters (draws, 1) to an outcome (draws, outputs).
     sources : Sources
-        What is uncertain.
+        The uncertain sources.
     sampling : Sampling
         Tolerance, budget, sampler.
     seed : int
         Seed of the study, >= 0.
     point : str
-        Identity of the study point: points have independent streams.
+        Identity of the study point; points have independent streams.
     inverse_depth : bool
-        The model returns inverse depth [1/m]: results are depths, and w <= 0 is +∞. Otherwise outputs are
-        ranked as they come.
+        Whether the model returns inverse depth w [1/m]; results are then depths, and w <= 0 is +∞. Otherwise outputs
+        are ranked directly.
 
     Returns
     -------
@@ -256,8 +255,8 @@ def propagate(
     -----
     The estimate of a quantile is the mean of the replicates' sample quantiles, each exact: no draw is binned. Its bias
     stays below its standard error because there are never more replicates than a sixteenth of their length. The first
-    coordinates of the points are aligned with what moves the outputs most (:func:`alignment_with`), at two evaluations
-    per dimension. Results do not depend on ``batch_draws``, bit for bit.
+    coordinates of the points are aligned with the directions that move the outputs most (:func:`alignment_with`), at
+    the cost of two evaluations per dimension. Results do not depend on ``batch_draws``, bit for bit.
     """
     start = time.perf_counter()
     nominal = evaluate_nominal(model, sources, inverse_depth=inverse_depth)

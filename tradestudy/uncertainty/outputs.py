@@ -1,4 +1,4 @@
-"""What is reported of a distribution of outputs, and its Monte Carlo error from replicate to replicate."""
+"""Reported statistics of a distribution of outputs, and their Monte Carlo error from replicate to replicate."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ COVERAGE = 0.95
 _LEFT_OUT_BELOW = np.linspace(0.0, 1.0 - COVERAGE, 401)
 
 POLE_MARGIN = 6.0
-"""Mean and standard deviation of a depth are stated where infinity is at least so many normal standard
-deviations of inverse depth away (probability below 1e-9); nearer, they would be set by how many draws
-happened to be taken."""
+"""Mean and standard deviation of a depth are stated only if infinity is at least this many normal standard deviations
+of inverse depth away (probability below 1e-9); if it were nearer, they would depend on how many draws happened to be
+taken."""
 
 TAIL_SHAPE_LIMIT = 0.5
-"""Shape of the generalised Pareto tail from which on the variance does not exist."""
+"""Shape of the generalised Pareto tail at and above which the variance does not exist."""
 
-_MAGNITUDES = (1e-140, 1e140)  # whose squares, summed over any number of draws, fit into a double
+_MAGNITUDES = (1e-140, 1e140)  # whose squares, summed over any number of draws, a double can represent
 
 _TAIL_PROBABILITY = 0.01
 _FEWEST_FOR_TAIL = 50
@@ -57,7 +57,7 @@ class ReplicateStatistics:
 def shortest_interval(ascending: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Shortest interval with this share of sorted rows (JCGM 101, 7.7): ends (2, rows) and width (rows,).
 
-    Where more than the share left out is +∞, no interval is bounded: the ends are (NaN, +∞), the width +∞.
+    If more than the omitted share is +∞, no interval is bounded: the ends are (NaN, +∞), the width +∞.
     """
     n = ascending.shape[-1]
     steps = min(int(COVERAGE * n + 0.5), n - 1)
@@ -73,7 +73,7 @@ def shortest_interval(ascending: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _difference(high: FloatArray, low: FloatArray) -> FloatArray:
-    """high − low, and +∞ where high is infinite whatever low is."""
+    """high − low, or +∞ where high is infinite, whatever low is."""
     difference = np.full(high.shape, np.inf)
     np.subtract(high, low, out=difference, where=np.isfinite(high))
     return difference
@@ -94,7 +94,7 @@ def _upper_tail_shape(ascending: FloatArray) -> FloatArray:
 
 
 def _tail_shape(ascending: FloatArray, has_infinite: BoolArray) -> FloatArray:
-    """Heavier of both tails; +∞ with an infinite draw or where there are too few draws to tell."""
+    """Shape of the heavier tail; +∞ with an infinite draw, or with too few draws to estimate it."""
     if ascending.shape[-1] < _FEWEST_FOR_TAIL:
         return np.full(ascending.shape[0], np.inf)
     finite = np.where(has_infinite[:, None], 0.0, ascending)
@@ -104,7 +104,7 @@ def _tail_shape(ascending: FloatArray, has_infinite: BoolArray) -> FloatArray:
 
 def _pole_margin(median: FloatArray, far: FloatArray) -> FloatArray:
     """Normal standard deviations from inverse depth to zero, by its median and its 1 % quantile."""
-    w, w_far = 1.0 / median, 1.0 / far  # infinite depths are zeros, as they should
+    w, w_far = 1.0 / median, 1.0 / far  # infinite depths become zeros, as they should
     spread = (w - w_far) / -float(ndtri(_TAIL_PROBABILITY))
     margin = np.where(w > 0.0, np.inf, 0.0)
     np.divide(w, spread, out=margin, where=spread > 0.0)
@@ -112,13 +112,13 @@ def _pole_margin(median: FloatArray, far: FloatArray) -> FloatArray:
 
 
 def _require_squares(ascending: FloatArray) -> None:
-    """Refuse outputs so small or large that their errors would come out as zero or infinite."""
+    """Refuse outputs so small or so large that their errors would be computed as zero or infinite."""
     ends = np.abs(ascending[:, [0, -1]])
     size = np.max(np.where(np.isinf(ends), 0.0, ends), axis=1)
     beyond = (size > _MAGNITUDES[1]) | ((size > 0.0) & (size < _MAGNITUDES[0]))
     if np.any(beyond):
         raise OutOfRangeError(
-            "outputs whose squares no double can hold",
+            "outputs whose squares a double cannot represent",
             value=f"{size[beyond][0]:.3g}",
             limit=f"magnitudes from {_MAGNITUDES[0]:g} to {_MAGNITUDES[1]:g}, or 0",
             remedy="state the output in another unit",
@@ -165,7 +165,7 @@ def replicate_statistics(values: FloatArray, failures: NDArray[np.int64], *, dep
     failures : int array, shape (causes, outputs)
         Draws without a rank, by cause.
     depth : bool
-        The outputs are depths: the margin to the pole at infinity is judged.
+        Whether the outputs are depths, for which the margin to the pole at infinity is judged.
 
     Returns
     -------

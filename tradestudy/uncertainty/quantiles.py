@@ -22,7 +22,7 @@ def order_quantile(ascending: FloatArray, probability: ArrayLike) -> FloatArray:
     ascending : array, shape (rows, n)
         Sorted along the last axis, without NaN.
     probability : array, shape (p,) or ()
-        Probabilities; the first and last draw stand for what lies beyond them.
+        Probabilities; the first and last draw also represent what lies beyond them.
 
     Returns
     -------
@@ -32,14 +32,14 @@ def order_quantile(ascending: FloatArray, probability: ArrayLike) -> FloatArray:
     position = _position(p, n)
     low = position.astype(np.int64)
     weight = position - low
-    # An upper neighbour of no weight must not count: it may be infinite.
+    # An upper neighbour with zero weight must not count: it may be infinite.
     upper = np.where(weight > 0.0, ascending[..., np.minimum(low + 1, n - 1)], 0.0)
     value = (1.0 - weight) * ascending[..., low] + weight * upper
     return np.moveaxis(value, -1, 0) if p.ndim else np.asarray(value)
 
 
 def quantiles_of(values: FloatArray, probability: ArrayLike) -> FloatArray:
-    """Quantiles of rows in any order, as `order_quantile` of the sorted rows has them, bit for bit.
+    """Quantiles of unsorted rows, bit for bit equal to `order_quantile` of the sorted rows.
 
     Parameters
     ----------

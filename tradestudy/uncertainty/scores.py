@@ -1,4 +1,4 @@
-"""Standard normal scores of independent scrambles: the draws that all cameras, distances and designs have in common."""
+"""Standard normal scores of independent scrambles, shared by all cameras, distances and designs."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from tradestudy.uncertainty.streams import point_generator, scrambled_sobol
 Result = TypeVar("Result")
 
 BATCH_DRAWS: Final = 2**14
-"""Draws that are worked on at a time, a power of two: a few of their arrays fit into a cache."""
+"""Draws processed at a time, a power of two: a few of their arrays fit into a cache."""
 
-# Scrambles that are kept: 2¹² draws of ten dimensions are a third of a megabyte each, 2¹⁷ draws ten.
+# Cached scrambles: 2¹² draws of ten dimensions take a third of a megabyte each, 2¹⁷ draws ten.
 _FEW_DRAWS: Final = 2**12
 _KEPT_OF_FEW, _KEPT_OF_MANY = 256, 16
 
@@ -29,16 +29,16 @@ def scramble_scores(dimensions: int, draws: int, *, seed: int, point: str, scram
     Parameters
     ----------
     dimensions : int
-        How many scores one draw takes, >= 0.
+        Number of scores per draw, >= 0.
     draws : int
-        How many draws, a power of two; fewer draws are the first of more.
+        Number of draws, a power of two; fewer draws are the first ones of more.
     seed, point, scramble
         Identity of the random stream (see :func:`tradestudy.uncertainty.streams.point_generator`).
 
     Returns
     -------
     array, shape (dimensions, draws)
-        Read-only: the last few are kept. They do not depend on who asks for them in which order.
+        Read-only: the last few are cached. They do not depend on the order of requests.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def _many(dimensions: int, draws: int, seed: int, point: str, scramble: int) -> 
 
 
 def _scores(dimensions: int, draws: int, seed: int, point: str, scramble: int) -> FloatArray:
-    from scipy.special import ndtri  # a study is checked without it
+    from scipy.special import ndtri  # imported here, so that checking a study does not load it
 
     uniform = scrambled_sobol(dimensions, point_generator(seed=seed, point=point, replicate=scramble))
     scores = np.empty((dimensions, draws))
@@ -73,8 +73,8 @@ def _scores(dimensions: int, draws: int, seed: int, point: str, scramble: int) -
 def each_scramble(task: Callable[[int], Result], scrambles: int) -> list[Result]:
     """Results of a task for every scramble, in order, on as many threads as there are processors.
 
-    Arrays are computed outside Python's lock. A task that depends on nothing but its number has the same results, bit
-    for bit, on any number of threads.
+    numpy computes outside Python's lock. A task that depends only on its number gives the same results, bit for bit,
+    on any number of threads.
     """
     with ThreadPoolExecutor(max_workers=min(scrambles, os.cpu_count() or 1)) as threads:
         return list(threads.map(task, range(scrambles)))

@@ -1,4 +1,4 @@
-"""Which error drives the result: tornado by group of sources, and Sobol indices of independent groups."""
+"""Which error source drives the result: tornado by group of sources, and Sobol indices of independent groups."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from tradestudy.uncertainty.sources import Group, Source, Sources
 from tradestudy.uncertainty.streams import point_generator
 
 LARGEST_CORRELATION = 0.3
-"""Above this, varying one parameter alone describes rigs that the calibration has ruled out."""
+"""Above this, varying one parameter alone describes rigs that the calibration rules out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tornado:
-    """Distribution of the outputs with one bar's sources drawn and all others nominal.
+    """Distributions of the outputs when one bar's sources are drawn and all others are nominal.
 
     ``bars`` is ordered as the sources are; the length of a bar is its ``symmetric_interval`` or
     ``half_width``.
@@ -39,7 +39,7 @@ class Tornado:
 def tornado(
     model: Model, sources: Sources, sampling: Sampling, *, seed: int, point: str, inverse_depth: bool
 ) -> Tornado:
-    """Vary each independent group alone, correlated parameters together; others stay nominal.
+    """Vary each independent group alone, with its correlated parameters together; others stay nominal.
 
     Parameters are those of :func:`tradestudy.uncertainty.monte_carlo.propagate`. Interactions between
     groups are in no bar; the total Sobol index shows them.
@@ -70,7 +70,7 @@ def parameter_tornado(
     ------
     OutOfRangeError
         Two parameters are correlated by more than 0.3: moving one alone would describe rigs that the
-        calibration has ruled out (a stereo yaw and principal point correlated by 0.996 inflate depth errors
+        calibration rules out (a stereo yaw and principal point correlated by 0.996 inflate depth errors
         31-fold).
     """
     for group in sources.active_groups:
@@ -103,7 +103,7 @@ def _require_weak_correlation(group: Group) -> None:
             f"a tornado by parameter would mislead in {group.name}",
             value=f"{group.parameters[i]} and {group.parameters[j]} correlated by {correlation[i, j]:+.3f}",
             limit=f"magnitudes up to {LARGEST_CORRELATION}",
-            remedy="look at the whole group, which moves them together",
+            remedy="use the bar of the whole group, which moves them together",
         )
 
 
@@ -111,7 +111,7 @@ def _require_weak_correlation(group: Group) -> None:
 class SobolIndices:
     """First-order and total Sobol indices, shape (groups, outputs), with standard errors over replicates.
 
-    ``refused`` says per output why its indices are NaN; it is empty where they are given.
+    ``refused`` gives, per output, the reason if its indices are NaN; otherwise it is empty.
     """
 
     names: tuple[str, ...]
@@ -133,8 +133,8 @@ def sobol_indices(
     Parameters
     ----------
     model : Model
-        Vectorised model. For depth give inverse depth as it comes: it is finite where depth is infinite,
-        and it has a variance where depth has none.
+        Vectorised model. For depth, give inverse depth: it is finite where depth is infinite, and has a variance
+        where depth has none.
     sources : Sources
         Independent groups.
     sampling : Sampling
@@ -156,8 +156,8 @@ def sobol_indices(
 
     Notes
     -----
-    Estimator of Saltelli et al. (2010) through ``scipy.stats.sobol_indices``, which returns zeros, not an
-    error, when a single output is not a number; therefore outputs are gated first.
+    Estimator of Saltelli et al. (2010) through ``scipy.stats.sobol_indices``, which returns zeros instead of an
+    error if a single output is not a number; therefore outputs are checked first.
     """
     names = tuple(group.name for group in sources.active_groups if group.dimensions > 0)
     _require_indices_exist(sources, names, draws)
@@ -189,7 +189,7 @@ def _require_indices_exist(sources: Sources, names: tuple[str, ...], draws: int)
             "base draws of Sobol indices",
             value=str(draws),
             limit="a power of two",
-            remedy="Sobol points are balanced in blocks of powers of two only",
+            remedy="Sobol points are balanced only in blocks of powers of two",
         )
     if not names:
         raise OutOfRangeError(
@@ -200,7 +200,7 @@ def _require_indices_exist(sources: Sources, names: tuple[str, ...], draws: int)
         )
     if sources.covariance() is None:
         raise OutOfRangeError(
-            "Sobol indices share out a variance",
+            "Sobol indices divide a variance among sources",
             value="a source has none",
             limit="sources with a finite variance",
             remedy="use the tornado, whose quantiles exist",
@@ -239,27 +239,26 @@ def _saltelli_outputs(
 
 
 def _gate(matrices: FloatArray, lost: dict[int, str]) -> None:
-    """Note the outputs whose indices would mislead, with the reason."""
+    """Record the outputs whose indices would mislead, with the reason."""
     unranked = np.sum(~np.isfinite(matrices), axis=(0, 2))
     for column in np.flatnonzero(unranked):
         share = unranked[column] / (matrices.shape[0] * matrices.shape[2])
         lost[int(column)] = f"{share:.2g} of the draws are not finite; analyse inverse depth"
     constant = np.ptp(np.where(np.isfinite(matrices), matrices, 0.0), axis=(0, 2)) == 0.0
     for column in np.flatnonzero(constant & (unranked == 0)):
-        lost.setdefault(int(column), "the output does not vary: there is no variance to share out")
+        lost.setdefault(int(column), "the output does not vary: there is no variance to divide")
 
 
 def _indices(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
     """First and total indices, each (groups, outputs), of one replicate."""
-    from scipy.stats import sobol_indices as saltelli  # a second of import that only this analysis pays
+    from scipy.stats import sobol_indices as saltelli  # takes a second to import, which only this analysis needs
 
     finite = np.where(np.isfinite(matrices), matrices, 0.0)
     designs, outputs, draws = finite.shape
-    if designs == 3:  # scipy cannot do one input alone: give it twice, and keep one
+    if designs == 3:  # scipy does not support a single input: pass it twice and keep one
         first, total = _indices(finite[[0, 1, 2, 2]])
         return first[:1], total[:1]
-    # One output at a time: scipy centres all outputs on a common mean, which costs digits where they differ
-    # in size.
+    # One output at a time: scipy centres all outputs on a common mean, which costs digits if they differ in size.
     pairs = [
         saltelli(func={"f_A": finite[0, [k]], "f_B": finite[1, [k]], "f_AB": finite[2:, [k]]}, n=draws)
         for k in range(outputs)

@@ -1,4 +1,4 @@
-"""Parts of a variance: Shapley effects of groups of correlated parameters on linear outputs."""
+"""Shares of a variance: Shapley effects of groups of correlated parameters on linear outputs."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from tradestudy.uncertainty.distributions import FloatArray
 from tradestudy.uncertainty.joint import correlation_factor
 
 MOST_PARTS: Final = 12
-"""The variance explained by every subset of the parts is computed: 2¹² of them take half a second."""
+"""The explained variance is computed for every subset of the parts; 2¹² subsets take half a second."""
 
-# Directions of a subset that are shorter than this share of one standard deviation follow from the others. Rounding
-# leaves 1e-9; the shortest that `correlation_factor` keeps is 1.5e-7.
+# Directions of a subset shorter than this share of one standard deviation depend on the others. Rounding leaves 1e-9;
+# the shortest that `correlation_factor` keeps is 1.5e-7.
 _NO_DIRECTION = 1e-8
-# Errors cancel exactly where less than this share of their sum is left: the rounding of the sum.
+# Errors count as cancelling exactly if less than this share of their sum remains: the rounding of the sum.
 _CANCELLED = 1e-14
 
 
 def shapley_shares(sensitivity: FloatArray, covariance: FloatArray, parts: Sequence[Sequence[int]]) -> FloatArray:
     """Share of the variance of each output that is due to each part; they sum to 1 for correlated parts too.
 
-    A part is worth what it adds to the explained variance Var(E[w | X_S]), averaged over all orders in which the parts
-    become known. For independent parts this is their share of the sum of variances.
+    The worth of a part is what it adds to the explained variance Var(E[w | X_S]), averaged over all orders in which the
+    parts become known. For independent parts this is their share of the sum of variances.
 
     Parameters
     ----------
     sensitivity : array, shape (parameters, outputs)
-        Derivative of each output by each parameter [unit of the output over that of the parameter].
+        Derivative of each output with respect to each parameter [unit of the output over that of the parameter].
     covariance : array, shape (parameters, parameters)
-        Of the parameters, taken as jointly normal; it may be singular, and zero on the diagonal.
+        Covariance of the parameters, taken as jointly normal; it may be singular, with zeros on the diagonal.
     parts : sequence of sequences of int
         The rows that belong to each part; each row belongs to exactly one. At most 12 parts.
 
@@ -45,7 +45,7 @@ def shapley_shares(sensitivity: FloatArray, covariance: FloatArray, parts: Seque
     Raises
     ------
     OutOfRangeError
-        Too many parts, a parameter in none or in two of them, or a covariance that no distribution has.
+        Too many parts, a parameter in none or in two of them, or a covariance that belongs to no distribution.
 
     Notes
     -----
@@ -73,10 +73,10 @@ def shapley_shares(sensitivity: FloatArray, covariance: FloatArray, parts: Seque
 def _require_parts(parts: Sequence[Sequence[int]], parameters: int) -> None:
     if len(parts) > MOST_PARTS:
         raise OutOfRangeError(
-            "parts that one variance is shared among",
+            "parts among which one variance is divided",
             value=str(len(parts)),
             limit=f"at most {MOST_PARTS}",
-            remedy="join those that belong together",
+            remedy="combine parts that belong together",
         )
     rows = sorted(row for part in parts for row in part)
     if rows != list(range(parameters)):
@@ -84,12 +84,12 @@ def _require_parts(parts: Sequence[Sequence[int]], parameters: int) -> None:
             "parameters of the parts of a variance",
             value=f"rows {rows}",
             limit=f"each of the {parameters} once",
-            remedy="put every parameter into one part",
+            remedy="assign every parameter to exactly one part",
         )
 
 
 def _factor(covariance: FloatArray, deviation: FloatArray) -> FloatArray:
-    """Parameters in their standard deviations as rows of independent directions; a constant is a row of zeros."""
+    """Standardised parameters as rows over independent directions; a constant is a row of zeros."""
     moving = np.flatnonzero(deviation > 0.0)
     if moving.size == 0:
         return np.zeros((deviation.size, 0))
@@ -103,8 +103,8 @@ def _factor(covariance: FloatArray, deviation: FloatArray) -> FloatArray:
 def _explained(factor: FloatArray, response: FloatArray, parts: Sequence[Sequence[int]]) -> FloatArray:
     """Var(E[w | X_S]) of every subset S of the parts, by its number in binary, shape (2**parts, outputs).
 
-    Knowing X_S is knowing the directions that its rows span: the explained variance is the squared length of the
-    projection of the response on them.
+    Knowing X_S means knowing the directions that its rows span, so the explained variance is the squared length of the
+    response's projection on them.
     """
     explained = np.zeros((1 << len(parts), response.shape[1]))
     for subset in range(1, len(explained)):

@@ -1,4 +1,4 @@
-"""Error sources: what is uncertain, how, and how often it is drawn anew."""
+"""Error sources: the uncertain parameters, their distributions, and how often they are redrawn."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Group(Protocol):
 
     @property
     def error_class(self) -> ErrorClass:
-        """How often the group is drawn anew."""
+        """How often the group is redrawn."""
 
     @property
     def dimensions(self) -> int:
-        """How many independent standard normal scores one draw takes."""
+        """Number of independent standard normal scores per draw."""
 
     @property
     def nominal(self) -> FloatArray:
@@ -39,7 +39,7 @@ class Group(Protocol):
 
     @property
     def covariance(self) -> FloatArray | None:
-        """Covariance, shape (parameters, parameters); None where it does not exist."""
+        """Covariance, shape (parameters, parameters); None if it does not exist."""
 
     @property
     def correlation(self) -> FloatArray:
@@ -52,7 +52,7 @@ class Group(Protocol):
         """Return the distribution of one parameter alone."""
 
     def under(self, prefix: str) -> Group:
-        """Return the same group with a prefix to its own name and to those of its parameters."""
+        """Return the same group with a prefix to its name and to the names of its parameters."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,7 @@ class Source:
     distribution : Distribution
         Its distribution, in SI units.
     error_class : ErrorClass
-        How often it is drawn anew.
+        How often it is redrawn.
     """
 
     name: str
@@ -80,23 +80,23 @@ class Source:
 
     @property
     def dimensions(self) -> int:
-        """One, or none for a constant."""
+        """One, or zero for a constant."""
         return 0 if self.distribution.standard_deviation == 0.0 else 1
 
     @property
     def nominal(self) -> FloatArray:
-        """The mean, or the median where no mean exists, shape (1,)."""
+        """The mean, or the median if there is no mean, shape (1,)."""
         mean = self.distribution.mean
         return np.array([float(self.distribution.quantile(0.5)) if mean is None else mean])
 
     @property
     def covariance(self) -> FloatArray | None:
-        """The variance, shape (1, 1); None where it does not exist.
+        """The variance, shape (1, 1); None if it does not exist.
 
         Raises
         ------
         OutOfRangeError
-            The square of the standard deviation is zero or infinite as a double.
+            The square of the standard deviation underflows or overflows.
         """
         sd = self.distribution.standard_deviation
         if sd is None:
@@ -104,7 +104,7 @@ class Source:
         variance = sd * sd
         if not math.isfinite(variance) or (variance == 0.0 and sd > 0.0):
             raise OutOfRangeError(
-                f"the standard deviation of {self.name}, whose square no double can hold",
+                f"the standard deviation of {self.name}, whose square a double cannot represent",
                 value=f"{sd:.3g}",
                 limit="1e-160 to 1e150, or 0",
                 remedy="state the parameter in another unit",
@@ -113,7 +113,7 @@ class Source:
 
     @property
     def correlation(self) -> FloatArray:
-        """One by one, and one."""
+        """The one-by-one matrix 1."""
         return np.ones((1, 1))
 
     def draw(self, scores: FloatArray) -> FloatArray:
@@ -133,7 +133,7 @@ class Source:
 
 @dataclass(frozen=True, kw_only=True)
 class Sources:
-    """Independent groups of parameters: everything that a model takes as uncertain.
+    """Independent groups of parameters: all uncertain inputs of a model.
 
     Parameters
     ----------
@@ -154,10 +154,10 @@ class Sources:
             repeated = sorted({name for name in names if names.count(name) > 1})
             if repeated:
                 raise OutOfRangeError(
-                    f"error sources name the same {what} more than once",
+                    f"error sources use the same {what} name more than once",
                     value=", ".join(repeated),
                     limit="each name once",
-                    remedy="rename one of them, or join their distributions",
+                    remedy="rename one of them, or combine their distributions",
                 )
 
     @property
@@ -172,16 +172,16 @@ class Sources:
 
     @property
     def dimensions(self) -> int:
-        """How many independent standard normal scores one draw takes."""
+        """Number of independent standard normal scores per draw."""
         return sum(group.dimensions for group in self.active_groups)
 
     def only(self, names: Collection[str]) -> Sources:
-        """Return the same sources with only these groups drawn and every other one held at its nominal value.
+        """Return the same sources with only these groups drawn and all others held at their nominal values.
 
         Raises
         ------
         OutOfRangeError
-            There is no group of that name.
+            There is no group with one of these names.
         """
         known = {group.name for group in self.groups}
         unknown = sorted(set(names) - known)
@@ -216,7 +216,7 @@ class Sources:
         return values
 
     def coordinates(self) -> Mapping[str, slice]:
-        """Which scores belong to which active group."""
+        """The rows of the scores that belong to each active group."""
         slices: dict[str, slice] = {}
         first = 0
         for group in self.active_groups:
@@ -225,7 +225,7 @@ class Sources:
         return slices
 
     def covariance(self) -> FloatArray | None:
-        """Block covariance of the active groups, zero for the others; None where one group has none."""
+        """Block covariance of the active groups, zero for the others; None if a group has none."""
         total = np.zeros((len(self.parameters), len(self.parameters)))
         first = 0
         for group in self.groups:

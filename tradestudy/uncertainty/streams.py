@@ -14,7 +14,7 @@ UniformStream = Callable[[int], FloatArray]
 """Returns the next n points of a sequence in the open unit cube, shape (dimensions, n)."""
 
 Sampler = Callable[[int, np.random.Generator], UniformStream]
-"""Starts a stream of points with so many dimensions."""
+"""Starts a stream of points with the given number of dimensions."""
 
 # 52 bits leave room for half a cell in a double, so that no coordinate is ever 0 or 1.
 _SOBOL_BITS = 52
@@ -23,14 +23,14 @@ _SOBOL_BITS = 52
 def point_generator(*, seed: int, point: str, replicate: int) -> np.random.Generator:
     """Random generator of one study point and replicate: Philox keyed by a hash of all three.
 
-    The stream does not depend on how many other points there are, nor on who computes them in which order.
+    The stream does not depend on the number of other points, nor on the worker or the order in which they are computed.
 
     Parameters
     ----------
     seed : int
         Seed of the study, >= 0; zero is a seed like any other.
     point : str
-        What identifies the study point.
+        Identity of the study point.
     replicate : int
         Number of the independent replicate, >= 0.
 
@@ -47,19 +47,19 @@ def point_generator(*, seed: int, point: str, replicate: int) -> np.random.Gener
             remedy="zero is a valid seed",
         )
     digest = hashlib.blake2b(f"{seed}\0{replicate}\0{point}".encode(), digest_size=16).digest()
-    # Through a seed sequence, because scipy's samplers spawn from it.
+    # A seed sequence is needed because scipy's samplers spawn from it.
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(int.from_bytes(digest, "little"))))
 
 
 def scrambled_sobol(dimensions: int, rng: np.random.Generator) -> UniformStream:
     """Sobol points under a random linear matrix scramble and digital shift (Matoušek 1998).
 
-    Every point is uniform on the cube, so that estimates are unbiased and independent scrambles give their
-    error; ask for powers of two to keep the points balanced.
+    Every point is uniform on the cube, so estimates are unbiased and independent scrambles give their
+    error; request powers of two to keep the points balanced.
     """
     if dimensions == 0:
         return lambda n: np.empty((0, n))
-    from scipy.stats.qmc import Sobol  # a second of import that only sampling pays
+    from scipy.stats.qmc import Sobol  # takes a second to import, which only sampling needs
 
     engine = Sobol(dimensions, scramble=True, bits=_SOBOL_BITS, rng=rng)
     half_cell = 2.0 ** -(_SOBOL_BITS + 1)
@@ -78,5 +78,5 @@ def fixed_order_product(matrix: FloatArray, columns: FloatArray) -> FloatArray:
 
 def plain_random(dimensions: int, rng: np.random.Generator) -> UniformStream:
     """Independent uniform points: plain Monte Carlo, the comparison for :func:`scrambled_sobol`."""
-    below_all = 2.0**-54  # stands in for an exact 0, which numpy's generator can return
+    below_all = 2.0**-54  # replaces an exact 0, which numpy's generator can return
     return lambda n: np.maximum(np.ascontiguousarray(rng.random((n, dimensions)).T), below_all)

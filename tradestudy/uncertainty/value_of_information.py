@@ -1,4 +1,4 @@
-"""What knowing an uncertain parameter is worth to a decision, from draws of all parameters and utilities."""
+"""The worth to a decision of knowing an uncertain parameter, from draws of all parameters and utilities."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import FloatArray
 
 _FEWEST: Final = 32  # draws
-_INTERVALS: Final = (1, 2, 4)  # of cubic splines, the best of which by generalised cross-validation is taken
+_INTERVALS: Final = (1, 2, 4)  # of cubic splines; generalised cross-validation selects the best
 _DEGREE: Final = 3
 _FEW_CHOICES: Final = 8
-_RESAMPLED: Final = 400  # fits that could have been found as well
+_RESAMPLED: Final = 400  # fits that are equally plausible
 
 
 @dataclass(frozen=True, kw_only=True)
 class Worth:
-    """What is gained on average by knowing before deciding.
+    """Average gain from knowing before deciding.
 
     Parameters
     ----------
     value
-        Expected gain of utility, its upward bias taken off; at least 0.
+        Expected gain of utility, corrected for its upward bias; at least 0.
     error
         Standard error.
     bias
-        By how much the maximum over decisions lets noise pass for gain.
+        Upward bias: noise that the maximum over decisions mistakes for gain.
     """
 
     value: float
@@ -39,7 +39,7 @@ class Worth:
 
 
 def worth_of_all(utility: FloatArray) -> Worth:
-    """Perfect information, E[max_d U_d] − max_d E[U_d].
+    """Worth of perfect information, E[max_d U_d] − max_d E[U_d].
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def worth_of_all(utility: FloatArray) -> Worth:
     Raises
     ------
     OutOfRangeError
-        For fewer than 32 draws, or non-finite utilities.
+        There are fewer than 32 draws, or utilities are not finite.
     """
     _require(utility)
     gain = utility.max(axis=1) - utility[:, int(np.argmax(utility.mean(axis=0)))]
@@ -57,10 +57,10 @@ def worth_of_all(utility: FloatArray) -> Worth:
 
 
 def worth_of_one(utility: FloatArray, parameter: FloatArray, rng: np.random.Generator) -> Worth:
-    """Partial information, E_φ[max_d E(U_d | φ)] − max_d E[U_d], by regression of the utilities on the parameter.
+    """Worth of partial information, E_φ[max_d E(U_d | φ)] − max_d E[U_d], by regression of the utilities on φ.
 
-    Each E(U_d | φ) is a cubic spline in the ranks of φ, fitted to all draws, or the mean at each of up to eight values;
-    how much noise the maximum mistakes for gain is told by fits that could have been found as well.
+    Each E(U_d | φ) is a cubic spline in the ranks of φ, fitted to all draws, or the mean at each of up to eight values.
+    Resampled fits that are equally plausible show how much noise the maximum mistakes for gain.
 
     Parameters
     ----------
@@ -69,12 +69,12 @@ def worth_of_one(utility: FloatArray, parameter: FloatArray, rng: np.random.Gene
     parameter
         φ in every draw, shape (draws,).
     rng
-        For those fits.
+        Generator for the resampled fits.
 
     Raises
     ------
     OutOfRangeError
-        As `worth_of_all`.
+        As for `worth_of_all`.
 
     References
     ----------
@@ -88,7 +88,7 @@ def worth_of_one(utility: FloatArray, parameter: FloatArray, rng: np.random.Gene
     coefficients, *_ = np.linalg.lstsq(basis, incremental, rcond=None)
     fitted = basis @ coefficients
     found = _gain(fitted)
-    # Residuals of all decisions belong together: one covariance of decisions for every coefficient.
+    # Residuals of the decisions are correlated: one covariance of decisions applies to every coefficient.
     residual = incremental - fitted
     covariance = residual.T @ residual / max(1, len(basis) - basis.shape[1])
     root = _root(np.asarray(np.linalg.pinv(basis.T @ basis), dtype=np.float64))
@@ -110,16 +110,16 @@ def _gain(fitted: FloatArray) -> float:
 
 
 def _root(matrix: FloatArray) -> FloatArray:
-    """R with R Rᵀ the matrix, which may be singular."""
+    """R with R Rᵀ equal to the matrix, which may be singular."""
     values, vectors = np.linalg.eigh(matrix)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)), dtype=np.float64)
 
 
 def _spline_basis(parameter: FloatArray, utility: FloatArray) -> FloatArray:
-    """Cubic splines in the ranks of a parameter, as many as predict best."""
+    """Basis of cubic splines in the ranks of a parameter, with the number of intervals that predicts best."""
     ranks = (np.argsort(np.argsort(parameter, kind="stable"), kind="stable") + 0.5) / parameter.size
     choices = np.unique(parameter)
-    if choices.size <= _FEW_CHOICES:  # each has a mean of its own
+    if choices.size <= _FEW_CHOICES:  # each value has its own mean
         return np.asarray(parameter[:, np.newaxis] == choices, dtype=np.float64)
     candidates = [_basis(ranks, intervals) for intervals in _INTERVALS]
     return min(candidates, key=lambda basis: _generalised_error(basis, utility))
@@ -144,5 +144,5 @@ def _require(utility: FloatArray) -> None:
             "utilities of decisions",
             value=f"shape {utility.shape}, {np.count_nonzero(~np.isfinite(utility))} non-finite",
             limit=f"(draws, decisions), at least {_FEWEST} draws, finite",
-            remedy="take more draws, and a finite loss where nothing is usable",
+            remedy="use more draws, and a finite loss where no camera is usable",
         )

@@ -1,4 +1,4 @@
-"""What a value of a criterion is worth, between a worst and a best that do not depend on who competes."""
+"""The worth of a criterion's value, on a scale between fixed ends that do not depend on the alternatives."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from tradestudy.uncertainty.distributions import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class ValueScale:
-    """A linear value function of one criterion with fixed end points, whatever the alternatives are.
+    """A linear value function of one criterion with fixed end points, independent of the alternatives.
 
     Parameters
     ----------
     worst, best
-        Values of the criterion that are worth 0 and 1; what lies beyond them is worth as much as they.
+        Values of the criterion that are worth 0 and 1; values beyond them are worth the same.
     """
 
     worst: float
     best: float
 
     def value(self, measured: FloatArray) -> FloatArray:
-        """0 … 1; what is not known is worth nothing."""
+        """Worth from 0 to 1; unknown values are worth 0."""
         with np.errstate(invalid="ignore"):
             value = np.clip((measured - self.worst) / (self.best - self.worst), 0.0, 1.0)
         return np.where(np.isnan(value), 0.0, value)
 
     def clips(self, measured: FloatArray) -> npt.NDArray[np.bool_]:
-        """Which values lie beyond the ends."""
+        """Whether each value lies beyond the ends."""
         low, high = sorted((self.worst, self.best))
         return np.asarray((measured < low) | (measured > high))

@@ -1,4 +1,4 @@
-"""Weights of criteria that are not known exactly: uniform on the simplex, within ranges or in an order."""
+"""Uncertain weights of criteria: uniform on the simplex, within ranges or in an order."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from tradestudy.uncertainty.distributions import FloatArray
 from tradestudy.uncertainty.streams import UniformStream
 
 _ROUNDING: Final = 1e-12
-_MOST_BATCHES: Final = 1024  # for one batch of weights that lie in their ranges
+_MOST_BATCHES: Final = 1024  # to obtain one batch of weights within their ranges
 
 
 @dataclass(frozen=True, kw_only=True)
 class WeightSpace:
-    """All weights w ≥ 0 with Σw = 1 that lie in their ranges and keep an order.
+    """All weights w ≥ 0 with Σw = 1 that satisfy their ranges and an order.
 
     Parameters
     ----------
     low, high
-        Ends of the range of each weight; equal for one that is fixed.
+        Ends of the range of each weight; equal for a fixed weight.
     order
-        Places of weights that must not grow along this list; empty for no order. Only weights without a narrower
-        range than [0, 1] may stand in one.
+        Indices of weights that must not increase along this list; empty for no order. An order requires that every
+        range is [0, 1].
 
     Raises
     ------
     OutOfRangeError
-        Where the ranges leave no weights.
+        No weights satisfy the ranges.
     """
 
     low: tuple[float, ...]
@@ -49,42 +49,42 @@ class WeightSpace:
             )
         if self.order and any((self.low[k], self.high[k]) != (0.0, 1.0) for k in range(len(self.low))):
             raise OutOfRangeError(
-                "an order of weights", value="with ranges", limit="without", remedy="drop one of both"
+                "an order of weights", value="with ranges", limit="without ranges", remedy="remove one of the two"
             )
 
     @property
     def free(self) -> tuple[int, ...]:
-        """Places of the weights that are not fixed."""
+        """Indices of the weights that are not fixed."""
         return tuple(k for k, (low, high) in enumerate(zip(self.low, self.high, strict=True)) if high > low)
 
     @property
     def dimensions(self) -> int:
-        """Uniform numbers that one set of weights takes."""
+        """Number of uniform numbers that one set of weights takes."""
         return max(len(self.free) - 1, 0)
 
     def draw(self, stream: UniformStream, count: int) -> tuple[FloatArray, FloatArray]:
-        """At least so many sets of weights, uniform on this space, and the numbers of the stream that they leave over.
+        """At least so many sets of weights, uniform on this space, and the stream's remaining coordinates.
 
         Points of the cube become weights by one of three maps of constant density, the one that leaves the fewest
-        outside: a simplex above the minima, one below the maxima, or the box of all ranges but the widest. Those
-        outside are drawn again.
+        outside: a simplex above the minima, one below the maxima, or the box of all ranges but the widest. Points
+        outside are redrawn.
 
         Parameters
         ----------
         stream
-            Uniform points of `dimensions` coordinates and more, which are handed back with the weights.
+            Uniform points with `dimensions` coordinates or more; the additional ones are returned with the weights.
         count
-            How many points are taken at a time; a power of two.
+            Number of points drawn at a time; a power of two.
 
         Returns
         -------
         tuple
-            Weights, shape (weights, draws), and the other coordinates, shape (others, draws).
+            Weights, shape (weights, draws), and the additional coordinates, shape (others, draws).
 
         Raises
         ------
         OutOfRangeError
-            Where almost no point lies within the ranges.
+            Almost no point lies within the ranges.
         """
         kept: list[tuple[FloatArray, FloatArray]] = []
         for _ in range(_MOST_BATCHES):
@@ -100,7 +100,7 @@ class WeightSpace:
                 "ranges of weights",
                 value=f"{found} of {_MOST_BATCHES * count} sets of weights lie within",
                 limit=f"at least 1 in {_MOST_BATCHES}",
-                remedy="fix the weights with the narrowest ranges, or widen these",
+                remedy="fix the weights with the narrowest ranges, or widen those ranges",
             )
         weights, others = (np.concatenate(parts, axis=1) for parts in zip(*kept, strict=True))
         return self._ordered(weights), others
@@ -139,7 +139,7 @@ class WeightSpace:
         return np.asarray(((weights >= low - _ROUNDING) & (weights <= high + _ROUNDING)).all(axis=0))
 
     def _ordered(self, weights: FloatArray) -> FloatArray:
-        """The same weights, those of the order sorted: all orders of equal ranges are equally likely."""
+        """Sort the weights in the order: with equal ranges all orders are equally likely."""
         if not self.order:
             return weights
         places = list(self.order)
@@ -148,7 +148,7 @@ class WeightSpace:
 
 
 def _simplex(points: FloatArray) -> FloatArray:
-    """Uniform points of the simplex Σv = 1 from those of the cube, by breaking a stick: shape (n + 1, draws)."""
+    """Uniform points of the simplex Σv = 1 from points of the cube, by stick breaking: shape (n + 1, draws)."""
     pieces: list[FloatArray] = []
     left = np.ones(points.shape[1])
     for number, row in enumerate(points):
@@ -159,9 +159,9 @@ def _simplex(points: FloatArray) -> FloatArray:
 
 
 def range_mistake(low: Sequence[float], high: Sequence[float]) -> str:
-    """What is wrong with ranges of weights, with the numbers; empty where they leave some."""
+    """The mistake in ranges of weights, with the numbers; empty if some weights satisfy them."""
     if math.fsum(low) > 1.0 + _ROUNDING:
-        return f"the least weights sum to {math.fsum(low):g}; all weights sum to 1, so at most 1 is expected"
+        return f"the minimum weights sum to {math.fsum(low):g}; all weights sum to 1, so at most 1 is expected"
     if math.fsum(high) < 1.0 - _ROUNDING:
-        return f"the largest weights sum to {math.fsum(high):g}; all weights sum to 1, so at least 1 is expected"
+        return f"the maximum weights sum to {math.fsum(high):g}; all weights sum to 1, so at least 1 is expected"
     return ""
