@@ -1,1 +1,1 @@
-"""What a picture leaves of a texture at every distance: transfer, noise and light, and how well it is matched."""
+"""What a picture preserves of a texture at every distance: transfer, noise, light, and the matching error."""

@@ -1,4 +1,4 @@
-"""The disparity error of a camera as a law: derived from its picture at every distance."""
+"""The disparity error of a camera, derived from its picture at every distance."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ from tradestudy.optics.arrays import FloatArray
 if TYPE_CHECKING:
     from tradestudy.imaging.kirchhoff import LatticePoint
 
-# What asks for depth at the same distances asks several times in a row, for parts, limits and failures.
+# Callers ask for depth at the same distances several times in a row, for parts, limits and failures.
 _REMEMBERED = 64
 
 
 @dataclass(frozen=True, kw_only=True)
 class PictureDisparityError:
-    """The Cramér–Rao bound of matching, and what a real matcher adds, as a camera's error: a `DisparityErrorLaw`.
+    """The Cramér–Rao bound of matching plus what a real matcher adds, as a camera's error: a `DisparityErrorLaw`.
 
-    It is evaluated at every distance asked for (what Kirchhoff adds to Fresnel is interpolated between defoci), and is
-    the same for a camera that is equal. Whether the bound applies is a matter of the picture, whoever matches it.
+    It is evaluated at every requested distance (Kirchhoff's correction to Fresnel is interpolated between defoci), and
+    is the same for equal cameras. Whether the bound applies depends on the picture, not on the matcher.
 
     Parameters
     ----------
     settings
-        What is looked at, and how it is matched.
+        The texture and light of the scene, and the matching window.
     models
-        Which physics counts.
+        The models of the picture's physics.
     matcher
-        What it adds to the bound.
+        What the matcher adds to the bound.
     """
 
     settings: PictureSettings
@@ -59,10 +59,10 @@ class PictureDisparityError:
         return self.matcher.false_matches
 
     def error_px(self, camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
-        """What the matcher reaches [samples] at distances [m]; NaN where there is no picture or it shows nothing.
+        """Disparity error of the matcher [samples] at distances [m]; NaN without a picture, or if it shows nothing.
 
-        Off the axis, in the light and through the pupil at the angle of the place in the field in place of that of the
-        settings; blur is that on the axis. Disparity counts over the baseline that the estimator has on the axis.
+        Off the axis, light and pupil are taken at the angle of the field position instead of the settings' own; blur
+        and the estimator's baseline are those on the axis.
         """
         value = self.matcher.error_px(self.at_field(camera, field).bound_px(camera, distance))
         return np.where(np.isinf(value), np.nan, value).reshape(np.shape(distance))
@@ -73,24 +73,24 @@ class PictureDisparityError:
         return self.matcher.numerical_error_px(found.value, found.error).reshape(np.shape(distance))
 
     def at_field(self, camera: DepthCamera, field: float) -> PictureDisparityError:
-        """The law at a place in the field; on the axis as declared."""
+        """The law at a field position; unchanged on the axis."""
         if field == 0.0:
             return self
         return replace(self, settings=replace(self.settings, field_angle=camera.field_angle(field)))
 
     def derived(self, camera: DepthCamera, distance: ArrayLike) -> DerivedDisparityError:
-        """The bound with its numerical error and the conditions that it breaks, over the distances in one row."""
+        """The bound with its numerical error and its violated conditions, over the distances as a flat array."""
         return disparity_error_px(camera.picture_geometry(np.ravel(distance)), self.settings, self.models)
 
     def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
-        """Where a matcher can reach the bound: all of its conditions hold, not only that on the value shown."""
+        """Where a matcher can reach the bound: all its conditions hold, not only the one on the value shown."""
         value, shape = self.bound_px(camera, distance), np.shape(distance)
         broken = violated_conditions(camera.picture_geometry(np.ravel(distance)), self.settings, self.models, value)
         met = ~np.any(list(broken.values()), axis=0)
         return Limit(value=value.reshape(shape), bound=LARGEST_ERROR_PX, met=met.reshape(shape))
 
     def margin(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
-        """By how much the nearest condition of `limit` holds; negative where one is broken, NaN without a picture."""
+        """Smallest margin of the conditions of `limit`; negative where one is violated, NaN without a picture."""
         found = matching_margin(camera.picture_geometry(np.ravel(distance)), self.settings, self.models)
         return found.reshape(np.shape(distance))
 
@@ -99,18 +99,18 @@ class PictureDisparityError:
         return tuple(name for name, where in self.derived(camera, distance).violated.items() if where[0])
 
     def saturation(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
-        """Electrons of the brightest texture over the full well: at most 1."""
+        """Electrons of the brightest texture relative to the full well: at most 1."""
         share = filled_share(camera.picture_geometry(np.asarray(distance)), self.settings, self.models)
         return Limit(value=share, bound=1.0, met=share <= 1.0)
 
     def bound_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
-        """The bound [samples] in one row; NaN without a picture, infinite where it shows nothing."""
+        """The bound [samples] as a flat array; NaN without a picture, infinite where it shows nothing."""
         a = np.ascontiguousarray(distance, dtype=np.float64)
         return _bound_px(camera.as_pictured(), self.settings, self.models, a.tobytes())
 
 
 def at_bound(camera: DepthCamera) -> DepthCamera:
-    """The camera as if its matcher reached the bound; one whose error is declared stays as it is."""
+    """The camera with a matcher at the bound; unchanged if its error is declared."""
     law = camera.disparity_error_px
     if not isinstance(law, PictureDisparityError) or law.matcher == AT_BOUND:
         return camera
@@ -125,7 +125,7 @@ def _bound_px(camera: DepthCamera, settings: PictureSettings, models: PictureMod
 
 
 def kirchhoff_lattice(cameras: Iterable[DepthCamera], distance: FloatArray) -> tuple[LatticePoint, ...]:
-    """Arguments of every `kirchhoff_correction` that derived errors take at distances [m], each once."""
+    """Arguments of every `kirchhoff_correction` that derived errors need at distances [m], without duplicates."""
     return tuple(
         dict.fromkeys(
             point

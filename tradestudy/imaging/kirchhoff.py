@@ -1,8 +1,8 @@
 """Diffraction and defocus together by Kirchhoff's integral: the Hankel transform of the intensity on the sensor.
 
-What it adds to Fresnel's transfer is computed on a lattice and interpolated. Where the plane is fixed, the lattice lies
-in the defocus; where it follows the image, in the logarithm of its distance. The lattice is the same whatever is asked,
-so that an answer does not depend on the other distances asked for.
+The correction to Fresnel's transfer is computed on a lattice and interpolated. If the plane is fixed, the lattice is in
+defocus; if it follows the image, in the logarithm of its distance. The lattice does not depend on the requested
+distances, so the result at one distance does not depend on the others.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.axial_spot import axial_fresnel_spot, axial_kirchhoff_spot
 from tradestudy.optics.quadrature import gauss_legendre
 
-if TYPE_CHECKING:  # propagation takes as long to import as all the rest, and few pictures need it
+if TYPE_CHECKING:  # importing propagation takes as long as all the rest, and few pictures need it
     from tradestudy.optics.propagation import LensPhase
 
     LatticePoint = tuple[float, float, float, float, float, LensPhase]  # arguments of `kirchhoff_correction`
 
-# Farther than this a point source is at infinity to all digits that matter, and the paths are still exact.
+# Beyond this a point source is at infinity to all digits that matter, and the paths are still exact.
 FARTHEST = 1e6
 _PERIODS = 12
 _PERIODS_PER_PANEL = 4
 _NODES_PER_PANEL = 16
 _FREQUENCIES = 97
-# Of the lattice.
+# Settings of the lattice.
 _POINTS = 4
 _WAVES = 0.1
 _LOG_PLANE = 0.05
@@ -37,9 +37,9 @@ _IN_FOCUS_WAVES = 1e-6
 
 
 def correction_at(correction: FloatArray, share: FloatArray) -> FloatArray:
-    """Corrections of `kirchhoff_correction` at shares of the cut-off; 0 past it, where both are below the error.
+    """Interpolate corrections of `kirchhoff_correction` at shares of the cut-off; 0 above it, within the error.
 
-    One correction, shape (97,), is taken at shares of any shape; several, shape (n, 97), each at its row of them.
+    One correction, shape (97,), is evaluated at shares of any shape; several, shape (n, 97), each at its row of shares.
     """
     from scipy.interpolate import CubicSpline
 
@@ -52,16 +52,16 @@ def correction_at(correction: FloatArray, share: FloatArray) -> FloatArray:
     return np.where(share < 1.0, ((a * t + b) * t + c) * t + d, 0.0).reshape(share.shape)
 
 
-@lru_cache(maxsize=2**15)  # of a kilobyte each
+@lru_cache(maxsize=2**15)  # a kilobyte each
 def kirchhoff_correction(
     wavelength: float, aperture: float, focal_length: float, distance: float, plane: float, lens_phase: LensPhase
 ) -> tuple[FloatArray, float]:
-    """Kirchhoff's transfer less Fresnel's at 97 even shares of the cut-off from 0 to 1, and its error.
+    """Kirchhoff's transfer minus Fresnel's at 97 even shares of the cut-off from 0 to 1, and its error.
 
-    The transfer is ``2π ∫ I(r) J₀(2π ν r) r dr`` over the spot of a point on the axis. The spot falls off as 1/r³ and
-    its transform converges slowly, but Fresnel's spot has the same tail and a transform in one smooth integral: only
-    the difference of the two is transformed, over the geometric blur and 12 periods λ N. The error is the spot's
-    own, and the larger of what the outer half of the spot contributes and what normalising took away.
+    The transfer is ``2π ∫ I(r) J₀(2π ν r) r dr`` over the spot of a point on the axis. The spot falls off as 1/r³, so
+    its transform converges slowly; but Fresnel's spot has the same tail and a transform in one smooth integral.
+    Therefore only the difference of the two is transformed, over the geometric blur and 12 periods λ N. The error is
+    that of the spot plus the larger of the contribution of its outer half and the change made by normalising.
     """
     from scipy.special import j0
 
@@ -114,28 +114,28 @@ def kirchhoff_transfers(
     frequency
         ν ≥ 0 [cycles/m] in the plane, shape (distances, frequencies).
     wavelength, aperture_diameter
-        λ and of the lens [m].
+        λ, and the diameter of the lens [m].
     lens_phase
         ``perfect`` or ``parabolic``; see `CircularLens`.
     focal_length, plane_distance
         [m], shape (distances,).
     defocus_waves
-        Path error at the rim ``A²/8 (1/a + 1/b − 1/f)/λ``, signed; its object distance is where the point stands. 0 is
-        the point that the plane is in focus for. A negative object distance is that of light that converges towards a
-        point behind the lens; beyond 1000 km a point counts as infinitely far away.
+        Path error at the rim ``A²/8 (1/a + 1/b − 1/f)/λ``, signed; its object distance is that of the point. 0 is the
+        point that the plane is in focus for. A negative object distance means light that converges towards a point
+        behind the lens; a point beyond 1000 km counts as infinitely far away.
     interpolated
-        Whether the lattice is used, which many distances share; a few are quicker each by itself.
+        Whether to interpolate on the lattice, which many distances share; a few distances are faster one by one.
 
     Returns
     -------
     tuple
         Transfer, 1 at frequency 0, shape (distances, frequencies), and its error, shape (distances,): that of the
-        lattice points and the difference of cubic and parabolic interpolation. NaN where a length is.
+        lattice points plus the difference of cubic and parabolic interpolation. NaN where a length is NaN.
 
     Raises
     ------
     TradestudyError
-        The lens phase is neither of the two, or a point takes more nodes than are allowed.
+        The lens phase is neither of the two, or a point needs more nodes than are allowed.
     """
     value, error = np.full_like(frequency, np.nan), np.full(len(frequency), np.nan)
     lengths = np.stack(np.broadcast_arrays(focal_length, plane_distance, defocus_waves))
@@ -179,7 +179,7 @@ def lattice_points(
     defocus_waves: FloatArray,
     lens_phase: LensPhase,
 ) -> tuple[LatticePoint, ...]:
-    """Arguments of every `kirchhoff_correction` that `kirchhoff_transfers` takes for the same lens, each once."""
+    """Arguments of every `kirchhoff_correction` that `kirchhoff_transfers` needs for one lens, without duplicates."""
     lengths = np.stack(np.broadcast_arrays(focal_length, plane_distance, defocus_waves), axis=1)
     found = {
         point: None
@@ -192,7 +192,7 @@ def lattice_points(
 def _points_around(
     wavelength: float, aperture: float, focal_length: float, plane: float, waves: float, lens_phase: LensPhase
 ) -> tuple[LatticePoint, ...]:
-    """Between which a transfer is interpolated, in order."""
+    """The lattice points between which a transfer is interpolated, in order."""
     first = math.floor(_place(np.asarray(plane), np.asarray(waves))) - 1
     found = []
     for j in range(first, first + _POINTS):
@@ -204,19 +204,19 @@ def _points_around(
 def _point(
     wavelength: float, aperture: float, focal_length: float, plane: float, waves: float, lens_phase: LensPhase
 ) -> LatticePoint:
-    """Arguments of `kirchhoff_correction` in a plane that is so many waves out of focus."""
+    """Arguments of `kirchhoff_correction` for a plane that is so many waves out of focus."""
     inverse = 1.0 / focal_length - 1.0 / plane + 8.0 * wavelength * waves / aperture**2
     distance = math.copysign(1.0 / max(abs(inverse), 1.0 / FARTHEST), inverse)
     return wavelength, aperture, focal_length, distance, plane, lens_phase
 
 
 def _is_fixed(defocus_waves: FloatArray) -> BoolArray:
-    """Whether the plane stands still, out of focus, and does not follow the image."""
+    """Whether the plane is fixed, out of focus, instead of following the image."""
     return np.asarray(np.abs(defocus_waves) > _IN_FOCUS_WAVES)
 
 
 def _place(plane_distance: FloatArray, defocus_waves: FloatArray) -> FloatArray:
-    """On the lattice, in steps of it."""
+    """Position on the lattice, in its steps."""
     along_plane = np.log(plane_distance) / _LOG_PLANE
     return np.asarray(np.where(_is_fixed(defocus_waves), defocus_waves / _WAVES, along_plane))
 

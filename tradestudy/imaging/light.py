@@ -1,4 +1,4 @@
-"""Electrons in a pixel and their noise; what the edge of the field loses of them, and what neighbours bring."""
+"""Electrons in a pixel and their noise, the loss of light towards the edge of the field, and light from neighbours."""
 
 from __future__ import annotations
 
@@ -28,21 +28,22 @@ SensorNoiseModel = Literal["off", "shot", "shot+read", "shot+read+quantisation"]
 
 @dataclass(frozen=True, kw_only=True)
 class Light:
-    """Scene and exposure, as what a pixel collects of the mean radiance.
+    """Scene and exposure, expressed as the electrons that a pixel collects of the mean radiance.
 
     Parameters
     ----------
     electrons
         Mean electrons per pixel at `f_number`, on the axis.
     f_number
-        Image distance over pupil diameter for which that is so.
+        Image distance over pupil diameter to which `electrons` refers.
     pixel_pitch
-        Of such a pixel [m], so that larger pixels collect more; None: every pixel collects that, whatever its size.
+        Pitch [m] of the pixel to which `electrons` refers, so that larger pixels collect more; None: every pixel
+        collects `electrons`, whatever its size.
 
     Raises
     ------
     OutOfRangeError
-        For values that are not above zero.
+        A value is not above zero.
     """
 
     electrons: float
@@ -58,21 +59,21 @@ class Light:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorNoise:
-    """What a sensor adds.
+    """The noise and the range of a sensor.
 
     Parameters
     ----------
     read_noise_electrons
         Standard deviation of one reading.
     full_well_electrons
-        Where a pixel saturates; also the top of the scale that is digitised.
+        Electrons at which a pixel saturates; also the top of the digitised range.
     bits
-        Of a raw value.
+        Bits of a raw value.
 
     Raises
     ------
     OutOfRangeError
-        For values that a sensor cannot have.
+        A value is outside its range.
     """
 
     read_noise_electrons: float
@@ -99,7 +100,7 @@ def mean_electrons(light: Light, f_number: ArrayLike, pixel_pitch: float, illumi
     pixel_pitch
         p [m].
     illumination
-        Share V that is left at the place in the field; see `field_illumination`.
+        Relative illumination V at the field position; see `field_illumination`.
     """
     area = 1.0 if light.pixel_pitch is None else (pixel_pitch / light.pixel_pitch) ** 2
     ratio = light.f_number / np.asarray(f_number, dtype=np.float64)
@@ -107,21 +108,21 @@ def mean_electrons(light: Light, f_number: ArrayLike, pixel_pitch: float, illumi
 
 
 def noise_variance(electrons: ArrayLike, sensor: SensorNoise, model: SensorNoiseModel) -> FloatArray:
-    """Variance of one pixel [electrons²]: ``n + σ_r² + q²/12``, q = full well / 2^bits, as far as the model goes.
+    """Variance of one pixel [electrons²]: ``n + σ_r² + q²/12``, q = full well / 2^bits, with the terms of the model.
 
     Parameters
     ----------
     electrons
-        Mean electrons n. Shot noise is taken at the mean, which is right in the mean of the variance.
+        Mean electrons n. Shot noise is evaluated at the mean, which is right on average over the texture.
     sensor
         Read noise, full well, bits.
     model
-        Which of the three count.
+        Which of the three terms count.
 
     Notes
     -----
-    Quantisation counts as even, independent noise: right where the other noise exceeds about half a step; below, the
-    values of neighbouring pixels err together and the bound is too good.
+    Quantisation counts as uniform, independent noise. That is right if the other noise exceeds about half a step; with
+    less, neighbouring pixels err together and the bound is too optimistic.
     """
     n = np.asarray(electrons, dtype=np.float64)
     read = np.full_like(n, sensor.read_noise_electrons**2)
@@ -140,10 +141,11 @@ def noise_variance(electrons: ArrayLike, sensor: SensorNoise, model: SensorNoise
 
 
 def field_illumination(field_angle: float, *, pupil_diameter: float, stop_separation: float) -> float:
-    """Illumination over that on the axis: ``cos⁴θ · (2/π)(arccos s − s √(1 − s²)), s = L tan θ / A``.
+    """Illumination relative to that on the axis: ``cos⁴θ · (2/π)(arccos s − s √(1 − s²)), s = L tan θ / A``.
 
-    The fourth power of the cosine is that of a lens whose pupil looks the same from everywhere; the rest is what two
-    equal round stops a distance apart leave of the area of the pupil. 32.5° off the axis the cosines leave 0.506.
+    The fourth power of the cosine holds for a lens whose pupil looks the same from everywhere; the other factor is the
+    share of the pupil's area that two equal round stops at a distance leave. At 32.5° off the axis the cosines leave
+    0.506.
 
     Parameters
     ----------
@@ -152,37 +154,37 @@ def field_illumination(field_angle: float, *, pupil_diameter: float, stop_separa
     pupil_diameter
         A [m].
     stop_separation
-        L [m] between pupil and the second stop, along the axis; 0: none.
+        L [m] between pupil and the second stop, along the axis; 0: no second stop.
 
     Raises
     ------
     OutOfRangeError
-        For an angle or a length that cannot be.
+        The angle or a length is outside its range.
     """
     s = 1.0 - radial_pupil_width(field_angle, pupil_diameter=pupil_diameter, stop_separation=stop_separation)
     return math.cos(field_angle) ** 4 * (2.0 / math.pi) * (math.acos(s) - s * math.sqrt(1.0 - s * s))
 
 
 def radial_pupil_width(field_angle: float, *, pupil_diameter: float, stop_separation: float) -> float:
-    """Width of the pupil along the radius of the field over its diameter: ``1 − s, s = L tan θ / A``, at least 0.
+    """Width of the pupil along the field's radius, relative to its diameter: ``1 − s, s = L tan θ / A``, at least 0.
 
-    What two equal round stops leave of each other. Across that direction it is √(1 − s²): the radial width is the
-    smaller one. Widths are those in the plane of the pupil; along the ray, a width in that direction is seen shorter by
-    cos θ, 0.843 at 32.5°, which `field_illumination` counts as light.
+    It is the overlap of two equal round stops. Perpendicular to that direction it is √(1 − s²): the radial width is the
+    smaller one. Widths are measured in the plane of the pupil; seen along the ray, a width in that direction is
+    foreshortened by cos θ, 0.843 at 32.5°, which `field_illumination` includes as light.
 
-    Parameters and errors as of `field_illumination`.
+    Parameters and errors as for `field_illumination`.
     """
     require_field_and_stops(field_angle, stop_separation)
     return 1.0 - min(stop_separation * math.tan(field_angle) / pupil_diameter, 1.0)
 
 
 def require_field_and_stops(field_angle: float, stop_separation: float) -> None:
-    """Refuse an angle or a length that cannot be, as `field_illumination` does.
+    """Refuse angles and lengths outside their range, as `field_illumination` does.
 
     Raises
     ------
     OutOfRangeError
-        For an angle outside 0° to below 90°, or a separation that is negative or not finite.
+        The angle is outside 0° to below 90°, or the separation is negative or not finite.
     """
     if not 0.0 <= field_angle < math.pi / 2.0:
         raise OutOfRangeError("field angle", value=f"{math.degrees(field_angle):g}°", limit="0° to below 90°")
@@ -193,11 +195,11 @@ def require_field_and_stops(field_angle: float, stop_separation: float) -> None:
 def neighbours_share(
     geometry: PictureGeometry, wavelength: float, window: MatchedWindow, *, blurred: bool
 ) -> FloatArray:
-    """Share of the light in a window that a neighbouring microlens brings, over distance; 0 without microlenses.
+    """Share of the light in a window that comes from neighbouring microlenses, over distance; 0 without microlenses.
 
-    Every microlens spreads the light of its own micro-image, a disc of radius R, by diffraction and blur; in a uniform
-    scene as much comes in from neighbours as goes out. Averaged over a window, as over the disc of its area, of radius
-    a, with its centre c beside that of the micro-image:
+    Diffraction and blur spread the light of every microlens beyond its own micro-image, a disc of radius R; in a
+    uniform scene as much comes in from neighbours as goes out. The average is over the window, taken as a disc of its
+    area, with radius a and its centre at c from that of the micro-image:
 
     ``1 − (2 R/a) ∫₀^{1/λN} H(ν) J₁(2π R ν) J₁(2π a ν) J₀(2π c ν) dν/ν``, H the transfer of Airy pattern and blur.
 
@@ -208,7 +210,7 @@ def neighbours_share(
     wavelength
         [m].
     window
-        At most what two micro-images share, and halfway between their centres.
+        At most the overlap of two micro-images, and halfway between their centres.
     blurred
         Whether the geometric blur spreads light, too.
     """
@@ -218,7 +220,7 @@ def neighbours_share(
     from scipy.special import j0, j1
 
     R = geometry.micro_image_diameter / 2.0
-    # What is the same at all distances is computed once.
+    # Quantities that are the same at all distances are computed once.
     a = column(np.maximum(window.side_px, _LEAST_WINDOW_PX) * geometry.sample_pitch / math.sqrt(math.pi))
     c = column(window.apart_px / 2.0 * geometry.sample_pitch)
     _, N, blur = lens.columns

@@ -16,28 +16,28 @@ from tradestudy.wording import listed
 
 @dataclass(frozen=True, kw_only=True)
 class Matcher:
-    """A matcher by what it adds to the Cramér–Rao bound σ_b: ``σ² = (k σ_b)² + f² + A²/2``.
+    """A matcher, described by what it adds to the Cramér–Rao bound σ_b: ``σ² = (k σ_b)² + f² + A²/2``.
 
     Pixel locking is a systematic bias ``A sin(2π d + φ)`` of the disparity d [samples]. Its phase φ is unknown for one
-    measurement, so its mean square A²/2 adds as if it were noise, taken as normal; but it is the same for every
-    measurement at one distance, and does not average out there. A false match measures nothing: it counts as a failed
-    measurement, and the depth uncertainty is that of the true matches.
+    measurement, so its mean square A²/2 adds like noise, taken as normal; but it is the same for every measurement at
+    one distance, and does not average out there. A false match measures nothing: it counts as a failed measurement, and
+    the depth uncertainty is that of the true matches.
 
     Parameters
     ----------
     factor
-        k: noise that is achieved over the bound, 1 or more.
+        k: noise relative to the bound, 1 or more.
     floor
-        f: standard deviation of the noise that no light removes [samples].
+        f: standard deviation of the noise that remains in any light [samples].
     pixel_locking
-        A: amplitude of that bias [samples], at most half a sample.
+        A: amplitude of the bias [samples], at most half a sample.
     false_matches
         Share of all matches that are false, from 0 to below 1.
 
     Raises
     ------
     OutOfRangeError
-        For values outside these ranges.
+        A value is outside its range.
     """
 
     factor: float = 1.0
@@ -47,7 +47,7 @@ class Matcher:
 
     def __post_init__(self) -> None:
         for name, value, limit, holds in (
-            ("noise of a matcher over its bound", self.factor, "1 or more", 1.0 <= self.factor < math.inf),
+            ("noise of a matcher relative to its bound", self.factor, "1 or more", 1.0 <= self.factor < math.inf),
             ("floor of a matcher's noise", self.floor, "0 px or more", 0.0 <= self.floor < math.inf),
             ("amplitude of pixel locking", self.pixel_locking, "from 0 to 0.5 px", 0.0 <= self.pixel_locking <= 0.5),
             ("share of false matches", self.false_matches, "from 0 to below 1", 0.0 <= self.false_matches < 1.0),
@@ -57,23 +57,23 @@ class Matcher:
 
     @property
     def words(self) -> str:
-        """What it adds, as the end of a sentence; empty for nothing."""
+        """What it adds to the bound, as the end of a sentence; empty for nothing."""
         rms = significant(self.pixel_locking / math.sqrt(2.0))
-        told = {
+        parts = {
             f"noise {significant(self.factor)} times the bound": self.factor != 1.0,
             f"a floor of {significant(self.floor)} px": self.floor != 0.0,
             f"pixel locking of {significant(self.pixel_locking)} px ({rms} px rms)": self.pixel_locking != 0.0,
             f"{pretty(self.false_matches, FRACTION)} false matches": self.false_matches != 0.0,
         }
-        return listed([words for words, there in told.items() if there])
+        return listed([words for words, applies in parts.items() if applies])
 
     @property
     def beside(self) -> float:
-        """What adds to the bound in quadrature whatever that is [samples]: the floor, and pixel locking by its rms."""
+        """The part that adds to any bound in quadrature [samples]: the floor and the rms pixel locking."""
         return math.hypot(self.floor, self.pixel_locking / math.sqrt(2.0))
 
     def error_px(self, bound: ArrayLike) -> FloatArray:
-        """Standard deviation of one disparity [samples] where the bound is given; infinite where that is."""
+        """Standard deviation of one disparity [samples] for a given bound; infinite for an infinite bound."""
         return np.hypot(self.factor * np.asarray(bound, dtype=np.float64), self.beside)
 
     def numerical_error_px(self, bound: ArrayLike, error: ArrayLike) -> FloatArray:
@@ -81,14 +81,14 @@ class Matcher:
         return np.asarray(self.factor * self._weights(bound)[0] * np.asarray(error, dtype=np.float64))
 
     def change(self, bound: ArrayLike, factor: ArrayLike) -> FloatArray:
-        """The factor by which `error_px` changes where the bound changes by another."""
+        """The factor by which `error_px` changes if the bound changes by a given factor."""
         by_bound, by_rest = self._weights(bound)
         with np.errstate(invalid="ignore"):  # an unlimited change of a bound of zero
             found = np.hypot(by_bound * np.asarray(factor, dtype=np.float64), by_rest)
         return np.where(np.isinf(factor), np.inf, found)
 
     def _weights(self, bound: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Shares of `error_px` by the bound and by the rest, whose squares sum to 1; all by the bound where unknown."""
+        """Shares of `error_px` from the bound and the rest, whose squares sum to 1; 1 and 0 if unknown."""
         value, achieved = np.asarray(bound, dtype=np.float64), self.error_px(bound)
         known = np.isfinite(achieved) & (achieved > 0.0)
         total = np.where(known, achieved, 1.0)
@@ -99,4 +99,4 @@ class Matcher:
 
 
 AT_BOUND = Matcher()
-"""The best that any matcher can be."""
+"""The ideal matcher, which reaches the bound."""

@@ -1,4 +1,4 @@
-"""The least error that any matcher of two noisy pictures of one texture can have; what samples add to its band."""
+"""The least error that any matcher of two noisy pictures of one texture can reach, and the aliasing by its samples."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.quadrature import gauss_legendre
 
 REPLICAS = 3
-"""How many replicas of the spectrum are summed to every side, each one by itself."""
+"""Number of replicas of the spectrum summed on every side, one by one."""
 _RADII = 193
 
 
@@ -21,8 +21,8 @@ _RADII = 193
 class BandNodes:
     """Nodes of one eighth of the square band of the samples, 0 ≤ ν_y ≤ ν_x ≤ ½ cycles/px, densest at 0.
 
-    ``weight`` is for the whole band: the integral of g(ν) is ``sum(weight * g)`` for a g that is even in and symmetric
-    between the two frequencies.
+    ``weight`` covers the whole band: the integral of g(ν) is ``sum(weight * g)`` for a g that is even in the two
+    frequencies and symmetric between them.
     """
 
     x: FloatArray
@@ -63,12 +63,12 @@ def matching_bound_px(nodes: BandNodes, *, signal: ArrayLike, noise: ArrayLike, 
     Parameters
     ----------
     nodes
-        Of the band of the samples.
+        Nodes of the band of the samples.
     signal
-        S at the nodes, what arrives of the texture in each picture [electrons²]; shape (..., nodes).
+        S at the nodes, the transferred texture in each picture [electrons²]; shape (..., nodes).
     noise
-        N at the nodes, power density of the noise: the variance of one pixel, and what of the texture is aliased
-        [electrons²]; broadcast.
+        N at the nodes, power density of the noise: the variance of one pixel, plus aliased texture [electrons²];
+        broadcast.
     window_px
         Side W of the square window [px]; shape (...).
 
@@ -80,10 +80,10 @@ def matching_bound_px(nodes: BandNodes, *, signal: ArrayLike, noise: ArrayLike, 
 
     Notes
     -----
-    Holds where the window is wide against the texture's correlation and the blur, so that its Fourier modes are
-    independent (the dense covariance of a small window gives the rest), and where σ is well below the width of the
-    correlation peak: below that, real matchers jump to other peaks and no local bound knows of it. Aliased texture is
-    counted as noise that is independent in the two pictures, as it is in the mean over the fractions of a pixel of the
+    Holds if the window is wide compared with the texture's correlation and the blur, so that its Fourier modes are
+    independent (the dense covariance of a small window gives the rest), and if σ is well below the width of the
+    correlation peak: otherwise real matchers jump to other peaks, which no local bound describes. Aliased texture
+    counts as noise that is independent in the two pictures, as it is on average over the subpixel part of the
     disparity.
 
     References
@@ -92,7 +92,7 @@ def matching_bound_px(nodes: BandNodes, *, signal: ArrayLike, noise: ArrayLike, 
     24, 320 (1976); G. C. Carter, "Coherence and time delay estimation", Proc. IEEE 75, 236 (1987), here in the plane.
     """
     S, N = np.asarray(signal, dtype=np.float64), np.asarray(noise, dtype=np.float64)
-    noisy = ~(N <= 0.0)  # NaN, for no picture, goes through
+    noisy = ~(N <= 0.0)  # NaN, meaning no picture, passes through
     ratio = S / np.where(noisy, N, 1.0)
     usable = np.where(noisy, ratio * (ratio / (1.0 + 2.0 * ratio)), np.where(S > 0.0, np.inf, 0.0))
     information = np.square(np.asarray(window_px, dtype=np.float64)) * np.sum(usable * nodes.slope, axis=-1)
@@ -101,15 +101,15 @@ def matching_bound_px(nodes: BandNodes, *, signal: ArrayLike, noise: ArrayLike, 
 
 
 def alias_radii() -> FloatArray:
-    """Radii [cycles/sample] between which everything that the replicas reach lies."""
+    """Radii [cycles/sample] that cover the whole range of the replicas."""
     return np.linspace(0.5, (REPLICAS + 0.5) * np.sqrt(2.0), _RADII)
 
 
 @lru_cache(maxsize=64)
 def alias_weights(nodes: BandNodes, width: float, every: int) -> FloatArray:
-    """What every replica of a radial spectrum adds at the nodes, as weights of its values at the alias radii.
+    """Contribution of every replica of a radial spectrum at the nodes, as weights of its values at the alias radii.
 
-    Linear between the radii, of which each ``every``-th counts, times the pixel's square transfer.
+    Linear between the radii, of which every ``every``-th is used, times the pixel's squared transfer.
     """
     radii = alias_radii()[::every]
     step = radii[1] - radii[0]
@@ -118,7 +118,7 @@ def alias_weights(nodes: BandNodes, width: float, every: int) -> FloatArray:
     beside = np.delete(np.arange(shifts.size**2), shifts.size**2 // 2)  # the middle one is no replica
     position = (np.hypot(x, y[:, np.newaxis]).reshape(-1, nodes.x.size)[beside] - radii[0]) / step
     below = np.clip(position.astype(np.intp), 0, radii.size - 2)
-    # A square's transfer is a product of one along x and one along y.
+    # The transfer of a square is the product of one along x and one along y.
     along = square_transfer(x, 0.0, width) * square_transfer(0.0, y, width)[:, np.newaxis]
     share, passed = position - below, np.square(along.reshape(-1, nodes.x.size)[beside])
     place = below * nodes.x.size + np.arange(nodes.x.size)  # in the matrix, row by row
@@ -131,7 +131,7 @@ def alias_weights(nodes: BandNodes, width: float, every: int) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def ring_weights(width: float) -> FloatArray:
-    """The mean over the outermost ring of alias radii and over directions, the pixel's square transfer included."""
+    """Weights for the mean over the outermost ring of alias radii and directions, with the pixel's squared transfer."""
     radii = alias_radii()
     angle = np.linspace(0.0, np.pi / 2.0, 33)
     seen = np.square(square_transfer(np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), width))

@@ -1,4 +1,4 @@
-"""What a picture is of, what there is to match in it, and which of its physics counts."""
+"""Settings and models of a picture: the texture it shows, how it is matched, and the physics that counts."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ class Texture:
 
     The exponential is chosen because its spectrum ends in a power law, ν⁻³ in the plane, as those of natural surfaces
     and scenes do (amplitude close to 1/ν: D. J. Field, J. Opt. Soc. Am. A 4, 2379, 1987). A Gaussian autocorrelation
-    would leave nothing at all to match beyond a sharp band, and make the answer depend on that band alone.
+    would leave nothing to match beyond a sharp band, and make the answer depend on that band alone.
 
     Parameters
     ----------
     contrast
-        Standard deviation of the radiance over its mean c.
+        c: standard deviation of the radiance relative to its mean.
     correlation_length
-        ℓ [m] on the object: where the autocorrelation is down to 1/e.
+        ℓ [m] on the object, at which the autocorrelation has fallen to 1/e.
 
     Raises
     ------
     OutOfRangeError
-        For values that are not finite and above zero.
+        A value is not finite and above zero.
     """
 
     contrast: float
@@ -79,37 +79,36 @@ def share_beyond(frequency: ArrayLike, correlation_length: ArrayLike) -> FloatAr
 
 @dataclass(frozen=True, kw_only=True)
 class PictureSettings:
-    """What is looked at, how brightly, and how it is matched.
+    """Scene, light and matching window of a picture.
 
     Parameters
     ----------
     texture
-        Of the surface.
+        Texture of the surface.
     window_px, window_length
-        Side of the square window that is matched: in samples of the picture, or as a length [m] on the object so that
-        cameras are compared at equal window there. Exactly one. Never more than the compared
-        pictures share of an object.
+        Side of the square matching window, exactly one of: in samples of the picture; or as a length [m] on the object,
+        which compares cameras at equal windows there. It never exceeds the area that the compared pictures share.
     light
         Scene and exposure.
     sensor_noise
         Read noise, full well, bits.
     wavelength
-        Of the picture where the spectrum is `off` [m].
+        Wavelength of the picture if the spectrum is `off` [m].
     spectrum
-        Wavelengths [m] and weights of the model `weighted`; the weights are normalised.
+        Wavelengths [m] and weights for the model `weighted`; the weights are normalised.
     field_angle
-        Of the place in the picture whose light counts [rad], from 0 to below 90°.
+        Angle of the field position where light is computed [rad], from 0 to below 90°.
     stop_separation
         See `field_illumination` [m], 0 or more.
     pixel_fill
-        Active width of a pixel over its pitch, above 0 to 1.
+        Active width of a pixel relative to its pitch, above 0 to 1.
     lens_phase
-        Of the Kirchhoff model: a well-corrected lens (``perfect``), or the paper's (``parabolic``).
+        Lens of the Kirchhoff model: well corrected (``perfect``), or the paper's (``parabolic``).
 
     Raises
     ------
     OutOfRangeError
-        For values outside these ranges, both windows or none.
+        A value is outside its range, or both windows or neither are given.
     """
 
     texture: Texture
@@ -125,16 +124,16 @@ class PictureSettings:
     lens_phase: Literal["perfect", "parabolic"] = "perfect"
 
     def asked_window(self, magnification: FloatArray, sample_pitch: float) -> FloatArray:
-        """Side of the window [samples] that is asked for where a picture has this magnification."""
+        """Requested side of the window [samples] at the magnification of a picture."""
         if self.window_px is not None:
             return np.full_like(magnification, self.window_px)
-        assert self.window_length is not None  # one of the two is given
+        assert self.window_length is not None  # exactly one of the two is given
         return np.asarray(self.window_length * magnification / sample_pitch)
 
     def __post_init__(self) -> None:
         if (self.window_px is None) == (self.window_length is None):
             raise OutOfRangeError(
-                "a window is given in pixels or as a length on the object", limit="exactly one of them"
+                "matching window in pixels and as a length on the object", limit="exactly one of them"
             )
         for name, value, unit in (
             ("window", self.window_px, "px"),
@@ -153,20 +152,20 @@ class PictureSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class PictureModels:
-    """Which physics of the picture counts: one model for each effect, the first of each the plainest.
+    """The models of the picture's physics, one for each effect; the first choice of each is the simplest.
 
     Parameters
     ----------
     defocus_blur
-        ``off``: everything in focus. ``disc``: the geometric blur; where diffraction is ``fresnel`` or ``kirchhoff``,
-        the defocus that belongs to it.
+        ``off``: everything in focus. ``disc``: the geometric blur; if diffraction is ``fresnel`` or ``kirchhoff``, the
+        corresponding defocus.
     main_lens_diffraction, microlens_diffraction
-        ``off``; ``airy``: in focus, beside the disc; ``fresnel``: the defocused pupil; ``kirchhoff``: exact paths and
-        cosines. Where the blur exceeds 200 λN the last two are the disc times their transfer in focus. A camera without
-        a microlens stage takes ``off`` only.
+        ``off``; ``airy``: in focus, multiplied by the disc; ``fresnel``: the defocused pupil; ``kirchhoff``: exact
+        paths and cosines. If the blur exceeds 200 λN, the last two are the disc times their transfer in focus. A camera
+        without a microlens stage accepts only ``off``.
     crosstalk
-        ``off``, or ``share``: light of neighbouring microlenses dims the texture and adds theirs to the noise; nothing
-        without microlenses.
+        ``off``, or ``share``: light of neighbouring microlenses weakens the texture and adds theirs to the noise; no
+        effect without microlenses.
     pixel_integration
         ``off``: one sample at the centre of the pixel. ``square``: the mean over its active area.
     spectrum
@@ -174,7 +173,7 @@ class PictureModels:
     vignetting
         ``off``, or ``cos4``: with the stops at the field angle.
     sensor_noise
-        Which noise counts.
+        Which noise terms count.
     """
 
     defocus_blur: DefocusModel
@@ -188,9 +187,9 @@ class PictureModels:
 
 
 def closed_form_models(picture: PictureSettings, *, microlenses: bool) -> PictureModels:
-    """Every effect of the picture that has a closed form: what a derived error is made of unless models are chosen.
+    """Every effect of the picture in its closed form: the default models of a derived error.
 
-    ``microlenses`` says whether the camera's picture comes through microlenses that blur it.
+    ``microlenses`` states whether microlenses blur the camera's picture.
     """
     return PictureModels(
         defocus_blur="disc",

@@ -1,4 +1,4 @@
-"""Transfer of all lenses of a camera together: each by the model chosen for it, over the spectrum chosen."""
+"""Combined transfer of all lenses of a camera, each by its chosen model, over the chosen spectrum."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ _MOST_BLUR_OF_WAVES = 200.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LensTransfers:
-    """Transfer of the lenses, without the pixel, under one model after another; each lens's own is computed once.
+    """Transfer of the lenses, without the pixel, for any models; the transfer of each lens is computed once.
 
     Parameters
     ----------
     geometry, settings
-        The picture, and the light.
+        The picture and its light.
     frequency_px
-        |ν| [cycles/sample], shape (frequencies,), rising behind the first so many.
+        |ν| [cycles/sample], shape (frequencies,); increasing after the first ``always``.
     always
-        For so many of the first frequencies a transfer is given in any case; of the others only for those below the
-        cut-off, beyond which it is exactly 0.
+        Number of leading frequencies that always get a transfer; the others only below the cut-off, beyond which it is
+        exactly 0.
     interpolated
-        As of `kirchhoff_transfers`.
+        See `kirchhoff_transfers`.
     """
 
     geometry: PictureGeometry
@@ -49,10 +49,10 @@ class LensTransfers:
     _passing: dict[tuple[LensStage, float], int] = field(default_factory=dict, init=False)
 
     def product(self, models: PictureModels) -> tuple[FloatArray, FloatArray]:
-        """Transfer, shape (distances, first frequencies), and its error over distance.
+        """Transfer, shape (distances, leading frequencies), and its error over distance.
 
-        With the model ``weighted`` it is the mean over the spectrum of the product of all stages; thin lenses focus all
-        colours alike.
+        With the model ``weighted`` it is the mean, over the spectrum, of the product of all stages; thin lenses focus
+        all colours alike.
         """
         key = (models.main_lens_diffraction, models.microlens_diffraction, models.defocus_blur, models.spectrum)
         if key in self._products:
@@ -97,7 +97,7 @@ class LensTransfers:
         return self._known[key]
 
     def _below_cutoff(self, stage: LensStage, wavelength: float) -> int:
-        """How many of the frequencies pass at some distance."""
+        """Number of frequencies that pass at some distance."""
         key = (stage, wavelength)
         if key not in self._passing:
             cutoff = self.geometry.sample_pitch / stage.finest_period(wavelength)
@@ -115,9 +115,9 @@ def _stage_transfer(
     *,
     interpolated: bool,
 ) -> tuple[FloatArray, FloatArray]:
-    """Of one lens at frequencies on the sensor [cycles/m], and its error over distance.
+    """Transfer of one lens at frequencies on the sensor [cycles/m], and its error over distance.
 
-    The transfer has one row for all distances where it is the same for all.
+    A transfer that is the same at all distances has a single row.
     """
     relay, N, blur = stage.columns
     nu, blur = frequency * relay, blur if defocus == "disc" else np.zeros((1, 1))
@@ -154,7 +154,7 @@ def _stage_transfer(
 def kirchhoff_points(
     geometry: PictureGeometry, settings: PictureSettings, models: PictureModels
 ) -> tuple[LatticePoint, ...]:
-    """Arguments of every `kirchhoff_correction` that the transfers of a picture take; none without such a model."""
+    """Arguments of every `kirchhoff_correction` that the transfers of a picture need; empty without such a model."""
     stages = ((geometry.main_lens, models.main_lens_diffraction), (geometry.microlens, models.microlens_diffraction))
     return tuple(
         point
@@ -178,12 +178,12 @@ def _light_of(settings: PictureSettings, models: PictureModels) -> Sequence[tupl
 
 
 def _waves(stage: LensStage, wavelength: float, defocus: DefocusModel) -> FloatArray:
-    """Defocus [waves] that waves are taken for; 0 where there is none, and where it is left to rays."""
+    """Defocus [waves] for the wave models; 0 where there is none, and where rays take over."""
     by_waves = ~is_by_rays(stage.blur_diameter, wavelength, stage.f_number)
     counts = (stage.blur_diameter != 0.0) & by_waves & (defocus == "disc")
     return np.where(counts, stage.defocus(wavelength), 0.0)
 
 
 def is_by_rays(blur: FloatArray, wavelength: float, f_number: FloatArray) -> BoolArray:
-    """Far out of focus rays err by less than 0.2 √(λN/c); waves would take ever more nodes for what is not matched."""
+    """Where blur is so large that rays err by less than 0.2 √(λN/c), and waves would need too many nodes."""
     return np.asarray(blur > _MOST_BLUR_OF_WAVES * wavelength * f_number)

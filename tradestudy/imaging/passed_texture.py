@@ -1,6 +1,6 @@
-"""What arrives of a texture at the nodes of its band, and what the bound of matching makes of it.
+"""The power of a texture at the nodes of its band after every step of the picture, and the matching bound from it.
 
-Pictures of one surface under several models share nodes, texture and transfers of lenses: each is computed once.
+Several models of one picture share nodes, texture and lens transfers, each of which is computed once.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _MOST_MULTIPLICATIONS: Final = 200_000
 
 
 def picture_electrons(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:
-    """Mean per pixel over distance."""
+    """Mean electrons per pixel, over distance."""
     left = 1.0
     if models.vignetting == "cos4":
         left = field_illumination(
@@ -51,7 +51,7 @@ def picture_electrons(geometry: PictureGeometry, settings: PictureSettings, mode
 
 
 def matched_window(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> MatchedWindow:
-    """The window over distance: at most the declared one, and what the compared pictures share through the pupil."""
+    """The window over distance: at most the declared one and the overlap of the compared pictures through the pupil."""
     asked = settings.asked_window(geometry.magnification, geometry.sample_pitch)
     width = 1.0
     if models.vignetting == "cos4":
@@ -63,24 +63,24 @@ def matched_window(geometry: PictureGeometry, settings: PictureSettings, models:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PassedTexture:
-    """All that the bound follows from under some models, by some rules of falling order.
+    """The inputs of the bound under some models, for several quadrature rules of decreasing order.
 
     Attributes
     ----------
     rules
         Nodes of the band.
     inside, beyond
-        Power density of the picture at the nodes of each rule, and at the radii that alias, as far as any light passes.
+        Power density of the picture at the nodes of each rule, and at the aliasing radii, as far as any light passes.
     tail
         Aliased power from beyond those radii.
     floor
         Power density of noise.
     foreign
-        Power of neighbouring micro-images' texture over that of the own, over distance.
+        Power of neighbouring micro-images' texture relative to the own texture, over distance.
     sample_width, window
         Side of a square sample and of the window [samples].
     transfer, transfer_error
-        Of lenses and round samples at the nodes of the first rule; how far it is off, over distance.
+        Transfer of lenses and round samples at the nodes of the first rule, and its error over distance.
     """
 
     rules: tuple[BandNodes, ...]
@@ -95,7 +95,7 @@ class PassedTexture:
     transfer_error: FloatArray
 
     def bound(self, k: int, aliased: FloatArray, every: int = 1) -> FloatArray:
-        """By the k-th rule, with so much power from far beyond, and every n-th radius of what aliases."""
+        """The bound by the k-th rule, with the given power from far beyond and every n-th aliasing radius."""
         rule = self.rules[k]
         signal = self.inside[k] * _pixel_power(rule, self.sample_width)
         passed = self.beyond[:, ::every]
@@ -104,25 +104,25 @@ class PassedTexture:
         return matching_bound_px(rule, signal=signal, noise=noise, window_px=self.window)
 
     def moved_by_transfer(self, value: FloatArray) -> FloatArray:
-        """A transfer off by δ everywhere moves the bound by about δ over its root mean square where it matters."""
+        """Error of the bound due to the transfer: an error δ moves it by about δ over the weighted rms transfer."""
         slope = self.rules[0].weight * np.square(self.rules[0].radius)
         strength = np.sqrt(np.square(self.transfer) @ (slope / slope.sum()))
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # nothing passed: the bound is infinite
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # no power passed: the bound is infinite
             return np.where(self.transfer_error > 0.0, value * self.transfer_error / strength, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TextureBand:
-    """A texture at distances that share the nodes of their band, before the models are known that pass it.
+    """A texture at distances that share the nodes of their band, before models are applied.
 
     Parameters
     ----------
     geometry, settings
-        The picture and what is looked at.
+        The picture, with its texture and light.
     rules
-        Nodes of the band, of falling order.
+        Nodes of the band, of decreasing order.
     interpolated
-        As of `kirchhoff_transfers`.
+        See `kirchhoff_transfers`.
     """
 
     geometry: PictureGeometry
@@ -132,7 +132,7 @@ class TextureBand:
     _shares: dict[tuple[bool, str], FloatArray] = field(default_factory=dict, init=False)
 
     def passed(self, models: PictureModels, brighter: ArrayLike = 1.0) -> PassedTexture:
-        """Pass the texture through every step, in so many times the light over distance."""
+        """Pass the texture through every step, with the light multiplied by ``brighter`` over distance."""
         geometry, settings = self.geometry, self.settings
         transfer, transfer_error = self._lenses.product(models)
         width = _sample_width(geometry, settings, models)
@@ -145,7 +145,7 @@ class TextureBand:
         crosstalk = self._crosstalk(models, window)
         power = np.square((1.0 - crosstalk) * transfer)
         *inside, beyond = np.split(n**2 * self._texture[:, : frequency.size] * power, self._ends, axis=1)
-        # From beyond the replicas: what texture is left there, passed like the outermost ring, spread evenly.
+        # From beyond the replicas: the remaining texture, passed like the outermost ring and spread evenly.
         outermost = np.einsum("ij,j->i", power[:, self._ends[-1] :], ring_weights(width)[: beyond.shape[1]])
         share = share_beyond(REPLICAS + 0.5, self._length)
         return PassedTexture(
@@ -154,7 +154,7 @@ class TextureBand:
             beyond=beyond,
             tail=(n * settings.texture.contrast) ** 2 * share * outermost[:, np.newaxis],
             floor=np.asarray(noise_variance(n, settings.sensor_noise, models.sensor_noise)),
-            # As another texture of the same kind: what it shows is not what is matched.
+            # As another texture of the same kind, because it does not match.
             foreign=np.square(crosstalk / (1.0 - crosstalk)),
             sample_width=width,
             window=window.side_px,
@@ -163,7 +163,7 @@ class TextureBand:
         )
 
     def _crosstalk(self, models: PictureModels, window: MatchedWindow) -> FloatArray:
-        """Share of light that is of neighbours, as a column over distance."""
+        """Share of the light that comes from neighbours, as a column over distance."""
         if models.crosstalk == "off" or self.geometry.microlens is None:
             return np.zeros((self.geometry.distance.size, 1))
         blurred = models.defocus_blur == "disc"
@@ -175,7 +175,7 @@ class TextureBand:
 
     @cached_property
     def _ends(self) -> tuple[int, ...]:
-        """Where the nodes of each rule end among the frequencies; the radii that alias come after."""
+        """End index of each rule's nodes among the frequencies; the aliasing radii follow."""
         return tuple(itertools.accumulate(rule.x.size for rule in self.rules))
 
     @cached_property
@@ -205,14 +205,14 @@ class TextureBand:
 
 @lru_cache(maxsize=64)
 def _pixel_power(nodes: BandNodes, width: float) -> FloatArray:
-    """What a square pixel leaves of the power at the nodes of a band."""
+    """Squared transfer of a square pixel at the nodes of a band."""
     power = np.square(square_transfer(nodes.x, nodes.y, width))
     power.setflags(write=False)
     return power
 
 
 def _product(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Matrix product in blocks of rows too small for a library to wake its threads, which costs more than they save."""
+    """Matrix product in blocks of rows too small to start a library's threads, which would cost more than they save."""
     rows = max(1, _MOST_MULTIPLICATIONS // max(1, second.size))
     if rows >= len(first):
         return np.asarray(first @ second)
@@ -220,7 +220,7 @@ def _product(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _sample_width(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> float:
-    """Side or diameter of what a sample collects from [samples]; 0 for a point."""
+    """Side or diameter of the area that a sample collects from [samples]; 0 for a point."""
     if models.pixel_integration == "off":
         return 0.0
     fill = settings.pixel_fill if geometry.sample_shape == "square" else 1.0

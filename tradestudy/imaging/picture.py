@@ -1,13 +1,13 @@
-"""From light to disparity: what a picture lets a matcher know of a disparity.
+"""From light to disparity: how precisely a matcher can measure disparity in a picture.
 
 The picture of a texture is its spectrum times the transfer of every step, aliased by the samples, with the noise of the
-electrons; `matching_bound_px` says what that leaves of the disparity.
+electrons; `matching_bound_px` gives the disparity error that follows.
 
 How steps combine. Defocus and diffraction of one lens are one transfer in ``fresnel`` and ``kirchhoff``; as ``disc``
 times ``airy`` they are a product, exact where either is negligible and otherwise conservative for blurs of up to about
-two Airy diameters (the first dark ring comes sooner than it does). The lens and the microlens are multiplied as if the
-main lens's image were an incoherent object: conservative, since in truth the narrower of the two cones is the aperture
-and the other cuts little of it, and light does not spread twice. The pixel integrates intensity: its product is exact.
+two Airy diameters (its first zero is at too low a frequency). The lens and the microlens are multiplied as if the main
+lens's image were an incoherent object: conservative, because in truth the narrower of the two cones is the aperture and
+the other cuts little of it, so light does not spread twice. The pixel integrates intensity: its product is exact.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.passed_texture import PassedTexture, TextureBand, matched_window, picture_electrons
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 
-# Where a matcher leaves the bound was found by simulation; tests/campaigns/matching.md keeps the figures.
+# Simulations showed where a matcher departs from the bound; tests/campaigns/matching.md keeps the figures.
 LARGEST_ERROR_PX = 0.25
-"""Above this error a bound of small errors says little about a matcher: one match in twenty is another one."""
+"""Above this error a bound for small errors says little about a matcher: one match in twenty is false."""
 SMALLEST_WINDOW_PX = 5.0
 _WINDOW_OVER_BLUR = 1.5
 _WINDOW_OVER_LENGTH = 0.5
 _PEAK_CONTRAST = 3.0
 
-# Bounds above this say only that nothing is known; they are called infinite.
+# Bounds above this mean that nothing is known; they are reported as infinite.
 _NOTHING_KNOWN_PX = 1e9
 _COARSER = (0.85, 0.7, 0.55)
-# Up to which blur how many nodes along the band suffice; beyond the last the window is too small in practice.
+# Nodes along the band that suffice up to each blur; beyond the last the window is too small in practice.
 _BLUR_STEPS_PX = (3.0, 8.0, 16.0)
 _NODES = (20, 25, 31, 38)
 CHANGES: Final = ("no blur", "no diffraction", "light of the brightest", "ten times the light")
-"""What is changed, one at a time: everything in focus, no lens diffracts, more light."""
+"""The changes, one at a time: everything in focus, no diffraction, more light."""
 _MORE_LIGHT: Final = 10.0
 
 
@@ -53,15 +53,16 @@ class DerivedDisparityError:
     Parameters
     ----------
     value
-        Standard deviation of one disparity [samples]; NaN where the camera forms no picture, infinite where that shows
-        nothing.
+        Standard deviation of one disparity [samples]; NaN where the camera forms no picture, infinite where the picture
+        shows nothing.
     error
-        Estimated numerical error of it [samples]: of the quadrature over the band (twice the largest change by three
-        coarser rules), of aliased power from beyond the replicas that are summed, of Kirchhoff's transfer.
+        Its estimated numerical error [samples]: of the quadrature over the band (twice the largest change by three
+        coarser rules), of aliased power beyond the summed replicas, and of Kirchhoff's transfer.
     violated
-        By condition, where the bound is not what a matcher can reach.
+        For each condition, where it is violated, so that a matcher cannot reach the bound.
     filled_share
-        Electrons of the brightest texture over the full well; above 1 the picture is cut off and the bound is none.
+        Electrons of the brightest texture relative to the full well; above 1 the picture is clipped and the bound is
+        invalid.
     """
 
     value: FloatArray
@@ -71,7 +72,7 @@ class DerivedDisparityError:
 
     @property
     def applies(self) -> BoolArray:
-        """Where every condition holds, saturation apart."""
+        """Where every condition holds, regardless of saturation."""
         return np.asarray(~np.any(list(self.violated.values()), axis=0))
 
 
@@ -83,7 +84,7 @@ def disparity_error_px(
     Raises
     ------
     OutOfRangeError
-        A model that the camera has no stage for, or a spectrum asked for and not given.
+        The camera has no stage for a model, or a requested spectrum is missing.
     """
     ((value, error),) = bounds_and_errors_px(geometry, settings, (LitModels(models=models),))
     return DerivedDisparityError(
@@ -96,7 +97,7 @@ def disparity_error_px(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LitModels:
-    """Models of a picture in so many times the light of its settings, one number or one for each distance."""
+    """Models of a picture, with its light multiplied by one number or by one for each distance."""
 
     models: PictureModels
     brighter: ArrayLike = 1.0
@@ -105,12 +106,12 @@ class LitModels:
 def bounds_and_errors_px(
     geometry: PictureGeometry, settings: PictureSettings, variants: Sequence[LitModels]
 ) -> tuple[tuple[FloatArray, FloatArray], ...]:
-    """Value and numerical error of `disparity_error_px` under one variant after another; shared work is done once.
+    """Value and numerical error of `disparity_error_px` for several variants, which share common work.
 
     Raises
     ------
     OutOfRangeError
-        As `disparity_error_px`.
+        As for `disparity_error_px`.
     """
     found = np.empty((len(variants), 2, geometry.distance.size))
     for variant in variants:
@@ -130,14 +131,14 @@ def disparity_bound_px(geometry: PictureGeometry, settings: PictureSettings, mod
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeighedPicture:
-    """One picture under one model after another: what they share is computed once.
+    """One picture under several models, which share common work.
 
     Parameters
     ----------
     geometry, settings
         As for `disparity_error_px`.
     interpolated
-        As of `kirchhoff_transfers`.
+        See `kirchhoff_transfers`.
     """
 
     geometry: PictureGeometry
@@ -150,7 +151,7 @@ class WeighedPicture:
         Raises
         ------
         OutOfRangeError
-            As `disparity_error_px`.
+            As for `disparity_error_px`.
         """
         _require_possible(self.geometry, self.settings, models)
         value = np.empty(self.geometry.distance.size)
@@ -168,9 +169,9 @@ class WeighedPicture:
 
 
 def matching_margin(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:
-    """By how much the nearest of the bound's conditions holds; negative where one is broken, NaN without a picture.
+    """Smallest margin of the bound's conditions; negative where one is violated, NaN without a picture.
 
-    The bound itself is computed only where the others hold.
+    The bound itself is computed only where the other conditions hold.
     """
     margin = np.asarray(np.min(list(_margins_of_the_window(geometry, settings, models).values()), axis=0))
     held = np.flatnonzero(margin >= 0.0)
@@ -181,7 +182,7 @@ def matching_margin(geometry: PictureGeometry, settings: PictureSettings, models
 
 
 def filled_share(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:
-    """Electrons of the brightest texture over the full well, over distance."""
+    """Electrons of the brightest texture relative to the full well, over distance."""
     brightest = picture_electrons(geometry, settings, models) * (1.0 + _PEAK_CONTRAST * settings.texture.contrast)
     return np.asarray(brightest / settings.sensor_noise.full_well_electrons)
 
@@ -204,9 +205,9 @@ def _require_possible(geometry: PictureGeometry, settings: PictureSettings, mode
 
 
 def _by_blur(geometry: PictureGeometry) -> Iterator[tuple[IndexArray, int]]:
-    """Distances that share a number of nodes along the band, and that number.
+    """Groups of distances with the same number of nodes along the band, and that number.
 
-    It is what the blur asks for, in steps: what is found at a distance must not depend on the others asked for.
+    The blur alone determines it, in steps, so that the result at one distance does not depend on the others.
     """
     step = np.searchsorted(_BLUR_STEPS_PX, np.nan_to_num(geometry.blur_px))
     for k in np.unique(step):
@@ -230,7 +231,7 @@ def _value_and_error(texture: PassedTexture) -> tuple[FloatArray, FloatArray]:
 
 
 def matching_needs() -> str:
-    """What a matcher needs to reach the bound, in words."""
+    """The conditions for a matcher to reach the bound, in words."""
     return (
         f"an error of at most {LARGEST_ERROR_PX:g} px, and a window of at least {SMALLEST_WINDOW_PX:g} samples, "
         f"{_WINDOW_OVER_BLUR:g} times the blur and {_WINDOW_OVER_LENGTH:g} times the texture's correlation length"
@@ -251,7 +252,7 @@ def violated_conditions(
 def _margins_of_the_window(
     geometry: PictureGeometry, settings: PictureSettings, models: PictureModels
 ) -> Mapping[str, FloatArray]:
-    """By how many samples the window exceeds what it needs at least; NaN without a picture."""
+    """Samples by which the window exceeds each of its minimum sizes; NaN without a picture."""
     window = matched_window(geometry, settings, models).side_px
     length_px = settings.texture.correlation_length * geometry.magnification / geometry.sample_pitch
     needed = {
@@ -264,14 +265,14 @@ def _margins_of_the_window(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ErrorCauses:
-    """The bound as it is and with one cause taken away.
+    """The bound as it is, and with one cause removed.
 
     Parameters
     ----------
     value, error
-        As of `disparity_error_px` [samples], over distance.
+        As for `disparity_error_px` [samples], over distance.
     changed, changed_error
-        The same after each of `CHANGES`, shape (change, distance); NaN where the brighter light is not known.
+        The same after each of `CHANGES`, shape (change, distance); NaN where the brighter light is unknown.
     """
 
     value: FloatArray
@@ -283,25 +284,24 @@ class ErrorCauses:
 def error_causes(
     geometry: PictureGeometry, settings: PictureSettings, models: PictureModels, brightest: ArrayLike
 ) -> ErrorCauses:
-    """Evaluate the bound anew without blur, without diffraction, and in more light.
+    """Recompute the bound without blur, without diffraction, and in more light.
 
-    What is taken away changes nothing else: a picture in focus keeps its light and its diffraction, one without
-    diffraction is blurred by the disc of rays alone, and a pixel of more light is taken not to saturate. Causes act
-    together, so their shares need not multiply to the whole. Where blur keeps texture out of the picture that is too
-    fine for its samples, the bound without blur can be the larger one.
+    Removing one cause changes nothing else: a picture in focus keeps its light and its diffraction, one without
+    diffraction is blurred by the disc of rays alone, and a pixel with more light is assumed not to saturate. Causes
+    interact, so their shares need not multiply to the whole. Where blur removes texture that is too fine for the
+    samples, the bound without blur can be the larger one.
 
     Parameters
     ----------
     geometry, settings, models
         As for `disparity_error_px`.
     brightest
-        Electrons of the brightest picture that this one is compared with over its own, over distance; NaN where there
-        is none.
+        Electrons of the brightest picture in the comparison relative to this one, over distance; NaN if there is none.
 
     Raises
     ------
     OutOfRangeError
-        As `disparity_error_px`.
+        As for `disparity_error_px`.
     """
     ratio = np.broadcast_to(np.asarray(brightest, dtype=np.float64), geometry.distance.shape)
     known = np.isfinite(ratio)

@@ -1,7 +1,8 @@
-"""How much of a sinusoid's contrast each step of a picture passes, in closed form: defocus, diffraction, the pixel.
+"""Contrast of a sinusoid that each step of a picture transfers, in closed form: defocus, diffraction, the pixel.
 
-All are on the axis, rotationally symmetric unless said otherwise, and take spatial frequencies [cycles/m] in the plane
-in which their blur is measured. They are 1 at frequency 0; negative values are contrast reversals.
+All transfers are on the axis and rotationally symmetric unless stated otherwise. They take spatial frequencies
+[cycles/m] in the plane in which their blur is measured, and are 1 at frequency 0; negative values are contrast
+reversals.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from tradestudy.optics.quadrature import gauss_legendre
 
 # Below this argument the series 1 − q²/8 is exact to the last digit.
 _SMALL = 1e-4
-# Of the nodes of Fresnel's integral.
+# For the nodes of Fresnel's integral.
 _MOST_NODES = 2000
 _STEP = 8  # so that few rules serve all pictures
 _AT_ONCE = 16_000  # values: enough to keep the loop cheap, few enough for a processor's cache
@@ -36,8 +37,8 @@ def disc_transfer(frequency: ArrayLike, blur_diameter: ArrayLike) -> FloatArray:
     Returns
     -------
     FloatArray
-        1 for c = 0; its first zero is at ν = 1.22/c and it is negative behind. The law of rays: right where the blur is
-        wide against the diffraction spot; together with `airy_transfer` as a product it loses too much contrast, see
+        1 for c = 0; its first zero is at ν = 1.22/c, beyond which it is negative. This is the law of rays, right if the
+        blur is wide compared with the diffraction spot; its product with `airy_transfer` loses too much contrast, see
         `tradestudy.imaging.picture`.
 
     References
@@ -106,18 +107,18 @@ def fresnel_transfer(
     f_number
         Working f-number N.
     blur_diameter
-        c ≥ 0 [m]: diameter of the geometric blur, which says how far out of focus the plane is.
+        c ≥ 0 [m]: diameter of the geometric blur, which measures the defocus.
 
     Returns
     -------
     FloatArray
         Broadcast over the last three; `airy_transfer` at c = 0, `disc_transfer` for c ≫ λ N; 0 beyond the cut-off.
-        Gauss–Legendre with nodes for the largest phase: rounding only, 1e-14.
+        Gauss–Legendre with nodes for the largest phase: only rounding errors, 1e-14.
 
     Raises
     ------
     UnaffordableError
-        For a defocus of more than about a thousand waves.
+        The defocus exceeds about a thousand waves.
 
     References
     ----------
@@ -126,14 +127,14 @@ def fresnel_transfer(
     nu, N, c = (np.asarray(value, dtype=np.float64) for value in (frequency, f_number, blur_diameter))
     if not np.any(c):
         return airy_transfer(np.broadcast_to(nu, np.broadcast_shapes(nu.shape, c.shape)), wavelength, N)
-    with np.errstate(invalid="ignore"):  # 0 ∞ is NaN, which is the answer there
-        # At the cut-off the two sheared pupils part and the integral is empty; so it is beyond.
+    with np.errstate(invalid="ignore"):  # 0 · ∞ is NaN, which is the right result there
+        # At the cut-off and beyond, the two sheared pupils no longer overlap and the integral is empty.
         s, alpha = np.minimum(wavelength * N * nu, 1.0), np.pi * (c * nu)
     return _within_the_cutoff(s, alpha)
 
 
 def _within_the_cutoff(s: FloatArray, alpha: FloatArray) -> FloatArray:
-    """The integral for s ≤ 1, broadcast; what depends on s alone is computed in its own shape.
+    """The integral for s ≤ 1, broadcast; terms that depend on s alone are computed in their own shape.
 
     The phase between the two sheared pupils is k (W(x + s) − W(x − s)) = 4 k W₂₀ s x = α x.
     """
@@ -161,9 +162,9 @@ def _within_the_cutoff(s: FloatArray, alpha: FloatArray) -> FloatArray:
 
 
 def _cos(x: FloatArray) -> FloatArray:
-    """cos x = 2/(1 + tan² x/2) − 1, to the last digit but one: numpy has the tangent in vectors, the cosine has it not.
+    """cos x = 2/(1 + tan² x/2) − 1, to the last digit but one: numpy vectorises the tangent, but not the cosine.
 
-    That takes a third of the time where the processor has wide vectors.
+    It takes a third of the time on processors with wide vectors.
     """
     half = np.tan(0.5 * x)
     return np.asarray(2.0 / (1.0 + half * half) - 1.0)

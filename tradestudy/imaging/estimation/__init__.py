@@ -1,1 +1,1 @@
-"""Depth maps from pictures, and how they compare with the truth."""
+"""Depth maps from pictures, and their comparison with the truth."""

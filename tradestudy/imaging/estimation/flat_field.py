@@ -1,4 +1,4 @@
-"""What a calibrated camera makes of its raw pictures: brightness over that of an even white scene, and its noise."""
+"""Flat-fielding: brightness of a calibrated camera's raw pictures relative to a uniform white scene, and its noise."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from tradestudy.imaging.render.waves import Waves
 from tradestudy.optics.arrays import Samples
 
 _ROWS_AT_ONCE: Final = 16
-_LEAST_LIGHT: Final = 0.3  # of the brightest pixels: below it flat-fielding lifts mainly noise
-_LEAST_SHARE: Final = 0.9  # of the light of a pixel through one lens
+_LEAST_LIGHT: Final = 0.3  # of the brightest pixels; below it flat-fielding mainly amplifies noise
+_LEAST_SHARE: Final = 0.9  # of the light of a pixel that comes through one lens
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WhitePicture:
-    """The picture of an even white scene.
+    """The picture of a uniform white scene.
 
     Parameters
     ----------
     electrons
-        Expected of every pixel, shape (rows, columns).
+        Expected electrons of every pixel, shape (rows, columns).
     share
-        Of the light of each pixel, that through the lens that sends most.
+        Share of each pixel's light that comes through the lens that contributes most.
     """
 
     electrons: Samples
@@ -37,7 +37,7 @@ class WhitePicture:
 
 
 def white_picture(exposure: Exposure, recording: Recording, waves: Waves | None = None) -> WhitePicture:
-    """As the camera was designed: what its calibration would measure, by waves where the picture is."""
+    """The white picture of the camera as designed, as its calibration would measure it; by waves if they are given."""
     sensor = exposure.sensor
     gain = recording.electrons_at_f1(sensor)
     width = sensor.pixel_pitch * recording.pixel_fill
@@ -60,7 +60,7 @@ def white_picture(exposure: Exposure, recording: Recording, waves: Waves | None 
 
 
 def flat_picture(values: NDArray[Any], white: WhitePicture, recording: Recording) -> FlatPicture:
-    """Of digital numbers or electrons as they were recorded; full pixels are no picture."""
+    """Flat-field recorded digital numbers or electrons; saturated and dim pixels become NaN."""
     noise = recording.noise
     if recording.is_digital:
         electrons = values * recording.electrons_per_number - recording.black_level

@@ -1,4 +1,4 @@
-"""What a matcher adds to the bound of matching, measured on depth maps whose truth is known."""
+"""Fit what a matcher adds to the bound of matching, from depth maps with known truth."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from tradestudy.imaging.matcher import Matcher
 from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.window_matching import Reason
 
-_FALSE: Final = 6.0  # spreads from the median beyond which a match is of something else
+_FALSE: Final = 6.0  # spreads from the median beyond which a match is false
 _BINS: Final = 8
 LEAST_WINDOWS: Final = 50
 
 
 @dataclass(frozen=True, kw_only=True)
 class MatcherFit:
-    """A matcher as its errors show it, with standard errors.
+    """A matcher fitted to its errors, with standard errors.
 
     Parameters
     ----------
     matcher
-        What a study may declare as ``matcher``.
+        The matcher, as a study may declare it under ``matcher``.
     factor_error, floor_error, false_matches_error
-        Of its factor, its floor [samples] and its share of false matches.
+        Standard errors of its factor, its floor [samples] and its share of false matches.
     windows
-        How many windows that share no pixel the errors are worth.
+        Number of windows without common pixels that the errors amount to.
     """
 
     matcher: Matcher
@@ -41,7 +41,7 @@ class MatcherFit:
 
     @property
     def declaration(self) -> str:
-        """The key of a study; what is not told from the ideal by two standard errors is left at it."""
+        """The key for study files, with the standard errors as a comment."""
         one = self.matcher
         return (
             f"matcher: {{factor: {one.factor:.3g}, floor: {one.floor:.2g} px, "
@@ -53,21 +53,21 @@ class MatcherFit:
 def fit_matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> MatcherFit:
     """Compare the errors of a map with the bound that the texture of each window gives.
 
-    Errors of depth are taken for those of disparity, in proportion; the standard deviations that a map states are the
-    bound of each window, `match_windows`. The variance of the errors in classes of equal bound b is fitted with
-    ``k² b² + f²``, k ≥ 1 and f ≥ 0.
+    Errors of depth are converted to disparity in proportion; the standard deviations that a map states are the bound of
+    each window, `match_windows`. The variance of the errors in classes of equal bound b is fitted with ``k² b² + f²``,
+    k ≥ 1 and f ≥ 0.
 
     Parameters
     ----------
     found, truth
-        In the same pixels.
+        Measured and true depth in the same pixels.
     window_px
         Side of the windows, which overlap.
 
     Raises
     ------
     OutOfRangeError
-        For too few windows, or a map without disparities.
+        There are too few windows, or the map has no disparities.
     """
     both = (found.reason == Reason.MEASURED) & truth.measurable & (found.deviation > 0.0)
     bound = found.disparity_deviation[both]
@@ -84,7 +84,7 @@ def require_windows(windows: float) -> None:
     Raises
     ------
     OutOfRangeError
-        For fewer than 50.
+        There are fewer than 50.
     """
     if not windows >= LEAST_WINDOWS:
         raise OutOfRangeError(
@@ -96,13 +96,13 @@ def require_windows(windows: float) -> None:
 
 
 def true_matches(error: Samples) -> BoolArray:
-    """Where errors lie so near to their median that they are no false matches."""
+    """Where errors are close enough to their median to be true matches."""
     middle, spread = middle_and_spread(error)
     return np.asarray(np.abs(error - middle) <= _FALSE * spread)
 
 
 def fit_errors(error: Samples, bound: Samples, windows: float) -> MatcherFit:
-    """Of errors of disparity [samples] with their bounds, worth so many independent ones; see `fit_matcher`."""
+    """Fit disparity errors [samples] with their bounds, worth so many independent windows; see `fit_matcher`."""
     from scipy.optimize import nnls
 
     false, b2, variance = 0, np.empty(_BINS), np.empty(_BINS)
@@ -112,7 +112,7 @@ def fit_errors(error: Samples, bound: Samples, windows: float) -> MatcherFit:
         b2[k], variance[k] = np.mean(np.square(bound[true])), np.var(error[true])
     share = false / bound.size
     spread = variance * np.sqrt(2.0 * _BINS / windows)
-    # k² = 1 + what is more: neither may be less than nothing.
+    # k² = 1 + an excess; neither the excess nor f² may be negative.
     design = np.stack([b2, np.ones(_BINS)], axis=-1) / spread[:, np.newaxis]
     scale = np.linalg.norm(design, axis=0)
     (more, floor2), _ = nnls(design / scale, (variance - b2) / spread)

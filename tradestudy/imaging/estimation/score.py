@@ -1,4 +1,4 @@
-"""An estimated depth map held against the true one, and against what the camera was predicted to reach."""
+"""Compare an estimated depth map with the true one, and its errors with the camera's predicted uncertainty."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from tradestudy.optics.arrays import BoolArray, FloatArray, Samples
 from tradestudy.optics.window_matching import Reason, odd_window
 from tradestudy.units import FRACTION, LENGTH, PIXELS, pretty, significant
 
-_CENTRAL: Final = (15.865, 50.0, 84.135)  # percentiles: half their width is one standard deviation of a normal one
+_CENTRAL: Final = (15.865, 50.0, 84.135)  # percentiles: for normal errors, half their width is one standard deviation
 VARIANCE_OF_SPREAD: Final = 0.5 * (0.15865 * 0.84135 - 0.15865**2) / 0.24197**2
 """n Var/σ² of half the central 68.27 % interval of n normal errors, ``(p(1 − p) − p²)/(2φ²)``.
 
 Its ends p and 1 − p have variances p(1 − p)/(nφ²) and a covariance of p²/(nφ²); φ is the density at one standard
 deviation.
 """
-_BLOCKS: Final = 4  # in each direction, that standard errors are told from
-_CLIPPED: Final = 6.0  # standard deviations beyond which an error would decide a correlation alone
+_BLOCKS: Final = 4  # in each direction, for jackknife standard errors
+_CLIPPED: Final = 6.0  # standard deviations beyond which one error alone would decide a correlation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,42 +33,42 @@ class DepthScore:
     Parameters
     ----------
     points
-        Points of the map that show a surface within the distances searched.
+        Points of the map that show a surface within the searched distances.
     seen
-        Those that the estimator can measure: it has two pictures of them, and nothing hides them.
+        Points that the estimator can measure: it sees them in two pictures, and nothing hides them.
     measured
-        How many of these have a depth.
+        Seen points that have a depth.
     elsewhere
-        Depths that it gives to points that it cannot measure, such as hidden ones.
+        Depths assigned to points that it cannot measure, such as hidden ones.
     windows
-        How many windows that share no pixel the measured points fill.
+        Number of windows without common pixels that the measured points fill.
     bias, spread
-        Median of estimated less true depth, and half its central 68.27 % interval [m].
+        Median of estimated minus true depth, and half its central 68.27 % interval [m].
     own
-        Median standard deviation that the map states from its texture [m]: what noise gives each window, to first
-        order, which interpolation between pixels can lower by a few per cent.
+        Median standard deviation that the map states from its texture [m]: the effect of noise in each window, to first
+        order. Interpolation between pixels can lower it by a few per cent.
     predicted
         Median of the camera's predicted depth uncertainty at the true distances [m]; NaN where there is none.
     relative_bias, relative_spread
-        Those of the errors over the prediction at their distances.
+        Bias and spread of the errors relative to the prediction at their distances.
     within
-        Share of the errors within three predictions.
+        Share of the errors within three predicted standard deviations.
     filled, available
-        Measured points of those seen, and seen ones of all.
+        Measured points as a share of the seen ones, and seen points as a share of all.
     bias_px, spread_px
-        Median and half the central 68.27 % interval of the errors as errors of disparity [samples]; NaN where depth
-        comes without one.
+        Median and half the central 68.27 % interval of the errors in disparity [samples]; NaN if depth is measured
+        without disparity.
     over_bound
-        Half the central 68.27 % interval of the errors over what noise gives each window.
+        Half the central 68.27 % interval of the errors relative to the noise of each window.
     neighbour_correlation, window_correlation
-        Of the errors of points side by side, and of points one window apart.
+        Correlation of the errors of adjacent points, and of points one window apart.
     standard_errors
-        Of the numbers from ``bias`` on, by name: jackknife over 4 × 4 parts of the map, which hold what neighbouring
-        errors have in common; NaN for fewer than three parts with measured points.
+        Standard errors of the numbers from ``bias`` on, by name: jackknife over 4 × 4 parts of the map, which covers
+        the correlation of neighbouring errors; NaN with fewer than three parts that have measured points.
     reasons
         Seen points without a depth, by reason.
     matcher
-        What a study may declare as the matcher that these errors show, or why that cannot be told; see `fit_matcher`.
+        The matcher that these errors show, as a study may declare it, or why it cannot be fitted; see `fit_matcher`.
     """
 
     points: int
@@ -95,11 +95,9 @@ class DepthScore:
     matcher: str
 
     def line(self, name: str) -> str:
-        """One sentence or two for the terminal."""
+        """One or two sentences for the terminal."""
         if not self.seen:
-            return (
-                f"{name}: no point of the scene lies where its estimator has two pictures of it within scene.distances"
-            )
+            return f"{name}: its estimator sees no point of the scene in two pictures within scene.distances"
         share = pretty(self.filled, FRACTION)
         text = f"{name}: {share} of {self.seen} unoccluded points measured"
         if not self.measured:
@@ -108,21 +106,21 @@ class DepthScore:
         if math.isfinite(self.spread_px):
             text += f", {pretty(self.spread_px, PIXELS, 2)} of disparity"
         if math.isnan(self.predicted):
-            return f"{text}; nothing is predicted for this kind of camera"
+            return f"{text}; this kind of camera has no predicted error"
         return (
-            f"{text}, predicted {pretty(self.predicted, LENGTH)}; in predicted standard deviations "
+            f"{text}, predicted {pretty(self.predicted, LENGTH)}; relative to the predicted standard deviation "
             f"{significant(self.relative_bias, 2)} ± {significant(self.relative_spread, 2)}, "
             f"{pretty(self.within, FRACTION)} of the errors within 3"
         )
 
 
 def score(found: DepthMap, truth: TrueDepth, predicted: Samples, window_px: float) -> DepthScore:
-    """Hold a map against the truth.
+    """Compare a map with the truth.
 
     Parameters
     ----------
     found, truth
-        In the same pixels.
+        Measured and true depth in the same pixels.
     predicted
         Depth uncertainty at the true depth of each pixel [m]; NaN where there is none.
     window_px
@@ -138,16 +136,16 @@ def score(found: DepthMap, truth: TrueDepth, predicted: Samples, window_px: floa
     of_errors = _Errors.of(found, truth, predicted, both, block)
     neighbours = [_Pairs.of(found, truth, both, block, lag) for lag in (1, odd_window(window_px))]
 
-    def told(keep: BoolArray) -> dict[str, float]:
+    def numbers(keep: BoolArray) -> dict[str, float]:
         return {
-            **of_errors.told(keep),
+            **of_errors.numbers(keep),
             "filled": _ratio(filled[keep].sum(), seen[keep].sum()),
             "available": _ratio(seen[keep].sum(), points[keep].sum()),
             "neighbour_correlation": neighbours[0].correlation(keep),
             "window_correlation": neighbours[1].correlation(keep),
         }
 
-    whole = told(np.ones(_BLOCKS**2, bool))
+    whole = numbers(np.ones(_BLOCKS**2, bool))
     missing = found.reason[truth.measurable & ~measured]
     return DepthScore(
         points=int(points.sum()),
@@ -157,7 +155,7 @@ def score(found: DepthMap, truth: TrueDepth, predicted: Samples, window_px: floa
         windows=float(filled.sum() / window_px**2),
         matcher="",
         **whole,
-        standard_errors=_jackknife(told, filled > 0, whole),
+        standard_errors=_jackknife(numbers, filled > 0, whole),
         reasons={
             Reason(code).name.lower().replace("_", " "): int(count)
             for code, count in zip(*np.unique(missing, return_counts=True), strict=True)
@@ -167,7 +165,7 @@ def score(found: DepthMap, truth: TrueDepth, predicted: Samples, window_px: floa
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Errors:
-    """Errors of depth [m] with their predictions, bounds and parts of the map, shape (measured points,)."""
+    """Errors of depth [m], with their predictions, bounds and parts of the map; shape (measured points,)."""
 
     error: FloatArray
     predicted: FloatArray
@@ -187,11 +185,11 @@ class _Errors:
             block=block[both],
         )
 
-    def told(self, keep: BoolArray) -> dict[str, float]:
-        """Numbers of some parts of the map."""
+    def numbers(self, keep: BoolArray) -> dict[str, float]:
+        """Statistics of some parts of the map."""
         among = keep[self.block]
         error, predicted, own = self.error[among], self.predicted[among], self.own[among]
-        with np.errstate(divide="ignore", invalid="ignore"):  # not finite where nothing is predicted
+        with np.errstate(divide="ignore", invalid="ignore"):  # not finite without a prediction
             relative, over_bound = error / predicted, error / own
         bias, spread = middle_and_spread(error)
         relative_bias, relative_spread = middle_and_spread(relative)
@@ -213,7 +211,7 @@ class _Errors:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Pairs:
-    """Errors over their bounds of points some pixels apart along a row."""
+    """Errors relative to their bounds, for pairs of points some pixels apart along a row."""
 
     left: FloatArray
     right: FloatArray
@@ -229,7 +227,7 @@ class _Pairs:
         return cls(left=left[known], right=right[known], block=block[:, :-lag][known])
 
     def correlation(self, keep: BoolArray) -> float:
-        """Of some parts of the map; NaN for fewer than three pairs."""
+        """Correlation of the pairs in some parts of the map; NaN for fewer than three pairs."""
         among = keep[self.block]
         if np.count_nonzero(among) < 3:
             return math.nan
@@ -237,21 +235,21 @@ class _Pairs:
 
 
 def _blocks(shape: tuple[int, ...]) -> NDArray[np.intp]:
-    """Number of the part of the map that each pixel lies in."""
+    """Index of the part of the map that each pixel is in."""
     row, column = (np.arange(size) * _BLOCKS // size for size in shape)
     return np.asarray(row[:, np.newaxis] * _BLOCKS + column)
 
 
 def _jackknife(
-    told: Callable[[BoolArray], Mapping[str, float]], filled: BoolArray, whole: Mapping[str, float]
+    numbers: Callable[[BoolArray], Mapping[str, float]], filled: BoolArray, whole: Mapping[str, float]
 ) -> dict[str, float]:
-    """Standard errors of numbers from leaving out each of the parts that hold something in turn."""
+    """Standard errors from leaving out each non-empty part in turn."""
     parts = np.flatnonzero(filled)
     n = parts.size
     if n < 3:
         return dict.fromkeys(whole, math.nan)
     everything = np.arange(filled.size)
-    without = [told(everything != part) for part in parts]
+    without = [numbers(everything != part) for part in parts]
     return {
         name: float(np.sqrt((n - 1) * np.var([one[name] for one in without]))) if math.isfinite(value) else math.nan
         for name, value in whole.items()

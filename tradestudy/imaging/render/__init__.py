@@ -1,1 +1,1 @@
-"""Pictures of scenes by rays: nodes on pixels and lenses, what they see, and what the sensor makes of it."""
+"""Render pictures of scenes: nodes on pixels and lenses, what their rays meet, and how the sensor records it."""

@@ -1,8 +1,8 @@
-"""Places on a pixel and on the lit part of a lens that stand for all of them.
+"""Sample points on a pixel and on the lit part of a lens.
 
-The lit part of a lens is what two discs have in common: its own aperture and that of the stop, as it is seen from the
-pixel. A node of the unit disc goes there along the line through both centres, where the half height of the part is
-known in closed form, so that no node is wasted and its weight is the stretch of that map.
+The lit part of a lens is the overlap of two discs: its own aperture and that of the stop, as seen from the pixel. Nodes
+of the unit disc are mapped to it along the line through both centres, where the half height of the overlap is known in
+closed form, so that no node is wasted and its weight is the Jacobian of that map.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 
 LEAST_NODES: Final = 4
-# Root of x⁴ = x + 1: multiples of its inverse powers are spread evenly over a cube, modulo 1.
+# Root of x⁴ = x + 1: modulo 1, multiples of its inverse powers fill a cube evenly.
 _CUBIC: Final = 1.22074408460575947536
-_FILTER: Final = 3.0  # variance of the filter of one node, in parts of the whole
-_DARK: Final = 1e-7  # weight of a node that is not lit, in squares of the radius of the lens
-_SMALLEST_SCALE: Final = 1e-6  # of the change with the place on the lens, below which the stop is at infinity
+_FILTER: Final = 3.0  # variance of the filter of one node, as a multiple of its equal share
+_DARK: Final = 1e-7  # weight of an unlit node, in squares of the radius of the lens
+_SMALLEST_SCALE: Final = 1e-6  # of the change with the place on the lens, below which the stop counts as infinitely far
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,7 +34,7 @@ class Nodes:
     pixel, disc
         Shape (nodes, 2).
     pixel_spread, disc_spread
-        Variance along one axis that the nodes leave to the filter of each: 1/12 and 1/4 are those of the whole.
+        Variance along one axis that the nodes leave to each node's filter; 1/12 and 1/4 would be the whole variance.
     """
 
     pixel: FloatArray
@@ -45,16 +45,16 @@ class Nodes:
 
 @cache
 def nodes(count: int) -> Nodes:
-    """So many nodes, spread evenly over both, whose mean is 0 and whose covariance is that of the whole less a share.
+    """Nodes spread evenly over both areas, with zero mean, whose covariance is that of the areas minus a share.
 
     A filter on what each node sees makes up for that share, so that first and second moments are exact for any number.
-    With the share of its own n-th part the filters of neighbouring nodes would hardly touch; with three times that the
-    picture of a texture is closest to that of many nodes.
+    With a share of 1/n the filters of neighbouring nodes would hardly touch; with three times that, the picture of a
+    texture is closest to one with many nodes.
 
     Raises
     ------
     OutOfRangeError
-        For fewer than four.
+        There are fewer than four.
     """
     if count < LEAST_NODES:
         raise OutOfRangeError("samples of a pixel", value=str(count), limit=f"{LEAST_NODES} or more")
@@ -68,7 +68,7 @@ def nodes(count: int) -> Nodes:
     both = np.concatenate([pixel, disc], axis=-1)
     both -= both.mean(axis=0)
     if count > both.shape[1]:  # fewer cannot span both
-        # The smallest change that gives the wanted covariance: the symmetric square root.
+        # The smallest change that gives the required covariance: the symmetric square root.
         values, vectors = np.linalg.eigh(np.cov(both.T, bias=True) / np.outer(whole, whole))
         both = both / whole @ (vectors / np.sqrt(values)) @ vectors.T * whole
     else:
@@ -77,22 +77,22 @@ def nodes(count: int) -> Nodes:
 
 
 def fewer(count: int) -> int:
-    """Nodes of a lens that is barely lit, in place of so many."""
+    """Number of nodes for a barely lit lens, from the full number."""
     return max(LEAST_NODES, count // 2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LitPart:
-    """The lit parts of lenses: from ``low`` to ``low + 2 half`` along ``axis`` from the centre of each lens [m].
+    """The lit parts of lenses, from ``low`` to ``low + 2 half`` along ``axis`` from the centre of each lens [m].
 
     Parameters
     ----------
     axis
-        Unit vector from the centre of the lens to that of the stop as it is seen there, shape (2, cones).
+        Unit vector from the centre of the lens to that of the stop as seen there, shape (2, cones).
     near, width
-        The stop along that axis: where it begins, and how wide it is; None: there is none.
+        Near edge and width of the stop along that axis; None without a stop.
     low, half
-        Where both overlap, and half its length; not above 0 where nothing is lit.
+        Start of the overlap and half its length, which is 0 or less where nothing is lit.
     """
 
     axis: FloatArray
@@ -103,7 +103,7 @@ class LitPart:
 
 
 def lit_part(cones: LightCones, pixel_x: float, pixel_y: float) -> LitPart:
-    """Of each cone, seen from a place [m] on its pixel."""
+    """The lit part of each cone's lens, seen from a place [m] on its pixel."""
     r, stop = cones.lens_radius, cones.stop
     kind = cones.start.dtype.type
     if stop is None:
@@ -116,7 +116,7 @@ def lit_part(cones: LightCones, pixel_x: float, pixel_y: float) -> LitPart:
     distance = np.sqrt(place[0] * place[0] + place[1] * place[1])
     axis = place * (-np.sign(by_lens) / np.maximum(distance, kind(1e-12)))
     scale = np.abs(by_lens)
-    # From the near edge, so that a stop much larger than the lens costs no digits.
+    # Measured from the near edge, so that a stop much larger than the lens costs no digits.
     near = (distance - kind(stop.radius)) / scale
     width = kind(2.0 * stop.radius) / scale
     low = np.maximum(near, kind(-r))
@@ -124,11 +124,11 @@ def lit_part(cones: LightCones, pixel_x: float, pixel_y: float) -> LitPart:
 
 
 def places_on_lens(lit: LitPart, radius: float, across: float, beside: float) -> tuple[FloatArray, FloatArray]:
-    """A node of the unit disc on the lit parts: places η from the centres of the lenses, shape (2, cones), and weights.
+    """Map a node of the unit disc to the lit parts: places η from the lens centres, shape (2, cones), and weights.
 
     The mean of the weights over nodes times π tends to the lit area [m²]. Where nothing is lit from this place of the
-    pixel they are next to nothing, and the place is the one on the lens next to the light: a pixel of which only a
-    corner is lit, without a node in it, then sees what stands there.
+    pixel, the weight is tiny and the place is the point of the lens nearest to the light: a pixel that is lit only in a
+    corner without a node then still sees the scene there.
     """
     kind = lit.low.dtype.type
     half = np.maximum(lit.half, 0)
@@ -144,10 +144,10 @@ def places_on_lens(lit: LitPart, radius: float, across: float, beside: float) ->
 
 
 def lit_area(cones: LightCones, pixel_width: float) -> FloatArray:
-    """Lit area [m²] of each cone's lens, the mean over a square pixel of a width [m].
+    """Lit area [m²] of each cone's lens, averaged over a square pixel of a width [m].
 
-    Gauss–Legendre over the pixel, as fine as the edge of the light needs: a pixel that moves the edge by more than it
-    is blurred gets more nodes.
+    Gauss–Legendre over the pixel, with more nodes if moving across the pixel shifts the edge of the light by more than
+    the radius of the lens.
     """
     r, stop = cones.lens_radius, cones.stop
     if stop is None:
@@ -177,13 +177,13 @@ def _place_at_stop(stop: Stop, x: float, y: float) -> FloatArray:
 
 
 def _by_lens(stop: Stop) -> FloatArray:
-    """Never quite 0: a stop that looks the same from the whole lens is very large and far away."""
+    """Change of the place at the stop with the place on the lens; never quite 0, which stands for a very far stop."""
     found = np.asarray(stop.by_lens, stop.place.dtype)
     return np.where(np.abs(found) < _SMALLEST_SCALE, stop.place.dtype.type(_SMALLEST_SCALE), found)
 
 
 def _overlap(distance: FloatArray, first: float, second: FloatArray) -> FloatArray:
-    """Area that two discs have in common."""
+    """Area of the overlap of two discs."""
     apart = np.maximum(distance, 1e-12 * first)
     one = np.clip((apart**2 + first**2 - second**2) / (2.0 * apart * first), -1.0, 1.0)
     other = np.clip((apart**2 + second**2 - first**2) / (2.0 * apart * second), -1.0, 1.0)

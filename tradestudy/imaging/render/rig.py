@@ -1,4 +1,4 @@
-"""One camera as it was built: its errors, drawn once from the distribution that its calibration declares."""
+"""One camera as built, with errors drawn once from the distribution that its calibration declares."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from tradestudy.uncertainty.streams import point_generator
 
 
 def drawn_errors(camera: DepthCamera, name: str, seed: int) -> dict[str, FloatArray]:
-    """Draw a rig: one number for each parameter, and for those that every element has of its own one pair each.
+    """Draw a rig: one number for each parameter, and one pair per element for parameters of elements.
 
     Parameters
     ----------
     camera
-        With its calibration.
+        The camera with its calibration.
     name
-        Of the camera, which random numbers go by.
+        Name of the camera, which selects its random numbers.
     seed
-        Of the study.
+        Seed of the study.
 
     Raises
     ------
     OutOfRangeError
-        For a calibration with a model of its own, whose parameters are not those of the camera.
+        The calibration has a model of its own, whose parameters are not those of the camera.
     """
     calibration = camera.calibration
     if calibration.vocabulary is not None or not calibration.inferred:
         raise OutOfRangeError(
-            f"the calibration of {name} has parameters of its own, which no rig can be drawn from; scene.image.rig",
+            f"scene.image.rig for {name}, whose calibration has its own parameters",
             value="drawn",
             limit="as-designed for such a camera",
             remedy="declare errors under calibration, or render the camera as designed",

@@ -1,4 +1,4 @@
-"""From the light that falls on pixels to what the sensor hands out: electrons or digital numbers."""
+"""Record the light on pixels as the sensor does: as electrons or digital numbers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Mosaic:
     pattern
         Colours of the first two pixels of the first row, then of the second.
     response
-        Electrons of red, green and blue pixels over those of a pixel without a filter.
+        Electrons of red, green and blue pixels relative to a pixel without a filter.
     """
 
     pattern: MosaicPattern
@@ -39,7 +39,7 @@ class Mosaic:
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """What the sensor does with light.
+    """How the sensor records light.
 
     Parameters
     ----------
@@ -48,18 +48,18 @@ class Recording:
     noise
         Read noise, full well and bits.
     model
-        Which of the noise counts; quantisation also says whether digital numbers are handed out, or electrons.
+        Which noise terms count; with quantisation the output is digital numbers, otherwise electrons.
     black_level
-        Electrons that are added before digitising, so that noise in the dark is not cut off.
+        Electrons added before digitising, so that noise in the dark is not clipped.
     pixel_fill
-        Width of the light-sensitive square over the pitch; the electrons of a pixel are declared with it.
+        Width of the light-sensitive square relative to the pitch; the declared electrons of a pixel include it.
     mosaic
-        Of colour filters; None: none.
+        Mosaic of colour filters, or None.
 
     Raises
     ------
     OutOfRangeError
-        For a black level that is negative or leaves no room below the full well.
+        The black level is negative or not below the full well.
     """
 
     light: Light
@@ -84,7 +84,7 @@ class Recording:
 
     @property
     def is_digital(self) -> bool:
-        """Whether digital numbers are handed out."""
+        """Whether the output is digital numbers."""
         return self.model == "shot+read+quantisation"
 
     def electrons_at_f1(self, sensor: Sensor) -> float:
@@ -92,9 +92,9 @@ class Recording:
         return float(mean_electrons(self.light, 1.0, sensor.pixel_pitch))
 
     def record(self, expected: FloatArray, rng: np.random.Generator) -> NDArray[Any]:
-        """What pixels hand out for expected electrons: float32 electrons, or unsigned digital numbers.
+        """The output of pixels for expected electrons: float32 electrons, or unsigned digital numbers.
 
-        A pixel keeps no more electrons than its full well; the digitiser ends there, too, and at 0.
+        A pixel holds at most its full well, which is also the top of the digitised range; the bottom is 0.
         """
         noise = self.noise
         electrons = expected if self.model == "off" else rng.poisson(expected).astype(float)

@@ -1,4 +1,4 @@
-"""What cones of rays see of a scene: the mean brightness of each, and its depth."""
+"""The mean brightness that cones of rays see in a scene, and its depth."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from tradestudy.imaging.scenes.surface import Nearby
 from tradestudy.optics.arrays import FloatArray
 
 REAL = np.float32
-"""Of everything that is computed for each ray: 4 nm on the object at 150 mm."""
-_DARK = 1e-7  # weight of a ray of a lens of which no light passes
+"""Precision of all computations per ray: 4 nm on the object at 150 mm."""
+_DARK = 1e-7  # weight of a ray through a lens that passes no light
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,7 +30,7 @@ class Sight:
     brightness
         Mean over pixel and lit part of the lens, relative to the mean of the pattern, shape (cones,).
     depth
-        From the plane z = 0 of the camera along its axis [m] on the middle ray of the lit part; infinite where it
+        Depth [m] along the camera's axis from its plane z = 0, on the middle ray of the lit part; infinite where it
         meets nothing.
     """
 
@@ -47,20 +47,20 @@ def sight(
     color: NDArray[np.intp] | int,
     tables: Tables | None = None,
 ) -> Sight:
-    """What every cone sees.
+    """Brightness and depth that every cone sees.
 
     Parameters
     ----------
     scene, cones, pose
-        What is looked at, by which rays, from where.
+        The scene, the cones of rays, and the pose of the camera.
     nodes
         Rays of each cone.
     pixel_width
         Side of the light-sensitive square of a pixel [m].
     color
-        Which colour of a coloured pattern each cone sees; one number where it is the same for all.
+        The colour of a coloured pattern that each cone sees; one number if it is the same for all.
     tables
-        How diffraction bends the rays, by as many nodes; None: it does not.
+        How diffraction bends the rays, with the same number of nodes; None without diffraction.
     """
     cones = _single(cones)
     if not cones.pixel.size:
@@ -90,7 +90,7 @@ def sight(
 
 
 def _single(cones: LightCones) -> LightCones:
-    """In single precision, the origin of every place and slope being the cone's own."""
+    """The cones in single precision; every place and slope is relative to its own cone."""
 
     def small(value: PerCone) -> PerCone:
         return np.asarray(value, REAL)
@@ -119,7 +119,7 @@ def _single(cones: LightCones) -> LightCones:
 def _rays(
     cones: LightCones, pose: Pose, x: float, y: float, eta: FloatArray, kink: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Rays of the scene through places on the pixels and on the lenses: places at z = 0, and slopes."""
+    """Rays in the scene through places on the pixels and on the lenses: positions at z = 0, and slopes."""
     start, slope = eta * cones.start_by_lens, eta * cones.slope_by_lens
     start += cones.start
     slope += cones.slope
@@ -142,7 +142,7 @@ def _rays(
 
 
 def _along_axis(pose: Pose, start: FloatArray, slope: FloatArray, depth: FloatArray) -> FloatArray:
-    """Depth from a camera along its own axis."""
+    """Depth along the camera's own axis."""
     if pose == Pose():
         return depth
     met = np.where(np.isfinite(depth), depth, 0)
@@ -164,7 +164,7 @@ def _nearest(depths: Sequence[FloatArray]) -> tuple[FloatArray, NDArray[np.intp]
 
 
 def _spread(scene: Scene, cones: LightCones, pixel_width: float, tables: Tables | None) -> float:
-    """How far rays of a cone may be from its middle ray anywhere in the scene [m]."""
+    """Largest distance of a cone's rays from its middle ray anywhere in the scene [m]."""
     ends = [end for surface in scene.surfaces for end in surface.extent]
 
     def widest(z: float) -> float:
@@ -178,24 +178,24 @@ def _spread(scene: Scene, cones: LightCones, pixel_width: float, tables: Tables 
 
 
 def _as_beside(depth: FloatArray) -> FloatArray:
-    """What meets nothing is bent as for the middle of all depths: some of its rays may meet the edge of a surface."""
+    """Depths, or their median where the middle ray meets nothing: other rays may meet the edge of a surface."""
     seen = np.isfinite(depth)
     return np.where(seen, depth, np.median(depth[seen]) if seen.any() else REAL(1)).astype(REAL)
 
 
 def _finite(depth: FloatArray) -> FloatArray:
-    """What meets nothing sees no pattern: any depth does."""
+    """Depths with an arbitrary value where nothing is met and therefore no pattern is seen."""
     return np.where(np.isfinite(depth), depth, REAL(1))
 
 
 def _lens_variance(
     cones: LightCones, lit: LitPart, depth: FloatArray, nodes: Nodes, bending: Bending | None
 ) -> FloatArray:
-    """Variance [m²] along one axis of what one node stands for on the lens, where it meets the scene."""
+    """Variance [m²] along one axis that each node represents on the lens, where it meets the scene."""
     if bending is not None:
         return bending.filter_variance()
     z = _finite(depth)
-    # Of a part that is not a whole disc, as of a disc of the same length.
+    # A part that is not a whole disc counts as a disc of the same length.
     by_lens = (cones.start_by_lens + z * cones.slope_by_lens) * np.maximum(lit.half, 0)
     return np.square(by_lens) * REAL(nodes.disc_spread)
 
@@ -206,7 +206,7 @@ Mixture = tuple[NDArray[np.intp], FloatArray]
 def _mixtures(
     scene: Scene, cones: LightCones, of_lens: FloatArray, depth: FloatArray, nodes: Nodes, pixel_width: float
 ) -> list[Mixture]:
-    """For every pattern, the levels whose filter stands for what one node does not."""
+    """For every pattern, the mixture of levels whose filter covers what one node represents."""
     z = _finite(depth)
     by_pixel = (cones.start_by_pixel + z * cones.slope_by_pixel) * REAL(pixel_width)
     variance = np.square(by_pixel) * REAL(nodes.pixel_spread) + of_lens
@@ -224,7 +224,7 @@ def _brightness(
     mixtures: Sequence[Mixture],
     color: NDArray[np.intp] | int,
 ) -> FloatArray:
-    """Of what each ray meets first."""
+    """Brightness of what each ray meets first."""
     depths = [surface.depth(start, slope, beside) for surface, beside in zip(scene.surfaces, nearby, strict=True)]
     depth, number = _nearest(depths)
     there = np.isfinite(depth)

@@ -1,4 +1,4 @@
-"""Pictures tile by tile: each depends on nothing but itself, so that it does not matter who renders it and when."""
+"""Render pictures tile by tile; each tile depends on itself alone, so it does not matter which worker renders it."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.streams import point_generator
 
 TILE: Final = (256, 1024)
-"""Rows and columns; random numbers go by tiles, so that another size gives other noise."""
-_AT_ONCE: Final = (64, 512)  # rows and columns whose rays stay in a processor's cache
-_PROBE: Final = 24  # rows and columns in the middle of a tile where it is compared with a finer one
+"""Rows and columns; random numbers are drawn per tile, so another size gives other noise."""
+_AT_ONCE: Final = (64, 512)  # rows and columns whose rays fit into a processor's cache
+_PROBE: Final = 24  # rows and columns in the middle of a tile that are compared with a finer picture
 FINER: Final = 16
-"""How many times the samples of a picture the one has that its error is estimated by."""
-_DIM: Final = 0.3  # lit share of a lens up to which half of the samples do
+"""How many times more samples the finer picture has from which the error is estimated."""
+_DIM: Final = 0.3  # lit share of a lens below which half of the samples suffice
 WORKER_BYTES: Final = 400_000_000
-"""Of one worker: interpreter, libraries, and the rays that it computes at once."""
+"""Memory of one worker: interpreter, libraries, and the rays that it computes at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,17 +37,17 @@ class Tile:
     Parameters
     ----------
     camera
-        Its name; with that of the picture and the place of the tile it says which random numbers are drawn.
+        Name of the camera; with the name of the picture and the place of the tile it selects the random numbers.
     exposure, scene, recording
-        How it is taken, of what, and what the sensor does.
+        How the picture is taken, the scene, and how the sensor records it.
     samples
-        Rays of each pixel and lens.
+        Rays per pixel and lens.
     seed
-        Of the study.
+        Seed of the study.
     rows, columns
-        First and behind the last.
+        First, and one past the last.
     waves
-        How light is bent; None: rays alone.
+        How diffraction bends light; None: rays alone.
     """
 
     camera: str
@@ -63,20 +63,21 @@ class Tile:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rendered:
-    """A tile as it was taken.
+    """A rendered tile.
 
     Parameters
     ----------
     values
         Digital numbers or electrons, shape (rows, columns).
     depth
-        Along the axis of the camera [m], of what the brightest ray to each pixel comes from; NaN where no light comes
-        from the pupil, infinite where it comes from no surface.
+        Depth [m] along the camera's axis where the brightest ray to each pixel comes from; NaN where the pupil sends no
+        light, infinite where the ray meets no surface.
     saturated
-        How many pixels are full.
+        Number of saturated pixels.
     sampling_error
-        Of the light in its middle: sum of squares of the difference from one with 16 times the samples and, by waves,
-        twice as many spreads along each axis of their tables; and that of the finer one [electrons²].
+        Of the light in the middle of the tile: the sum of squares of its difference from a finer one (16 times the
+        samples and, by waves, twice as many spreads along each axis of their tables), and that of the finer one
+        [electrons²].
     """
 
     values: NDArray[Any]
@@ -86,7 +87,7 @@ class Rendered:
 
 
 def tiles_of(tile: Tile) -> list[Tile]:
-    """All tiles of a picture, given as one."""
+    """Divide a whole picture, given as one tile, into tiles."""
     sensor = tile.exposure.sensor
     return [
         replace(tile, rows=(top, min(top + TILE[0], sensor.rows)), columns=(left, min(left + TILE[1], sensor.columns)))
@@ -96,7 +97,7 @@ def tiles_of(tile: Tile) -> list[Tile]:
 
 
 def render_tile(tile: Tile) -> Rendered:
-    """Light, then noise."""
+    """Render the light of a tile, then its noise."""
     expected, depth = expected_electrons(tile)
     point = f"{tile.camera}/{tile.exposure.name}/{tile.rows[0]}/{tile.columns[0]}"
     recording = tile.recording
@@ -125,7 +126,7 @@ def expected_electrons(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
 
 
 def _sampling_error(tile: Tile) -> tuple[float, float]:
-    """Sum of squares of the difference from a finer picture in the middle of a tile, and that of the finer picture."""
+    """Sums of squares of the difference from a finer picture in the middle of a tile, and of the finer picture."""
     middles = ((tile.rows[0] + tile.rows[1]) // 2, (tile.columns[0] + tile.columns[1]) // 2)
     rows, columns = (
         (max(begin, middle - _PROBE // 2), min(end, middle + _PROBE // 2))

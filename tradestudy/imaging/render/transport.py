@@ -1,4 +1,4 @@
-"""Places that stand for a spread of light as nodes of a disc stand for the disc."""
+"""Nodes for a spread of light, obtained by transport from the nodes of a disc."""
 
 from __future__ import annotations
 
@@ -25,16 +25,17 @@ def disc_quantiles(disc: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def carried(place: FloatArray, density: FloatArray, left: FloatArray, above: FloatArray) -> FloatArray:
-    """Places with the same shares of a spread to their left, and in their own column above them.
+    """Places with given shares of a spread to their left, and above them in their own column.
 
-    The map of a uniform disc to one of another size is the change of size (H. Knothe, Michigan Math. J. 4, 39, 1957).
+    For uniform discs of different size the map is a scaling (H. Knothe, Michigan Math. J. 4, 39, 1957).
 
     Parameters
     ----------
     place, density
-        Of samples, even, along both axes; shape (n,) and (n, n), y along the rows.
+        Coordinates of the samples, evenly spaced and equal along both axes, and their density; shape (n,) and (n, n),
+        y along the rows.
     left, above
-        Of `disc_quantiles`, shape (nodes,).
+        Results of `disc_quantiles`, shape (nodes,).
 
     Returns
     -------
@@ -53,23 +54,23 @@ def carried(place: FloatArray, density: FloatArray, left: FloatArray, above: Flo
 
 
 def _place_of(share: FloatArray, density: FloatArray, edges: FloatArray) -> FloatArray:
-    """Where rows of densities have shares of their sum to the left, shape (rows, shares)."""
+    """Positions in rows of densities with given shares of the row's sum to their left, shape (rows, shares)."""
     total = np.cumsum(density, axis=1)
     total = np.concatenate([np.zeros_like(total[:, :1]), total], axis=1)
     return np.stack([np.interp(own * all_of[-1], all_of, edges) for own, all_of in zip(share, total, strict=True)])
 
 
 def filter_width(place: FloatArray, density: FloatArray, nodes: FloatArray, band: float) -> float:
-    """Standard deviation of the Gaussian that, put on nodes, comes closest to a spread.
+    """Standard deviation of the Gaussian that, placed on the nodes, best approximates a spread.
 
-    Closest in the transfer along both axes, frequencies weighted by ν⁻² as textures and their number are, up to a band.
+    Best in the transfer along both axes up to a band, with frequencies weighted by ν⁻² like textures and their number.
 
     Parameters
     ----------
     place, density
         As for `carried`.
     nodes
-        Equal places that stand for the spread, shape (nodes, 2).
+        Equally weighted places that represent the spread, shape (nodes, 2).
     band
         Highest frequency [1/unit of place].
     """

@@ -1,4 +1,4 @@
-"""What waves of a picture are computed for: its types of lenses, and the depths that it shows."""
+"""Set up the waves of a picture: its types of lenses, and the depths that it shows."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from tradestudy.imaging.scenes.pattern import GREY
 from tradestudy.imaging.scenes.scene import SceneSource
 from tradestudy.optics.two_apertures import Stop, TwoApertures
 
-_GRID: Final = 33  # pixels along each side of a picture that are looked at
-_MORE: Final = 0.05  # of the range of depths between them
+_GRID: Final = 33  # pixels along each side of a picture that are sampled
+_MORE: Final = 0.05  # margin on either side of the range of depths found
 
 
 def waves_of(exposure: Exposure, scene: SceneSource, wavelength: float) -> Waves:
-    """How a picture of a scene is rendered by waves [m]: one set of numbers for each type of lens.
+    """Set up rendering by waves for a picture of a scene [m]: one set of numbers for each type of lens.
 
-    Errors and the curvature of the field make lenses of one type differ; their mean is taken for what bends light, and
-    each lens's own for where it goes.
+    Errors and field curvature make lenses of one type differ. Their mean determines how light is bent; where it goes
+    follows from each lens's own numbers.
     """
     sensor = exposure.sensor
     x, y = (

@@ -1,15 +1,16 @@
-"""Pictures by waves: where light of a pixel goes if it is bent by the apertures it passes, for every ray of a picture.
+"""Pictures by waves: how diffraction at the apertures bends every ray of a picture.
 
 The light of a place on a pixel is followed backwards through the lens and the stop (`TwoApertures`), for each type of
-lens, over the place of the stop before it (the field of the lens, and vignetting) and the depth. Each computed spread
-becomes a table of places that stand for it as the rays of a cone stand for the lit part of the lens; between computed
-spreads the places are interpolated. A ray still starts on the lens where it did, and is bent there so that it meets the
-depth of its cone where the spread has it. So surfaces hide each other as they do by rays, an edge before or behind that
-depth is blurred by its own defocus and the same kink, and in the limit of large apertures nothing changes.
+lens, over the place of the stop in front of it (the field of the lens, and vignetting) and the depth. Each computed
+spread becomes a table of places that represent it, as the rays of a cone represent the lit part of the lens; between
+computed spreads the places are interpolated. A ray still starts at its place on the lens, and is bent there so that it
+meets the depth of its cone at its place in the spread. So surfaces hide each other as they do by rays, an edge before
+or behind that depth is blurred by its own defocus and the same bending, and in the limit of large apertures nothing
+changes.
 
-What it leaves out: light is paraxial and of one wavelength; that of several microlenses adds without interference,
-whose fringes on the object are far finer than a pixel sees; the kink of rays of one cone to another depth than that of
-its middle is that of the middle, and where the middle meets nothing, that for the median depth of the pixels around.
+Limits: light is paraxial and of one wavelength; that of several microlenses adds without interference, whose fringes on
+the object are far finer than a pixel resolves; all rays of a cone are bent as for the depth of its middle ray or, where
+that meets nothing, for the median depth of the pixels around.
 """
 
 from __future__ import annotations
@@ -31,14 +32,14 @@ from tradestudy.optics.two_apertures import TwoApertures
 
 _STEP: Final = 0.5  # of defocus between computed spreads [waves] near focus, less than linear beyond a wave
 _OFFSET_STEP: Final = 1.0  # between places of the stop, in widths of the edge of the shadow
-_MARGIN: Final = 2.0  # of the light that is followed beyond rays, in such widths
+_MARGIN: Final = 2.0  # beyond the reach of rays to which light is followed, in such widths
 _END: Final = 0.99
 _SHARES: Final = 257
 _NODES_OF_PIXEL: Final = 3
 
 
 def paraxial_numbers(cones: LightCones, depth: FloatArray | float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """``mₒ, β [m]`` and ``g [1/m]`` of `tradestudy.optics.two_apertures` for cones and depths [m] before the camera."""
+    """``mₒ, β [m]`` and ``g [1/m]`` of `tradestudy.optics.two_apertures` for cones and depths [m] from the camera."""
     image_distance = np.asarray(cones.image_distance)
     scale = np.asarray(cones.start_by_lens + depth * np.asarray(cones.slope_by_lens))
     reach = -image_distance * (cones.start_by_pixel + depth * np.asarray(cones.slope_by_pixel))
@@ -51,16 +52,16 @@ def paraxial_numbers(cones: LightCones, depth: FloatArray | float) -> tuple[Floa
 
 @dataclass(frozen=True, kw_only=True)
 class LensWaves:
-    """One type of lens of a picture, and what its light meets.
+    """One type of lens of a picture, with the apertures that its light passes.
 
-    What light is bent farther than it is followed is shared out among the places that it is followed to.
+    Light that is bent beyond the followed range is redistributed within it.
 
     Parameters
     ----------
     apertures
         The lens and the stop.
     defocus
-        Least and largest that is seen [waves].
+        Smallest and largest defocus in the scene [waves].
     """
 
     apertures: TwoApertures
@@ -73,7 +74,7 @@ class LensWaves:
 
     @property
     def farthest(self) -> float:
-        """From the middle of the shadow of the lens to that of the stop, up to which light is followed [m]."""
+        """Largest offset between the shadows of the lens and of the stop to which light is followed [m]."""
         stop = self.apertures.stop
         if stop is None:
             return 0.0
@@ -81,7 +82,7 @@ class LensWaves:
 
     @cached_property
     def shares(self) -> FloatArray:
-        """Of the light of the lens that passes, over even offsets from 0 to the farthest."""
+        """Share of the light of the lens that passes, at even offsets from 0 to the farthest."""
         return self._passed / (1.0 - self.bent_farther)
 
     @cached_property
@@ -90,9 +91,9 @@ class LensWaves:
 
     @cached_property
     def bent_farther(self) -> float:
-        """Share of the light of the pupil that is not followed: ``1 − ∫ share(q) 2πq dq / πR²``, R the stop's radius.
+        """Share of the light that is not followed: ``1 − ∫ share(q) 2πq dq / πR²``, R the stop's radius.
 
-        All light of the lens goes through some place of the stop's plane, so that without an end it is 0.
+        All light of the lens passes some place of the stop's plane, so without a limit on the offset it would be 0.
         """
         if (stop := self.apertures.stop) is None:
             return 0.0
@@ -107,11 +108,11 @@ class Waves:
     Parameters
     ----------
     lenses
-        By the type of lens.
+        Waves of each type of lens.
     beyond
-        Of `Exposure.cones` [m].
+        Argument of `Exposure.cones` [m].
     fineness
-        Factor on the number of spreads that are computed.
+        Factor on the number of computed spreads.
     """
 
     lenses: tuple[LensWaves, ...]
@@ -120,11 +121,11 @@ class Waves:
 
     @property
     def bent_farther(self) -> float:
-        """Share of the light that is shared out; the most of any type of lens."""
+        """Share of the light that is redistributed; the largest of all types of lenses."""
         return max(lens.bent_farther for lens in self.lenses)
 
     def tables(self, samples: int) -> Mapping[int, Tables]:
-        """The computed spreads by so many rays each, and by those of dim lenses; made once for each process."""
+        """The computed spreads with so many rays each, and with the fewer rays of dim lenses; cached per process."""
         return _tables(self, samples)
 
 
@@ -135,17 +136,17 @@ class Tables:
     Parameters
     ----------
     waves
-        What they are of.
+        The waves that they tabulate.
     places
-        Over λβ [1/m]: of each node, and of its mirror image, shape (2, nodes, 2, types × offsets × defoci).
+        Places over λβ [1/m] of each node and of its mirror image, shape (2, nodes, 2, types × offsets × defoci).
     widths
-        Of the filter of a node over λβ [1/m], shape (types × offsets × defoci,).
+        Width of a node's filter over λβ [1/m], shape (types × offsets × defoci,).
     shares
-        Of the light of a lens that passes, over offsets from 0 to the farthest, shape (types, 257).
+        Share of the light of a lens that passes, at offsets from 0 to the farthest, shape (types, 257).
     offsets, defoci
-        How many of each there are.
+        Number of each.
     knots
-        Defoci that are computed [waves], shape (types, defoci).
+        Computed defoci [waves], shape (types, defoci).
     """
 
     waves: Waves
@@ -168,7 +169,7 @@ class Tables:
         return np.where(place <= _SHARES - 1, low + (place - first) * (high - low), 0)
 
     def passed_pixel(self, cones: LightCones, pixel_width: float) -> FloatArray:
-        """The same, the mean over a square pixel of a width [m]: Gauss–Legendre, as its edge is blurred."""
+        """The same, averaged over a square pixel of a width [m]: Gauss–Legendre, because the edge is blurred."""
         if cones.stop is None:
             return self.passed(cones, 0.0, 0.0)
         t, w = np.polynomial.legendre.leggauss(_NODES_OF_PIXEL)
@@ -179,7 +180,7 @@ class Tables:
         return total
 
     def bending(self, cones: LightCones, depth: FloatArray) -> Bending:
-        """Prepare cones whose middle rays meet depths [m] along the axis of the camera, finite."""
+        """Prepare cones whose middle rays meet the given finite depths [m] along the camera's axis."""
         kind = cones.start.dtype.type
         scale, beta, curvature = paraxial_numbers(cones, depth)
         lenses = self.waves.lenses
@@ -201,17 +202,17 @@ class Tables:
         )
 
     def farthest(self, cones: LightCones, depth: float) -> float:
-        """How far from the middle ray of its cone light is bent at a depth [m]."""
+        """Farthest that light is bent from the middle ray of its cone at a depth [m]."""
         _, beta, _ = paraxial_numbers(cones, depth)
         widest = float(np.max(np.abs(self.places), initial=0.0)) * self.waves.lenses[0].apertures.wavelength
         return math.sqrt(2.0) * widest * float(np.max(np.abs(beta)))
 
     def of_type(self, cones: LightCones, values: Iterable[float]) -> FloatArray:
-        """Of each cone, from one number for each type of lens."""
+        """Values of each cone, from one number for each type of lens."""
         return np.asarray(list(values), cones.start.dtype)[cones.lens_type]
 
     def towards_stop(self, cones: LightCones, x: float, y: float) -> tuple[FloatArray, FloatArray]:
-        """From the middle of the shadow of the lens to that of the stop: how far [m], and where to (2, cones)."""
+        """Distance [m] from the middle of the lens's shadow to that of the stop, and direction (2, cones)."""
         stop = cones.stop
         assert stop is not None
         towards = -(stop.place + np.stack(np.broadcast_arrays(stop.by_pixel * x, stop.by_pixel * y)).reshape(2, -1))
@@ -222,16 +223,16 @@ class Tables:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bending:
-    """Cones and their spreads at the depths that their middle rays meet.
+    """Cones, with their spreads at the depths that their middle rays meet.
 
     Parameters
     ----------
     tables, cones, depth
-        What it is of [m].
+        The tables of spreads, the cones, and the depths that their middle rays meet [m].
     scale, beta
         mₒ and λβ [m²] of `tradestudy.optics.two_apertures`.
     first, share
-        The spread before each defocus in the tables, for a stop in the middle, and the share of the next one.
+        Index of the tabulated defocus below, for a centred stop, and the share of the next one.
     """
 
     tables: Tables
@@ -243,9 +244,9 @@ class Bending:
     share: FloatArray
 
     def kink(self, node: int, x: float, y: float, eta: FloatArray) -> FloatArray:
-        """What is added to the slope of a ray of each cone from places η on the lens [m], shape (2, cones).
+        """Change of slope of one ray of each cone, from places η on the lens [m], shape (2, cones).
 
-        It meets the depth where the node of the spread of a place [m] on the pixel is.
+        With it the ray meets the depth of its cone at its node of the spread of a place [m] on the pixel.
         """
         tables = self.tables
         first, along = self.first, None
@@ -263,7 +264,7 @@ class Bending:
         return (np.stack([across, beside]) * self.beta - eta * self.scale) / self.depth
 
     def filter_variance(self) -> FloatArray:
-        """Of the Gaussian that stands for what one node of a spread does not [m²]."""
+        """Variance [m²] of the Gaussian filter around one node of a spread."""
         first, along = self.first, None
         if self.cones.stop is not None:
             first, along, _ = self._place(0.0, 0.0)
@@ -278,7 +279,7 @@ class Bending:
         return self.first + row * tables.defoci, (at - row).astype(self.share.dtype), direction
 
     def _between(self, table: NDArray[np.float32], first: NDArray[np.intp], along: FloatArray | None) -> FloatArray:
-        """Linear in the defocus and, where there is a stop, in its place."""
+        """Interpolate linearly in the defocus and, with a stop, in its offset."""
         low = table.take(first)
         low = low + self.share * (table.take(first + 1) - low)
         if along is None:
@@ -289,7 +290,7 @@ class Bending:
         return np.asarray(low + along * (high - low))
 
 
-@lru_cache(maxsize=64)  # pictures of a study, each with its own samples and those of its error; a megabyte each
+@lru_cache(maxsize=64)  # pictures of a study, with their samples and those of the error estimate; a megabyte each
 def _tables(waves: Waves, samples: int) -> Mapping[int, Tables]:
     lenses, fine = waves.lenses, waves.fineness
     ends = np.arcsinh([one.defocus for one in lenses])
@@ -305,7 +306,7 @@ def _tables(waves: Waves, samples: int) -> Mapping[int, Tables]:
     places = {count: np.empty((2 * count, 2, *shape), np.float32) for count in counts}
     widths = {count: np.empty(shape, np.float32) for count in counts}
     for k, lens in enumerate(lenses):
-        # At the very end no light is left that could be spread.
+        # At the very end no light is left to be spread.
         for i, offset in enumerate(np.minimum(np.linspace(0.0, lens.farthest, offsets), _END * lens.farthest)):
             for j, curvature in enumerate(lens.apertures.curvature(knots[k])):
                 place, density = lens.apertures.spread(float(offset), float(curvature))
@@ -330,6 +331,6 @@ def _tables(waves: Waves, samples: int) -> Mapping[int, Tables]:
 
 
 def _shares(count: int) -> tuple[FloatArray, FloatArray]:
-    """Of `disc_quantiles` for nodes and their mirror images."""
+    """`disc_quantiles` of the nodes and of their mirror images."""
     both = [disc_quantiles(side * nodes(count).disc) for side in (1.0, -1.0)]
     return np.concatenate([one[0] for one in both]), np.concatenate([one[1] for one in both])

@@ -1,1 +1,1 @@
-"""What is pictured: textures, surfaces, and where rays meet them."""
+"""The scene of a picture: textures, surfaces, and where rays meet them."""

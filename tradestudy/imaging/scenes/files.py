@@ -12,12 +12,12 @@ from tradestudy.optics.arrays import FloatArray
 
 
 def read_picture(file: Path) -> FloatArray:
-    """Brightness (colours, rows, columns), one colour or three, as the file has it: values are taken as linear.
+    """Brightness (colours, rows, columns) of one or three colours; the values of the file are taken as linear.
 
     Raises
     ------
     OutOfRangeError
-        For a file that is no picture, or one that is black.
+        The file is not a picture, or it is black.
     """
     values = _values(file)
     values = values[..., :3] if values.ndim == 3 and values.shape[-1] in (3, 4) else values
@@ -26,24 +26,26 @@ def read_picture(file: Path) -> FloatArray:
     elif values.ndim == 2:
         values = values[None]
     if values.ndim != 3 or values.shape[0] not in (1, 3):
-        raise OutOfRangeError("a picture", value=f"{file}: shape {values.shape}", limit="grey, or red, green, blue")
+        raise OutOfRangeError(
+            "shape of a picture", value=f"{values.shape} in {file}", limit="grey, or red, green, blue"
+        )
     if not (np.all(np.isfinite(values)) and np.all(values >= 0.0) and values.mean() > 0.0):
         raise OutOfRangeError("brightness of a picture", value=str(file), limit="0 or more, and not 0 everywhere")
     return np.asarray(values, np.float32)
 
 
 def read_depths(file: Path, unit: float) -> FloatArray:
-    """Depths [m], shape (rows, columns), of a map whose values count in a unit [m].
+    """Depths [m], shape (rows, columns), of a map whose values are in a unit [m].
 
     Raises
     ------
     OutOfRangeError
-        For a file that is no depth map, or one with holes.
+        The file is not a depth map, or it has holes.
     """
     values = _values(file)
     if values.ndim != 2 or min(values.shape) < 2:
         raise OutOfRangeError(
-            "a depth map", value=f"{file}: shape {values.shape}", limit="one value for each of 2 × 2 pixels or more"
+            "shape of a depth map", value=f"{values.shape} in {file}", limit="2 × 2 pixels or more, one value each"
         )
     holes = int(np.count_nonzero(~(np.isfinite(values) & (values > 0.0))))
     if holes:
@@ -62,7 +64,7 @@ def _values(file: Path) -> FloatArray:
             return np.asarray(np.load(file, allow_pickle=False), np.float64)
         from PIL import Image
 
-        # What the library warns of are broken tags, which mean nothing here; broken pixels are an error.
+        # The library warns only of broken tags, which do not matter here; broken pixels raise an error.
         with warnings.catch_warnings(action="ignore", category=UserWarning), Image.open(file) as picture:
             return np.asarray(picture.convert("RGB") if picture.mode == "P" else picture, np.float64)
     except (OSError, ValueError) as error:

@@ -1,8 +1,8 @@
-"""Surfaces given by their depth over a grid: where rays meet them first, without missing what stands in front.
+"""Surfaces given by their depth on a grid, and where rays first meet them, without skipping anything in front.
 
-Between its samples the depth is bilinear. A ray at z, g before the surface, moves over s samples for each metre; where
-the depth changes by at most L from sample to sample, it cannot meet the surface within ``g/(1 + L s)``. It goes on by
-that, or to the next sample, and where it has passed the surface, regula falsi finds the place.
+Between its samples the depth is bilinear. A ray at depth z, a gap g before the surface, moves over s samples per metre;
+if the depth changes by at most L from sample to sample, it cannot meet the surface within ``g/(1 + L s)``. It advances
+by that distance or to the next sample, and once it has passed the surface, regula falsi finds the place.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from tradestudy.imaging.scenes.surface import Nearby, PatternSource
 from tradestudy.optics.arrays import FloatArray
 
 _REFINEMENTS: Final = 4
-_CLOSE: Final = 3.0  # times what the last steps before a surface are long, within which nothing else is met
-_LEFT: Final = 0.05  # samples from the surface, beyond which two steps have not been enough
-_SLOWEST: Final = 1e-6  # samples for each metre, so that a ray along the axis has a next sample, far away
+_CLOSE: Final = 3.0  # lengths of the last steps before a surface, within which nothing else is met
+_LEFT: Final = 0.05  # samples from the surface, beyond which two steps were not enough
+_SLOWEST: Final = 1e-6  # samples per metre, so that a ray along the axis has a next sample, far away
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,18 +32,18 @@ class HeightField:
     depths
         [m], shape (rows, columns), rows down.
     corner
-        Of the first sample: x and y [m], or the slopes x/z and y/z where the map is in perspective.
+        Position of the first sample: x and y [m], or the slopes x/z and y/z if the map is in perspective.
     step
-        Between samples, in the same unit.
+        Distance between samples, in the same unit.
     perspective
-        Whether the grid is that of a pinhole in the origin, not one of parallel lines of sight.
+        Whether the grid is that of a pinhole at the origin, instead of parallel lines of sight.
     repeats
-        Whether it goes on for ever, rows and columns then being powers of two; if not, what lies beyond its edge is
-        not there.
+        Whether it repeats endlessly, rows and columns then being powers of two; if not, there is nothing beyond its
+        edge.
     pattern
-        In the unit of the grid, or in samples where ``pattern_in_samples``.
+        Pattern in the unit of the grid, or in samples if ``pattern_in_samples``.
     pattern_in_samples
-        Whether the pattern has one sample for each of the grid.
+        Whether the pattern has one sample for each grid sample.
     """
 
     depths: NDArray[np.float32]
@@ -58,7 +58,7 @@ class HeightField:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "range", (float(self.depths.min()), float(self.depths.max())))
-        # In a cell both differences lie between those of its edges.
+        # In a cell both differences are between those of its edges.
         across, down = np.abs(np.diff(self.depths, axis=1)), np.abs(np.diff(self.depths, axis=0))
         steepest = np.hypot(np.maximum(across[1:], across[:-1]), np.maximum(down[:, 1:], down[:, :-1]))
         object.__setattr__(self, "steepest", float(steepest.max()))
@@ -91,14 +91,14 @@ class HeightField:
         return found
 
     def _directly(self, start: FloatArray, slope: FloatArray, first: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """By a step to the depth of the surface abreast of the first guess, and one along the secant.
+        """Where rays meet the surface, by a step to its depth at the first guess and another along the secant.
 
         Returns
         -------
         depth
-            Corrected once more by what is left.
+            Corrected once more by the remaining gap.
         left
-            How far from the surface the second step ended [m].
+            Distance from the surface at which the second step ended [m].
         """
         gap = self._gap(start, slope, first)
         second = first + gap
@@ -118,13 +118,13 @@ class HeightField:
         return at[0], at[1]
 
     def pattern_scale(self, depth: FloatArray) -> FloatArray | float:
-        """As `Surface` says; slopes of the relief are left to the pattern's own filter."""
+        """See `Surface`; slopes of the relief are left to the pattern's own filter."""
         if not self.pattern_in_samples:
             return 1.0
         return 1.0 / (self.step * depth) if self.perspective else 1.0 / self.step
 
     def _grid(self, at: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Where on the grid a point lies, in samples."""
+        """Position of a point on the grid, in samples."""
         kind = at.dtype.type
         scale = kind(1.0 / self.step)
         if self.perspective:
@@ -132,7 +132,7 @@ class HeightField:
         return (at[0] - kind(self.corner[0])) * scale, (at[1] - kind(self.corner[1])) * scale
 
     def _speed(self, start: FloatArray, slope: FloatArray) -> FloatArray:
-        """How many samples rays move over for each metre."""
+        """Samples that rays move over per metre."""
         kind = start.dtype.type
         if self.perspective:
             speed = np.hypot(start[0], start[1]) / kind(self.extent[0] ** 2)
@@ -141,7 +141,7 @@ class HeightField:
         return np.asarray(np.maximum(speed / kind(self.step), kind(_SLOWEST)))
 
     def _gap(self, start: FloatArray, slope: FloatArray, z: FloatArray) -> FloatArray:
-        """How far before the surface rays are at depth z [m]."""
+        """Distance from depth z [m] to the surface along the axis."""
         i, j = self._grid(start + z * slope, z)
         rows, columns = self.depths.shape
         if not self.repeats:
@@ -166,7 +166,7 @@ class HeightField:
     def _march(
         self, start: FloatArray, slope: FloatArray, begin: FloatArray, margin: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Where rays meet the surface, and the last depth from the beginning on up to which all were farther off."""
+        """Where rays meet the surface, and the depth up to which each keeps more than the margin from it."""
         kind = start.dtype.type
         far = self.extent[1]
         speed = self._speed(start, slope)
@@ -176,7 +176,7 @@ class HeightField:
         z, gap = begin, self._gap(start, slope, begin)
         close = gap <= margin
         while ray.size:
-            # Rays nearby matter only up to where the first of them may be met.
+            # Nearby rays matter only up to where the first of them may meet the surface.
             reach = np.where(close, gap, gap - kind(margin)) / (kind(1) + kind(self.steepest) * speed)
             following = np.minimum(z + np.maximum(reach, kind(1) / speed), end)
             next_gap = self._gap(start, slope, following)
@@ -213,7 +213,7 @@ class HeightField:
         return self._where_there_is_any(start, slope, middle)
 
     def _where_there_is_any(self, start: FloatArray, slope: FloatArray, depth: FloatArray) -> FloatArray:
-        """Depths where the grid has a surface, infinite beyond its edge."""
+        """Depths where the grid has a surface; infinite beyond its edge."""
         if self.repeats:
             return np.array(depth)
         i, j = self._grid(start + depth * slope, depth)

@@ -1,8 +1,8 @@
-"""What is painted on surfaces: a random texture or a picture, prefiltered so that few samples see no more than it has.
+"""Patterns on surfaces: a random texture or a picture, prefiltered so that few samples suffice without aliasing.
 
-Each level of a pattern has half the samples of the one below, each the mean of four. Interpolated, level l has the
-variance ``(3·4^l − 1)/12`` of its filter along each axis in samples of the finest one; two levels are mixed so that
-the variance is the one asked for.
+Each level of a pattern has half the samples of the one below along each axis, each the mean of four. Interpolated,
+level l has a filter of variance ``(3·4^l − 1)/12`` along each axis, in samples of the finest one; two levels are mixed
+to give the requested variance.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.streams import point_generator
 
 MOST_CONTRAST: Final = 0.3
-"""Three deviations below the mean, a Gaussian texture is black."""
+"""At three standard deviations below the mean, a Gaussian texture would be black."""
 GREY: Final = -1
 """The colour of a pixel without a filter; 0, 1 and 2 are red, green and blue."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RandomPattern:
-    """A random texture of mean 1 that repeats itself.
+    """A random texture of mean 1 that repeats periodically.
 
     Parameters
     ----------
@@ -38,14 +38,14 @@ class RandomPattern:
     sample
         Distance of neighbouring samples [m].
     side
-        Samples along each side before it repeats itself; a power of two.
+        Samples along each side before it repeats; a power of two.
     seed
-        Of the study.
+        Seed of the study.
 
     Raises
     ------
     OutOfRangeError
-        For a contrast that a Gaussian cannot have without being darker than black.
+        The contrast is so high that a Gaussian texture would become darker than black.
     """
 
     texture: Texture
@@ -56,29 +56,29 @@ class RandomPattern:
     def __post_init__(self) -> None:
         if self.texture.contrast > MOST_CONTRAST:
             raise OutOfRangeError(
-                "a Gaussian texture would be darker than black in places; its contrast",
+                "contrast of a Gaussian texture, which would become darker than black in places",
                 value=f"{100 * self.texture.contrast:g} %",
                 limit=f"at most {100 * MOST_CONTRAST:g} %",
-                remedy="reduce the contrast of scene.picture.texture, or paint the scene with a picture",
+                remedy="reduce the contrast of scene.picture.texture, or use a picture instead of the texture",
             )
 
     def build(self) -> Pattern:
-        """The pattern with all its levels; made once for each process."""
+        """The pattern with all its levels; cached per process."""
         return _random_pattern(self)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PicturePattern:
-    """A picture, brightness 1 where it is as bright as its mean.
+    """A picture as pattern, normalised to a mean brightness of 1.
 
     Parameters
     ----------
     file
-        The picture.
+        Path of the picture.
     sha256
-        Of its content.
+        Hash of its content.
     sample
-        Size of one of its pixels on the surface; its own unit where the surface is given by a depth map.
+        Size of one of its pixels on the surface; 1 if the surface is given by a depth map.
     from_top
         Whether its first row is the top one.
     """
@@ -89,22 +89,22 @@ class PicturePattern:
     from_top: bool
 
     def build(self) -> Pattern:
-        """The pattern with all its levels; made once for each process."""
+        """The pattern with all its levels; cached per process."""
         return _picture_pattern(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pattern:
-    """A pattern, level behind level.
+    """A pattern with all its levels.
 
     Parameters
     ----------
     values
-        All levels in one row for each colour, shape (colours, samples): grey alone, or red, green, blue and grey.
+        All levels concatenated for each colour, shape (colours, samples): grey alone, or red, green, blue and grey.
     columns, rows
-        Of the finest level; powers of two.
+        Size of the finest level; powers of two.
     sample
-        Distance of its samples.
+        Distance between its samples.
     """
 
     values: NDArray[np.float32]
@@ -114,11 +114,11 @@ class Pattern:
 
     @property
     def levels(self) -> int:
-        """How many."""
+        """Number of levels."""
         return int(math.log2(min(self.columns, self.rows))) + 1
 
     def mixture(self, variance: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-        """Level, and the share of the next one, whose filter has a variance along each axis."""
+        """The level, and the share of the next one, whose filter has this variance along each axis."""
         wanted = np.maximum(variance * (4.0 / self.sample**2) + 1.0 / 3.0, 1.0)
         _, exponent = np.frexp(wanted)
         level = np.minimum((exponent - 1) >> 1, self.levels - 2).astype(np.intp)
@@ -133,7 +133,7 @@ class Pattern:
         share: FloatArray,
         color: NDArray[np.intp] | int = GREY,
     ) -> FloatArray:
-        """At places, in the unit of ``sample``, with the mixture that `mixture` gave for them."""
+        """Brightness at places, in the unit of ``sample``, with the mixture that `mixture` returned for them."""
         scale = np.ldexp(np.float32(1.0 / self.sample), -level)
         start = color % self.values.shape[0] * self.values.shape[1]
         x, y = x * scale, y * scale
@@ -144,7 +144,7 @@ class Pattern:
     def _level(
         self, x: FloatArray, y: FloatArray, level: NDArray[np.intp], start: NDArray[np.intp] | int
     ) -> FloatArray:
-        """Bilinear between the samples of one level, whose centres lie half a sample from the origin."""
+        """Interpolate bilinearly between the samples of one level, whose centres are half a sample from the origin."""
         x, y = x - np.float32(0.5), y - np.float32(0.5)
         left, top = np.floor(x), np.floor(y)
         right_share, lower_share = x - left, y - top
@@ -164,13 +164,13 @@ class Pattern:
 
 @lru_cache(maxsize=64)
 def _starts(columns: int, rows: int) -> NDArray[np.intp]:
-    """Where each level begins."""
+    """Start index of each level."""
     sizes = [(columns >> k) * (rows >> k) for k in range(int(math.log2(min(columns, rows))) + 1)]
     return np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.intp)
 
 
 def pattern_of(finest: FloatArray, sample: float) -> Pattern:
-    """Build all levels of samples (colours, rows, columns), both powers of two."""
+    """Build all levels from samples (colours, rows, columns), rows and columns being powers of two."""
     levels: list[NDArray[np.float32]] = [finest.astype(np.float32)]
     while min(levels[-1].shape[1:]) > 1:
         last = levels[-1]
@@ -200,7 +200,7 @@ def _random_pattern(settings: RandomPattern) -> Pattern:
 
 @lru_cache(maxsize=4)
 def _picture_pattern(settings: PicturePattern) -> Pattern:
-    """Padded to powers of two by repeating its edges."""
+    """A picture padded to powers of two by repeating its edges."""
     from tradestudy.imaging.scenes.files import read_picture
 
     picture = read_picture(settings.file)

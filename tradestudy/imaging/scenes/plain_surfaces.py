@@ -1,4 +1,4 @@
-"""Surfaces that rays meet where a closed form says: flat ones and spheres."""
+"""Surfaces that rays meet in closed form: flat faces and spheres."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tradestudy.imaging.scenes.surface import Nearby, PatternSource
 from tradestudy.optics.arrays import FloatArray
 
 Vector = tuple[float, float, float]
-_EDGE_ON: Final = 1e-6  # cosine between a line of sight and a face below which neither meets the other
+_EDGE_ON: Final = 1e-6  # cosine between a line of sight and the normal of a face below which they do not meet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,20 +23,20 @@ class Flat:
     Parameters
     ----------
     centre
-        A point of it [m].
+        Its centre [m].
     first, second
-        Unit vectors in it, at right angles.
+        Unit vectors in it, perpendicular to each other.
     size
-        Along both [m]; infinite ones are allowed.
+        Size along both [m]; may be infinite.
     pattern
-        What is painted on it, in u and v from ``origin``.
+        Pattern on it, in u and v from ``origin``.
     origin
-        Place of the centre on the pattern [m].
+        Position of the centre on the pattern [m].
 
     Raises
     ------
     OutOfRangeError
-        For vectors that are no unit vectors at right angles.
+        The vectors are not perpendicular unit vectors.
     """
 
     centre: Vector
@@ -95,13 +95,13 @@ class Flat:
         return u + at.dtype.type(self.origin[0]), v + at.dtype.type(self.origin[1])
 
     def pattern_scale(self, depth: FloatArray) -> float:  # noqa: ARG002 - the same everywhere
-        """The geometric mean of both directions: a slanted face is longer along its slope."""
+        """Geometric mean over both directions: a slanted face is longer along its slope."""
         return 1.0 / math.sqrt(max(abs(float(self._normal[2])), 0.1))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sphere:
-    """A sphere, painted by arc length from its pole towards the camera along the axis.
+    """A sphere; its pattern is mapped by arc length from the point nearest to the camera's plane.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ class Sphere:
 
     @property
     def extent(self) -> tuple[float, float]:
-        """See `Surface`; the half that is seen."""
+        """See `Surface`; that of the visible half."""
         return self.centre[2] - self.radius, self.centre[2]
 
     def approach(self, start: FloatArray, slope: FloatArray, spread: float) -> tuple[FloatArray, None]:  # noqa: ARG002 - a closed form needs no help
@@ -125,11 +125,11 @@ class Sphere:
         return self.depth(start, slope, None), None
 
     def depth(self, start: FloatArray, slope: FloatArray, nearby: Nearby | None) -> FloatArray:  # noqa: ARG002 - as above
-        """The smaller root of ``|s + z (m, 1) − c| = r``, from the point of the ray abreast of the centre."""
+        """The smaller root of ``|s + z (m, 1) − c| = r``, computed from the ray's point at the depth of the centre."""
         kind = start.dtype.type
         x, y, z = (kind(one) for one in self.centre)
         square = slope[0] * slope[0] + slope[1] * slope[1] + kind(1)
-        # From the centre, so that a small sphere far away loses no digits.
+        # Relative to the centre, so that a small sphere far away loses no digits.
         at_x, at_y = start[0] + z * slope[0] - x, start[1] + z * slope[1] - y
         half = (at_x * slope[0] + at_y * slope[1]) / square
         under = half * half - (at_x * at_x + at_y * at_y - kind(self.radius**2)) / square
@@ -146,6 +146,6 @@ class Sphere:
         return x * stretch, y * stretch
 
     def pattern_scale(self, depth: FloatArray) -> FloatArray:
-        """As of a slanted face."""
+        """As for a slanted face."""
         cosine = (self.centre[2] - depth) / self.radius
         return np.asarray(1.0 / np.sqrt(np.maximum(cosine, 0.1)))

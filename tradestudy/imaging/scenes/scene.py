@@ -1,4 +1,4 @@
-"""A scene as it is declared, small enough to be sent to workers, and as it is rendered, with all its samples."""
+"""A scene in two forms: as declared, small enough to send to workers, and as rendered, with all its samples."""
 
 from __future__ import annotations
 
@@ -24,72 +24,72 @@ _FINEST: Final = 4.0  # samples below which a rock is smooth, so that its slopes
 
 
 class SurfaceSource(Protocol):
-    """What a surface is made of."""
+    """The declaration of a surface, from which it is built."""
 
     @property
     def pattern(self) -> PatternSource:
-        """What is painted on it."""
+        """Pattern on the surface."""
 
     @property
     def extent(self) -> tuple[float, float]:
         """Nearest and farthest depth [m]."""
 
     def build(self) -> Surface:
-        """The surface; made once for each process."""
+        """Build the surface; cached per process."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plain:
-    """A surface with a closed form.
+    """A surface with a closed form, which needs no building.
 
     Parameters
     ----------
     surface
-        It.
+        The surface.
     """
 
     surface: Flat | Sphere
 
     @property
     def pattern(self) -> PatternSource:
-        """Its own."""
+        """See `SurfaceSource`."""
         return self.surface.pattern
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Its own."""
+        """See `SurfaceSource`."""
         return self.surface.extent
 
     def build(self) -> Surface:
-        """It needs no samples."""
+        """Return the surface itself."""
         return self.surface
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rock:
-    """A rough height field that repeats itself: Gaussian noise with a power law below its features, within a range.
+    """A rough height field that repeats periodically: Gaussian noise with a power law below its features.
 
     Its spectrum is ``(1 + (2π ℓ ν)²)^(−1−h)``, that of a self-affine surface of Hurst exponent h.
 
     Parameters
     ----------
     near, far
-        Of its highest and deepest place [m].
+        Depths of its highest and deepest point [m].
     feature_size
         ℓ [m].
     hurst
         h: 1 is smooth, 0 is rugged.
     seed
-        Of the study.
+        Seed of the study.
     number
-        Among the surfaces of the scene, so that two rocks differ.
+        Index among the surfaces of the scene, so that two rocks differ.
     pattern
-        What is painted on it, by lateral place.
+        Pattern on it, by lateral position.
 
     Raises
     ------
     OutOfRangeError
-        For a range that is none, or an exponent outside 0 to 1.
+        The range is empty or not positive, or the exponent is outside 0 to 1.
     """
 
     near: float
@@ -102,40 +102,42 @@ class Rock:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.near < self.far:
-            raise OutOfRangeError("a rock", value=f"from {self.near:g} to {self.far:g} m", limit="0 < near < far")
+            raise OutOfRangeError(
+                "depth range of a rock", value=f"{self.near:g} to {self.far:g} m", limit="0 < near < far"
+            )
         if not 0.0 <= self.hurst <= 1.0:
             raise OutOfRangeError("Hurst exponent of a rock", value=f"{self.hurst:g}", limit="0 to 1")
 
     @property
     def extent(self) -> tuple[float, float]:
-        """From its highest to its deepest place [m]."""
+        """Depths of its highest and deepest point [m]."""
         return self.near, self.far
 
     def build(self) -> HeightField:
-        """The surface; made once for each process."""
+        """Build the surface; cached per process."""
         return _rock(self)
 
 
 @dataclass(frozen=True, kw_only=True)
 class DepthMapSurface:
-    """A surface by a file of depths.
+    """A surface given by a file of depths.
 
     Parameters
     ----------
     file, sha256
-        The map, and the hash of its content.
+        Path of the map, and the hash of its content.
     unit
-        Depth [m] for each unit of its values.
+        Depth [m] per unit of its values.
     from_top
         Whether its first row is the top one.
     width
-        Of the whole map [m], in parallel lines of sight; None: it is in perspective.
+        Width of the whole map [m] in parallel lines of sight; None if it is in perspective.
     field_of_view
-        Across the whole map [rad], of a pinhole in the origin; None: parallel.
+        Angle across the whole map [rad], of a pinhole at the origin; None if it is parallel.
     extent
         Nearest and farthest depth [m].
     pattern
-        A picture with one pixel for each of the map, or a texture by lateral place.
+        A picture with one pixel for each sample of the map, or a texture by lateral position.
     """
 
     file: Path
@@ -149,20 +151,20 @@ class DepthMapSurface:
     pattern_in_samples: bool
 
     def build(self) -> HeightField:
-        """The surface; made once for each process."""
+        """Build the surface; cached per process."""
         return _depth_map(self)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneSource:
-    """What a scene is made of.
+    """The declaration of a scene, from which it is built.
 
     Parameters
     ----------
     surfaces
-        Those in it.
+        Declarations of its surfaces.
     background
-        Brightness where there is none, relative to the mean of the texture.
+        Brightness where there is no surface, relative to the mean of the texture.
     """
 
     surfaces: tuple[SurfaceSource, ...]
@@ -175,18 +177,18 @@ class SceneSource:
         return min(ends), max(ends)
 
     def build(self) -> Scene:
-        """The scene with all its samples; made once for each process."""
+        """Build the scene with all its samples; cached per process."""
         return _scene(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
-    """Surfaces with their patterns, and what is seen where there is none.
+    """Surfaces with their patterns, and the background.
 
     Parameters
     ----------
     surfaces, patterns
-        Each with its own.
+        The surfaces, and the pattern of each.
     background
         Brightness where a line of sight meets nothing.
     """

@@ -1,4 +1,4 @@
-"""What every surface of a scene can be asked."""
+"""The interface of every surface of a scene."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ PatternSource = RandomPattern | PicturePattern
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Nearby:
-    """What is known of rays beside one that has been followed.
+    """What following one ray reveals about rays beside it.
 
     Parameters
     ----------
     safe
-        Up to where none of them meets the surface [m], shape (rays,).
+        Depth [m] up to which none of them meets the surface, shape (rays,).
     met
-        Where the one that was followed meets it.
+        Depth [m] at which the followed ray meets it.
     direct
-        Where both lie so close together that the others meet it there, too, and nowhere before.
+        Where both depths are so close that nearby rays also meet the surface there, and nowhere before.
     """
 
     safe: FloatArray
@@ -38,23 +38,23 @@ class Surface(Protocol):
 
     @property
     def pattern(self) -> PatternSource:
-        """What is painted on it."""
+        """Pattern on the surface."""
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Nearest and farthest depth that it reaches [m]; planes that go on for ever say where the axis meets them."""
+        """Nearest and farthest depth that it reaches [m]; for infinite planes, the depth where the axis meets them."""
 
     def approach(self, start: FloatArray, slope: FloatArray, spread: float) -> tuple[FloatArray, Nearby | None]:
-        """Where rays meet it first [m], infinite where they do not; and what that says of rays nearby.
+        """Depth at which rays first meet it [m], infinite if they do not; and what that reveals about nearby rays.
 
-        Rays nearby pass within ``spread`` [m] of the given ones at every depth. None: their own `depth` needs no help.
+        Nearby rays pass within ``spread`` [m] of the given ones at every depth. None means that `depth` needs no help.
         """
 
     def depth(self, start: FloatArray, slope: FloatArray, nearby: Nearby | None) -> FloatArray:
-        """Where rays meet it first, given what is known of them."""
+        """Depth at which rays first meet it, given what is known about them."""
 
     def place(self, at: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Where points of it (lateral places (2, points) and depths) lie on its pattern, in the unit of that."""
+        """Positions on its pattern, in the pattern's unit, of points given by lateral places (2, points) and depths."""
 
     def pattern_scale(self, depth: FloatArray) -> FloatArray | float:
-        """Lengths on the pattern over lengths across the line of sight."""
+        """Lengths on the pattern relative to lengths across the line of sight."""
