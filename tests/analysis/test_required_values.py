@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -43,7 +44,7 @@ def test_the_baseline_for_an_overlap_is_that_of_the_closed_form() -> None:
     assert one.value == pytest.approx(0.4 * 0.4 * WIDTH / 2.65e-3, rel=2e-4)
     assert one.error < 2e-4 * one.value
     assert found.answer.startswith("met up to ")
-    assert found.answer.endswith("(sought from 20 mm); declared: 75 mm")
+    assert re.search(r"from 20 mm.*declared: 75 mm$", found.answer)
 
 
 def test_a_requirement_can_be_met_between_two_values() -> None:
@@ -60,8 +61,7 @@ def test_a_requirement_can_be_met_between_two_values() -> None:
 def test_nowhere_says_how_near_and_anywhere_says_so() -> None:
     nowhere = asked({"depth_uncertainty": {"below_relative": "0.01 %", "over": ["0.4 m", "3 m"]}})
     assert nowhere.solutions == ()
-    assert "met nowhere between 20 mm and 400 mm: nearest at 400 mm, missed by " in nowhere.answer
-    assert "; it may be met beyond that end" in nowhere.answer
+    assert re.match(r"met nowhere between 20 mm and 400 mm: .* at 400 mm, .* %; .* beyond", nowhere.answer)
     anywhere = asked({"depth_uncertainty": {"below_relative": "50 %", "over": ["0.4 m", "3 m"]}})
     assert anywhere.answer == "met anywhere between 20 mm and 400 mm; declared: 75 mm"
 
@@ -130,7 +130,8 @@ def test_a_guard_band_alone_is_not_told_as_a_missed_bound() -> None:
         camera="a", met=False, value=0.5, bound=1.0, place=1.0, error=0.1, margin=1.0, unusable=0.0, reason="guarded"
     )
     told = _nearest([_Trial(value=1.0, held=kept), _Trial(value=2.0, held=replace(kept, margin=0.5))], LENGTH)
-    assert told.startswith("nearest at 1 m, where only its guard band is broken")
+    assert re.search(r"at 1 m, .*guard band", told)
+    assert "%" not in told
 
 
 def test_a_value_that_the_study_cannot_have_is_refused_as_the_study_is_read(tmp_path: Path) -> None:

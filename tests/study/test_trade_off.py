@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import re
 from pathlib import Path
 from typing import Any
 
@@ -72,12 +71,12 @@ def test_the_shipped_study_ranks_its_cameras_by_the_weights_it_leaves_open() -> 
         (
             {"criteria": {"mass": {**MASS, "weight": [0.6, 1]}, "power": POWER}},
             "criteria.power.weight",
-            "the least weights sum to 1.1; all weights sum to 1",
+            "weights sum to 1.1; all weights sum to 1, so at most 1",
         ),
         (
             {"criteria": {"mass": {**MASS, "weight": [0, 0.3]}, "power": POWER}},
             "criteria.power.weight",
-            "the largest weights sum to 0.8; all weights sum to 1",
+            "weights sum to 0.8; all weights sum to 1, so at least 1",
         ),
         ({"criteria": {"mass": {**MASS, "weight": [0.5, 0.2]}}}, "criteria.mass.weight", "least to the largest"),
         ({"criteria": {"mas": MASS}}, "criteria.mas", "nearest: 'mass'"),
@@ -111,7 +110,7 @@ def test_a_candidate_without_a_number_or_without_depth_is_named() -> None:
             {"trade_off": {"criteria": {"near": {"quantity": "usable_near", "worst": "1 m", "best": "1 cm"}}}}
         )
     derived = lens.with_values({"trade_off": {"criteria": {"time per scene": {"worst": "60 s", "best": "0 s"}}}})
-    with pytest.raises(StudyError, match=re.escape("'mahli' has no number for it (one exposure)")):
+    with pytest.raises(StudyError, match=r"time per scene: 'mahli' .*no number .*\(one exposure\); leave"):
         derived.plan()
 
 

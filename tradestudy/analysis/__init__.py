@@ -1,1 +1,1 @@
-"""What a study asks of its cameras: depth, usable ranges, decisions, claims, requirements, depth of field."""
+"""Answers to a study's questions: depth, usable ranges, decisions, claims, requirements, depth of field."""

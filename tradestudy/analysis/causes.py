@@ -1,4 +1,4 @@
-"""What decides a depth uncertainty: the one input whose spread contributes most of its variance."""
+"""The largest cause of a depth uncertainty: the one input whose spread contributes most of its variance."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class Cause:
 
 
 def largest_cause(camera: DepthCamera, distance: FloatArray) -> Cause | None:
-    """The parameter that decides most of the depth uncertainty, on average over distances [m].
+    """The parameter that contributes most of the depth uncertainty, on average over distances [m].
 
-    By the variance that it contributes alone, on the line in inverse depth; None where something uncertain has no
-    variance, or nothing is measured.
+    Each parameter is judged by the variance that it contributes alone, with inverse depth linear in the errors; None
+    if an uncertain parameter has no variance, or nothing is measured.
     """
     seen = distance[camera.images(distance)]
     try:

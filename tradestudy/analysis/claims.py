@@ -1,4 +1,4 @@
-"""Claims of a study, answered by what was computed."""
+"""Answer the claims of a study."""
 
 from __future__ import annotations
 
@@ -29,32 +29,33 @@ from tradestudy.study.schema.questions import (
 )
 from tradestudy.units import FRACTION, LENGTH, Dimension, parse, pretty
 
-# Enough for a smooth curve over two decades; ends of ranges are always among them.
+# Enough for a smooth curve over two decades; the ends of ranges are always included.
 _POINTS = 401
 _NEAREST, _FARTHEST = 1e-3, 1e5
 
 
 def claim_quantity(claim: ClaimPart) -> str:
-    """What is computed to answer a claim, in words."""
+    """The quantity that answers a claim, in words."""
     match claim:
         case LimitDistanceClaim():
             return f"{claim.end} end of the {claim.limit.replace('_', ' ')} limit of {claim.camera}"
         case UncertaintyRatioClaim():
             span = " to ".join(pretty(end, LENGTH) for end in claim.over)
-            return f"largest uncertainty of {claim.camera} over that of {claim.against}, {span} ({claim.errors})"
+            ratio = f"uncertainty of {claim.camera} relative to that of {claim.against}"
+            return f"largest {ratio}, {span} ({claim.errors})"
         case ShareBetterClaim():
             span = " to ".join(pretty(end, LENGTH) for end in claim.over)
             other = f"{claim.against} is not, or is less certain"
             return f"share of {span} (log scale) where {claim.camera} is usable and {other}"
         case RelativeUncertaintyDistanceClaim():
             share = pretty(claim.threshold, FRACTION)
-            return f"distance where the uncertainty of {claim.camera} reaches {share} of it ({claim.errors})"
+            return f"distance where the uncertainty of {claim.camera} reaches {share} of the distance ({claim.errors})"
         case DepthOfFieldClaim():
             return depth_of_field_words(claim)
         case DepthOfFieldRatioClaim():
             return depth_of_field_ratio_words(claim)
         case _:
-            # Wave optics is loaded by the studies that ask for it alone.
+            # Only studies that ask for wave optics load it.
             from tradestudy.analysis.wave_claims import wave_claim_words
 
             return wave_claim_words(claim)
@@ -72,7 +73,7 @@ def claim_value(claim: ClaimPart, case: Case) -> float:
             )
             with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
                 ratio = first / second
-            # Where both are unbounded neither is larger; where one camera forms no image there is nothing to compare.
+            # Where both are unbounded, neither is larger; where a camera forms no image, nothing can be compared.
             return (
                 float(np.max(ratio, initial=-math.inf, where=~np.isnan(ratio)))
                 if np.isfinite(ratio).any()
@@ -93,10 +94,10 @@ def claim_value(claim: ClaimPart, case: Case) -> float:
 
 
 def _limit_distance(claim: LimitDistanceClaim, case: Case) -> float:
-    """Where one limit begins to hold, coming from near, or ceases to, going far.
+    """Where one limit begins to hold (near end) or ceases to hold (far end), going from near to far.
 
     A limit that holds at the study's first or last distance is followed beyond it, down to 1 mm and out to 100 km or
-    ten times the study's own reach; it is then 0 or infinite if it holds there still.
+    ten times the study's own reach; the result is 0 or infinity if it still holds there.
     """
     camera, near = case.cameras[claim.camera], claim.end == "near"
     if not evaluate_limits(camera, case.criteria, case.distance[:1], (claim.limit,)):
@@ -142,7 +143,7 @@ def _span(over: tuple[float, ...]) -> FloatArray:
 
 
 def is_met(expect: ExpectPart, value: float, dimension: Dimension) -> bool | None:
-    """Whether a value meets an expectation; None where there is no value."""
+    """Whether a value meets an expectation; None if there is no value."""
     if math.isnan(value):
         return None
     if expect.about is not None:
@@ -154,7 +155,7 @@ def is_met(expect: ExpectPart, value: float, dimension: Dimension) -> bool | Non
 
 
 def could_be_overturned(expect: ExpectPart, value: float, dimension: Dimension, tolerance: float) -> bool:
-    """Whether a value that is off by a share of itself could meet an expectation that it misses, or miss it."""
+    """Whether a relative change of a value by the tolerance could turn met into missed, or vice versa."""
     answers = {is_met(expect, value * (1.0 + share), dimension) for share in (-tolerance, 0.0, tolerance)}
     return len(answers) > 1
 
@@ -167,7 +168,7 @@ def expectation(expect: ExpectPart) -> str:
 
 
 def verdict_over_readings(met: dict[str, bool | None]) -> tuple[str, str]:
-    """The verdict of a claim from its answers under each reading, and the reason.
+    """The verdict of a claim from its answers under each reading, with the reason.
 
     A claim whose answer depends on assumptions that its source does not state cannot be decided from the source.
     """

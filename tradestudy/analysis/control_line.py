@@ -1,4 +1,4 @@
-"""A linear control variate for inverse depth: its quantiles are known, so its sampling error corrects that of depth."""
+"""A linear control variate for inverse depth: its exact quantiles are known, so its sampling error corrects depth's."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ import numpy as np
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.quantiles import quantiles_of
 
-_FOR_A_LINE: Final = 2**14  # draws that a line is fitted to
-_ROWS: Final = 512  # quantiles that stand for the rows of a posterior
+_FOR_A_LINE: Final = 2**14  # draws used to fit the line
+_ROWS: Final = 512  # quantiles that represent the rows of a posterior
 _BISECTIONS: Final = 30
 _ALIKE: Final = 1e-12
-_REACH: Final = 9.0  # standard deviations, beyond which a probability is below 1e-18
+_REACH: Final = 9.0  # standard deviations; the probability beyond is below 1e-18
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drivers:
-    """What inverse depth is a line of.
+    """The variables that the line for inverse depth depends on.
 
     Parameters
     ----------
     scores
         Standard normal scores of each draw, shape (scores, draws).
     responses
-        Of each draw, what the posterior's row does to depth from near to far, shape (directions, draws); none without a
-        posterior.
+        For each draw, the effect of its posterior row on inverse depth from near to far, shape (directions, draws);
+        empty without a posterior.
     rows
-        The same of every row of the posterior, shape (directions, rows).
+        The same effect for every row of the posterior, shape (directions, rows).
     """
 
     scores: FloatArray
@@ -39,7 +39,7 @@ class Drivers:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Missed:
-    """Sampling error of a line in each scramble: of its quantiles, and of its share at infinity or beyond.
+    """Sampling error of the line in each scramble: of its quantiles, and of its share at or beyond infinity.
 
     Shapes (scrambles, probabilities, distances) and (scrambles, distances).
     """
@@ -54,13 +54,13 @@ def missed(inverse: FloatArray, drivers: Drivers, scrambles: int, probabilities:
     Parameters
     ----------
     inverse
-        Inverse depths of all draws, shape (distances, draws); no line is fitted where one of them is NaN.
+        Inverse depths of all draws, shape (distances, draws); no line is fitted at distances with a NaN.
     drivers
-        What the line is fitted to by least squares.
+        The variables of the line, which is fitted by least squares.
     scrambles
         Number of scrambles, which follow one another in the draws.
     probabilities
-        Of the quantiles.
+        Probabilities of the quantiles.
     """
     known = np.concatenate([drivers.scores, drivers.responses])
     ranked = np.where(np.isnan(inverse).any(axis=1, keepdims=True), 0.0, inverse)
@@ -82,7 +82,7 @@ def _slopes(inverse: FloatArray, known: FloatArray) -> FloatArray:
     centred = known[:, some] - known[:, some].mean(axis=1, keepdims=True)
     size = np.linalg.norm(centred, axis=1, keepdims=True)
     unit = centred / np.where(size > 0.0, size, 1.0)
-    # Directions of a posterior are nearly alike: what their products cannot tell apart is left out.
+    # Directions of a posterior are nearly parallel; combinations that the draws cannot distinguish are left out.
     inverted = np.linalg.pinv(unit @ unit.T, rcond=_ALIKE, hermitian=True)
     return np.asarray((inverse[:, some] @ unit.T @ inverted) / np.where(size > 0.0, size, 1.0)[:, 0])
 

@@ -1,4 +1,4 @@
-"""Which camera for which distance: winners, ties, crossovers, and where the winner changes."""
+"""Which camera to use at which distance: winners, ties, crossovers, and where the winner changes."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.definition import Case
 
-_BESIDE: Final = 1e-9  # share of a distance by which what lies on either side of it is told
+_BESIDE: Final = 1e-9  # relative offset for looking just nearer and just farther than a distance
 _ROUNDING: Final = 1e-9
-_MOST_PLACES: Final = 100  # at which a lead is looked at; two crossings between neighbours are not seen
+_MOST_PLACES: Final = 100  # distances where leads are evaluated; two crossings between neighbours are not seen
 
 
 TIED: Final = ", "
-"""Between the names of cameras whose difference is below its stated error: one answer."""
-# Standard errors of a difference that decides: one in a thousand exceeds them by chance, over eight scrambles. Fewer
-# would let some of many distances pass, and answers alternate between cameras that are alike.
+"""Between the names of cameras whose difference is below its stated error: they share one answer."""
+# A difference must exceed this many standard errors to decide. With eight scrambles, chance exceeds it once in a
+# thousand. With a lower limit, answers over many distances would alternate between equal cameras.
 _SURE: Final = 5.4
 
 
 @dataclass(frozen=True, kw_only=True)
 class Crossing:
-    """Where two cameras are equally uncertain [m], its standard error, and who is more certain nearer than that."""
+    """Distance [m] of equal uncertainty of two cameras, its standard error, and the better camera nearer than it."""
 
     distance: float
     error: float
@@ -47,7 +47,7 @@ class Crossing:
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """Where the winner changes [m], its standard error, and who wins nearer and farther; empty where nobody does."""
+    """Distance [m] where the winner changes, its standard error, and the winners nearer and farther; "" for none."""
 
     distance: float
     error: float
@@ -57,15 +57,15 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True)
 class PairVerdict:
-    """The headline pair under one reading of the assumptions.
+    """Comparison of the study's main pair of cameras under one reading of the assumptions.
 
     Parameters
     ----------
     winner, more_certain
-        Names by place and way, shape (place, way); ``winner`` counts only usable cameras and may be empty, and names
-        both where they are tied.
+        Names by place and way, shape (place, way); ``winner`` considers only usable cameras, is empty if none is, and
+        names both if they are tied.
     ratio
-        Uncertainty of the first camera over that of the second, shape (place, way).
+        Uncertainty of the first camera relative to the second, shape (place, way).
     crossings, changes
         For each way, where the two are equally uncertain, usable or not, and where the winner changes.
     """
@@ -83,16 +83,16 @@ def is_usable(case: Case, name: str, distance: FloatArray) -> BoolArray:
 
 
 def stated_error(camera: DepthCamera, error: FloatArray) -> FloatArray:
-    """What a depth uncertainty may be off by [m], from its error: standard of draws, measured of another model."""
+    """Largest plausible error of a depth uncertainty [m], from a standard error of draws or the error of a model."""
     return _SURE * error if camera.propagation.model == "exact" else error
 
 
 def best_cameras(
     usable: Mapping[str, BoolArray], uncertainty: Mapping[str, FloatArray], error: Mapping[str, FloatArray]
 ) -> list[str]:
-    """The usable camera of lowest uncertainty at each distance; empty where none is usable.
+    """The usable camera with the lowest uncertainty at each distance; empty if none is usable.
 
-    Every camera that is worse by no more than both may be off by (see `stated_error`) is tied with it and named too.
+    A camera whose difference from the best is within their combined stated errors (`stated_error`) ties and is named.
     """
     names = list(usable)
     table = np.stack([np.where(usable[name], uncertainty[name], np.inf) for name in names])
@@ -112,7 +112,7 @@ def best_cameras(
 
 
 def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVerdict:
-    """Who of two cameras is more certain, and who wins among the usable, at places [m] and three ways."""
+    """Which of two cameras is more certain, and which wins among the usable ones, at places [m] and for each way."""
     found = {name: evaluate_depth(case.cameras[name], places) for name in pair}
     usable = {name: is_usable(case, name, places) for name in pair}
     winners, certain, ratios = [], [], []
@@ -138,7 +138,7 @@ def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVe
 
 
 def _log_ratios(first: DepthCamera, second: DepthCamera, distance: FloatArray, way: str) -> FloatArray:
-    """ln(u₁/u₂) of each scramble; ±∞ where one is unbounded, NaN where both are. Shape (scrambles, distances)."""
+    """ln(u₁/u₂) of each scramble; ±∞ where one is unbounded, NaN where both are; shape (scrambles, distances)."""
     a, b = (
         distribution(camera, np.where(camera.images(distance), distance, np.nan), way).half_widths(ONE_SIGMA)
         for camera in (first, second)
@@ -148,7 +148,7 @@ def _log_ratios(first: DepthCamera, second: DepthCamera, distance: FloatArray, w
 
 
 def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, way: str) -> list[str]:
-    """The one of lower uncertainty where it is usable, whatever its error."""
+    """The usable camera of lower uncertainty at each distance, regardless of its error."""
     sure = {name: np.zeros(distance.shape) for name in pair}
     found = best_cameras(
         {name: is_usable(case, name, distance) for name in pair},
@@ -159,28 +159,28 @@ def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, way: str) 
 
 
 def _ends_of_use(case: Case, name: str) -> tuple[float, ...]:
-    """Distances [m] where a camera becomes usable or ceases to be."""
+    """Distances [m] where a camera becomes usable or ceases to be usable."""
     camera = case.cameras[name]
     limits = evaluate_limits(camera, case.criteria, case.distance)
     return tuple(end.distance for end in usable_ends(camera, case.criteria, case.distance, limits))
 
 
 def _changes(case: Case, pair: tuple[str, str], way: str, places: Mapping[float, float]) -> tuple[Change, ...]:
-    """Where the winner changes: only where a camera's use ends or the two are equally uncertain can it."""
+    """Where the winner changes, which can only be where a camera's usable range ends or the uncertainties are equal."""
     if not places:
         return ()
     ordered = np.array(sorted(places))
     sides = _winners(case, pair, np.concatenate([ordered * (1.0 - _BESIDE), ordered * (1.0 + _BESIDE)]), way)
     found: list[Change] = []
     for place, nearer, farther in zip(ordered.tolist(), sides[: ordered.size], sides[ordered.size :], strict=True):
-        # Both cameras change at one place, to the last digit or next to it: it is told once.
+        # Changes of both cameras at the same place, up to rounding, are reported once.
         if nearer != farther and not (found and place <= found[-1].distance * (1.0 + _BESIDE)):
             found.append(Change(distance=place, error=places[place], nearer=nearer, farther=farther))
     return tuple(found)
 
 
 def _crossings(case: Case, pair: tuple[str, str], way: str) -> tuple[Crossing, ...]:
-    """Where the smaller uncertainty passes from one camera to the other, from a lead that is sure to one that is."""
+    """Where the smaller uncertainty passes from one camera to the other, between distances of significant lead."""
     first, second = (case.cameras[name] for name in pair)
     step = max(1, case.distance.size // _MOST_PLACES)
     distance = np.union1d(case.distance[::step], case.distance[-1:])
@@ -199,7 +199,7 @@ def _crossings(case: Case, pair: tuple[str, str], way: str) -> tuple[Crossing, .
 
 
 def _sure_lead(ratios: FloatArray) -> FloatArray:
-    """−1 where the first camera is more certain by more than its error can explain, +1 the second, 0 undecided."""
+    """−1 where the first camera is significantly more certain, +1 where the second is, 0 where undecided."""
     with np.errstate(invalid="ignore"):  # NaN: both are unbounded
         mean = np.mean(ratios, axis=0)
         spread = np.std(ratios, axis=0, ddof=1) / math.sqrt(len(ratios)) if len(ratios) > 1 else np.zeros_like(mean)
@@ -208,13 +208,13 @@ def _sure_lead(ratios: FloatArray) -> FloatArray:
 
 
 def _turn(first: DepthCamera, second: DepthCamera, grid: FloatArray, way: str, *, begins: bool) -> float | None:
-    """The distance [m] between two of sure lead where the ratio passes one; the middle one of several."""
+    """Distance [m] between two significant leads where the ratio passes one; the middle one of several."""
 
     def below_one(points: FloatArray) -> FloatArray:
         with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
             ratio = depth_uncertainty(first, points, way) / depth_uncertainty(second, points, way)
         return margin(ratio < 1.0, ratio - 1.0)
 
-    # Between the poles of either camera the ratio is undecided; it counts as "not below one" on both sides alike.
+    # Between the poles of either camera the ratio is undefined; it then counts as "not below one" on both sides.
     ends = [end.distance for end in boundaries(below_one, grid) if end.begins == begins]
     return ends[len(ends) // 2] if ends else None

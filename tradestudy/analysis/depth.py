@@ -1,4 +1,4 @@
-"""Depth of one camera over distances: discrimination, uncertainty and what decides it, quantiles, failures."""
+"""Depth of one camera over distance: discrimination, uncertainty with its causes, quantiles, failures."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.uncertainty.shapley import shapley_shares
 
 WAYS: Final = ("noise", "calibration", "both")
-_PILOTS: Final = 9  # distances at which a model is held against draws
+_PILOTS: Final = 9  # distances at which a model is compared with draws
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthEvaluation:
-    """What one camera knows about depth; arrays over distance unless said otherwise.
+    """Depth errors of one camera; arrays over distance unless stated otherwise.
 
     Parameters
     ----------
@@ -45,17 +45,17 @@ class DepthEvaluation:
         Towards and away from the camera [m], shape (2, distance); the second may be infinite.
     uncertainty, quantile, failed_fraction
         For noise only, calibration only and both: half the central 68.27 % interval [m], shape (way, distance); the
-        quantiles of depth [m], shape (way, distance, quantile), infinite where they lie beyond the pole; the share of
-        measurements beyond it or falsely matched, of which the others know nothing.
+        quantiles of depth [m], shape (way, distance, quantile), infinite beyond the pole; the share of measurements
+        beyond the pole or falsely matched. The first two leave false matches out.
     uncertainty_error, failed_fraction_error
-        Estimated errors of these, shape (way, distance): the standard error of the draws, or the measured departure of
-        a cheaper model from draws.
+        Estimated errors of these, shape (way, distance): the standard error of the draws, or the measured difference
+        of a cheaper model from draws.
     converged
-        Whether sampling left no more than the tolerance; always, for the linear model.
+        Whether the sampling error is within the tolerance; always true for the linear model.
     shares
-        Share of the variance of inverse depth that each part decides [1], by Shapley effects: they sum to 1.
+        Share of the variance of inverse depth due to each part [1], by Shapley effects: they sum to 1.
     disparity_px, equivalent_baseline
-        As the camera defines them.
+        Disparity [px] and equivalent baseline [m], as the camera defines them.
     disparity_error_px, disparity_error_px_error
         Standard deviation of one measured disparity [px], and its numerical error.
     """
@@ -76,9 +76,9 @@ class DepthEvaluation:
 
 
 def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: float = 0.0) -> DepthEvaluation:
-    """Evaluate a camera at distances [m], shape (distance,), at a place in the field: 0 the axis, 1 the corner.
+    """Evaluate a camera at distances [m], shape (distance,), at a field position: 0 on the axis, 1 in the corner.
 
-    Where the camera forms no image, or does not see the point, everything that it measures is NaN.
+    Where the camera forms no image or does not see the point, all its measurements are NaN.
     """
     given, distance = distance, _imaged(camera, distance)
     found = [distribution(camera, distance, way, field) for way in WAYS]
@@ -114,16 +114,16 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: float = 0.0
 
 
 def distribution(camera: DepthCamera, distance: FloatArray, way: str, field: float = 0.0) -> DepthDistribution:
-    """The distribution of depth at distances [m], by the model of propagation that acts in the camera.
+    """The distribution of depth at distances [m], by the camera's model of propagation.
 
-    Noise alone is exact in every model.
+    Every model treats noise alone exactly.
     """
     return _known(camera, distance.tobytes(), field, way)
 
 
 @lru_cache(maxsize=256)
 def _known(camera: DepthCamera, distances: bytes, field: float, way: str) -> DepthDistribution:
-    """What limits, ratios and tables of one camera ask for again and again."""
+    """The cached distribution, which limits, ratios and tables of one camera request repeatedly."""
     return _with_false_matches(_of_true_matches(camera, np.frombuffer(distances), field, way), camera, way)
 
 
@@ -137,7 +137,7 @@ def _of_true_matches(camera: DepthCamera, distance: FloatArray, field: float, wa
 
 
 def _with_false_matches(found: DepthDistribution, camera: DepthCamera, way: str) -> DepthDistribution:
-    """The same with false matches among the failures, ``1 − (1 − f)(1 − m)``: part of what happens to a measurement."""
+    """The distribution with false matches m added to the failures f: ``1 − (1 − f)(1 − m)``."""
     share = 0.0 if way == "calibration" else false_match_share(camera)
     if share == 0.0:
         return found
@@ -146,16 +146,16 @@ def _with_false_matches(found: DepthDistribution, camera: DepthCamera, way: str)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthErrors:
-    """What the errors of a camera together do to depth at distances [m]; answers share what they rest on.
+    """The combined effect of a camera's errors on depth at distances [m]; all answers share one distribution.
 
     Parameters
     ----------
     camera
-        With its calibration, and the model that propagates it.
+        The camera with its calibration and model of propagation.
     distance
         [m]; NaN where the camera forms no image.
     way
-        Which errors: ``both``, ``noise`` or ``calibration`` alone.
+        The errors considered: ``both``, ``noise`` or ``calibration`` alone.
     """
 
     camera: DepthCamera
@@ -164,7 +164,7 @@ class DepthErrors:
 
     @classmethod
     def of(cls, camera: DepthCamera, distance: FloatArray, way: str = "both") -> DepthErrors:
-        """At distances that may lie where no image is formed."""
+        """For any distances, including those where no image is formed."""
         return cls(camera=camera, distance=_imaged(camera, distance), way=way)
 
     @cached_property
@@ -178,17 +178,17 @@ class DepthErrors:
 
     @property
     def failed_fraction(self) -> FloatArray:
-        """Share of measurements that end beyond infinity or are false matches."""
+        """Share of measurements that read infinity or beyond, or are false matches."""
         return self._distribution.failed_fraction
 
 
 def depth_uncertainty(camera: DepthCamera, distance: FloatArray, way: str = "both") -> FloatArray:
-    """Half the central 68.27 % interval of depth [m], and nothing else: for root finding."""
+    """Half the central 68.27 % interval of depth [m] alone, for root finding."""
     return distribution(camera, _imaged(camera, distance), way).half_width
 
 
 def depth_uncertainty_error(camera: DepthCamera, distance: FloatArray) -> FloatArray:
-    """Estimated error of `depth_uncertainty` [m]: the standard error of draws, or what a cheaper model misses."""
+    """Estimated error of `depth_uncertainty` [m]: the standard error of draws, or the error of a cheaper model."""
     distance = _imaged(camera, distance)
     found = distribution(camera, distance, "both")
     if camera.propagation.model == "exact":
@@ -199,16 +199,16 @@ def depth_uncertainty_error(camera: DepthCamera, distance: FloatArray) -> FloatA
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelError:
-    """How far a model is from draws, over distances.
+    """Estimated error of a model of propagation relative to exact draws, over distances.
 
     Parameters
     ----------
     half_width
-        Of the depth uncertainty, over what the model makes of it.
+        Error of the depth uncertainty, relative to the model's value.
     intervals
-        Of the half width of any reported interval, over what draws make of it: the largest.
+        Largest error of the half width of any reported interval, relative to that of the draws.
     failed_fraction
-        Of the failed fraction, as such.
+        Error of the failed fraction, absolute.
     """
 
     half_width: FloatArray
@@ -217,10 +217,10 @@ class ModelError:
 
 
 def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", field: float = 0.0) -> ModelError:
-    """Estimate the error of the model of propagation that acts in a camera.
+    """Estimate the error of a camera's model of propagation.
 
-    Where all errors are normal, from the exact reading to second order. Otherwise against draws at some of these
-    distances: between two of them the larger error of both is taken, and the standard error of the draws counts twice.
+    If all errors are normal, the exact reading to second order gives the error. Otherwise draws at some of these
+    distances do: between two of them the larger error counts, with twice the standard error of the draws added.
     """
     known = distance[~np.isnan(distance)]
     if not known.size or way == "noise" or not camera.calibration.groups:  # exact in every model
@@ -247,9 +247,9 @@ def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", fi
 
 
 def clear_departure(camera: DepthCamera, distance: FloatArray, field: float = 0.0) -> FloatArray:
-    """How far a line misses the half widths of depth along the direction in which all errors move it most.
+    """How far a linear model misses the half widths of depth along the direction in which the errors move it most.
 
-    A cheap first look that errors of any shape allow; 0 where it says nothing, NaN where nothing is measured.
+    A cheap first look that works for errors of any shape; 0 where it gives no answer, NaN where nothing is measured.
     """
     read = second_order(camera, distance, field, "both", any_shape=True)
     if read is None:
@@ -260,7 +260,7 @@ def clear_departure(camera: DepthCamera, distance: FloatArray, field: float = 0.
 
 
 def _apart(one: DepthDistribution, other: DepthDistribution, coverage: float) -> FloatArray:
-    """Difference of half widths over that of the other, at most; infinite where only one of the two has a far end."""
+    """Upper bound on the difference of half widths, relative to the other's; infinite if only one has no far end."""
     width, drawn = (np.mean(either.half_widths(coverage), axis=0) for either in (one, other))
     with np.errstate(invalid="ignore", divide="ignore"):
         error = np.nan_to_num((one.half_width_errors(coverage) + other.half_width_errors(coverage)) / drawn)
@@ -270,16 +270,16 @@ def _apart(one: DepthDistribution, other: DepthDistribution, coverage: float) ->
 
 
 def _larger_neighbour(distance: FloatArray, places: FloatArray, values: FloatArray) -> FloatArray:
-    """At each distance the larger value of the two places around it; NaN where neither is known."""
+    """At each distance the larger value of the two places around it; NaN if neither is known."""
     above = np.clip(np.searchsorted(places, distance), 0, places.size - 1)
     below = np.maximum(above - 1, 0)
     return np.where(np.isnan(distance), np.nan, np.fmax(values[above], values[below]))
 
 
 def variance_shares(camera: DepthCamera, distance: FloatArray, field: float = 0.0) -> dict[str, FloatArray]:
-    """Share of the variance of inverse depth that each part of the errors decides; see `shapley_shares`.
+    """Share of the variance of inverse depth due to each part of the errors; see `shapley_shares`.
 
-    By the line in inverse depth; NaN where something uncertain has no variance, or nothing is measured.
+    Uses the line in inverse depth; NaN if an uncertain parameter has no variance, or where nothing is measured.
     """
     parts = {name: camera.parameter(name).part for group in camera.calibration.groups for name in group.parameters}
     names = ("noise", *dict.fromkeys(parts.values()))
@@ -292,5 +292,5 @@ def variance_shares(camera: DepthCamera, distance: FloatArray, field: float = 0.
 
 
 def _imaged(camera: DepthCamera, distance: FloatArray) -> FloatArray:
-    """Distances with NaN where the camera forms no image, so that no number comes out there."""
+    """Distances with NaN where the camera forms no image, so that no number is computed there."""
     return np.where(camera.images(distance), distance, np.nan)

@@ -1,4 +1,4 @@
-"""The distribution of one measured depth over distances: every number about depth is taken from it."""
+"""The distribution of one measured depth over distances, from which every number about depth is taken."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthDistribution:
-    """Quantiles of depth over distances, from independent scrambles; from one where nothing is drawn.
+    """Quantiles of depth over distances, from independent scrambles, or a single one if nothing is drawn.
 
     Parameters
     ----------
     probabilities
-        Of the quantiles, rising and symmetric about the median.
+        Probabilities of the quantiles, increasing and symmetric about the median.
     quantiles
         Depths [m], shape (scrambles, probabilities, distances); +inf beyond infinity, NaN where nothing is measured.
     failures
-        Finds `failed`, for those who ask.
+        Computes `failed` on demand.
     counting_step
-        The smallest share that the draws can tell from none.
+        The smallest non-zero share that the draws can resolve.
     """
 
     probabilities: tuple[float, ...]
@@ -64,21 +64,21 @@ class DepthDistribution:
 
     @property
     def failed_fraction_error(self) -> FloatArray:
-        """Standard error over scrambles, at least what counting draws can tell; 0 where nothing is drawn."""
+        """Standard error over scrambles, at least the resolution of counting draws; 0 if nothing is drawn."""
         return np.maximum(_standard_error(self.failed), self.counting_step)
 
     def half_widths(self, coverage: float) -> FloatArray:
-        """Of each scramble, half the central interval of a coverage [m]; +inf where it has no far end."""
+        """Half the central interval of a coverage [m] in each scramble; +inf where it has no far end."""
         low = int(np.argmin(np.abs(np.array(self.probabilities) - (1.0 - coverage) / 2.0)))
         near, far = self.quantiles[:, low], self.quantiles[:, len(self.probabilities) - 1 - low]
         unbounded = np.isinf(far)
         return np.asarray(np.where(unbounded, np.inf, (far - np.where(unbounded, 0.0, near)) / 2.0))
 
     def converged(self, tolerance: float, widest: FloatArray | None = None) -> BoolArray:
-        """Where the t-interval of every reported half width is within the tolerance of it.
+        """Where the t-interval of every reported half width is within the relative tolerance.
 
-        Where an interval has no far end, that of the failed fraction is judged instead; one that is bounded but
-        ``widest`` [m] or wider, not at all.
+        If an interval has no far end, the failed fraction is judged instead. A bounded interval that is ``widest`` [m]
+        or wider is not judged.
         """
         from scipy.special import stdtrit
 
@@ -98,13 +98,13 @@ class DepthDistribution:
 
 
 def _mean(values: FloatArray) -> FloatArray:
-    """Over scrambles; +inf where any of them is."""
+    """Mean over scrambles; +inf if any of them is infinite."""
     with np.errstate(invalid="ignore"):
         return np.asarray(np.mean(values, axis=0))
 
 
 def _standard_error(values: FloatArray) -> FloatArray:
-    """Of the mean over scrambles; 0 for one alone, NaN where any is infinite."""
+    """Standard error of the mean over scrambles; 0 for a single one, NaN if any is infinite."""
     count = len(values)
     if count < 2:
         return np.where(np.isfinite(values[0]), 0.0, np.nan)

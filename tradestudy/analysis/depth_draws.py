@@ -1,4 +1,4 @@
-"""Exact propagation: everything that is uncertain about one camera, drawn once and read at any distance."""
+"""Exact propagation: all uncertain parameters of one camera, drawn once and evaluated at any distance."""
 
 from __future__ import annotations
 
@@ -25,36 +25,36 @@ from tradestudy.uncertainty.scores import each_scramble, scramble_scores
 from tradestudy.uncertainty.sources import Group, Source, Sources
 
 SCRAMBLES: Final = 8
-"""Fewer independent scrambles do not give a trustworthy standard error."""
+"""With fewer independent scrambles the standard error would not be trustworthy."""
 CLASSES: Final[Mapping[str, tuple[ErrorClass, ...]]] = {
     "noise": NOISE,
     "calibration": CALIBRATION,
     "both": (*NOISE, *CALIBRATION),
 }
 _FIRST_DRAWS: Final = 2**8  # of each scramble
-_CERTAIN: Final = 2.4  # standard errors of eight scrambles that hold 95 %
+_CERTAIN: Final = 2.4  # standard errors of eight scrambles that cover 95 %
 _TRIAL_DRAWS: Final = 2**9
-_DIRECTIONS: Final = 6  # in which a posterior is looked at for what it does to depth
-_MANY_DRAWS: Final = 2**13  # of each scramble, from which on scrambles are drawn on several threads
+_DIRECTIONS: Final = 6  # distances at which the effect of a posterior on depth is evaluated
+_MANY_DRAWS: Final = 2**13  # per scramble; from here on scrambles are drawn on several threads
 _AT_ONCE: Final = 2**14  # readings that fit into a processor's cache
 _WORTH_THREADS: Final = 2**18  # readings; fewer are done before a thread has started
-_OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances, where none is judged
+_OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances in focal lengths, used when none is judged
 
 
 def noise_group() -> Source:
-    """The noise of one measurement, as a standard normal score that the camera's own noise scales."""
+    """The noise of one measurement, as a standard normal score in units of the camera's own noise."""
     score = Normal(mean=0.0, standard_deviation=1.0)
     return Source(name=PIXEL_NOISE, distribution=score, error_class=ErrorClass.MEASUREMENT)
 
 
 def uncertain_groups(camera: DepthCamera, way: str) -> tuple[Group, ...]:
-    """What is drawn: noise, calibration, or both; calibrations and their ageing never average."""
+    """The groups to draw: noise, calibration, or both; errors of calibration and its ageing never average out."""
     noise = (noise_group(),) if ErrorClass.MEASUREMENT in CLASSES[way] else ()
     return (*noise, *(camera.calibration.groups if way != "noise" else ()))
 
 
 def fixed_errors(camera: DepthCamera, way: str) -> dict[str, FloatArray]:
-    """The errors that are not drawn but have a mean other than zero."""
+    """Constant errors: those that are not drawn but have a non-zero mean."""
     held = camera.calibration.groups if way == "noise" else ()
     means = {name: mean for group in held for name, mean in zip(group.parameters, group.nominal, strict=True)}
     return {name: np.full((1, 1), mean) for name, mean in means.items() if mean != 0.0}
@@ -63,9 +63,10 @@ def fixed_errors(camera: DepthCamera, way: str) -> dict[str, FloatArray]:
 def read_draws(
     camera: DepthCamera, values: Mapping[str, FloatArray], distance: FloatArray, field: float, noise: FloatArray
 ) -> FloatArray:
-    """Inverse depths [1/m] that draws (draws, 1) read at distances [m]; NaN where a draw has no rank.
+    """Inverse depths [1/m] measured at distances [m] with drawn errors (draws, 1); NaN where a draw has no rank.
 
-    ``noise`` [m on the sensor] is the standard deviation of the disparity at each distance; shape (draws, distances).
+    ``noise`` [m on the sensor] is the standard deviation of the disparity at each distance; the result has shape
+    (draws, distances).
     """
     errors = dict(values)
     if PIXEL_NOISE in errors:
@@ -76,7 +77,7 @@ def read_draws(
 
 @lru_cache(maxsize=128)
 def uncertain_sources(camera: DepthCamera, way: str, field: float = 0.0) -> Sources:
-    """See `uncertain_groups`; joint draws stand in the order in which they move depth at a place in the field."""
+    """See `uncertain_groups`; joint draws are ordered by their effect on depth at a field position."""
     groups = (
         replace(group, along=_responses(camera, group, field)[[0, -1]]) if isinstance(group, JointDraws) else group
         for group in uncertain_groups(camera, way)
@@ -99,20 +100,20 @@ def _responses(camera: DepthCamera, group: JointDraws, field: float) -> FloatArr
 
 
 def _judged(camera: DepthCamera) -> FloatArray:
-    """Distances [m] at which draws are judged and pictures formed; where there are none, some focal lengths away."""
+    """Distances [m] where draws are judged and pictures formed; multiples of the focal length if there are none."""
     judged = np.array(camera.propagation.judged, dtype=np.float64)
     judged = judged[camera.images(judged)]
     return judged if judged.size else camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
 
 
 def _places(camera: DepthCamera) -> FloatArray:
-    """Near, middle and far of these [m]."""
+    """The nearest, middle and farthest of the judged distances [m]."""
     judged = _judged(camera)
     return judged[[0, judged.size // 2, -1]]
 
 
 def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0, way: str = "both") -> Model:
-    """A model of the inverse depths at distances [m], in the form that `propagate` takes."""
+    """A model of the inverse depths at distances [m], in the form that `propagate` expects."""
     fixed, noise = fixed_errors(camera, way), camera.noise(distance, field)
 
     def model(values: Mapping[str, FloatArray]) -> Outcome:
@@ -130,9 +131,9 @@ def _alignment(camera: DepthCamera, way: str, field: float) -> ScoreAlignment:
 
 @lru_cache(maxsize=32)
 def _drawn(camera: DepthCamera, way: str, field: float, draws: int) -> tuple[Drivers, dict[str, FloatArray]]:
-    """The errors (scrambles · draws, 1) of every scramble, and what drives depth in them.
+    """The errors (scrambles · draws, 1) of every scramble, and the variables that drive depth in them.
 
-    What moves depth most is in the first coordinates.
+    The first coordinates move depth most.
     """
     sources, alignment = uncertain_sources(camera, way, field), _alignment(camera, way, field)
 
@@ -153,7 +154,7 @@ def _drawn(camera: DepthCamera, way: str, field: float, draws: int) -> tuple[Dri
 def _drivers(
     camera: DepthCamera, field: float, sources: Sources, scores: FloatArray, values: Mapping[str, FloatArray]
 ) -> Drivers:
-    """Scores, and in place of those of a posterior what its rows do to depth."""
+    """The scores, with those of a posterior replaced by the effect of its rows on depth."""
     posterior = next((group for group in sources.active_groups if isinstance(group, JointDraws)), None)
     if posterior is None:
         none = np.zeros((0, scores.shape[1]))
@@ -170,7 +171,7 @@ def _drivers(
 def _read_all(
     camera: DepthCamera, distance: FloatArray, field: float, way: str, values: Mapping[str, FloatArray]
 ) -> FloatArray:
-    """Inverse depths [1/m] of all draws, (distances, draws); many are read on several threads."""
+    """Inverse depths [1/m] of all draws, (distances, draws); computed on several threads if there are many."""
     fixed, noise = fixed_errors(camera, way), camera.noise(distance, field)
     draws = len(next(iter(values.values())))
     found = np.empty((distance.size, draws))
@@ -191,19 +192,19 @@ def _read_all(
 
 
 def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> FloatArray:
-    """The inverse depth [1/m] that the camera reads with every error at its mean; NaN where it reads none."""
+    """The inverse depth [1/m] that the camera measures with every error at its mean; NaN where it measures none."""
     values = fixed_errors(camera, "noise")
     read = read_draws(camera, values, distance, field, camera.noise(distance, field))
     return np.asarray(np.broadcast_to(read, (1, distance.size))[0])
 
 
 def trial_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
-    """The same by a few draws, against which a cheaper model is held: their error is stated as well."""
+    """The same from a few draws, including their error, for checking a cheaper model."""
     return _of_draws(camera, distance, field, way, _TRIAL_DRAWS)
 
 
 def exact_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
-    """The distribution of depth by draws through the exact reading, as many as the tolerance takes."""
+    """The distribution of depth by draws through the exact reading, as many as the tolerance requires."""
     return _of_draws(camera, distance, field, way, settled_draws(camera, field, way))
 
 
@@ -236,9 +237,9 @@ def _ranked_quantiles(inverse: FloatArray, probabilities: FloatArray) -> FloatAr
 
 
 def draws_to_expect(camera: DepthCamera) -> float:
-    """How many times the first draws the tolerance takes, told from the scatter of these alone: it falls as 1/draws.
+    """How many times the first draws the tolerance requires, estimated from their scatter, which falls as 1/draws.
 
-    At least 1, at most what the camera's propagation allows.
+    At least 1, and at most what the camera's propagation settings allow.
     """
     propagation = camera.propagation
     judged = _judged(camera)
@@ -252,10 +253,10 @@ def draws_to_expect(camera: DepthCamera) -> float:
 
 @lru_cache(maxsize=1024)
 def settled_draws(camera: DepthCamera, field: float, way: str) -> int:
-    """How many draws each scramble takes: doubled until every judged half width is known to the tolerance.
+    """Draws per scramble, doubled until every judged half width is within the tolerance.
 
-    Judged are intervals that are narrower than their distance, and those that have no far end; what lies between is
-    reported with its larger error.
+    Intervals narrower than their distance and intervals without a far end are judged; those in between are reported
+    with their larger error.
     """
     propagation = camera.propagation
     judged = np.array(propagation.judged, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""One camera over the distances of a study: what a worker computes, and all that it needs for it."""
+"""One camera over the distances of a study: what a worker computes, and all the input that it needs."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from tradestudy.analysis.usable import Interval, all_met, evaluate_limits, usabl
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
-# From table to table it varies from twice to twenty times.
+# From table to table the ratio varies between two and twenty.
 _EFFORT_OF_DRAWS: Final = 6.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthPoint:
-    """A camera that measures depth, the limits of its usable range, and distances [m]."""
+    """A camera that measures depth, the limits of its usable range, and the distances [m] to evaluate."""
 
     camera: DepthCamera
     criteria: UsableCriteria
@@ -26,7 +26,7 @@ class DepthPoint:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthTable:
-    """What a camera knows about depth."""
+    """Depth errors and usable range of one camera."""
 
     evaluation: DepthEvaluation
     limits: Mapping[str, Limit]
@@ -36,12 +36,12 @@ class DepthTable:
 
 
 def relative_effort(camera: DepthCamera) -> float:
-    """Work of a camera's depth over that of one that is not drawn, on average over cameras: for shares of progress."""
+    """Average work for a camera's depth relative to a camera without draws; weights the shares of progress."""
     return _EFFORT_OF_DRAWS if camera.propagation.model == "exact" and camera.calibration.groups else 1.0
 
 
 def depth_table(point: DepthPoint) -> DepthTable:
-    """Evaluate a camera."""
+    """Evaluate the depth errors and the usable range of a camera."""
     camera, criteria, distance = point.camera, point.criteria, point.distance
     limits = dict(evaluate_limits(camera, criteria, distance))
     return DepthTable(
@@ -55,7 +55,7 @@ def depth_table(point: DepthPoint) -> DepthTable:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FieldPoint:
-    """A camera that measures depth at places in its field, and distances [m]."""
+    """A camera that measures depth, the field positions and the distances [m] to evaluate."""
 
     camera: DepthCamera
     fields: tuple[float, ...]
@@ -63,5 +63,5 @@ class FieldPoint:
 
 
 def depth_over_field(point: FieldPoint) -> list[DepthEvaluation]:
-    """Evaluate a camera at each place in the field."""
+    """Evaluate a camera at each field position."""
     return [evaluate_depth(point.camera, point.distance, field) for field in point.fields]

@@ -1,4 +1,4 @@
-"""The verdict of one design, read off the curves that /depth has of it: what a sweep of many designs can afford."""
+"""The verdict of one design, interpolated from its curves in /depth: cheap enough for a sweep of many designs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tradestudy.analysis.depth_points import DepthTable
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.optics.arrays import FloatArray
 
-_BOTH: Final = -1  # noise and calibration together, among the ways
+_BOTH: Final = -1  # index of noise and calibration together among the ways
 _ROUNDING: Final = 1e-9  # of a distance
 
 
@@ -26,9 +26,9 @@ class Curve:
     distance
         [m], increasing.
     uncertainty, error
-        With noise and calibration [m], and what it may be off by.
+        Uncertainty from noise and calibration [m], and its stated error.
     usable
-        Stretches where the camera is usable (near, far) [m].
+        Intervals where the camera is usable (near, far) [m].
     """
 
     distance: FloatArray
@@ -38,7 +38,7 @@ class Curve:
 
     @classmethod
     def of(cls, camera: DepthCamera, table: DepthTable) -> Curve:
-        """The curve of a camera from what a run knows of it."""
+        """The curve of a camera from its table."""
         found = table.evaluation
         return cls(
             distance=found.distance,
@@ -55,9 +55,9 @@ class Curve:
         return np.any(inside, axis=0) if inside else np.zeros(places.shape, dtype=bool)
 
     def between(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Uncertainty at places between the distances, and what it may be off by; both [m].
+        """Uncertainty at places between the distances, and its error; both [m].
 
-        On straight lines over logarithms; half of the second differences bounds what such a line misses.
+        Interpolates linearly in logarithms; half of the second differences bounds the interpolation error.
         """
         logs = np.log(self.distance)
         with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
@@ -70,31 +70,31 @@ class Curve:
         own = np.interp(np.log(places), logs, relative)
         uncertainty = np.exp(found)
         share = own + np.where(on_grid, 0.0, np.nan_to_num(missed))
-        with np.errstate(over="ignore"):  # beside an unbounded interval anything may be missed
+        with np.errstate(over="ignore"):  # the error is unlimited beside an unbounded interval
             return uncertainty, np.multiply(share, uncertainty, out=np.zeros_like(share), where=share > 0.0)
 
 
 def _widened(values: FloatArray) -> FloatArray:
-    """Each value or a neighbour's, whichever is larger; the ends have no second difference of their own."""
+    """The largest of each value and its neighbours; the ends have no second difference of their own."""
     values = np.concatenate([values[1:2], values[1:-1], values[-2:-1]])
     padded = np.pad(values, 1, mode="edge")
     return np.asarray(np.fmax(np.fmax(padded[:-2], padded[2:]), values))
 
 
 def best_at(curves: Mapping[str, Curve], places: FloatArray) -> list[str]:
-    """The usable camera of lowest uncertainty at each place [m], as `best_cameras` names it."""
-    told = {name: curve.between(places) for name, curve in curves.items()}
+    """The usable camera of lowest uncertainty at each place [m], named as by `best_cameras`."""
+    found = {name: curve.between(places) for name, curve in curves.items()}
     return best_cameras(
         {name: curve.usable_at(places) for name, curve in curves.items()},
-        {name: values for name, (values, _) in told.items()},
-        {name: errors for name, (_, errors) in told.items()},
+        {name: values for name, (values, _) in found.items()},
+        {name: errors for name, (_, errors) in found.items()},
     )
 
 
 def crossings(first: Curve, second: Curve, names: tuple[str, str]) -> tuple[Crossing, ...]:
-    """Where two cameras are equally uncertain, usable or not, on straight lines over logarithms between distances.
+    """Where two cameras are equally uncertain, usable or not, by linear interpolation in logarithms.
 
-    The error is what both curves may be off by there, their bend included, over the slope of their ratio.
+    The error is the combined error of both curves there, interpolation included, over the slope of their ratio.
     """
     logs = np.log(first.distance)
     with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes

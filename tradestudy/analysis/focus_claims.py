@@ -13,14 +13,14 @@ from tradestudy.units import LENGTH, PIXELS, pretty
 
 
 def depth_of_field_value(claim: DepthOfFieldClaim, case: Case) -> float:
-    """All sharp stretches of a camera together [m]; NaN where diffraction alone exceeds the criterion."""
+    """Total extent of the sharp intervals of a camera [m]; NaN if diffraction alone exceeds the criterion."""
     criterion = BlurCriterion(blur_px=claim.blur, measure=claim.diffraction, wavelength=case.wavelength)
     found = case.all_cameras[claim.camera].focus.sharp_range(criterion)
     return found.extent if found.extent > 0.0 else math.nan
 
 
 def depth_of_field_ratio(claim: DepthOfFieldRatioClaim, case: Case) -> float:
-    """Depth of field of one camera over that of another; NaN where the second has none."""
+    """Ratio of the depths of field of two cameras; NaN if the second has none."""
     first, second = (_extent(claim, case, name) for name in (claim.camera, claim.against))
     if not 0.0 < second < math.inf:
         return math.nan
@@ -45,13 +45,13 @@ def _extent_within(found: SharpRange, near: float, far: float) -> float:
 
 
 def depth_of_field_words(claim: DepthOfFieldClaim) -> str:
-    """What is computed to answer the claim."""
+    """The quantity that answers the claim, in words."""
     return f"depth of field of {claim.camera}, {_blur_words(claim.blur, claim.diffraction)}"
 
 
 def depth_of_field_ratio_words(claim: DepthOfFieldRatioClaim) -> str:
-    """What is computed to answer the claim."""
-    text = f"depth of field of {claim.camera} over that of {claim.against}"
+    """The quantity that answers the claim, in words."""
+    text = f"ratio of the depth of field of {claim.camera} to that of {claim.against}"
     if claim.over is not None:
         text += f" between {pretty(claim.over[0], LENGTH)} and {pretty(claim.over[1], LENGTH)}"
     if claim.resolution is not None:
@@ -60,5 +60,5 @@ def depth_of_field_ratio_words(claim: DepthOfFieldRatioClaim) -> str:
 
 
 def _blur_words(blur: float, diffraction: str) -> str:
-    beside = "geometric" if diffraction == "none" else f"diffraction counted by {diffraction}"
+    beside = "geometric" if diffraction == "none" else f"with diffraction included by {diffraction}"
     return f"for a blur of {pretty(blur, PIXELS)}, {beside}"

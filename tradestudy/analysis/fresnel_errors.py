@@ -1,4 +1,4 @@
-"""Errors of Fresnel's point-spread function as studies ask for them, each computed once."""
+"""Errors of the Fresnel point-spread function for the declared lenses of a study, each computed once."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def psf_differences(
     windows: tuple[float, ...],
     tolerance: float,
 ) -> Mapping[LensPhase, PsfDifference]:
-    """`fresnel_psf_difference` of a declared lens; the same question is computed once."""
+    """`fresnel_psf_difference` of a declared lens, cached."""
     return fresnel_psf_difference(
         focal_length=element.focal_length,
         object_distance=element.object_distance,
@@ -48,21 +48,21 @@ def psf_differences(
 
 
 def limit_f_number(error_at: Callable[[float], float], f_numbers: Sequence[float], limit: float) -> float:
-    """Least f-number from which an error stays below a limit.
+    """Smallest f-number above which an error stays below a limit.
 
     Parameters
     ----------
     error_at
         Error at an f-number.
     f_numbers
-        Increasing; looked through from the largest on, so that what happens below the answer does not matter.
+        Increasing; searched from the largest down, so that errors below the answer do not matter.
     limit
         The limit.
 
     Returns
     -------
     float
-        0 where the error is below the limit at all of them, infinite where it exceeds it at the largest.
+        0 if the error is below the limit at all of them, infinity if it exceeds the limit at the largest.
     """
     if error_at(f_numbers[-1]) > limit:
         return math.inf
@@ -73,7 +73,7 @@ def limit_f_number(error_at: Callable[[float], float], f_numbers: Sequence[float
 
 
 def _crossing(error_at: Callable[[float], float], low: float, high: float, limit: float) -> float:
-    """Regula falsi (Illinois) on logarithms, where the error is nearly a straight line."""
+    """Root by regula falsi (Illinois) on logarithms, where the error is nearly a straight line."""
     target = math.log(limit)
     x, y = [math.log(low), math.log(high)], [math.log(error_at(end)) - target for end in (low, high)]
     kept = -1
@@ -100,7 +100,7 @@ def paper_zeros(element: ElementPart, wavelengths: Sequence[float]) -> tuple[Flo
 
 
 def path_error_f_number(element: ElementPart, wavelength: FloatArray | float, waves: FloatArray | float) -> FloatArray:
-    """Least f-number with at most so many waves of dropped path."""
+    """Smallest f-number at which the neglected path is at most so many waves."""
     return bounded_minimum_f_number(
         focal_length=element.focal_length,
         object_distance=element.object_distance,
@@ -111,7 +111,7 @@ def path_error_f_number(element: ElementPart, wavelength: FloatArray | float, wa
 
 
 def goodman_f_number(element: ElementPart, wavelength: FloatArray | float) -> FloatArray:
-    """Least f-number by Goodman's condition, leg by leg."""
+    """Smallest f-number by Goodman's condition, leg by leg."""
     return goodman_minimum_f_number(
         focal_length=element.focal_length,
         object_distance=element.object_distance,
@@ -121,9 +121,9 @@ def goodman_f_number(element: ElementPart, wavelength: FloatArray | float) -> Fl
 
 
 def southwell_f_number(element: ElementPart, wavelength: FloatArray, error: float) -> FloatArray:
-    """Least f-number whose bare hole, lit by a plane wave, obeys Fresnel to an error at the image distance.
+    """Smallest f-number at which a bare hole, lit by a plane wave, obeys Fresnel to an error at the image distance.
 
-    The distance needed grows as the 4/3 power of the radius, so that one radius tells all others.
+    The distance needed grows as the 4/3 power of the radius, so that one radius gives all others.
     """
     radius = element.focal_length / 2  # f/1
     needed = collimated_minimum_distance(aperture_radius=radius, wavelength=wavelength, intensity_error=error)

@@ -1,4 +1,4 @@
-"""Where something ceases to hold between two values, by halving: for what may jump, where root finders fail."""
+"""Bisection for where a condition ceases to hold between two values; works for jumps, where root finders fail."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ def bracketed(
     possible: Callable[[float], float],
     close: float,
 ) -> tuple[float, float]:
-    """The last value found at which something holds, and the next one at which it does not.
+    """The last value found at which a condition holds, and the next one at which it does not.
 
     Parameters
     ----------
     inside, outside
         Where it holds, and where it does not; either may be the larger.
     holds
-        Whether it holds at a value; None where this cannot be known, which ends the search.
+        Whether it holds at a value; None if this cannot be known, which ends the search.
     possible
-        The value next to one that can be had at all, such as a whole number.
+        The permitted value nearest to a value, such as a whole number.
     close
         Relative distance of the two values at which the search ends.
     """

@@ -1,4 +1,4 @@
-"""One requirement held against one camera: the answer, its margin and its place."""
+"""The answer of one camera to one requirement, with its margin and its worst distance."""
 
 from __future__ import annotations
 
@@ -9,28 +9,27 @@ from statistics import NormalDist
 
 @dataclass(frozen=True, kw_only=True)
 class Held:
-    """One requirement held against one camera.
+    """The answer of one camera to one requirement.
 
     Parameters
     ----------
     camera
-        Its name.
+        Name of the camera.
     met
-        Whether it holds over all distances, its guard band included; None where there is no value.
+        Whether it is met at all distances, including its guard band; None if there is no value.
     value, bound
-        The worst value, and what it is held against, in the SI unit of the quantity.
+        The worst value and its bound, in the SI unit of the quantity.
     place
-        Where the worst value lies [m].
+        Distance of the worst value [m].
     error
         Estimated error of the worst value.
     margin
-        By which share the worst value could be worse and still keep the bound, negative where it is broken. Where the
-        camera cannot be used everywhere it is at most minus the share of the distances, on a logarithmic scale, where
-        it cannot.
+        The share by which the worst value could worsen and still meet the bound, negative if it misses the bound. If
+        the camera is not usable everywhere, the margin is at most minus the unusable share of the distances.
     unusable
-        That share.
+        That share, on a logarithmic scale.
     reason
-        In words.
+        The reason, in words.
     """
 
     camera: str
@@ -45,24 +44,24 @@ class Held:
 
     @property
     def margin_in_errors(self) -> float:
-        """Distance of the worst value from its bound in standard errors, negative where it is broken; NaN without."""
+        """Distance of the worst value from its bound in standard errors, negative if it misses; NaN without errors."""
         if not self.error > 0.0 or self.unusable > 0.0 or not math.isfinite(self.value):
             return math.nan
         return math.copysign(abs(self.bound - self.value) / self.error, self.margin)
 
     @property
     def conformity(self) -> float:
-        """Probability that the true worst value keeps the bound, its error taken as normal; NaN without a value."""
+        """Probability that the true worst value meets the bound, for a normal error; NaN without a value."""
         if self.met is None or math.isnan(self.margin):
             return math.nan
         in_errors = self.margin_in_errors
         if not math.isnan(in_errors):
             return NormalDist().cdf(in_errors)
-        return float(bool(self.met) if self.margin == 0.0 else self.margin > 0.0)  # at its bound, the bound decides
+        return float(bool(self.met) if self.margin == 0.0 else self.margin > 0.0)  # exactly at the bound, `met` decides
 
     @classmethod
     def unknown(cls, camera: str, bound: float, reason: str) -> Held:
-        """Of a camera that has no value: nothing is decided."""
+        """For a camera without a value: undecided."""
         nan = math.nan
         return cls(
             camera=camera,

@@ -1,4 +1,4 @@
-"""Propagation without draws: noise alone, exactly; and the covariance of everything through the exact Jacobian."""
+"""Propagation without draws: noise alone, exactly; and the covariance of all errors through the exact Jacobian."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.evaluation import depth_from_inverse
 from tradestudy.uncertainty.sources import Sources
 
-# Central differences over so many standard deviations: far above rounding, and with a truncation error of a
-# millionth of the third-order term.
+# Central differences over so many standard deviations: far above rounding, with a truncation error of a millionth of
+# the third-order term.
 _STEP: Final = 1e-3
-_LEAST_NOISE_PX: Final = 1e-3  # of the steps of the noise: less would be lost in rounding
+_LEAST_NOISE_PX: Final = 1e-3  # smallest step of the noise; a smaller one would be lost in rounding
 _NEVER: Final = 1e-18
-_FARTHEST_SCORE: Final = 9.0  # beyond it the probability is below 1e-18
+_FARTHEST_SCORE: Final = 9.0  # the probability beyond it is below 1e-18
 _SECTIONS: Final = 16
 _ROUNDS: Final = 7  # to 1e-7 of a standard deviation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearReading:
-    """Inverse depth as a line in every uncertain parameter.
+    """Inverse depth, linearised in every uncertain parameter.
 
     Parameters
     ----------
     parameters
-        Their names.
+        Names of the parameters.
     covariance
-        Of the parameters, square, in their units; the noise counts in its own standard deviations.
+        Covariance of the parameters, square, in their units; noise is in units of its own standard deviation.
     sensitivity
-        Change of inverse depth with each parameter [1/m per unit], shape (parameters, distances).
+        Derivative of inverse depth with respect to each parameter [1/m per unit], shape (parameters, distances).
     """
 
     parameters: tuple[str, ...]
@@ -47,15 +47,15 @@ class LinearReading:
 
     @property
     def standard_deviation(self) -> FloatArray:
-        """Of inverse depth, √(JᵀVJ) [1/m]."""
+        """Standard deviation of inverse depth, √(JᵀVJ) [1/m]."""
         variance = np.einsum("pd,pq,qd->d", self.sensitivity, self.covariance, self.sensitivity)
-        # A correlation of ±1 can cancel the variance to a rounding below zero.
+        # With a correlation of ±1 rounding can make the variance slightly negative.
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 @lru_cache(maxsize=128)
 def _covariance(camera: DepthCamera, way: str) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
-    """Names, means and covariance of what is drawn."""
+    """Names, means and covariance of the drawn parameters."""
     sources = Sources(groups=uncertain_groups(camera, way))
     covariance = sources.covariance()
     if covariance is None:
@@ -72,7 +72,7 @@ def _covariance(camera: DepthCamera, way: str) -> tuple[tuple[str, ...], FloatAr
 
 @lru_cache(maxsize=128)
 def has_covariance(camera: DepthCamera) -> bool:
-    """Whether everything uncertain about a camera has a variance, so that a line can be drawn."""
+    """Whether every uncertain parameter of a camera has a variance, as the linear model requires."""
     return all(group.covariance is not None for group in camera.calibration.groups)
 
 
@@ -82,14 +82,14 @@ def linear_reading(camera: DepthCamera, distance: FloatArray, field: float, way:
     Raises
     ------
     OutOfRangeError
-        Something uncertain has no variance.
+        An uncertain parameter has no variance.
     """
     names, mean, covariance = _covariance(camera, way)
     deviation = np.sqrt(np.diag(covariance))
     moving = np.flatnonzero(deviation > 0.0)
     step = np.broadcast_to(_STEP * deviation[:, None], (deviation.size, distance.size)).copy()
     noise = camera.noise(distance, field)
-    if PIXEL_NOISE in names:  # which is counted in its own deviations
+    if PIXEL_NOISE in names:  # in units of its own standard deviation
         step[names.index(PIXEL_NOISE)] *= np.maximum(1.0, _LEAST_NOISE_PX * camera.sample_pitch / noise)
     values = fixed_errors(camera, way)
     for k in np.flatnonzero((deviation > 0.0) | (mean != 0.0)):
@@ -103,10 +103,10 @@ def linear_reading(camera: DepthCamera, distance: FloatArray, field: float, way:
 
 
 def linear_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
-    """The distribution of depth where every error acts as so many deviations of the noise.
+    """The distribution of depth in which all errors together act like noise with a larger standard deviation.
 
-    Inverse depth is a line in all errors; its deviation over that by noise alone is the scale at which the ends of
-    intervals are read, so that noise acts exactly.
+    Inverse depth is linear in all errors. The ratio of its standard deviation to that from noise alone scales the
+    noise at which the ends of intervals are read, so that noise alone is treated exactly.
     """
     line = linear_reading(camera, distance, field, way)
     if PIXEL_NOISE in line.parameters:
@@ -117,12 +117,12 @@ def linear_distribution(camera: DepthCamera, distance: FloatArray, field: float,
 
 
 def noise_distribution(camera: DepthCamera, distance: FloatArray, field: float) -> DepthDistribution:
-    """The exact distribution of depth under noise alone: depth falls with disparity, so that quantiles map."""
+    """The exact distribution of depth under noise alone: depth falls with disparity, so quantiles map to quantiles."""
     return scaled_noise(camera, distance, field, np.ones(distance.shape))
 
 
 def scaled_noise(camera: DepthCamera, distance: FloatArray, field: float, scale: FloatArray) -> DepthDistribution:
-    """The distribution of depth under noise that is larger by a scale (distances,)."""
+    """The distribution of depth under noise enlarged by a scale (distances,)."""
     from scipy.special import ndtr, ndtri
 
     probabilities = camera.propagation.probabilities
@@ -142,13 +142,13 @@ def scaled_noise(camera: DepthCamera, distance: FloatArray, field: float, scale:
 
 
 def _under_noise(camera: DepthCamera, distance: FloatArray, field: float, scores: FloatArray) -> FloatArray:
-    """Inverse depth [1/m] read where the noise has so many of its standard deviations, (scores, distances)."""
+    """Inverse depth [1/m] for noise of so many standard deviations, (scores, distances)."""
     errors = {**fixed_errors(camera, "noise"), PIXEL_NOISE: scores}
     return read_draws(camera, errors, distance, field, camera.noise(distance, field))
 
 
 def _score_of_infinity(camera: DepthCamera, distance: FloatArray, field: float, reach: FloatArray) -> FloatArray:
-    """The score of the noise at which infinity is read, by division; ∓reach (distances,) where it lies beyond."""
+    """The noise score that reads infinity, by repeated division; ∓reach (distances,) where it lies beyond."""
     beyond = _under_noise(camera, distance, field, np.stack([-reach, reach])) <= 0.0
     found = np.where(beyond[1], reach, -reach)
     open_ = np.flatnonzero(beyond[0] & ~beyond[1])
@@ -157,7 +157,7 @@ def _score_of_infinity(camera: DepthCamera, distance: FloatArray, field: float, 
     for _ in range(_ROUNDS if open_.size else 0):
         scores = low + shares * (high - low)
         inside = _under_noise(camera, distance[open_], field, scores[1:-1]) <= 0.0
-        # Infinity is read at low and not at high.
+        # Infinity is read at low but not at high.
         last = np.sum(np.logical_and.accumulate(inside, axis=0), axis=0)
         low, high = scores[last, columns], scores[last + 1, columns]
     found[open_] = 0.5 * (low + high)

@@ -1,4 +1,4 @@
-"""Alternatives that no other is at least as good as in every criterion and better in one."""
+"""The Pareto front: alternatives that no other alternative dominates."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ BoolArray = npt.NDArray[np.bool_]
 
 
 def non_dominated(values: FloatArray, maximise: Sequence[bool]) -> BoolArray:
-    """The Pareto front: which rows no other row dominates, over any number of criteria.
+    """Which rows no other row dominates, over any number of criteria.
 
-    A row dominates another if it is at least as good in every criterion and better in one, so that equal rows stay
-    together. A row with a NaN dominates none and is not on the front.
+    A row dominates another if it is at least as good in every criterion and better in one, so equal rows do not
+    dominate each other. A row with a NaN dominates none and is not on the front.
 
     Parameters
     ----------
     values
-        Shape (alternatives, criteria); infinite values count as they stand.
+        Shape (alternatives, criteria); infinite values are compared as such.
     maximise
-        Of each criterion, whether more is better.
+        For each criterion, whether more is better.
 
     Returns
     -------
@@ -35,7 +35,7 @@ def non_dominated(values: FloatArray, maximise: Sequence[bool]) -> BoolArray:
     found = np.zeros(len(costs), dtype=bool)
     if not known.any():
         return found
-    # In lexical order a row can be dominated only by rows before it, and each row stands once.
+    # In lexical order only earlier rows can dominate a row, and duplicates are removed.
     rows, inverse = np.unique(costs[known] + 0.0, axis=0, return_inverse=True)
     on_front = np.zeros(len(rows), dtype=bool)
     for number, row in enumerate(rows):

@@ -1,4 +1,4 @@
-"""How far a point spreads behind one declared lens: a sampled point-spread function and its measures."""
+"""The point spread behind one declared lens: a sampled point-spread function and its measures."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ _SAMPLES_PER_PERIOD = 8.0  # of the shortest period λ N_w of an intensity
 
 @dataclass(frozen=True, kw_only=True)
 class LensAndPoint:
-    """A lens, its image plane in focus on ``object_distance``, and a point that may stand elsewhere.
+    """A lens, its image plane in focus on ``object_distance``, and a point at that or another distance.
 
     Parameters
     ----------
     focal_length, object_distance
         f and the distance in focus a [m].
     f_number, wavelength, lens_phase
-        Of lens and light.
+        F-number of the lens, wavelength of the light [m], and the lens phase.
     field_angle
         Direction of the point [rad].
     defocus_waves
-        W: the point stands at 1/a' = 1/a + 2 W λ/R², so that its wave is W waves steeper at the rim of the pupil.
+        W: the point is at 1/a' = 1/a + 2 W λ/R², so that its wave is W waves steeper at the rim of the pupil.
     """
 
     focal_length: float
@@ -98,7 +98,7 @@ class LensAndPoint:
 
 
 def every_case(part: PointSpreadPart) -> list[LensAndPoint]:
-    """All cases of a study, lens by lens, one thing varied at a time."""
+    """All cases of a study, lens by lens, with one parameter varied at a time."""
     return [
         case_of(part, element, {name: value})
         for element in part.elements.values()
@@ -108,7 +108,7 @@ def every_case(part: PointSpreadPart) -> list[LensAndPoint]:
 
 
 def varied_values(part: PointSpreadPart) -> Mapping[str, tuple[float, ...]]:
-    """What is varied, and its values."""
+    """The varied parameters and their values."""
     return {
         "f_number": listed(part.f_numbers),
         "wavelength": part.wavelengths,
@@ -118,7 +118,7 @@ def varied_values(part: PointSpreadPart) -> Mapping[str, tuple[float, ...]]:
 
 
 def standing_values(part: PointSpreadPart, element: ElementPart) -> Mapping[str, float]:
-    """What each is while something else is varied."""
+    """The value of each parameter while another is varied."""
     return {
         "f_number": element.f_number,
         "wavelength": part.reference_wavelength,
@@ -128,7 +128,7 @@ def standing_values(part: PointSpreadPart, element: ElementPart) -> Mapping[str,
 
 
 def case_of(part: PointSpreadPart, element: ElementPart, changed: Mapping[str, float]) -> LensAndPoint:
-    """A lens as it stands, with something changed."""
+    """A lens at its standing values, with some of them changed."""
     values = {**standing_values(part, element), **changed}
     return LensAndPoint(
         focal_length=element.focal_length,
@@ -144,7 +144,7 @@ def case_of(part: PointSpreadPart, element: ElementPart, changed: Mapping[str, f
 def spread_measures(
     case: LensAndPoint, *, method: SpreadMethod, window: float, rms_radius: float, pixel_pitch: float, tolerance: float
 ) -> Mapping[str, tuple[float, float]]:
-    """Every measure with its numerical error; NaN where the window does not hold what it needs.
+    """Every measure with its numerical error; NaN if the window does not contain what it needs.
 
     Parameters
     ----------
@@ -153,11 +153,11 @@ def spread_measures(
     method
         Law of propagation.
     window, rms_radius
-        Half side of the sampled window, and radius of the rms width, in Airy radii.
+        Half side of the sampled window, and radius for the rms width, in Airy radii.
     pixel_pitch
-        Of the pixels whose neighbours and Nyquist frequency are meant [m].
+        Pitch of the pixels [m] for the Nyquist frequency and the neighbouring pixels.
     tolerance
-        Of the intensity.
+        Tolerance on the intensity.
     """
     psf = point_spread(
         focal_length=case.focal_length,
@@ -193,7 +193,7 @@ def spread_measures(
 
 
 def _or_nan(measure: Callable[[], Measured]) -> tuple[float, float]:
-    """A measure that the sampled window cannot give is NaN."""
+    """A measure, or NaN if the sampled window cannot give it."""
     try:
         found = measure()
     except OutOfRangeError:

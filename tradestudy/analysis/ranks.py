@@ -1,4 +1,4 @@
-"""Which of two cameras errs less at one reading, and with what probability."""
+"""The probability that one of two cameras errs less than the other in one reading."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tradestudy.uncertainty.sources import Group, Sources
 from tradestudy.uncertainty.streams import scrambled_sobol
 
 RANK_WAYS: Final = ("calibration", "both")
-"""Over calibrations alone, as after averaging all noise away, and over single measurements."""
+"""Calibration errors alone, as after averaging all noise away, and single measurements."""
 _DRAWS, _SCRAMBLES = 2**11, 8
 _PREFIXES: Final = ("first/", "second/")
 
@@ -26,7 +26,7 @@ _PREFIXES: Final = ("first/", "second/")
 def rank(first: DepthCamera, second: DepthCamera, distance: FloatArray, way: str) -> RankProbability:
     """Probability that the depth error of the first camera is smaller than that of the second, over distances [m].
 
-    A change of temperature or pressure that both declare alike is one change, and drawn once for both.
+    A change of temperature or pressure that both declare identically is one event, drawn once for both.
     """
     cameras = (first, second)
     groups = [uncertain_groups(camera, way) for camera in cameras]
@@ -52,7 +52,7 @@ def rank(first: DepthCamera, second: DepthCamera, distance: FloatArray, way: str
 
 
 def _model(camera: DepthCamera, prefix: str, groups: tuple[Group, ...], distance: FloatArray) -> Model:
-    """The reading of one of two cameras, whose own parameters stand under a prefix."""
+    """The reading of one of two cameras, whose own parameters carry a prefix."""
     names = [name for group in groups for name in group.parameters]
     alone = outcome_model(camera, distance)
 
@@ -61,7 +61,7 @@ def _model(camera: DepthCamera, prefix: str, groups: tuple[Group, ...], distance
         found = alone(own)
         if own:
             return found
-        draws = len(next(iter(values.values())))  # of the other camera alone: this one reads the same in each
+        draws = len(next(iter(values.values())))  # of the other camera alone: this one reads the same in every draw
         return replace(found, values=np.repeat(found.values, draws, axis=0))
 
     return evaluate

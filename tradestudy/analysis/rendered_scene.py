@@ -1,4 +1,4 @@
-"""From the scene that a study declares to the surfaces that are rendered."""
+"""Build the surfaces to render from the scene that a study declares."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ from tradestudy.study.schema.scene_image import (
     StairsPart,
 )
 
-_SIDES: Final = (512, 4096)  # of a random texture before it repeats itself
-_CORRELATION_LENGTHS: Final = 16  # that it holds at least
-_OVERLAP: Final = 1e-6  # of its height, by which a riser reaches beyond its treads, so that no ray slips through
+_SIDES: Final = (512, 4096)  # samples of a random texture before it repeats
+_CORRELATION_LENGTHS: Final = 16  # minimum number within the texture
+_OVERLAP: Final = 1e-6  # share of its height by which a riser extends past its treads, so that no ray slips through
 
 
 def scene_of(part: SceneImagePart, pattern: RandomPattern, folder: Path) -> SceneSource:
-    """The scene in SI.
+    """The scene in SI units.
 
     Parameters
     ----------
     part
-        As declared.
+        The declaration.
     pattern
-        Painted on everything that brings no picture.
+        Texture of every surface that has no picture of its own.
     folder
-        Where its files are.
+        Folder of the files that the declaration names.
 
     Raises
     ------
     MistakeAt
-        For files that are no depth maps or pictures, or do not fit together, relative to the part.
+        A file is not a depth map or picture, or their sizes differ; the position is relative to the part.
     """
     surfaces: list[SurfaceSource] = []
     for number, one in enumerate(part.surfaces):
@@ -75,7 +75,7 @@ def scene_of(part: SceneImagePart, pattern: RandomPattern, folder: Path) -> Scen
 
 
 def plane_across(distance: float, pattern: RandomPattern) -> SceneSource:
-    """An endless plane at right angles to the axis at a distance [m]."""
+    """An infinite plane perpendicular to the axis at a distance [m]."""
     plane = Flat(
         centre=(0.0, 0.0, distance),
         first=(1.0, 0.0, 0.0),
@@ -89,7 +89,7 @@ def plane_across(distance: float, pattern: RandomPattern) -> SceneSource:
 def pattern_of_scene(
     texture: Texture, exposures: Sequence[Exposure], extent: tuple[float, float], seed: int
 ) -> RandomPattern:
-    """A texture twice as fine as what a pixel blends on any surface, and about as wide as what is seen."""
+    """A texture sampled twice as finely as any pixel blends on a surface, and about as wide as the visible scene."""
     finest, widest = math.inf, 0.0
     for exposure in exposures:
         sensor = exposure.sensor
@@ -110,7 +110,7 @@ def pattern_of_scene(
 
 
 def _plane(part: PlanePart, pattern: RandomPattern) -> Flat:
-    """Its directions lie above x and y; the second is turned to be at right angles to the first."""
+    """A tilted plane; its first direction lies above x, its second above y but turned to be perpendicular to it."""
     first = np.array([1.0, 0.0, math.tan(part.tilt_x)])
     second = np.array([0.0, 1.0, math.tan(part.tilt_y)])
     first /= np.linalg.norm(first)
@@ -127,7 +127,7 @@ def _plane(part: PlanePart, pattern: RandomPattern) -> Flat:
 
 
 def _stairs(part: StairsPart, pattern: RandomPattern) -> Iterator[Flat]:
-    """Treads and risers; the first and the last tread reach far beyond what any camera sees."""
+    """Treads and risers; the first and the last tread extend far beyond the view of any camera."""
     across, down, along = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     endless = 1e3 * part.far
     depths = np.linspace(part.near, part.far, part.treads)
@@ -157,7 +157,7 @@ def _stairs(part: StairsPart, pattern: RandomPattern) -> Iterator[Flat]:
 
 
 def _map(part: DepthMapPart, at: tuple[str | int, ...], texture: RandomPattern, folder: Path) -> DepthMapSurface:
-    """Read once here, so that a file that is none is refused before anything is rendered."""
+    """A depth map; its files are read here once, so that a faulty one is refused before anything is rendered."""
     try:
         file = folder / part.depth
         depths = read_depths(file, part.unit)
@@ -170,9 +170,7 @@ def _map(part: DepthMapPart, at: tuple[str | int, ...], texture: RandomPattern, 
         except ValueError as error:
             raise MistakeAt((*at, "picture"), str(error)) from error
         if shape != depths.shape:
-            raise MistakeAt(
-                (*at, "picture"), f"{shape} rows and columns; those of the map, {depths.shape}, are expected"
-            )
+            raise MistakeAt((*at, "picture"), f"has {shape} rows and columns, but the depth map has {depths.shape}")
         picture = folder / part.picture
         pattern = PicturePattern(file=picture, sha256=file_hash(picture), sample=1.0, from_top=part.first_row == "top")
     return DepthMapSurface(

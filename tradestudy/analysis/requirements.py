@@ -1,4 +1,4 @@
-"""Requirements of a study held against its cameras: the worst value over distance, its margin and its place."""
+"""Check the requirements of a study against its cameras: the worst value over distance, its margin and its place."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ from tradestudy.units import FRACTION, LENGTH, Dimension, pretty
 
 ANY: Final = "any"
 ALL: Final = "all"
-_POINTS: Final = 101  # over the distances of a requirement; and again around the worst of them
+_POINTS: Final = 101  # over the distances of a requirement, and again around the worst of them
 _COARSE: Final = 9
-_LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # of a distance, for rounding
-_ABSENT: Final = "the camera has none"
+_LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # relative allowance for rounding of distances
+_ABSENT: Final = "the camera has no overlap"
 
 
 def hold(requirement: RequirementPart, case: Case, name: str, known: Sequence[Interval] | None = None) -> Held:
-    """Hold a requirement against one camera, which measures depth where the requirement asks for that.
+    """Check a requirement against one camera, which must measure depth if the requirement asks for depth.
 
-    Its usable intervals over the distances of the study are found where they are not ``known``.
+    Its usable intervals over the distances of the study are computed unless they are ``known``.
     """
     match requirement.required:
         case CriterionPart() as criterion:
@@ -66,7 +66,7 @@ def _hold_measured(
         return _MEASURED[requirement.quantity](camera, points) / _scale(required, points)
 
     def broken_by(points: FloatArray) -> FloatArray:
-        """Larger is worse; what is not known is worst."""
+        """Larger is worse; unknown values are worst."""
         values = measured(points)
         return np.where(np.isnan(values), np.inf, -values if above else values)
 
@@ -99,12 +99,12 @@ def _hold_measured(
 
 
 class Judge:
-    """Answers to requirements; one camera that several designs share is judged once.
+    """Answers requirements, and checks a camera that several designs share only once.
 
     Parameters
     ----------
     usable
-        The usable intervals of cameras over the distances of the study, where they are known.
+        The known usable intervals of cameras over the distances of the study.
     """
 
     def __init__(self, usable: Mapping[tuple[DepthCamera, UsableCriteria], Sequence[Interval]] | None = None) -> None:
@@ -112,10 +112,11 @@ class Judge:
         self._known: dict[tuple[RequirementPart, DepthCamera, UsableCriteria], Held] = {}
 
     def answer(self, requirement: RequirementPart, case: Case) -> tuple[Held, Mapping[str, Held]]:
-        """The camera that decides a requirement, and what became of every camera that it concerns.
+        """The camera that decides a requirement, and the answers of all cameras that it concerns.
 
-        Of ``any`` the camera that keeps it best, of ``all`` the one that keeps it worst. One without a value leaves it
-        undecided, unless another keeps it or, of ``all``, breaks it. Where none keeps it, the nearest decides.
+        For ``any``, the best camera decides; for ``all``, the worst. A camera without a value leaves the requirement
+        undecided, unless for ``any`` another meets it or for ``all`` another misses it. If none meets it, the closest
+        decides.
         """
         names = _names(requirement, case)
         found = {name: self._held(requirement, case, name) for name in names}
@@ -129,7 +130,7 @@ class Judge:
         return deciding(known, key=lambda one: _nearness(one, above=above)), found
 
     def _held(self, requirement: RequirementPart, case: Case, name: str) -> Held:
-        if not requirement.asks_for_depth:  # closed forms of more than the camera
+        if not requirement.asks_for_depth:  # closed forms that depend on more than the camera
             return hold(requirement, case, name)
         key = (requirement, case.cameras[name], case.criteria)
         if key not in self._known:
@@ -138,7 +139,7 @@ class Judge:
 
 
 def is_kept(requirement: RequirementPart, case: Case) -> bool:
-    """Whether a requirement holds, on a coarse grid of distances and without its guard band: for many draws."""
+    """Whether a requirement is met, on a coarse grid of distances and without its guard band: for many draws."""
     names, together = _names(requirement, case), all if requirement.camera == ALL else any
     if not requirement.asks_for_depth:
         return together(hold(requirement, case, name).met is True for name in names)
@@ -165,13 +166,13 @@ def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: Flo
 
 
 def _nearness(held: Held, *, above: bool) -> tuple[bool, float, float]:
-    """Larger is better; among cameras that miss as much of the range, the worst value counts."""
+    """Sort key, larger for better; among cameras that miss the same share of the range, the worst value decides."""
     value = -math.inf if math.isnan(held.value) else held.value if above else -held.value
     return bool(held.met), -math.inf if math.isnan(held.margin) else held.margin, value
 
 
 def _hold_use(required: UsablePart, intervals: Sequence[Interval], name: str) -> Held:
-    """How far the usable range reaches beyond what is asked, at the end where it does so least."""
+    """How far the usable range extends beyond the required range, at the end where it extends least."""
     near, far = required.over
     unusable, place = _unusable(intervals, required.over)
     if unusable == 0.0:
@@ -180,7 +181,7 @@ def _hold_use(required: UsablePart, intervals: Sequence[Interval], name: str) ->
         place = min(margins, key=lambda end: margins[end])
         margin, words = margins[place], f"usable from {pretty(one.near, LENGTH)} to {pretty(one.far, LENGTH)}"
         if END_OF_STUDY in (one.near_limit if place == one.near else one.far_limit):
-            words += ", where the study ends"
+            words += ", the end of the study's range"
     else:
         margin, words = -unusable, _not_usable(place, required.over)
     return Held(
@@ -197,7 +198,7 @@ def _hold_use(required: UsablePart, intervals: Sequence[Interval], name: str) ->
 
 
 def _intervals(case: Case, name: str, over: tuple[float, ...], known: Sequence[Interval] | None) -> Sequence[Interval]:
-    """Usable intervals of a camera over the distances of the study, and over those of a requirement beyond them."""
+    """Usable intervals of a camera over the distances of the study, extended to those of the requirement if needed."""
     inside = case.distance[0] * _LESS <= over[0] and over[1] <= case.distance[-1] * _MORE
     if known is not None and inside:
         return known
@@ -222,11 +223,11 @@ def _not_usable(place: float, over: tuple[float, ...]) -> str:
 
 
 def _worst_place(broken_by: Callable[[FloatArray], FloatArray], over: tuple[float, ...]) -> float:
-    """Where a value is the largest over a range [m]: on a grid, and again between the neighbours of its largest."""
+    """Where a value is largest over a range [m]: on a grid, refined between the neighbours of its largest value."""
     points = np.geomspace(over[0], over[1], _POINTS)
     worst = int(np.argmax(broken_by(points)))
     around = np.geomspace(points[max(worst - 1, 0)], points[min(worst + 1, _POINTS - 1)], _POINTS)
-    # Rounding must not carry a place beyond the range.
+    # Rounding must not move a place out of the range.
     around = np.clip(around, over[0], over[1])
     values = broken_by(np.append(around, points[worst]))
     return float(np.append(around, points[worst])[int(np.argmax(values))])
@@ -245,7 +246,7 @@ def _bound(required: MeasuredPart) -> tuple[float, Dimension]:
 
 
 def _scale(required: MeasuredPart, points: FloatArray) -> FloatArray:
-    """What a value is divided by before it is held against its bound: the distance, where that is relative."""
+    """The divisor of a value before it is compared with its bound: the distance if the bound is relative, else 1."""
     return points if isinstance(required, BoundOverPart) and required.is_relative else np.ones(points.shape)
 
 
@@ -262,7 +263,7 @@ def _failed_fraction(camera: DepthCamera, distance: FloatArray) -> FloatArray:
     return DepthErrors.of(camera, distance).failed_fraction
 
 
-def _no_error(camera: DepthCamera, distance: FloatArray) -> FloatArray:  # noqa: ARG001 - closed forms have none
+def _no_error(camera: DepthCamera, distance: FloatArray) -> FloatArray:  # noqa: ARG001 - closed forms are exact
     return np.zeros(distance.shape)
 
 

@@ -1,4 +1,4 @@
-"""Requirements on criteria and on depth of field, held against any camera, whether it measures depth or not."""
+"""Check requirements on criteria and on depth of field against any camera, whether it measures depth or not."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from tradestudy.study.schema.criteria import criterion_dimension
 from tradestudy.study.schema.requirements import CriterionPart, SharpPart
 from tradestudy.units import LENGTH, parse, pretty
 
-_LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # of a distance, for rounding
-_LEAST_MISS: Final = 1e-9  # share of a range: what is missed by less than rounding is still missed
+_LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # relative allowance for rounding of distances
+_LEAST_MISS: Final = 1e-9  # share of a range: a miss within rounding is still a miss
 
 
 def hold_criterion(required: CriterionPart, case: Case, name: str) -> Held:
-    """Hold a bound against a criterion of one camera; undecided where the camera has no number."""
+    """Check a bound on a criterion of one camera; undecided if the camera has no number for it."""
     dimension = criterion_dimension(required.name, case.attributes.values())
-    assert dimension is not None  # of a study without mistakes
+    assert dimension is not None  # in a valid study
     bound, found = parse(required.bound, dimension), criterion_of(case, name, required.name)
     if math.isnan(found.number):
         return Held.unknown(name, bound, f"{required.name}: {found.text}")
@@ -43,7 +43,7 @@ def hold_criterion(required: CriterionPart, case: Case, name: str) -> Held:
 
 
 def hold_sharp(required: SharpPart, case: Case, name: str) -> Held:
-    """Hold a requirement against what one camera keeps sharp, all its slices together, by a blur criterion."""
+    """Check a requirement on the sharp range of one camera, all its slices together, by a blur criterion."""
     criterion = required.criterion or next(iter(case.sharp))
     found = case.all_cameras[name].focus.sharp_range(case.sharp[criterion])
     if required.above is not None:
@@ -51,12 +51,12 @@ def hold_sharp(required: SharpPart, case: Case, name: str) -> Held:
         reason = f"depth of field {pretty(depth, LENGTH)}" if depth > 0.0 else f"nothing is sharp: {found.reason}"
         kept, margin = depth >= required.above, depth / required.above - 1.0
         return _exact(name, kept=kept, value=depth, bound=required.above, margin=margin, reason=reason)
-    assert required.over is not None  # one of the two is given
+    assert required.over is not None  # exactly one of the two is given
     return _hold_range(found, (required.over[0], required.over[1]), name)
 
 
 def _hold_range(found: SharpRange, over: tuple[float, float], name: str) -> Held:
-    """How far what is sharp reaches beyond a range, at the end where it does so least; or how much it leaves out."""
+    """How far the sharp range extends beyond the required one, at its weaker end; or how much it misses."""
     near, far = over
     around = [row for row in found.union.covered if row[0] <= near * _MORE and row[1] >= far * _LESS]
     if around:
@@ -64,7 +64,7 @@ def _hold_range(found: SharpRange, over: tuple[float, float], name: str) -> Held
         beyond = {near: near / first - 1.0 if first > 0.0 else math.inf, far: last / far - 1.0}
         place = min(beyond, key=lambda end: beyond[end])
         reason = f"sharp from {pretty(first, LENGTH)} to {pretty(last, LENGTH)}"
-        # An end that touches but for rounding holds.
+        # An end that coincides within rounding is met.
         margin = max(beyond[place], 0.0)
         return _exact(name, kept=True, value=1.0, bound=1.0, margin=margin, reason=reason, place=place)
     clipped = np.clip(found.union.covered, near, far)
@@ -77,14 +77,14 @@ def _hold_range(found: SharpRange, over: tuple[float, float], name: str) -> Held
 
 
 def _nearest_unsharp(covered: FloatArray, near: float) -> float:
-    """The nearest distance [m] from which on something is not sharp."""
+    """The nearest distance [m] beyond which the scene is not sharp."""
     return next((float(last) for first, last in covered if first <= near * _MORE and last > near), near)
 
 
 def _exact(
     name: str, *, kept: bool, value: float, bound: float, margin: float, reason: str, place: float = math.nan
 ) -> Held:
-    """An answer from closed forms and declared values, exact but for rounding."""
+    """An answer from closed forms and declared values, exact up to rounding."""
     return Held(
         camera=name,
         met=kept,

@@ -1,4 +1,4 @@
-"""The pictures that a study asks for of its scene: which surfaces, taken by which cameras, recorded how."""
+"""The pictures of a study's scene to render: which surfaces, taken by which cameras, recorded how."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ _WHERE: Final = ("scene", "image")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Taken:
-    """A camera of the study, and what it takes pictures with.
+    """A camera of the study, with the errors and exposures of its pictures.
 
     Parameters
     ----------
     name, camera
-        As the study has it.
+        Name and design in the study.
     errors
-        What the camera that takes them is less its design, in SI.
+        Deviations of the actual camera from its design, in SI.
     exposures
         Its pictures.
     reference_distance, stop_separation
-        What they were asked for with [m]; see `Camera.exposures`.
+        The arguments that gave its exposures [m]; see `Camera.exposures`.
     """
 
     name: str
@@ -51,11 +51,11 @@ class Taken:
 
 
 def declared_image(definition: StudyDefinition) -> tuple[SceneImagePart, PicturePart]:
-    """What the study declares, or its absence as a mistake."""
+    """The declarations of the image and of its pictures; a missing one is reported as a mistake."""
     scene = definition.file.scene
     if scene is None or scene.image is None or scene.picture is None:
         problem = definition.document.locate(("scene",)).problem(
-            _WHERE, "this key is missing: the surfaces of which render makes pictures"
+            _WHERE, "this key is missing: it declares the surfaces to render"
         )
         raise StudyError([problem])
     return scene.image, scene.picture
@@ -64,9 +64,9 @@ def declared_image(definition: StudyDefinition) -> tuple[SceneImagePart, Picture
 def set_up(
     definition: StudyDefinition, *, rig: Rig | None = None, texture_side: int | None = None
 ) -> tuple[SceneSource, list[Taken]]:
-    """The scene, and the cameras that take it, with every mistake at its place; ``rig`` in place of the study's own.
+    """The scene and the cameras that take it, with every mistake at its place; ``rig`` overrides the study's own.
 
-    With ``texture_side`` the texture repeats itself after so many samples at most, which a few patches do not show.
+    ``texture_side`` limits the samples before the texture repeats, which does not matter for a few patches.
     """
     image, picture = declared_image(definition)
     extent, cameras = extent_and_cameras(definition, rig=rig)
@@ -80,7 +80,7 @@ def set_up(
 def extent_and_cameras(
     definition: StudyDefinition, *, rig: Rig | None = None
 ) -> tuple[tuple[float, float], list[Taken]]:
-    """How near and far the scene reaches [m], and the cameras that take it, before anything is painted on it."""
+    """Nearest and farthest distance of the scene [m], and the cameras that take it, before textures are generated."""
     image, picture = declared_image(definition)
     texture = texture_of(picture)
     flat = RandomPattern(texture=texture, sample=texture.correlation_length, side=2, seed=0)
@@ -93,12 +93,12 @@ def extent_and_cameras(
 
 
 def texture_of(picture: PicturePart) -> Texture:
-    """What surfaces are painted with."""
+    """The texture of the surfaces."""
     return Texture(contrast=picture.texture.contrast, correlation_length=picture.texture.correlation_length)
 
 
 def recording_of(image: SceneImagePart, picture: PicturePart) -> Recording:
-    """What the sensors do with light."""
+    """How the sensors record light."""
     settings = picture.settings(1.0)  # rays have no wavelength
     mosaic = image.mosaic
     return Recording(

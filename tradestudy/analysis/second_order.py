@@ -1,4 +1,4 @@
-"""How far a line in normal errors misses the exact distribution of depth, from the curvature of the exact reading."""
+"""How far a linear model of normal errors misses the exact distribution of depth, from the curvature of the reading."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from tradestudy.uncertainty.evaluation import depth_from_inverse
 from tradestudy.uncertainty.joint import GaussianCopula, JointDraws, JointNormal
 from tradestudy.uncertainty.sources import Source, Sources
 
-_STEP: Final = 1e-2  # standard deviations, of the gradient
-_FARTHEST: Final = 9.0  # standard deviations: beyond, the probability is below 1e-18
+_STEP: Final = 1e-2  # standard deviations, for the gradient
+_FARTHEST: Final = 9.0  # standard deviations; the probability beyond is below 1e-18
 _SECTIONS: Final = 16
-_ROUNDS: Final = 2  # to 0.07 standard deviations, and between these on a line
-# Quantiles move with more than the mean and the variance that the curvature adds; draws find up to 2.6 times that.
+_ROUNDS: Final = 2  # to 0.07 standard deviations, with linear interpolation within these
+# Quantiles shift by more than the curvature's change of mean and variance; draws show up to 2.6 times that.
 _MARGIN: Final = 3.0
 
 Reader = Callable[[FloatArray], FloatArray]
@@ -35,7 +35,7 @@ class SecondOrder:
     Parameters
     ----------
     steepest
-        Quantiles of depth along the steepest direction of all errors, read exactly; a distribution of one scramble.
+        Quantiles of depth along the steepest direction of all errors, evaluated exactly; a single scramble.
     across
         Share of a half width by which the curvature across that direction could widen or narrow it.
     """
@@ -47,30 +47,30 @@ class SecondOrder:
 def second_order(
     camera: DepthCamera, distance: FloatArray, field: float, way: str, *, any_shape: bool = False
 ) -> SecondOrder | None:
-    """Read depth exactly along the direction of all errors that moves it most, and its curvature across.
+    """Evaluate depth exactly along the direction of the errors that moves it most, and its curvature across.
 
-    In deviations of independent normal errors inverse depth is ``h(z) = h₀ + g·z + ½ zᵀKz``. Its quantiles are those
-    along g (first-order reliability); the curvature K across g shifts them by ``½ tr K`` and widens the variance by
-    ``½ ‖K‖²``, and what bends along both by ``Σ d²``.
+    In standard deviations of independent normal errors, inverse depth is ``h(z) = h₀ + g·z + ½ zᵀKz``. Its quantiles
+    are those along g (first-order reliability); the curvature K across g shifts them by ``½ tr K`` and adds
+    ``½ ‖K‖²`` to the variance, and mixed curvature along and across adds ``Σ d²``.
 
     Parameters
     ----------
     camera
-        Its exact reading and errors.
+        The camera with its exact reading and its errors.
     distance
         True distances [m] where the camera forms an image.
     field
-        Place in the field.
+        Field position.
     way
-        Which errors act: ``noise``, ``calibration`` or ``both``.
+        The errors considered: ``noise``, ``calibration`` or ``both``.
     any_shape
-        Whether errors of other shapes are read through their normal scores; then this tells a large departure of a
-        line from a small one, and no more.
+        Whether to treat errors of other shapes through their normal scores; the result then only distinguishes a large
+        error of the linear model from a small one.
 
     Returns
     -------
     SecondOrder | None
-        None where an error is not normal: then only draws tell.
+        None if an error is not normal: then only draws give the error.
     """
     groups = uncertain_groups(camera, way)
     if not all(_is_normal(group) or (any_shape and not isinstance(group, JointDraws)) for group in groups):
@@ -98,7 +98,7 @@ def second_order(
 
 
 def all_normal(camera: DepthCamera) -> bool:
-    """Whether every error of a camera is normal, so that its depth can be told to second order."""
+    """Whether every error of a camera is normal, so that second order describes its depth."""
     return all(map(_is_normal, uncertain_groups(camera, "both")))
 
 
@@ -109,7 +109,7 @@ def _is_normal(group: object) -> bool:
 
 
 def _read_together(read: Reader, *scores: FloatArray) -> list[FloatArray]:
-    """Read at several sets of scores in one call, which takes hardly longer than one set alone."""
+    """Evaluate several sets of scores in one call, which takes hardly longer than one set alone."""
     ends = np.cumsum([one.shape[1] for one in scores])
     return np.split(read(np.concatenate(scores, axis=1)), ends[:-1])
 
@@ -128,7 +128,7 @@ def _along(camera: DepthCamera, read: Reader, steepest: FloatArray) -> DepthDist
         for _ in range(_ROUNDS):
             searched = low + np.linspace(0.0, 1.0, _SECTIONS + 1)[:, np.newaxis] * (high - low)
             found = read(searched * steepest[:, np.newaxis])
-            # Inverse depth rises along the steepest direction, so that what is lost lies below one score.
+            # Inverse depth rises along the steepest direction, so failures lie below one score.
             last = np.sum(~(found > 0.0), axis=0) - 1
             row = np.clip(last, 0, _SECTIONS - 1)
             low, high = searched[row, place], searched[row + 1, place]
@@ -143,7 +143,7 @@ def _along(camera: DepthCamera, read: Reader, steepest: FloatArray) -> DepthDist
 
 
 def _across(read: Reader, steepest: FloatArray, length: FloatArray) -> FloatArray:
-    # Orthonormal vectors across each direction, shape (dimensions, others, distances).
+    # Orthonormal vectors perpendicular to each direction, shape (dimensions, others, distances).
     basis = np.moveaxis(np.linalg.svd(steepest.T[:, np.newaxis])[2][:, 1:], 0, 2).swapaxes(0, 1)
     first, second = np.triu_indices(basis.shape[1], k=1)
     ahead = steepest[:, np.newaxis]

@@ -1,4 +1,4 @@
-"""Which error drives the depth of a camera: tornado by source, and Sobol indices, against distance."""
+"""The error sources that drive a camera's depth: tornado by source and Sobol indices, over distance."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _SOBOL_DRAWS = 2**9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CameraSensitivity:
-    """Tornado by group and, where it does not mislead, by parameter; Sobol indices of inverse depth.
+    """Tornado by group and, unless it would mislead, by parameter; Sobol indices of inverse depth.
 
-    ``parameters`` is None where a tornado by parameter is refused, and ``refused`` says why; ``indices`` is None where
-    the sources have no variance, and ``no_indices`` says so.
+    ``parameters`` is None if a tornado by parameter is refused, for the reason in ``refused``; ``indices`` is None if
+    the sources have no variance, as ``no_indices`` states.
     """
 
     groups: Tornado
@@ -34,7 +34,7 @@ class CameraSensitivity:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SensitivityPoint:
-    """One camera of a study whose errors are taken apart: at distances [m] and places in the field."""
+    """One camera of a study, with the distances [m] and field positions of its sensitivity analysis."""
 
     name: str
     camera: DepthCamera
@@ -43,12 +43,12 @@ class SensitivityPoint:
 
 
 def sensitivity_over_field(point: SensitivityPoint) -> list[CameraSensitivity]:
-    """`sensitivity_of` at every place in the field."""
+    """`sensitivity_of` at every field position."""
     return [sensitivity_of(point.name, point.camera, point.distance, field) for field in point.fields]
 
 
 def sensitivity_of(name: str, camera: DepthCamera, distance: FloatArray, field: float) -> CameraSensitivity:
-    """Work out what drives the depth of one camera at distances [m] and a place in the field."""
+    """Find the error sources that drive the depth of one camera at distances [m] and a field position."""
     model, sources = outcome_model(camera, distance, field), uncertain_sources(camera, "both")
     sampling, seed = _sampling(distance.size), camera.propagation.seed
     point = f"{name}/{field:g}/sensitivity"

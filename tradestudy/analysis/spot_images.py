@@ -1,4 +1,4 @@
-"""Images of a light spot as studies ask for them, each computed once, and what parts of them take."""
+"""Images of a study's light spot, each computed once, and the times that their parts take."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _LEGS: Final[Mapping[str, LegMethod]] = {
     "kirchhoff": "kirchhoff",
 }
 RAYS: Final[tuple[MethodName, ...]] = ("geometric", "exact-rays")
-_REPEATS: Final = 3  # the least time counts: what else runs on the machine only ever adds
+_REPEATS: Final = 3  # the shortest time counts, because other load on the machine only adds time
 _OFF_AXIS: Final = 2e-3
 _TARGETS, _TARGET_PITCH = 256, 0.25e-6
 _APERTURE_TOLERANCE: Final = 1e-6
@@ -65,7 +65,7 @@ def legs(method: MethodName) -> Legs:
 
 
 def light_path(part: LightSpotPart) -> LightPath:
-    """Main lens, microlenses and pixels as declared; stigmatic lenses are made for the spot."""
+    """Main lens, microlenses and pixels as declared; stigmatic lenses are focused on the spot."""
     lens = part.main_lens
     return LightPath(
         main_lens=CircularLens(
@@ -114,22 +114,22 @@ def light_source(part: LightSpotPart) -> DiscSource | PointSource:
 
 @dataclass(frozen=True, kw_only=True)
 class SpotModels:
-    """What makes a picture of the spot.
+    """The models that compute a picture of the spot.
 
     Parameters
     ----------
     method
         Laws of both legs.
     tolerance
-        Relative numerical error that is aimed at.
+        Target for the relative numerical error.
     separate
-        Every pixel takes the light of its own microlens alone.
+        Whether every pixel receives light from its own microlens only.
     integrated
-        Pixels integrate; else they take their centres' light times their area.
+        Whether pixels integrate the light; otherwise they take the value at their centre times their area.
     point
-        All light comes from the middle of the spot.
+        Whether all light comes from the middle of the spot.
     monochromatic
-        All light has the mean wavelength.
+        Whether all light has the mean wavelength.
     """
 
     method: MethodName
@@ -141,41 +141,41 @@ class SpotModels:
 
 
 def compared_models(part: LightSpotPart, method: MethodName) -> SpotModels:
-    """One of the methods that are compared, with nothing else left out of the spot as it is declared."""
+    """The models for one of the compared methods, with every other effect as declared."""
     return SpotModels(
         method=method, tolerance=part.tolerance, point=part.spot.is_point, monochromatic=len(part.lines) == 1
     )
 
 
 def spot_image(part: LightSpotPart, method: MethodName) -> ChainImage:
-    """Image of the declared spot by one of the methods that are compared, with nothing else left out."""
+    """Image of the declared spot by one of the compared methods, with every other effect as declared."""
     return spot_picture(part, compared_models(part, method))
 
 
 def spot_picture(
     part: LightSpotPart, models: SpotModels, done: Callable[[float], None] = lambda _share: None
 ) -> ChainImage:
-    """Image of the declared spot by any models; what does not touch the image does not compute it again.
+    """Image of the declared spot by any models; cached for all inputs that affect the image.
 
     Parameters
     ----------
     part, models
-        What is pictured, and how.
+        The spot, and the models that compute its picture.
     done
-        Hears the share that is done, where a picture takes long enough to tell.
+        Receives the share that is done, for pictures that take long enough.
     """
     return _spot_picture(without_comparison(part), models, _Listener(done=done))
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Listener:
-    """Who hears of a picture's progress: no part of what picture it is, so that all listeners are equal."""
+    """The receiver of a picture's progress; all compare equal, because progress does not affect the picture."""
 
     done: Callable[[float], None] = field(compare=False)
 
 
 def without_comparison(part: LightSpotPart) -> LightSpotPart:
-    """What touches the image of a spot: the part without the methods that are compared, and to what."""
+    """The inputs that affect the image of a spot: the part without compared methods and published values."""
     return part.model_copy(update={"methods": (), "tolerance": 1.0, "published": (), "benchmarks": False})
 
 
@@ -201,7 +201,7 @@ def picture_of(
     seed: int,
     done: Callable[[float], None] = lambda _share: None,
 ) -> ChainImage:
-    """Image of any source on the declared light path in the declared light, computed anew."""
+    """Image of any source on the declared light path in the declared light, not cached."""
     path = light_path(part)
     path = replace(path, pixels=replace(path.pixels, integrated=models.integrated))
     image_of = separate_image if models.separate else chain_image
@@ -226,17 +226,17 @@ def picture_of(
 
 
 def image_difference(image: FloatArray, reference: FloatArray) -> float:
-    """Sum of absolute differences over the sum of the reference."""
+    """Sum of absolute differences, relative to the sum of the reference."""
     return float(np.sum(np.abs(image - reference)) / np.sum(reference))
 
 
 def lit_pixels(image: FloatArray, above: float) -> int:
-    """Number of pixels that hold more than a share of the brightest pixel's light."""
+    """Number of pixels with more than a share of the brightest pixel's light."""
     return int(np.sum(image > above * image.max()))
 
 
 def light_benchmarks(part: LightSpotPart, seconds: MutableMapping[str, float]) -> dict[str, float]:
-    """Stated errors (relative L2) by the name of the case; the seconds go to ``seconds`` under the same names."""
+    """Stated errors (relative L2) by name of the case; the seconds go to ``seconds`` under the same names."""
     errors: dict[str, float] = {}
     places = (("on axis", 0.0), (f"{_OFF_AXIS * 1e3:g} mm off axis", _OFF_AXIS))
     for phase, (where, x) in product(LENS_PHASES, places):

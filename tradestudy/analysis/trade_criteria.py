@@ -1,4 +1,4 @@
-"""Trade criteria that are not curves: declared where the study says so, derived where its other inputs allow it."""
+"""Trade criteria with a single value: declared if the study states them, else derived from its other inputs."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from tradestudy.study.schema.criteria import criterion_dimension, is_number
 from tradestudy.units import DURATION, FRACTION, LENGTH, NUMBER, parse, pretty, significant
 
 DERIVED: Final = "derived"
-_NOT_SAID: Final = "not said"
+_NOT_STATED: Final = "not stated"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Attribute:
-    """One trade criterion of one camera: in words, as a number in SI where it is one, and on what it rests."""
+    """One trade criterion of one camera: its text, its number in SI if it has one, and its basis."""
 
     text: str
     number: float = math.nan
@@ -34,18 +34,18 @@ class Attribute:
 
 @dataclass(frozen=True, kw_only=True)
 class Relief:
-    """The scene that criteria are worked out for.
+    """The scene for which criteria are derived.
 
     Parameters
     ----------
     near, far
-        What must be sharp [m].
+        The range that must be sharp [m].
     sharp
-        What counts as sharp.
+        The criterion of sharpness.
     step_height
-        h of a depth step [m] whose edge lies in the middle of the scene.
+        Height h of a depth step [m] whose edge lies in the middle of the scene.
     surface_tilt
-        Of a surface there [rad].
+        Tilt of a surface there [rad].
     """
 
     near: float
@@ -56,13 +56,13 @@ class Relief:
 
     @property
     def middle(self) -> float:
-        """Halfway [m]."""
+        """The middle of the range [m]."""
         return (self.near + self.far) / 2.0
 
     @classmethod
     def of(cls, case: Case) -> Relief:
-        """That of a study which has one; the first criterion of sharpness counts."""
-        assert case.relief is not None  # asked only where there is one, which needs a depth of field
+        """The relief of a study that declares one, with its first criterion of sharpness."""
+        assert case.relief is not None  # callers ensure it, and a relief needs a depth of field
         assert case.depth_of_field is not None
         return cls(
             near=case.depth_of_field.range[0],
@@ -75,12 +75,12 @@ class Relief:
 
 @dataclass(frozen=True, kw_only=True)
 class Criterion:
-    """A row of the comparison: its name, what it is, and how it is found.
+    """A row of the comparison: its name, its meaning, and the function that computes it.
 
     Parameters
     ----------
     path
-        Below a camera in the study file, where it may be declared; empty where it is always derived.
+        Path below a camera in the study file where it may be declared; empty if it is always derived.
     """
 
     name: str
@@ -108,7 +108,7 @@ def _moving_parts(camera: Camera, part: AttributesPart, relief: Relief) -> Attri
 def _images_per_scene(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
     count = _images(camera, relief)
     if count == 0:
-        return Attribute(text="no number is enough")
+        return Attribute(text="no number suffices")
     share = camera.focus.sharp_range(relief.sharp).share_of(relief.near, relief.far)
     text = str(count) + (" by each lens" if camera.lens_count == 2 and count == 1 else "")
     if share < 1.0 and not isinstance(camera.focus, EveryObjectFocus):
@@ -123,7 +123,7 @@ def _time_per_scene(camera: Camera, part: AttributesPart, relief: Relief) -> Att
     if not camera.takes_stack or images == 1:
         return Attribute(text="one exposure" if images == 1 else f"{images} exposures")
     if camera.time_per_image is None:
-        return Attribute(text=f"{images} exposures; time per image {_NOT_SAID}")
+        return Attribute(text=f"{images} exposures; time per image {_NOT_STATED}")
     seconds = images * camera.time_per_image
     return Attribute(text=pretty(seconds, DURATION), number=seconds)
 
@@ -136,12 +136,12 @@ def _data_volume(camera: Camera, part: AttributesPart, relief: Relief) -> Attrib
         return Attribute(text="—")
     bits = part.bits_per_pixel
     if bits is None:
-        return Attribute(text=f"{pixels / 1e6:.3g} Mpx; bits per pixel {_NOT_SAID}")
+        return Attribute(text=f"{pixels / 1e6:.3g} Mpx; bits per pixel {_NOT_STATED}")
     return Attribute(text=f"{pixels * bits / 8e6:.3g} MB", number=pixels * bits)
 
 
 def _depth_map_samples(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
-    """Lateral samples that are independent of each other, in one all-in-focus image at the middle of the scene."""
+    """Number of independent lateral samples in one all-in-focus image at the middle of the scene."""
     width = np.array([relief.middle])
     lens = camera.gathering_lens
     b = float(image_distance(relief.middle, lens.focal_length))
@@ -159,7 +159,7 @@ def _aperture(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute
 
 
 def _light(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
-    """Solid angle of light that one exposure gathers from a point in the middle of the scene, over all lenses."""
+    """Solid angle of the light that one exposure gathers from the middle of the scene, over all lenses."""
     half = camera.gathering_lens.pupil_diameter / 2.0
     solid_angle = 2.0 * math.pi * (1.0 - relief.middle / math.hypot(relief.middle, half)) * camera.lens_count
     return Attribute(text=f"{solid_angle * 1e6:.3g} µsr", number=solid_angle)
@@ -197,7 +197,7 @@ CRITERIA: Final = (
     ),
     Criterion(
         name="images per scene",
-        says="exposures taken for the scene by the first blur criterion, and what is sharp if not all of it",
+        says="exposures that the scene needs under the first blur criterion, and the sharp share if it is incomplete",
         of=_images_per_scene,
     ),
     Criterion(name="time per scene", says="exposures and refocusing", of=_time_per_scene),
@@ -208,7 +208,7 @@ CRITERIA: Final = (
     ),
     Criterion(
         name="resolved samples",
-        says="field of view at the middle of the scene over the area of one resolved detail there",
+        says="field of view at the middle of the scene, divided by the area of one resolved detail there",
         of=_depth_map_samples,
     ),
     Criterion(name="aperture", says="diameter of the pupil that gathers the light", of=_aperture),
@@ -230,21 +230,21 @@ CRITERIA: Final = (
     ),
     Criterion(
         name="foreshortening",
-        says="width of a tilted patch in one of the two outermost views over that in the other",
+        says="ratio of the widths of a tilted patch in the two outermost views",
         of=_foreshortening,
     ),
 )
 
 
 def criterion_of(case: Case, camera: str, name: str) -> Attribute:
-    """One criterion of one camera of a study: a declared one, or one that is derived for the relief."""
+    """One criterion of one camera of a study, declared or derived for the relief."""
     own = case.attributes[camera]
     derived = next((one for one in CRITERIA if one.name == name), None)
     if derived is not None:
         return derived.of(case.all_cameras[camera], own, Relief.of(case))
     text = own.others.get(name)
     if text is None:
-        return Attribute(text=_NOT_SAID, basis="")
+        return Attribute(text=_NOT_STATED, basis="")
     dimension = criterion_dimension(name, case.attributes.values())
     if dimension is None or not is_number(text):
         return Attribute(text=text, basis="")

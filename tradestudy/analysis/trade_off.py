@@ -26,7 +26,7 @@ from tradestudy.units import parse
 class CriterionValues:
     """Criteria of cameras, in SI, with their standard errors; shape (cameras, criteria).
 
-    NaN where a camera has none: it is not usable at the distance, or nowhere.
+    NaN if a camera has no value: it is not usable at the distance, or not usable at all.
     """
 
     values: FloatArray
@@ -34,7 +34,7 @@ class CriterionValues:
 
 
 class Measurer:
-    """Measures criteria; what is computed of a camera that several designs share is computed once."""
+    """Computes criteria; shares the results of cameras that occur in several designs."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[WeighedPart, DepthCamera, UsableCriteria], tuple[float, float]] = {}
@@ -42,7 +42,7 @@ class Measurer:
     def measure(self, definition: StudyDefinition) -> CriterionValues:
         """The criteria of the trade-off of a study, over its cameras."""
         file, case = definition.file, definition.case
-        assert file.trade_off is not None  # whoever asks has seen to that
+        assert file.trade_off is not None  # the caller has checked
         found = np.array(
             [
                 [self._one(case, camera, name, one) for name, one in file.trade_off.criteria.items()]
@@ -86,7 +86,7 @@ def value_scales(definition: StudyDefinition) -> tuple[ValueScale, ...]:
 
 
 def refuse_words(definition: StudyDefinition) -> None:
-    """Refuse to weigh a derived criterion that is no number for some camera, before anything is computed.
+    """Refuse, before anything is computed, to weigh a derived criterion that has no number for some camera.
 
     Raises
     ------
@@ -109,7 +109,9 @@ def _words(definition: StudyDefinition, case: Case, name: str, ranked: Sequence[
     found = {camera: criterion_of(case, camera, name) for camera in ranked}
     return [
         definition.document.locate(path).problem(
-            path, f"{camera!r} has no number for it ({one.text}); leave it out, or name candidates without this camera"
+            path,
+            f"{camera!r} has no number for this criterion ({one.text}); leave the criterion out, or list candidates "
+            "without this camera",
         )
         for camera, one in found.items()
         if math.isnan(one.number)

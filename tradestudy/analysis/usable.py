@@ -1,4 +1,4 @@
-"""The usable range of a camera: where every limit of the study holds, and which one binds at each end."""
+"""The usable range of a camera: where it meets every limit of the study, and which limit binds at each end."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ LIMIT_NAMES: Final = (
     "relative_uncertainty",
 )
 _OF_DEPTH: Final = frozenset(("failed_fraction", "relative_uncertainty"))
-_OF_ERRORS: Final = _OF_DEPTH | {"saturation", "matching"}  # the others are of the geometry, and known together
-_REACH: Final = 1.2  # factor of a distance within which its scrambles are sought
+_OF_ERRORS: Final = _OF_DEPTH | {"saturation", "matching"}  # the others follow from geometry and are computed together
+_REACH: Final = 1.2  # factor of a distance within which each scramble's root is sought
 _AROUND: Final = 33  # places
 END_OF_STUDY: Final = "range of the study"
 
-# Each round divides the bracket of every boundary by this number at least, until the last digits are reached.
+# Each round divides the bracket of every boundary by at least this number, until the last digits are reached.
 SUBDIVISIONS: Final = 16
 
 
 @dataclass(frozen=True, kw_only=True)
 class Interval:
-    """One usable interval of distance [m] and the limit that ends it on either side.
+    """One usable interval of distance [m], with the limits at its ends.
 
-    The errors are standard errors of the ends from scramble to scramble of the draws; 0 where no draws decide.
+    The errors are standard errors of the ends over the scrambles of the draws; 0 for ends that draws do not decide.
     """
 
     near: float
@@ -53,7 +53,7 @@ class Interval:
 
 @dataclass(frozen=True, kw_only=True)
 class Boundary:
-    """A distance [m] where a condition begins to hold, or ceases to."""
+    """A distance [m] where a condition begins or ceases to hold."""
 
     distance: float
     begins: bool
@@ -62,12 +62,12 @@ class Boundary:
 def evaluate_limits(
     camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray, names: Collection[str] = LIMIT_NAMES
 ) -> Mapping[str, Limit]:
-    """All limits that the study declares and the camera knows, at distances [m]; none holds where it forms no image.
+    """Evaluate all limits that the study declares and the camera knows at distances [m]; none holds without an image.
 
-    ``saturation`` and ``matching`` are among them for a camera whose disparity error is derived: where the brightest
-    pixels are full, or no matcher reaches that error, the camera measures nothing that is known.
+    ``saturation`` and ``matching`` apply to a camera whose disparity error is derived: where the brightest pixels are
+    full, or no matcher reaches that error, its measurements have no known error.
 
-    Only those of the given ``names``, if not all are of interest.
+    Only limits among the given ``names`` are evaluated.
     """
     distance = np.where(camera.images(distance), distance, np.nan)
     law, errors = camera.disparity_error_px, DepthErrors.of(camera, distance)
@@ -111,21 +111,21 @@ def boundaries(
     Parameters
     ----------
     condition
-        Vectorised over distance [m]: whether it holds; or by how much it is kept, negative where it is broken, which
-        finds the distances with fewer trials.
+        Vectorised over distance [m]: either whether it holds, or its margin, negative where it is violated, which
+        needs fewer evaluations.
     distance
         Increasing grid [m]; a condition that changes twice between two points is not seen.
     held
         Where it holds on the grid, if that is known.
     to
-        Share of a distance to which it is enough to find it, where its last digits are not of interest.
+        Relative accuracy that suffices, if the last digits do not matter.
     """
     held = _holds(condition(distance)) if held is None else held
     change = np.flatnonzero(held[1:] != held[:-1])
     low, high, begins = distance[change], distance[change + 1], held[change + 1]
     if change.size == 0:
         return ()
-    ends = np.full((2, change.size), np.nan)  # by how much the condition is kept at low and high
+    ends = np.full((2, change.size), np.nan)  # margin of the condition at low and high
     shares, columns = _even(change.size), np.arange(change.size)
     while np.any(high - low > np.maximum(2.0 * np.spacing(high), to * high)):
         points = np.vstack([low, low + shares * (high - low), high])
@@ -143,7 +143,7 @@ def boundaries(
 
 
 def margin(met: BoolArray, difference: FloatArray) -> FloatArray:
-    """By how much a condition is kept, negative where it is broken, from the difference of its value and its bound."""
+    """Margin of a condition, negative where it is violated, from the difference of its value and its bound."""
     size = np.maximum(np.abs(difference), np.finfo(np.float64).tiny)
     return np.where(met, size, -size)
 
@@ -153,13 +153,13 @@ def _holds(found: BoolArray | FloatArray) -> BoolArray:
 
 
 def _even(count: int) -> FloatArray:
-    """Shares of so many brackets at which each is divided evenly; shape (divisions, brackets)."""
+    """Shares that divide each of so many brackets evenly; shape (divisions, brackets)."""
     return np.repeat(np.linspace(0.0, 1.0, SUBDIVISIONS + 1)[1:-1, np.newaxis], count, axis=1)
 
 
 def _towards_zero(at_low: FloatArray, at_high: FloatArray) -> FloatArray:
-    """As many shares of each bracket, ever denser towards where a straight line through both ends would vanish."""
-    with np.errstate(invalid="ignore"):  # an end of unknown or infinite value says nothing: the middle
+    """The same number of shares, concentrated around the zero of a straight line through both ends of each bracket."""
+    with np.errstate(invalid="ignore"):  # without a finite value at both ends: the middle
         zero = at_low / (at_low - at_high)
     zero = np.where(np.isfinite(zero), zero, 0.5)
     reach = 1.0 - 4.0 ** -np.arange(1.0, SUBDIVISIONS // 2)[:, np.newaxis]
@@ -174,10 +174,10 @@ def usable_ends(
     *,
     to: float = 0.0,
 ) -> tuple[Boundary, ...]:
-    """Where a camera becomes usable or ceases to be within a grid, whose limits are known; ``to`` as of `boundaries`.
+    """Where a camera becomes usable or ceases to be, on a grid whose limits are known; ``to`` as in `boundaries`.
 
-    Between two grid points only the limits are followed that are broken on one side, and those that this leaves broken
-    at an end that it finds.
+    Between two grid points only the limits violated on one side are followed, and then any others that turn out to be
+    violated at an end found that way.
     """
     held = all_met(limits, distance.shape)
     change = np.flatnonzero(held[1:] != held[:-1])
@@ -194,7 +194,7 @@ def usable_ends(
 
 
 def usable_stretches(ends: Sequence[Boundary], distance: FloatArray, held: BoolArray) -> list[tuple[float, float]]:
-    """The nearest and the farthest distance [m] of each usable stretch of a grid, from its ends within the grid."""
+    """Nearest and farthest distance [m] of each usable interval of a grid, from the boundaries within the grid."""
     near = [end.distance for end in ends if end.begins]
     far = [end.distance for end in ends if not end.begins]
     if held[0]:
@@ -205,7 +205,7 @@ def usable_stretches(ends: Sequence[Boundary], distance: FloatArray, held: BoolA
 
 
 def _kept_by(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray, names: Collection[str]) -> FloatArray:
-    """By how much the nearest of some limits is kept; negative where one is broken, NaN where that is all there is."""
+    """Smallest margin of some limits; negative where one is violated, NaN where its value is unknown."""
     law = camera.disparity_error_px
     kept = []
     if "matching" in names and not isinstance(law, float | int):
@@ -223,10 +223,10 @@ def usable_intervals(
     distance: FloatArray,
     limits: Mapping[str, Limit] | None = None,
 ) -> tuple[Interval, ...]:
-    """The usable intervals within a grid of distances [m], from near to far, each end with the limit that sets it.
+    """The usable intervals within a grid of distances [m], from near to far, with the limit that sets each end.
 
-    Ends are found to the last digits between grid points, whose ``limits`` may be known, and those that rest on draws
-    in each scramble too. An end at the edge of the grid is named so.
+    Ends between grid points are found to the last digits, and those that depend on draws also in each scramble. The
+    ``limits`` at the grid points may be passed in. An end at the edge of the grid is marked as such.
     """
     limits = evaluate_limits(camera, criteria, distance) if limits is None else limits
     ends = usable_ends(camera, criteria, distance, limits)
@@ -253,7 +253,7 @@ def usable_intervals(
 
 
 def _end_error(camera: DepthCamera, criteria: UsableCriteria, end: Boundary, name: str) -> float:
-    """Standard error [m] of an end that a limit of drawn depths sets; 0 for others."""
+    """Standard error [m] of an end set by a limit on drawn depths; 0 for other ends."""
     names = [one for one in name.split(", ") if one in _OF_DEPTH]
     if camera.propagation.model != "exact" or not names:
         return 0.0
@@ -268,24 +268,24 @@ def _end_error(camera: DepthCamera, criteria: UsableCriteria, end: Boundary, nam
 
 
 def places_around(distance: float) -> FloatArray:
-    """Distances [m] around one among which its scrambles are sought."""
+    """Distances [m] around one at which its scrambles are evaluated."""
     return np.asarray(distance * np.geomspace(1.0 / _REACH, _REACH, _AROUND))
 
 
 def scramble_error(values: FloatArray, distance: float) -> float:
-    """Standard error [m] of a distance where a value changes its sign, from where it does in each scramble.
+    """Standard error [m] of a distance where a value changes its sign, from the root in each scramble.
 
     Parameters
     ----------
     values
-        Of each scramble at `places_around` that distance, shape (scrambles, places).
+        Values of each scramble at `places_around` that distance, shape (scrambles, places).
     distance
         [m].
 
     Returns
     -------
     float
-        0 for one scramble; infinite where a scramble has no change of sign there.
+        0 for one scramble; infinite if a scramble has no change of sign there.
     """
     if len(values) < 2:
         return 0.0
@@ -302,13 +302,13 @@ def scramble_error(values: FloatArray, distance: float) -> float:
 
 
 def _share_of_zero(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Where between two values of opposite sign a line through both vanishes; the middle where one is infinite."""
+    """Zero of a line through two values of opposite sign, as a share of their distance; 0.5 where one is infinite."""
     share = low / (low - high)
     return np.where(np.isfinite(share), share, 0.5)
 
 
 def _binding(camera: DepthCamera, criteria: UsableCriteria, ends: Sequence[Boundary]) -> list[str]:
-    """The limits that are broken just outside each end; of matching, the condition."""
+    """The limits violated just outside each end; for matching, with the condition."""
     outside = np.array([end.distance * (1.0 - 1e-9 if end.begins else 1.0 + 1e-9) for end in ends])
     limits = evaluate_limits(camera, criteria, outside) if ends else {}
     law, binding = camera.disparity_error_px, []

@@ -1,4 +1,4 @@
-"""Claims about light: Fresnel against Kirchhoff, criteria, and images of the spot."""
+"""Claims about light: Fresnel compared with Kirchhoff, criteria, and images of the spot."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _METRIC_WORDS = {"peak": "peak error", "l1": "L1 error", "largest": "largest err
 
 
 def wave_claim_value(claim: WaveClaim, fresnel: FresnelValidityPart | None, spot: LightSpotPart | None) -> float:
-    """The value of a claim about light; the schema promises that the part it speaks of is there."""
+    """The value of a claim about light; the schema ensures that the part it refers to exists."""
     match claim:
         case PsfErrorClaim():
             return _psf_error(claim, _there(fresnel), claim.f_number)
@@ -48,25 +48,25 @@ def wave_claim_value(claim: WaveClaim, fresnel: FresnelValidityPart | None, spot
 
 
 def wave_claim_words(claim: WaveClaim) -> str:
-    """What is computed to answer a claim about light, in words."""
+    """The quantity that answers a claim about light, in words."""
     match claim:
         case PsfErrorClaim():
-            return f"{_measure(claim)} of Fresnel for the {claim.element} at f/{significant(claim.f_number)}"
+            return f"{_measure(claim)} of the Fresnel law for the {claim.element} at f/{significant(claim.f_number)}"
         case FresnelFNumberClaim():
             limit = f"{pretty(claim.error, FRACTION)} (0: at every f-number compared)"
-            return f"f-number from which the {_measure(claim)} for the {claim.element} stays below {limit}"
+            return f"smallest f-number above which the {_measure(claim)} for the {claim.element} stays below {limit}"
         case CriterionFNumberClaim():
             bound = f" of {significant(claim.path_error)} waves" if claim.path_error is not None else ""
-            return f"least f-number for the {claim.element} by {claim.criterion}{bound}"
+            return f"smallest f-number for the {claim.element} by {claim.criterion}{bound}"
         case ImageDifferenceClaim():
-            return f"summed difference of the {claim.method} image from the {claim.reference} image"
+            return f"summed difference between the {claim.method} and {claim.reference} images, relative to the latter"
         case LitPixelsClaim():
-            images = f"{claim.method} image over {claim.reference} image"
-            return f"pixels above {pretty(claim.above, FRACTION)} of the brightest, {images}"
+            images = f"{claim.method} image relative to {claim.reference} image"
+            return f"number of pixels above {pretty(claim.above, FRACTION)} of the brightest, {images}"
 
 
 def _there(part: PartT | None) -> PartT:
-    assert part is not None  # the schema's promise
+    assert part is not None  # the schema ensures it
     return part
 
 
