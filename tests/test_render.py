@@ -213,7 +213,7 @@ def test_without_noise_electrons_are_written_as_floats(tmp_path: Path) -> None:
 
 def test_pictures_beyond_the_free_memory_are_refused_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pictures, "available_memory", lambda: 1e8)
-    with pytest.raises(UnaffordableError, match=r"192 × 192 pixels: 0\.\d GB on 1 worker .*0\.1 GB are free"):
+    with pytest.raises(UnaffordableError, match=r"192 × 192 pixels: 0\.\d GB on 1 worker .*0\.1 GB free"):
         api.render(study(tmp_path), tmp_path)
     assert not (tmp_path / "pictures").exists()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -38,7 +39,8 @@ def test_halves_of_the_measured_views_differ_as_they_claim(measured):
 def test_the_report_has_what_the_figure_needs(measured):
     group = calibration_group({"webcams": measured})
     values = dict(zip(group["rig_quantity"].values, group["rig_value"].values, strict=True))
-    assert "it claims" in values["this calibration is good to, at 300 mm"]
+    (accuracy,) = (value for name, value in values.items() if name.startswith("accuracy") and "300 mm" in name)
+    assert re.fullmatch(r"\S+ [mµ]m; .* \S+ [mµ]m", accuracy)
     assert group["rig_residual"].shape == (1, 2, 6, 8, 2)
     assert np.nanmax(np.abs(group["rig_residual"].values)) < 0.3
     assert draw_trust(xr.DataTree.from_dict({"/calibration": group}), "webcams").svg().startswith(b"<?xml")

@@ -26,7 +26,7 @@ def test_a_value_set_for_a_run_does_not_claim_the_source_of_the_study_s_own() ->
     rows = register("pair-f22.lenses.f_number=16")
     key = ("lenses.f_number", "pair-f22")
     assert own[key] == ("22", "assumed", "the end of a usual iris")
-    assert rows[key] == ("16", "set for this run", "in place of 22 (assumed: the end of a usual iris)")
+    assert rows[key] == ("16", "set for this run", "replaces 22 (assumed: the end of a usual iris)")
     assert {path: row for path, row in rows.items() if path != key} == {
         path: row for path, row in own.items() if path != key
     }
@@ -34,7 +34,7 @@ def test_a_value_set_for_a_run_does_not_claim_the_source_of_the_study_s_own() ->
 
 def test_a_value_shared_by_cameras_is_set_for_the_named_one_alone() -> None:
     rows = register("pair-f9.8.lenses.f_number=8", "pair-f9.8.lenses.f_number=7.1")
-    note = "in place of 9.8 (datasheet: as above)"  # not of the 8 that never acted
+    note = "replaces 9.8 (datasheet: as above)"  # not of the 8 that never acted
     assert rows["lenses.f_number", "pair-f9.8"] == ("7.1", "set for this run", note)
     assert rows["lenses.f_number", "pair-declared"] == ("9.8", "datasheet", "as above")
 
@@ -48,12 +48,12 @@ def test_what_is_added_taken_back_or_given_with_its_own_basis_is_told() -> None:
     assert rows["scene.picture.texture.contrast", ""] == (
         "20 % (measured: on a slab)",
         "set for this run",
-        "in place of 15 % (assumed: weathered rock under diffuse light)",
+        "replaces 15 % (assumed: weathered rock under diffuse light)",
     )
     assert rows["attributes.moving_parts", "pair-f22"] == ("2", "set for this run", "the study declares none")
     value, basis, note = rows["requirements", ""]
     assert (value, basis) == ("none", "set for this run")
-    assert note.startswith("in place of {grains: {says: relief of a grain")
+    assert note.startswith("replaces {grains: {says: relief of a grain")
 
 
 def test_a_tolerance_is_set_for_the_run_and_a_reading_s_value_is_the_study_s_own() -> None:

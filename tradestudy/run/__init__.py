@@ -1,1 +1,1 @@
-"""A study computed: one results group after another."""
+"""Computes a study, one results group after another."""

@@ -1,4 +1,4 @@
-"""From pictures of planes to depth and back to the matcher: does a camera reach what is predicted of it?"""
+"""The depth loop: render pictures of planes, measure depth in them, and compare its errors with the prediction."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.depth_loop import DepthLoopPart
 
 STEP: Final = "depth loop"
-_SEARCHED_PX: Final = 8.0  # of disparity, to either side of the plane
+_SEARCHED_PX: Final = 8.0  # of disparity, on either side of the plane
 _SEARCHED: Final = 0.15  # of the distance, where the disparity changes little
-_DEVIATIONS: Final = 6.0  # predicted ones that are always searched
-_PILOT: Final = 200  # pixels across and down, from which the number of windows is told
+_DEVIATIONS: Final = 6.0  # predicted standard deviations that are always searched
+_PILOT: Final = 200  # side [pixels] of the first picture, from which the number of windows is estimated
 _SPARE: Final = 1.1
 _NOISE: Final = "shot+read+quantisation"
 _FARTHEST: Final = 100.0  # times the distance
@@ -40,20 +40,20 @@ _FARTHEST: Final = 100.0  # times the distance
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LoopPoint:
-    """One camera before one plane.
+    """One camera in front of one plane.
 
     Parameters
     ----------
     name, camera, reader
-        The camera as it was designed, and who reads depth in its pictures.
+        Name of the camera, its design, and the reader that measures depth in its pictures.
     settings, window_px
-        Texture, light and sensor of these pictures, and the side of the window that is matched [samples].
+        Texture, light and sensor of these pictures, and the side of the matching window [samples].
     distance
-        Of the plane [m].
+        Distance of the plane [m].
     windows, samples
-        How many windows without common pixels are measured, and rays of each pixel.
+        How many windows without common pixels are measured, and the rays per pixel.
     seed
-        Of texture and noise.
+        Seed of texture and noise.
     """
 
     name: str
@@ -69,19 +69,19 @@ class LoopPoint:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LoopFinding:
-    """What was measured on one plane.
+    """The depth measured on one plane.
 
     Parameters
     ----------
     score
-        How it compares with truth and prediction; None where the camera cannot measure there.
+        Comparison with truth and prediction; None where the camera cannot measure.
     errors_px, bounds_px
-        Errors of disparity [samples] and the bounds of their windows, of windows without common pixels.
+        Disparity errors [samples] and the bounds of their windows, for windows without common pixels.
     available
-        Predicted share of the object points that the estimator has two pictures of, on as much of the sensor as was
-        rendered.
+        Predicted share of the object points that the estimator sees in two pictures, on the rendered part of the
+        sensor.
     blur_px
-        Geometric blur of the picture that is matched [samples].
+        Geometric blur of the matched picture [samples].
     reason
         Why there is no score, or empty.
     """
@@ -95,15 +95,15 @@ class LoopFinding:
 
 
 def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[str, float, float, float], LoopPoint]:
-    """Every camera before every plane, by its name, distance [m], contrast and electrons.
+    """Every camera in front of every plane, by its name, distance [m], contrast and electrons.
 
     Raises
     ------
     OutOfRangeError
-        For a camera in whose pictures no depth can be measured.
+        A camera cannot measure depth in its pictures.
     """
     scene = definition.file.scene
-    assert scene is not None  # the study was checked
+    assert scene is not None  # the study has been checked
     assert scene.picture is not None
     picture, declared = scene.picture, scene.picture.settings(scene.wavelength)
     names = part.cameras or tuple(definition.case.cameras)
@@ -118,7 +118,7 @@ def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[
         camera, reader = definition.case.cameras[name], definition.file.cameras[name].reader
         if reader is None:
             raise OutOfRangeError(
-                f"no depth can be measured in the pictures of {name}", remedy="leave it out of depth_loop.cameras"
+                f"{name} cannot measure depth in its pictures", remedy="leave it out of depth_loop.cameras"
             )
         scale = 1.0 if part.texture_scaled_from is None else distance / part.texture_scaled_from
         texture = Texture(contrast=contrast, correlation_length=picture.texture.correlation_length * scale)
@@ -140,18 +140,18 @@ def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[
 def measure_loop(
     points: dict[tuple[str, float, float, float], LoopPoint], steps: Steps
 ) -> dict[tuple[str, float, float, float], LoopFinding]:
-    """Measure on every plane, on the workers."""
+    """Measure every plane, on the workers."""
     labels = [f"{name} at {distance:g} m" for name, distance, _, _ in points]
     return dict(zip(points, steps.map(STEP, measure_on_plane, list(points.values()), labels), strict=True))
 
 
 def measure_on_plane(point: LoopPoint) -> LoopFinding:
-    """Take the pictures of one plane and measure depth in them: a few pixels first, to know how many are needed."""
+    """Render one plane and measure its depth: a small picture first, to find out how many pixels are needed."""
     camera = _with_picture(point.camera, point.settings)
     geometry = camera.picture_geometry(np.array([point.distance]))
     blur = float(np.ravel(geometry.blur_px)[0])
     if not np.all(np.isfinite(geometry.magnification)):
-        reason = "the plane is so near that the lens makes no picture of it"
+        reason = "the plane is too near for the lens to form a picture of it"
         return LoopFinding(
             score=None, errors_px=np.empty(0), bounds_px=np.empty(0), available=0.0, blur_px=blur, reason=reason
         )
@@ -184,7 +184,7 @@ def _scored(camera: DepthCamera, found: DepthMap, truth: TrueDepth, point: LoopP
 
 
 def _of_windows_apart(found: DepthMap, truth: TrueDepth, window_px: float) -> tuple[FloatArray, FloatArray]:
-    """Errors of disparity [samples] and the bounds of their windows, of windows without common pixels."""
+    """Disparity errors [samples] and the bounds of their windows, for windows without common pixels."""
     step = math.ceil(window_px)
     apart = np.zeros(found.depth.shape, bool)
     apart[::step, ::step] = True
@@ -195,7 +195,7 @@ def _of_windows_apart(found: DepthMap, truth: TrueDepth, window_px: float) -> tu
 
 
 def _with_picture(camera: DepthCamera, settings: PictureSettings) -> DepthCamera:
-    """The camera whose derived error is that of such pictures; one that declares its error stays as it is."""
+    """The camera with its derived error computed for these settings; unchanged if it declares its error."""
     law = camera.disparity_error_px
     if not isinstance(law, PictureDisparityError):
         return camera
@@ -203,7 +203,7 @@ def _with_picture(camera: DepthCamera, settings: PictureSettings) -> DepthCamera
 
 
 def _depth(camera: DepthCamera, small: DepthCamera, point: LoopPoint) -> tuple[DepthMap, TrueDepth]:
-    """Depth map of the plane by a part of the sensor, and true depth."""
+    """Depth map and true depth of the plane, on a part of the sensor."""
     distance, settings = point.distance, point.settings
     near, far = _searched(camera, distance)
     reader = point.reader(camera=small, search=DepthSearch(near=near, far=far, window_px=point.window_px))
@@ -233,12 +233,12 @@ def _depth(camera: DepthCamera, small: DepthCamera, point: LoopPoint) -> tuple[D
 
 
 def _cropped(camera: DepthCamera, distance: float, side_px: int) -> DepthCamera:
-    """The camera with the middle of its sensor: as much as shows so many pixels of a plane in all of its pictures."""
+    """The camera with the middle of its sensor, large enough to show so many pixels of a plane in all its pictures."""
     sensor = camera.sensor
     magnification = float(np.ravel(camera.picture_geometry(np.array([distance])).magnification)[0])
     aside = max(abs(one.pose.centre[0]) for one in camera.exposures(distance, {}, None, 0.0))
     shift = math.ceil(aside * magnification / sensor.pixel_pitch)
-    # As even or odd as before, so that pixels stay where they are.
+    # The parity stays, so that pixels keep their positions.
     columns = min(sensor.columns, side_px + 2 * shift + (sensor.columns - side_px) % 2)
     rows = min(sensor.rows, side_px + (sensor.rows - side_px) % 2)
     changes: dict[str, Any] = {"sensor": replace(sensor, columns=columns, rows=rows)}
@@ -246,7 +246,7 @@ def _cropped(camera: DepthCamera, distance: float, side_px: int) -> DepthCamera:
 
 
 def _searched(camera: DepthCamera, distance: float) -> tuple[float, float]:
-    """Distances that are searched [m]: so many pixels of disparity around the plane, or what the noise calls for."""
+    """The searched distances [m]: a range of disparity around the plane, or less if distance and noise permit."""
     a = distance * np.array([1.0, 1.001])
     per_px = abs(float(np.diff(1.0 / a)[0] / np.diff(camera.disparity_px(a))[0]))
     noise = float(depth_uncertainty(camera, np.array([distance]), "noise")[0]) / distance**2

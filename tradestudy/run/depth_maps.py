@@ -1,4 +1,4 @@
-"""Depth maps of the rendered pictures of a study's scene, held against the true depth."""
+"""Depth maps from the rendered pictures of a study's scene, compared with the true depth."""
 
 from __future__ import annotations
 
@@ -34,21 +34,21 @@ from tradestudy.run.pictures import Rendering
 from tradestudy.study.definition import StudyDefinition
 
 STEP: Final = "depth maps"
-_DISTANCES: Final = 33  # at which the predicted uncertainty is computed; linear in between
+_DISTANCES: Final = 33  # where the predicted uncertainty is computed; interpolated linearly in between
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CameraReader:
-    """A camera of the study and how depth is measured in its pictures, as it was designed.
+    """A camera of the study, with the reader that measures depth in its pictures as designed.
 
     Parameters
     ----------
     taken
-        What takes the pictures.
+        The camera as it takes the pictures.
     search, reader
-        What depth is looked for, and who reads it.
+        The distances and window to search, and the reader that measures depth.
     exposures
-        The pictures of the camera without errors, which white pictures are told from.
+        The pictures of the camera without errors; its white pictures are computed from them.
     """
 
     taken: Taken
@@ -64,17 +64,17 @@ class PicturesToRead:
     Parameters
     ----------
     reader
-        Who makes it.
+        The reader that makes it.
     recording
-        How values came from light.
+        How light became values.
     values, depths
-        Of the pictures and their true depth [m], by name.
+        Values of the pictures and their true depth [m], by name.
     waves
-        What bends light to each picture; None where it was taken by rays.
+        Diffraction in each picture; None if it was rendered by rays.
     way
-        Which prediction the errors are held against; see `depth_uncertainty`.
+        Which error sources the predicted uncertainty includes; see `depth_uncertainty`.
     middle
-        Of the scene [m].
+        Distance of the middle of the scene [m].
     """
 
     reader: CameraReader
@@ -88,22 +88,22 @@ class PicturesToRead:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredDepth:
-    """Depth as it was measured in the pictures of one camera, with the truth.
+    """Depth measured in the pictures of one camera, with the truth.
 
     Parameters
     ----------
     camera
-        Its name.
+        Name of the camera.
     search
-        What was looked for.
+        The distances and window that were searched.
     found, truth
-        In the same pixels.
+        Measured and true depth, in the same pixels.
     predicted
         Depth uncertainty at the true depth of each pixel [m]; NaN where there is none.
     score
-        How they compare.
+        Comparison of the measured depth with truth and prediction.
     made
-        Pictures that the camera makes with its depth, by name.
+        Pictures that the camera computes from its depth, by name.
     """
 
     camera: str
@@ -116,7 +116,7 @@ class MeasuredDepth:
 
 
 def set_up_readers(definition: StudyDefinition) -> list[CameraReader]:
-    """Who reads depth in the pictures of each camera that takes the scene.
+    """The readers that measure depth in the pictures of each camera that takes the scene.
 
     Parameters
     ----------
@@ -126,14 +126,14 @@ def set_up_readers(definition: StudyDefinition) -> list[CameraReader]:
     Raises
     ------
     OutOfRangeError
-        Where a camera cannot measure depth in its pictures.
+        A camera cannot measure depth in its pictures.
     """
     image, picture = declared_image(definition)
     extent, cameras = extent_and_cameras(definition)
     if image.mosaic is not None:
         raise OutOfRangeError(
-            "depth maps from pictures behind a mosaic of colour filters",
-            remedy="leave scene.image.mosaic out, or ask for no depth maps",
+            "depth maps from pictures taken through a mosaic of colour filters",
+            remedy="remove scene.image.mosaic, or request no depth maps",
         )
     distances, settings = definition.case.distance, picture.settings(definition.case.wavelength)
     ends = float(distances.min()), float(distances.max())
@@ -141,18 +141,18 @@ def set_up_readers(definition: StudyDefinition) -> list[CameraReader]:
 
 
 def reader_of(definition: StudyDefinition, taken: Taken, ends: tuple[float, float], window_px: float) -> CameraReader:
-    """Who reads depth between two distances [m] in the pictures of a camera, by windows of a side [samples].
+    """The reader that measures depth between two distances [m] in a camera's pictures, by windows of a side [samples].
 
     Raises
     ------
     OutOfRangeError
-        Where the camera cannot measure depth in its pictures.
+        The camera cannot measure depth in its pictures.
     """
     reader_of_kind = definition.file.cameras[taken.name].reader
     if reader_of_kind is None:
         raise OutOfRangeError(
-            f"no depth can be measured in the pictures of {taken.name}",
-            remedy="leave it out of scene.image with cameras: […], or ask for no depth maps",
+            f"{taken.name} cannot measure depth in its pictures",
+            remedy="leave it out of scene.image with cameras: […], or request no depth maps",
         )
     search = DepthSearch(near=ends[0], far=ends[1], window_px=window_px)
     return CameraReader(
@@ -164,14 +164,14 @@ def reader_of(definition: StudyDefinition, taken: Taken, ends: tuple[float, floa
 
 
 def measure_depth(rendering: Rendering, readers: Sequence[CameraReader], steps: Steps) -> list[MeasuredDepth]:
-    """Read depth in the pictures of every camera that has a reader.
+    """Measure depth in the pictures of every camera that has a reader.
 
-    Cameras read their pictures as they were designed; what they are less their design is an error of the map.
+    The readers assume the designed cameras, so a camera's deviations from its design become errors of the map.
 
     Raises
     ------
     OutOfRangeError
-        Where a matcher is not installed.
+        A matcher is not installed.
     """
     points = [
         PicturesToRead(
@@ -187,12 +187,12 @@ def measure_depth(rendering: Rendering, readers: Sequence[CameraReader], steps: 
     ]
     if not points:
         return []
-    # Kept as files: the maps of large sensors are as large as their pictures.
+    # Written as files instead of checkpoints: the maps of large sensors are as large as their pictures.
     return replace(steps, checkpoints=None).map(STEP, read_depth, points, [one.taken.name for one in readers])
 
 
 def _waves(rendering: Rendering, reader: CameraReader) -> dict[str, Waves | None]:
-    """What bends light to the pictures of the camera as designed; None for those that were taken by rays."""
+    """Diffraction in the pictures of the camera as designed; None for pictures rendered by rays."""
     by_waves = {one.name: one.tile.waves is not None for one in rendering.pictures if one.camera == reader.taken.name}
     wavelength = rendering.definition.case.wavelength
     return {
@@ -201,7 +201,7 @@ def _waves(rendering: Rendering, reader: CameraReader) -> dict[str, Waves | None
 
 
 def read_depth(point: PicturesToRead) -> MeasuredDepth:
-    """One camera's depth map, how it compares with the truth, and what is made with it."""
+    """One camera's depth map, its comparison with the truth, and the pictures computed from it."""
     one, recording = point.reader, point.recording
     pictures = {
         exposure.name: flat_picture(
@@ -225,7 +225,7 @@ def read_depth(point: PicturesToRead) -> MeasuredDepth:
 
 
 def window_of(settings: PictureSettings, taken: Taken, distance: float) -> float:
-    """Side of the window [samples] where the scene is."""
+    """Side of the window [samples] in the middle of the scene."""
     camera = taken.camera
     if isinstance(camera, DepthCamera):
         return window_at(settings, camera, distance)
@@ -240,14 +240,14 @@ def window_of(settings: PictureSettings, taken: Taken, distance: float) -> float
 
 
 def window_at(settings: PictureSettings, camera: DepthCamera, distance: float) -> float:
-    """Side of the window [samples] at a distance [m], at most the widest that the camera has."""
+    """Side of the window [samples] at a distance [m], at most the widest that the camera allows."""
     geometry = camera.picture_geometry(np.array([distance]))
     asked = settings.asked_window(geometry.magnification, geometry.sample_pitch)
     return min(float(asked[0]), geometry.compared.widest_px)
 
 
 def _matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> str:
-    """The declaration of the matcher that the errors show, or why there is none."""
+    """The matcher fitted to the errors, as a declaration for study files; or why there is none."""
     try:
         return fit_matcher(found, truth, window_px).declaration
     except OutOfRangeError as reason:
@@ -255,7 +255,7 @@ def _matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> str:
 
 
 def predicted_uncertainty(camera: Camera, depth: FloatArray, way: str) -> FloatArray:
-    """Depth uncertainty [m] of a camera at true depths; NaN for one that measures no disparity."""
+    """Depth uncertainty [m] of a camera at true depths; NaN for a camera that measures no disparity."""
     known = np.isfinite(depth)
     if not isinstance(camera, DepthCamera) or not np.any(known):
         return np.full(depth.shape, np.nan)
@@ -265,7 +265,7 @@ def predicted_uncertainty(camera: Camera, depth: FloatArray, way: str) -> FloatA
 
 
 def predicted_availability(camera: Camera, distance: float) -> float:
-    """Predicted share of the object points at a distance [m] that the estimator has two pictures of."""
+    """Predicted share of the object points at a distance [m] that the estimator sees in two pictures."""
     if not isinstance(camera, DepthCamera):
         return math.nan
     limits = camera.limits(np.array([distance]), UsableCriteria(overlap=0.5, availability=0.5))
@@ -274,14 +274,14 @@ def predicted_availability(camera: Camera, distance: float) -> float:
 
 
 def write_depth(one: MeasuredDepth, folder: Path, depth_format: str) -> None:
-    """Write ``depth_map`` with its standard deviation, reasons, true depth and ``depth_map.json``; depths in metres."""
+    """Write ``depth_map`` with its standard deviation, reasons and true depth, and ``depth_map.json``; depths in m."""
     from PIL import Image
 
     found, truth, search = one.found, one.truth, one.search
     for name, values, what in (
-        ("depth_map", found.depth, "estimated depth along the axis, metres; NaN where none was measured"),
-        ("depth_map_deviation", found.deviation, "standard deviation of the estimated depth by noise, metres"),
-        ("depth_map_true", truth.depth, "true depth in the pixels of the estimated one, metres"),
+        ("depth_map", found.depth, "measured depth along the axis, metres; NaN where none was measured"),
+        ("depth_map_deviation", found.deviation, "standard deviation of the measured depth due to noise, metres"),
+        ("depth_map_true", truth.depth, "true depth in the pixels of depth_map, metres"),
     ):
         _write_floats(folder / f"{name}.{depth_format}", values, what)
     with replacing(folder / "depth_map_reason.png") as part:
@@ -294,16 +294,16 @@ def write_depth(one: MeasuredDepth, folder: Path, depth_format: str) -> None:
         "searched": [search.near, search.far],
         "window_px": search.window_px,
         "reasons": {str(int(reason)): text for reason, text in REASONS.items()},
-        "measurable": "255 where the estimator has two pictures of a point and nothing hides it",
+        "measurable": "255 where the estimator sees a point in two pictures and nothing hides it",
         "score": _plain(asdict(one.score)),
     }
     replace_file(folder / "depth_map.json", f"{json.dumps(facts, indent=2, ensure_ascii=False)}\n".encode())
     for name, values in one.made.items():
-        _write_floats(folder / f"{name}.{depth_format}", values, "brightness over that of a white scene")
+        _write_floats(folder / f"{name}.{depth_format}", values, "brightness relative to a white scene")
 
 
 def _plain(value: Any) -> Any:
-    """JSON has no NaN."""
+    """The value with NaN replaced by None, which JSON can hold."""
     if isinstance(value, dict):
         return {key: _plain(one) for key, one in value.items()}
     return None if isinstance(value, float) and not np.isfinite(value) else value

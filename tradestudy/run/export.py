@@ -1,4 +1,4 @@
-"""A camera of a study, declared or fitted, in the files of other programs and as a posterior of our own."""
+"""Export a camera of a study, declared or fitted, to file formats of other programs and as our own posterior."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from tradestudy.wording import listed
 
 POSTERIOR: Final = "posterior"
 WORDS: Final = (*(one.word for one in FORMATS if one.write is not None), POSTERIOR)
-"""What can be asked for."""
-_DRAWS: Final = 4096  # of errors that are declared: their deviations are right to 1 %
+"""The formats that can be requested."""
+_DRAWS: Final = 4096  # of declared errors; gives their standard deviations to 1 %
 
 
 class ExportError(TradestudyError):
@@ -35,16 +35,16 @@ class ExportError(TradestudyError):
 
 @dataclass(frozen=True, kw_only=True)
 class Export:
-    """What is to be written.
+    """The files to write.
 
     Parameters
     ----------
     texts
         Files of other programs by name.
     posterior
-        What is uncertain, for a file of our own; None where nothing is, or nothing was asked.
+        The uncertain parameters, for a file of our own; None if nothing is uncertain or it was not requested.
     left_out
-        What the files do not say, in words.
+        What the files do not contain, in words.
     """
 
     texts: Mapping[str, str]
@@ -53,25 +53,25 @@ class Export:
 
 
 def export(definition: StudyDefinition, name: str, words: Sequence[str], *, lossy: bool) -> Export:
-    """A camera in the formats that these words name, none of them meaning all.
+    """Export a camera in the given formats, or in all if none is given.
 
-    Lengths are in metres. Corners and targets are fitted first: the files then hold what the fit found.
+    Lengths are in metres. Calibrations from corners and targets are fitted first, and the files hold the fit.
 
     Parameters
     ----------
     definition
         The study.
     name
-        Of the camera.
+        Name of the camera.
     words
-        Of `WORDS`.
+        Formats, from `WORDS`.
     lossy
-        Whether what a format cannot hold is left out instead of refused.
+        Whether to leave out what a format cannot hold, instead of refusing.
 
     Raises
     ------
     ExportError
-        There is no such camera; a format cannot hold it.
+        There is no such camera, or a format cannot hold it.
     """
     camera = definition.case.all_cameras.get(name)
     if not isinstance(camera, DepthCamera):
@@ -79,7 +79,7 @@ def export(definition: StudyDefinition, name: str, words: Sequence[str], *, loss
         what = "no camera of the study has this name" if camera is None else "this camera measures no depth"
         raise ExportError(what, value=name, limit=", ".join(known), remedy="name one of these")
     if unknown := [word for word in words if word not in WORDS]:
-        raise ExportError("an unknown format", value=", ".join(unknown), limit=", ".join(WORDS), remedy="name these")
+        raise ExportError("unknown format", value=", ".join(unknown), limit=", ".join(WORDS), remedy="use one of these")
     asked = words or WORDS
     posterior = _inferred(definition, name)
     texts: dict[str, str] = {}
@@ -89,7 +89,7 @@ def export(definition: StudyDefinition, name: str, words: Sequence[str], *, loss
     rig = camera.exported(None if posterior is None else posterior.best) if formats else None
     if formats and rig is None:
         listed_formats = listed([one.name for one in formats])
-        refused.append(f"{listed_formats} have no form for a camera of family {camera.family}")
+        refused.append(f"{listed_formats} cannot describe a camera of family {camera.family}")
         formats = []
     for one in formats:
         assert rig is not None
@@ -98,19 +98,20 @@ def export(definition: StudyDefinition, name: str, words: Sequence[str], *, loss
             refused += missing
     if POSTERIOR in asked:
         session = [group.name for group in camera.calibration.groups if group.error_class is ErrorClass.SESSION]
-        refused += [f"a posterior cannot hold {one}, which happened since the calibration" for one in session]
+        refused += [f"a posterior cannot hold {one}: this error arose after the calibration" for one in session]
         posterior = posterior or _declared(definition, camera, name)
         if posterior is None:
             left_out.append("posterior: nothing about the camera is declared uncertain")
     if refused and not lossy:
         raise ExportError(
-            "\n".join(refused), remedy="--lossy leaves this out, --format chooses among the formats; nothing is written"
+            "\n".join(refused),
+            remedy="pass --lossy to leave this out, or choose other formats with --format; nothing was written",
         )
     return Export(texts=texts, posterior=posterior if POSTERIOR in asked else None, left_out=(*left_out, *refused))
 
 
 def _written(one: Format, rig: ImportedRig, stem: str) -> Iterator[tuple[Mapping[str, str], list[str]]]:
-    """The files of a format, and what they do not hold; no files where they cannot hold the lens at all."""
+    """The files of a format, and what they do not hold; no files if the format cannot hold the lens at all."""
     assert one.write is not None
     missing: list[str] = []
     while True:
@@ -132,7 +133,7 @@ def _without(camera: ImportedCamera, names: Sequence[str]) -> ImportedCamera:
 
 
 def _inferred(definition: StudyDefinition, name: str) -> CalibrationDraws | None:
-    """The posterior of a calibration from corners or a target; None of any other."""
+    """The posterior of a calibration from corners or a target; None for other calibrations."""
     key = definition.posterior_keys.get(name)
     if key is None:
         return None
@@ -142,7 +143,7 @@ def _inferred(definition: StudyDefinition, name: str) -> CalibrationDraws | None
 
 
 def _declared(definition: StudyDefinition, camera: DepthCamera, name: str) -> CalibrationDraws | None:
-    """Draws of the declared errors, or of a posterior that the study takes from a file."""
+    """Draws of the declared errors, or of a posterior that the study reads from a file."""
     groups = tuple(group for group in camera.calibration.groups if group.error_class is ErrorClass.RIG)
     if not groups:
         return None
@@ -155,7 +156,7 @@ def _declared(definition: StudyDefinition, camera: DepthCamera, name: str) -> Ca
 
 
 def write_export(found: Export, folder: Path, name: str) -> list[Path]:
-    """Write the files of an export into a folder."""
+    """Write the files of an export to a folder and return their paths."""
     from tradestudy.calibration.posterior_file import write_posterior
     from tradestudy.results.storage import replace_file, replacing
 

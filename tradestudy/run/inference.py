@@ -1,4 +1,4 @@
-"""The calibrations of a study that have to be inferred before anything can be said about depth."""
+"""Infer the calibrations that a study needs before it can predict depth."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
 def infer_calibrations(
     definition: StudyDefinition, steps: Steps
 ) -> tuple[StudyDefinition, Mapping[str, InferredCalibration]]:
-    """Infer every calibration from a target or corners, of the study, its readings and the designs of its sweep.
+    """Infer every calibration from a target or corners, for the study, its readings and the designs of its sweep.
 
     Returns
     -------
     StudyDefinition
-        The study with cameras that know their calibrations.
+        The study, its cameras with their inferred calibrations.
     mapping of str to InferredCalibration
-        Of the study as declared, by camera.
+        Calibrations of the study as declared, by camera.
 
     Raises
     ------
     TradestudyError
-        A calibration that cannot be inferred, or contradicts the declared geometry.
+        A calibration cannot be inferred, or contradicts the declared geometry.
     """
     as_declared = definition.calibrations_to_infer()
     if not as_declared and not any(reading.calibrations_to_infer() for reading in definition.readings.values()):
@@ -50,7 +50,7 @@ def infer_calibrations(
 
 
 def _located(definition: StudyDefinition, error: GeometryContradictionError) -> list[Problem]:
-    """Every contradiction of corners at the place where its camera names them."""
+    """Every contradiction between corners and geometry, located at the calibration key of its camera."""
     found = []
     for line in str(error).splitlines():
         name = next(name for name in definition.file.cameras if f"cameras.{name}." in line)

@@ -1,4 +1,4 @@
-"""The pictures of a study's scene: rendered tile by tile, and written with their true depth and their cameras."""
+"""The pictures of a study's scene, rendered tile by tile and written with their true depth and their cameras."""
 
 from __future__ import annotations
 
@@ -29,29 +29,29 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.scene_image import SceneImagePart
 
 STEP: Final = "rendering"
-_BYTES_PER_PIXEL: Final = 16  # values and depth, in tiles and put together
-_BYTES_PER_SAMPLE: Final = 24  # of a texture while it is made
+_BYTES_PER_PIXEL: Final = 16  # values and depth, in tiles and assembled
+_BYTES_PER_SAMPLE: Final = 24  # of a texture while it is generated
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TakenPicture:
-    """One picture as it was taken.
+    """One rendered picture.
 
     Parameters
     ----------
     camera, name
-        Whose, and which of its pictures.
+        Name of the camera, and of the picture.
     values, depth
         Digital numbers or electrons, and true depth [m]; shape (rows, columns).
     saturated
-        How many pixels are full.
+        Number of saturated pixels.
     sampling_error
-        Relative difference from a picture with 16 times the rays; by waves, between twice as many computed spreads.
+        Relative difference from a picture with 16 times the rays and, by waves, twice as many computed spreads.
     model_error
-        By rays, the relative change that leaving out diffraction makes, by a trial; by waves, the share of the light
-        that is bent farther than it is followed.
+        By rays, the relative change that diffraction would make, from a trial; by waves, the share of the light that
+        is bent beyond the range that is followed.
     tile
-        The whole picture as it was asked for.
+        The whole picture as one tile.
     """
 
     camera: str
@@ -65,13 +65,13 @@ class TakenPicture:
 
     @property
     def pixel_pitch(self) -> float:
-        """Distance of its pixels [m]."""
+        """Distance between its pixels [m]."""
         return self.tile.exposure.sensor.pixel_pitch
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rendering:
-    """All pictures of a study's scene, and what they were taken with."""
+    """All pictures of a study's scene, and the inputs that they were rendered from."""
 
     definition: StudyDefinition
     image: SceneImagePart
@@ -82,7 +82,7 @@ class Rendering:
 
 
 def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
-    """Render every picture that the study's scene asks for.
+    """Render every picture of the study's scene.
 
     Parameters
     ----------
@@ -94,9 +94,9 @@ def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
     Raises
     ------
     StudyError
-        For a study that declares no scene to render, or one that cannot be.
+        The study declares no scene to render, or its scene cannot be rendered.
     UnaffordableError
-        Where the pictures do not fit into the memory that is free, before anything is rendered.
+        The pictures do not fit into the free memory; raised before anything is rendered.
     """
     image, picture = declared_image(definition)
     scene, cameras = set_up(definition)
@@ -123,21 +123,21 @@ def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
 
 
 def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
-    """Write pictures, their depth, and what is true of the cameras that took them."""
+    """Write the pictures, their depth, and a description of the cameras that took them."""
     written: list[Path] = []
-    told: dict[str, dict[str, Any]] = {}
+    facts_of: dict[str, dict[str, Any]] = {}
     for one in rendering.pictures:
         written.append(_write_picture(one, directory / one.camera, rendering.image.depth_format))
-        told.setdefault(one.camera, {})[one.name] = _picture_facts(one, written[-1], rendering)
+        facts_of.setdefault(one.camera, {})[one.name] = _picture_facts(one, written[-1], rendering)
     for taken in rendering.cameras:
-        facts = _camera_facts(rendering, taken, told[taken.name])
+        facts = _camera_facts(rendering, taken, facts_of[taken.name])
         text = json.dumps(facts, indent=2, ensure_ascii=False)
         replace_file(directory / taken.name / "camera.json", f"{text}\n".encode())
     return written
 
 
 def _models(definition: StudyDefinition) -> list[tuple[bool, float]]:
-    """For each camera that takes pictures, whether by waves, and what the choice changes in them."""
+    """For each camera that takes pictures, whether it uses waves, and the change that the choice of models makes."""
     forced, tolerances = definition.file.effects.forced(), definition.file.accuracy.asked().tolerances
     free = {one.name: one for one in picture_pieces(definition, {})} if forced else {}
     found = []
@@ -158,20 +158,20 @@ def _refuse_too_large(whole: Sequence[Tile], scene: SceneSource, *, workers: int
     if needed > free:
         largest = max(sensors, key=lambda sensor: sensor.columns * sensor.rows)
         raise UnaffordableError(
-            f"memory for the pictures of this scene, the largest of {largest.columns} × {largest.rows} pixels",
+            f"memory for the pictures of this scene, the largest with {largest.columns} × {largest.rows} pixels",
             value=f"{needed / 1e9:.1f} GB on {workers} worker{'s' * (workers != 1)}",
-            limit=f"{free / 1e9:.1f} GB are free",
-            remedy="render fewer cameras (scene.image.cameras), smaller sensors, or with fewer workers",
+            limit=f"{free / 1e9:.1f} GB free",
+            remedy="render fewer cameras (scene.image.cameras) or smaller sensors, or use fewer workers",
         )
 
 
 def take_picture(whole: Tile) -> TakenPicture:
-    """Render a picture by rays here, tile by tile."""
+    """Render a picture by rays in this process, tile by tile."""
     return put_together(whole, [(tile, render_tile(tile)) for tile in tiles_of(whole)], math.nan)
 
 
 def put_together(whole: Tile, parts: Sequence[tuple[Tile, Rendered]], model_error: float) -> TakenPicture:
-    """The picture that tiles are parts of."""
+    """Assemble a picture from its tiles."""
     shape = (whole.rows[1], whole.columns[1])
     values = np.empty(shape, parts[0][1].values.dtype)
     depth = np.empty(shape, np.float32)
@@ -192,7 +192,7 @@ def put_together(whole: Tile, parts: Sequence[tuple[Tile, Rendered]], model_erro
 
 
 def _write_picture(one: TakenPicture, folder: Path, depth_format: str) -> Path:
-    """Digital numbers as PNG, electrons as TIFF; depth in metres."""
+    """Write digital numbers as PNG, electrons as TIFF; depth in metres."""
     from PIL import Image
 
     values, depth = one.values, one.depth
@@ -213,7 +213,7 @@ def _write_picture(one: TakenPicture, folder: Path, depth_format: str) -> Path:
 
 
 def _picture_facts(one: TakenPicture, path: Path, rendering: Rendering) -> dict[str, Any]:
-    """What is true of one picture."""
+    """Facts about one picture, for ``camera.json``."""
     tolerance = rendering.definition.file.accuracy.asked().tolerances["pixel_intensity"]
     pose = one.tile.exposure.pose
     return {
@@ -231,7 +231,7 @@ def _picture_facts(one: TakenPicture, path: Path, rendering: Rendering) -> dict[
 
 
 def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any]) -> dict[str, Any]:
-    """What stands beside the pictures of a camera."""
+    """Content of ``camera.json``, beside the pictures of a camera."""
     definition, image, recording = rendering.definition, rendering.image, rendering.recording
     sensor = taken.camera.sensor
     part = definition.file.cameras[taken.name]
@@ -247,8 +247,8 @@ def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any
         "kind": part.kind,
         "study": definition.file.study,
         "units": "lengths in metres, angles in radians, light in electrons",
-        "coordinates": "x to the right (columns), y down (rows), z into the scene; upright; the middle of the sensor "
-        "is the origin of places on it; a ray of the camera (x, y, z) is rotation × (x, y, z) + centre in the scene",
+        "coordinates": "x to the right (columns), y down (rows), z into the scene; upright; positions on the sensor "
+        "start at its middle; a ray (x, y, z) of the camera is rotation × (x, y, z) + centre in the scene",
         "sensor": {"columns": sensor.columns, "rows": sensor.rows, "pixel_pitch": sensor.pixel_pitch},
         "values": {
             **values,
@@ -261,15 +261,15 @@ def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any
         },
         "depth": {
             "unit": "m",
-            "of": "what the middle of the brightest cone of light of a pixel comes from, along the axis of the camera; "
-            "infinite where that meets nothing, NaN where the pupil sends no light",
+            "of": "the point that the middle of a pixel's brightest cone of light comes from, along the axis of the "
+            "camera; infinite where it meets nothing, NaN where the pupil sends no light",
         },
         "scene": {"nearest": near, "farthest": far, "samples": image.samples},
-        "sampling_error": "relative difference (root mean square) from pictures with 16 times the samples, in places "
-        "all over each picture, noise apart; by waves also from twice as many computed spreads along each axis",
-        "model_error": "by rays: relative change of pixel intensities (L2) that leaving out diffraction makes, by a "
-        "trial; by waves: share of the light that is bent farther than it is followed, and shared out",
-        "within_tolerance": "whether both errors together, as squares, keep accuracy.pixel_intensity of the study",
+        "sampling_error": "relative difference (root mean square) from pictures with 16 times the samples, at places "
+        "across each picture, without noise; by waves, also from twice as many computed spreads along each axis",
+        "model_error": "by rays: relative change of pixel intensities (L2) that diffraction would make, from a trial; "
+        "by waves: share of the light that is bent beyond the range that is followed, and redistributed within it",
+        "within_tolerance": "whether both errors, added in quadrature, meet accuracy.pixel_intensity of the study",
         "rig": image.rig,
         "errors": {name: value.tolist() for name, value in taken.errors.items()},
         "properties": dict(taken.camera.properties()),

@@ -1,4 +1,4 @@
-"""From the plan of a study to the results tree."""
+"""Compute the results tree of a planned study."""
 
 from __future__ import annotations
 
@@ -41,18 +41,18 @@ def compute(
     Parameters
     ----------
     plan
-        The study, and the models that act in it.
+        The study, and the models chosen for it.
     steps
-        How independent points are computed: where, what is kept of them, and who hears of progress.
+        How independent points are computed: on which workers, with which checkpoints and progress.
     seconds
-        Takes what the parts that are timed took.
+        Receives the time that each timed part took.
     pictures
-        Folder that the pictures of the study's scene are written to; None keeps only what results have of them.
+        Folder for the pictures of the study's scene; None keeps only their reduced form in the results.
 
     Returns
     -------
     xarray.DataTree
-        As declared in `tradestudy.results`.
+        Groups and variables as defined in `tradestudy.results`.
     """
     steps = Steps() if steps is None else steps
     definition, inferred = infer_calibrations(plan.definition, steps)
@@ -93,7 +93,7 @@ def compute(
 
 @dataclass(frozen=True, kw_only=True)
 class _Asked:
-    """A study that is computed, its designs and readings, and how."""
+    """The study being computed, its designs and readings, and how."""
 
     plan: Plan
     definition: StudyDefinition
@@ -111,7 +111,7 @@ def _root(definition: StudyDefinition) -> xr.Dataset:
 
 
 def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
-    """What cameras that measure depth know of it, and which of them is best."""
+    """Groups about the cameras that measure depth, and which of them is best."""
     definition, steps, file = asked.definition, asked.steps, asked.definition.file
     groups = {"/depth": depth_group(definition, asked.designs, tables)}
     if file.propagation.field_places:
@@ -132,7 +132,7 @@ def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
 
 
 def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
-    """What few studies ask for, imported where they do."""
+    """Groups that few studies ask for; their modules are imported on demand."""
     plan, definition, file = asked.plan, asked.definition, asked.definition.file
     progress, seconds = asked.steps.progress, asked.seconds
     groups: dict[str, xr.Dataset] = {}
@@ -185,7 +185,7 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
 
 
 def _answers(asked: _Asked, tables: DepthTables, criteria: xr.Dataset | None) -> dict[str, xr.Dataset]:
-    """Claims, requirements, and criteria weighed against each other, beside those that a relief derives."""
+    """Claims, requirements and the trade-off, whose criteria join those that a relief derives."""
     definition, file, progress = asked.definition, asked.definition.file, asked.steps.progress
     groups: dict[str, xr.Dataset] = {}
     progress("claims", 0.0)

@@ -1,4 +1,4 @@
-"""The pictures of a study's scene and the depth that is measured in them: taken once, kept as files and in memory."""
+"""The pictures of a study's scene and the depth measured in them, computed once and written as files."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from tradestudy.study.definition import StudyDefinition
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TakenScene:
-    """What came of a study's scene.
+    """The pictures of a study's scene, with the depth measured in them.
 
     Parameters
     ----------
     rendering
         All pictures.
     depths
-        Measured in those of each camera; none where nobody asked for it.
+        Depth measured by each camera; empty if not requested.
     written
-        Files of the pictures.
+        Paths of the picture files.
     """
 
     rendering: Rendering
@@ -32,28 +32,28 @@ class TakenScene:
 
 
 def take_scene(definition: StudyDefinition, directory: Path | None, steps: Steps, *, depth: bool) -> TakenScene:
-    """Render every picture of the study's scene, measure depth in them where that is asked for, and write both.
+    """Render every picture of the study's scene, measure depth in them if requested, and write both.
 
     Parameters
     ----------
     definition
         A study with ``scene.image``, its calibrations inferred.
     directory
-        Where to: a folder for each camera, with its pictures, their depth, ``camera.json`` and its depth map; None
-        writes nothing.
+        Output folder, with a subfolder for each camera: its pictures, their depth, ``camera.json`` and its depth map;
+        None writes nothing.
     steps
         How tiles and maps are computed.
     depth
-        Whether depth is measured.
+        Whether to measure depth.
 
     Raises
     ------
     StudyError
-        For a study that declares no scene to render, or one that cannot be.
+        The study declares no scene to render, or its scene cannot be rendered.
     UnaffordableError
-        Where the pictures do not fit into the memory that is free, before anything is rendered.
+        The pictures do not fit into the free memory; raised before anything is rendered.
     OutOfRangeError
-        Where a camera cannot measure depth in its pictures, before anything is rendered.
+        A camera cannot measure depth in its pictures; raised before anything is rendered.
     """
     readers = set_up_readers(definition) if depth else []
     rendering = render_scene(definition, steps)

@@ -147,10 +147,10 @@ def test_what_cannot_be_exported_is_told(tmp_path: Path) -> None:
     loaded = api.load(study(tmp_path, rig=f"from: chain.yaml, {ageing}"))
     with pytest.raises(TradestudyError, match=r"no camera of the study has this name: head \(allowed: rig"):
         api.export(loaded, "head", tmp_path / "out")
-    with pytest.raises(TradestudyError, match="an unknown format: matlab"):
+    with pytest.raises(TradestudyError, match=r"unknown format: matlab .allowed: .*posterior"):
         api.export(loaded, "rig", tmp_path / "out", formats=("matlab",))
-    with pytest.raises(TradestudyError, match=r"a posterior cannot hold ageing_yaw.*--lossy leaves this out"):
+    with pytest.raises(TradestudyError, match=r"a posterior cannot hold ageing_yaw.*--lossy.*--format"):
         api.export(loaded, "rig", tmp_path / "out")
     assert not (tmp_path / "out").exists()
     _, left_out = api.export(loaded, "rig", tmp_path / "out", lossy=True)
-    assert "a posterior cannot hold ageing_yaw, which happened since the calibration" in left_out
+    assert [one for one in left_out if one.startswith("a posterior cannot hold ageing_yaw")]

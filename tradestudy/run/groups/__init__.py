@@ -1,1 +1,1 @@
-"""The groups of the results tree, one file each: what was computed, with its dimensions."""
+"""The groups of the results tree, one file each: the computed values with their dimensions."""

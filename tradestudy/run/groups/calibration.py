@@ -1,4 +1,4 @@
-"""/calibration: the calibrations that were inferred, with their diagnostics and what the fits found."""
+"""/calibration: the inferred calibrations, with their diagnostics and the results of the fits."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SHOWN_STEPS = 300
 
 
 def calibration_group(inferred: Mapping[str, InferredCalibration]) -> xr.Dataset:
-    """/calibration: the posterior of every camera whose calibration was inferred, and what the fits found."""
+    """/calibration: the posterior of every camera with an inferred calibration, and the results of the fits."""
     posterior, names = _posteriors(inferred)
     values = posterior | rig_rows(inferred) | rig_trust(inferred)
     distances = {"rig_distance": list(DISTANCES)} if "rig_claimed" in values else {}
@@ -82,7 +82,7 @@ def _posteriors(calibrations: Mapping[str, InferredCalibration]) -> tuple[dict[s
 
 
 def _draws(one: InferredCalibration, most: int) -> FloatArray:
-    """The draws that are propagated, in the parameters of the sample; NaN where there are none."""
+    """The propagated draws, over the parameters of the sample; NaN for parameters without draws."""
     found = np.full((most, len(one.sample.names)), np.nan)
     columns = [one.sample.names.index(name) for name in one.posterior.names]
     found[: len(one.posterior.draws), columns] = one.posterior.draws
@@ -90,7 +90,7 @@ def _draws(one: InferredCalibration, most: int) -> FloatArray:
 
 
 def _best(one: InferredCalibration) -> FloatArray:
-    """What a rig calibrated from corners reads about, in the parameters of the sample; NaN for others."""
+    """The best fit of a rig calibrated from corners, over the parameters of the sample; NaN for others."""
     found = np.full(len(one.sample.names), np.nan)
     if one.posterior.best is not None:
         found[[one.sample.names.index(name) for name in one.posterior.names]] = one.posterior.best
@@ -98,7 +98,7 @@ def _best(one: InferredCalibration) -> FloatArray:
 
 
 def _trace(one: InferredCalibration, ensembles: int) -> FloatArray:
-    """The first walker of each ensemble at evenly spread steps, shape (ensembles, steps, parameters)."""
+    """The first walker of each ensemble at evenly spaced steps, shape (ensembles, steps, parameters)."""
     chains = one.sample.chains[:, :, 0]
     steps = (np.arange(_SHOWN_STEPS) * chains.shape[1]) // _SHOWN_STEPS
     padded = np.full((ensembles, _SHOWN_STEPS, chains.shape[-1]), np.nan)
@@ -107,14 +107,14 @@ def _trace(one: InferredCalibration, ensembles: int) -> FloatArray:
 
 
 def _spread(one: InferredCalibration, names: list[str], values: FloatArray) -> FloatArray:
-    """Values over a calibration's own parameters (last axis) laid into those of all calibrations."""
+    """Place values over a calibration's own parameters (last axis) among the parameters of all calibrations."""
     found = np.full((*values.shape[:-1], len(names)), np.nan)
     found[..., [names.index(name) for name in one.sample.names]] = values
     return found
 
 
 def saved_posteriors(tree: xr.DataTree) -> dict[str, CalibrationDraws]:
-    """The posteriors of a run as they are written beside its results, by camera."""
+    """The posteriors of a run, by camera, as written beside its results."""
     if "calibration" not in tree.children:
         return {}
     group, found = tree["calibration"].to_dataset(), {}

@@ -1,4 +1,4 @@
-"""/datasheet: every camera in the terms of depth-camera data sheets, at three to five distances."""
+"""/datasheet: every camera in the terms of depth-camera data sheets, at one to five distances."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
 
 _MOST: Final = 5
-_ANY_SHARE: Final = 1e-9  # so that a camera says its share, whatever it is
+_ANY_SHARE: Final = 1e-9  # low enough that the camera states its share, whatever it is
 
 
 def datasheet_group(definition: StudyDefinition) -> xr.Dataset:
@@ -56,7 +56,7 @@ def datasheet_group(definition: StudyDefinition) -> xr.Dataset:
 
 
 def _repeating(camera: DepthCamera) -> DepthCamera:
-    """The camera without pixel locking, which is the same in every measurement of one distance."""
+    """The camera without pixel locking, which repeats in every measurement at one distance."""
     law = camera.disparity_error_px
     if not isinstance(law, PictureDisparityError):
         return camera
@@ -64,7 +64,7 @@ def _repeating(camera: DepthCamera) -> DepthCamera:
 
 
 def fill_rate(camera: DepthCamera, distance: FloatArray) -> FloatArray:
-    """Share of the picture with a depth: what both views or enough microlenses see, less what fails."""
+    """Share of the picture that has a depth: the part seen by both views or enough microlenses, less failures."""
     limits = camera.limits(distance, UsableCriteria(overlap=_ANY_SHARE, availability=_ANY_SHARE))
     shared = np.ones(distance.shape)
     for name in ("overlap", "availability"):
@@ -74,7 +74,7 @@ def fill_rate(camera: DepthCamera, distance: FloatArray) -> FloatArray:
 
 
 def _places(definition: StudyDefinition) -> FloatArray:
-    """Distances of the decision, or some from end to end of the scene; at most five, at least three if there are."""
+    """Distances of the decision, filled up across the scene: at most five, and three or more if the scene has them."""
     file, distance = definition.file, definition.case.distance
     asked = np.array(sorted(set(file.decision.at if file.decision is not None else ())))
     if asked.size < 3:

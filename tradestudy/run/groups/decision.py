@@ -1,4 +1,4 @@
-"""/decision and /claims: the questions of a study, answered under every reading of the assumptions."""
+"""/decision and /claims: answers to a study's questions under every reading of its assumptions."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def decision_group(
     depth: xr.Dataset,
     progress: Progress = lambda _step, _share: None,
 ) -> xr.Dataset:
-    """/decision from /depth and from the study under each reading, inverse questions apart."""
+    """/decision from /depth and from the study under each reading, without inverse questions."""
     file, case = definition.file, definition.case
     efforts = {name: _effort(reading.case) for name, reading in readings.items()} if file.decision is not None else {}
     work = list(efforts.values())
@@ -94,7 +94,7 @@ def decision_group(
 
 
 def questions_group(definition: StudyDefinition, progress: Progress) -> xr.Dataset:
-    """What /decision says of inverse questions, in studies of cameras of every kind."""
+    """The part of /decision that answers inverse questions, for cameras of every kind."""
     questions = definition.file.solve
     solved = []
     for number, (name, question) in enumerate(questions.items()):
@@ -136,7 +136,7 @@ def _pair_arrays(verdicts: Mapping[str, PairVerdict], tolerance: float) -> dict[
 def _padded(
     rows: Sequence[Mapping[str, Sequence[Any]]], fields: Sequence[str], absent: Sequence[Any]
 ) -> dict[str, Any]:
-    """Every field of events over (reading, way, event), all rows of one length and of one event at least."""
+    """Every field of the events, over (reading, way, event), padded to equal length and at least one event."""
     most = max((len(events) for row in rows for events in row.values()), default=0)
     return {
         name: np.array(
@@ -154,7 +154,7 @@ def claims_group(
     readings: Mapping[str, StudyDefinition],
     progress: Progress = lambda _step, _share: None,
 ) -> xr.Dataset:
-    """/claims: value and answer under each reading that a claim names, and the verdict."""
+    """/claims: value and answer under each reading that a claim names, with the verdict."""
     claims = definition.file.claims
     names = list(readings)
     value = np.full((len(claims), len(names)), np.nan)
@@ -163,7 +163,7 @@ def claims_group(
     tolerance = definition.file.accuracy.tolerance
     efforts = {name: _effort(reading.case) for name, reading in readings.items()}
     asked = [(row, key, name) for row, (key, claim) in enumerate(claims.items()) for name in _readings_of(claim, names)]
-    # Requirements, which are answered as claims are, come after them in the same step.
+    # Requirements are answered after the claims, in the same step.
     work = math.fsum(efforts[name] for *_, name in asked) + efforts[names[0]] * len(definition.file.requirements)
     done = 0.0
     answers: dict[str, dict[str, bool | None]] = {key: {} for key in claims}
@@ -171,7 +171,7 @@ def claims_group(
         row, key, name = asked[place]
         progress("claims", done / work)
         column, claim, dimension = names.index(name), claims[key], claim_dimension(claims[key])
-        # A reading may change what is asked too, such as the blur that counts as sharp; never what is expected.
+        # A reading may also change what a claim asks, such as the blur that counts as sharp; never what it expects.
         value[row, column] = claim_value(readings[name].file.claims[key], readings[name].case)
         text[row, column] = pretty(value[row, column], dimension)
         answers[key][name] = is_met(claim.expect, value[row, column], dimension)
@@ -202,7 +202,7 @@ def claims_group(
 
 
 def _effort(case: Case) -> float:
-    """Relative work of what is asked of a study: that of its cameras, and alike where it has none."""
+    """Relative work of answering a question about a study: the sum over its cameras, or 1 if it has none."""
     return math.fsum(map(relative_effort, case.cameras.values())) or 1.0
 
 

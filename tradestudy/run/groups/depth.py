@@ -33,9 +33,9 @@ DepthTables = Mapping[tuple[DepthCamera, UsableCriteria], DepthTable]
 
 
 def depth_tables(definition: StudyDefinition, designs: Sequence[StudyDefinition], steps: Steps) -> DepthTables:
-    """What each camera of each design knows about depth over the distances of the study.
+    """Depth errors and usability of each camera of each design, over the distances of the study.
 
-    A camera that is the same in several designs is computed once; it is called by the first of them.
+    A camera that several designs share is computed once, under the label of the first of them.
     """
     labels: dict[tuple[DepthCamera, UsableCriteria], str] = {}
     for design, label in zip(designs, point_labels(sweep_axes(definition)), strict=True):
@@ -59,14 +59,14 @@ def depth_group(definition: StudyDefinition, designs: Sequence[StudyDefinition],
 
 
 def depth_at_places_group(definition: StudyDefinition, places: tuple[float, ...]) -> xr.Dataset:
-    """/depth_at_places: the same at the distances of the decision, between those of the scene, as declared."""
+    """/depth_at_places: the variables of /depth at the distances of the decision, for the study as declared."""
     distance = np.array(sorted(set(places)))
     arrays, part_names = _depth_arrays(_tables(definition.case, distance))
     return dataset("depth_at_places", arrays, _coordinates(definition, distance, part_names))
 
 
 def depth_field_group(definition: StudyDefinition, fields: tuple[float, ...], steps: Steps) -> xr.Dataset:
-    """/depth_field: errors off the axis, over (camera, field, distance), as declared."""
+    """/depth_field: depth errors off the axis, over (camera, field, distance), for the study as declared."""
     cameras, distance = definition.case.cameras, definition.case.distance
     points = [FieldPoint(camera=camera, fields=fields, distance=distance) for camera in cameras.values()]
     table = steps.map(
@@ -106,7 +106,7 @@ def _tables(case: Case, distance: FloatArray) -> list[DepthTable]:
 
 
 def _depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]], list[str]]:
-    """The variables of /depth, camera first, and the names of all parts of the error."""
+    """The variables of /depth, with the camera as first dimension, and the names of all parts of the error."""
     evaluations = [table.evaluation for table in tables]
     distance = evaluations[0].distance
     most_intervals = max(1, *(len(table.intervals) for table in tables))
@@ -154,7 +154,7 @@ def _depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]]
 
 
 def _error_arrays(evaluations: Sequence[DepthEvaluation]) -> tuple[dict[str, NDArray[Any]], list[str]]:
-    """What errors do to depth, camera first, and the names of all their parts."""
+    """The variables for depth errors, with the camera as first dimension, and the names of all their parts."""
     part_names = list(dict.fromkeys(name for one in evaluations for name in one.shares))
 
     def over_ways(name: str) -> FloatArray:

@@ -1,4 +1,4 @@
-"""/depth_loop: every plane that cameras measured, and the matcher that is fitted to some of them."""
+"""/depth_loop: every plane that the cameras measured, and the matchers fitted to some of them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tradestudy.study.schema.depth_loop import DepthLoopPart
 
 
 def depth_loop_group(definition: StudyDefinition, part: DepthLoopPart, steps: Steps) -> xr.Dataset:
-    """/depth_loop over cameras, distances, contrasts and light."""
+    """/depth_loop over cameras, distances, contrasts and electrons."""
     points = loop_points(definition, part)
     found = measure_loop(points, steps)
     cameras = list(dict.fromkeys(key[0] for key in points))
@@ -66,7 +66,7 @@ def _fit(findings: Sequence[LoopFinding]) -> MatcherFit | str:
 
 
 def _over_matcher(one: LoopFinding, fit: MatcherFit | str) -> tuple[float, float]:
-    """Standard deviation of the errors of true matches over what the matcher gives, and its standard error."""
+    """Standard deviation of the errors of true matches relative to the matcher's prediction, and its standard error."""
     if isinstance(fit, str) or not one.errors_px.size:
         return math.nan, math.nan
     relative = one.errors_px / fit.matcher.error_px(one.bounds_px)
@@ -88,14 +88,14 @@ def _matchers(fits: Sequence[MatcherFit | str]) -> dict[str, list[Any]]:
 
 
 def matcher_file(data: xr.Dataset, study: str) -> str:
-    """The fitted matchers as YAML that a study's ``cameras`` take, comments with their errors.
+    """The fitted matchers as YAML for the ``cameras`` of a study, with their errors as comments.
 
     Parameters
     ----------
     data
         The group ``/depth_loop``.
     study
-        Its name.
+        Name of the study.
     """
     lines = [f"# Fitted by the depth loop of {study}, for cameras with disparity_error: derived.", "cameras:"]
     for name, matcher, factor in zip(

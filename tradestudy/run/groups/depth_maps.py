@@ -1,4 +1,4 @@
-"""What /pictures keeps of depth that was measured in the pictures of the scene."""
+"""The variables of /pictures for depth measured in the pictures of the scene."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from tradestudy.run.groups.reduction import LARGEST, padded
 
 _CLASSES: Final = 6
 _LARGEST_BLOCK: Final = 64  # px
-_FILLED: Final = 0.8  # of the share of the largest blocks that have a depth
+_FILLED: Final = 0.8  # of the share of the largest blocks that contain a depth
 
 
 def score_values(scores: Sequence[DepthScore | None]) -> dict[str, list[float]]:
-    """Variables of `score_variables`, but the prediction of availability; NaN without a score, counts 0."""
+    """Variables of `score_variables`, except the predicted availability; without a score NaN, and 0 for counts."""
     found = {f"depth_{name}": [0.0 if one is None else float(getattr(one, name)) for one in scores] for name in COUNTS}
     for name in ESTIMATES:
         found[f"depth_{name}"] = [math.nan if one is None else float(getattr(one, name)) for one in scores]
@@ -52,9 +52,9 @@ def depth_map_values(depths: Sequence[MeasuredDepth], cameras: Mapping[str, Came
 
 
 def _block(one: MeasuredDepth) -> int:
-    """The smallest side, by powers of two, of blocks of which hardly fewer have a depth than of the largest ones.
+    """The smallest block side, a power of two, for which hardly fewer blocks contain a depth than for the largest.
 
-    Between micro-images of the types that are not sharp, smaller blocks would be empty.
+    Smaller blocks would be empty between the micro-images of the types that are out of focus.
     """
     measured = np.isfinite(one.found.depth)
     sides = [1 << k for k in range(_LARGEST_BLOCK.bit_length()) if max(measured.shape) <= LARGEST << k]
@@ -81,14 +81,14 @@ def _reduced(one: MeasuredDepth, block: int) -> dict[str, FloatArray]:
 
 
 def _in_blocks(values: NDArray[Any], block: int) -> NDArray[Any]:
-    """Shape (rows, columns, pixels of a block); what does not fill a block at the last edges is left out."""
+    """Shape (rows, columns, pixels of a block); incomplete blocks at the last edges are left out."""
     rows, columns = (size // block for size in values.shape)
     inside = values[: rows * block, : columns * block].reshape(rows, block, columns, block)
     return np.moveaxis(inside, 1, 2).reshape(rows, columns, block * block)
 
 
 def _blockwise(values: NDArray[Any], block: int, middle: Any) -> FloatArray:
-    """A number for each block from its values that are known; NaN for one without."""
+    """One number for each block from its finite values; NaN for a block without any."""
     parts = np.asarray(_in_blocks(values, block), np.float64)
     known = np.any(np.isfinite(parts), axis=-1)
     found = np.full(known.shape, np.nan)
@@ -98,7 +98,7 @@ def _blockwise(values: NDArray[Any], block: int, middle: Any) -> FloatArray:
 
 
 def _classes(one: MeasuredDepth) -> dict[str, FloatArray]:
-    """Errors by classes of true depth, with errors from as many windows as each class has."""
+    """Errors by class of true depth; their standard errors follow from the number of windows in each class."""
     names = ("distance", "bias", "bias_error", "spread", "spread_error", "predicted")
     found = {f"class_{name}": np.full(_CLASSES, np.nan) for name in names}
     both = np.isfinite(one.found.depth) & one.truth.measurable
@@ -112,7 +112,7 @@ def _classes(one: MeasuredDepth) -> dict[str, FloatArray]:
         values = (
             np.median(true[among]),
             middle,
-            spread * math.sqrt(math.pi / 2.0 / windows),  # of a median, and of half this interval, of normal errors
+            spread * math.sqrt(math.pi / 2.0 / windows),  # for the median of normal errors
             spread,
             spread * math.sqrt(VARIANCE_OF_SPREAD / windows),
             np.median(predicted[among]),

@@ -1,4 +1,4 @@
-"""/depth_of_field and /criteria: what every camera keeps sharp, how finely it resolves, and what is not a curve."""
+"""/depth_of_field and /criteria: each camera's sharp range, resolution, and criteria with a single value."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.criteria import criterion_dimension
 from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
 
-# Resolution within the scene has its extreme at an end or where blur takes over from the sample; 401 points find it.
+# Resolution in the scene is extreme at an end or where blur takes over from sampling; 401 points find that place.
 _SCENE_POINTS: Final = 401
 
 
 def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart) -> xr.Dataset:
     """/depth_of_field over (camera, criterion, distance).
 
-    Models that leave diffraction out take it out of every criterion; ``diffraction`` says what counted.
+    Models without diffraction leave it out of every criterion; ``diffraction`` records the measure that was applied.
     """
     case, wavelength = definition.case, definition.case.wavelength
     cameras, sharp = case.all_cameras, case.sharp
@@ -60,13 +60,13 @@ def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart) -
 
 
 def _padded(rows: Sequence[FloatArray]) -> FloatArray:
-    """Ragged rows as one array, filled with NaN; at least one column."""
+    """Ragged rows as one array, padded with NaN to at least one column."""
     width = max([1, *(len(row) for row in rows)])
     return np.stack([np.concatenate([row, np.full(width - len(row), np.nan)]) for row in rows])
 
 
 def _ragged(ranges: list[list[SharpRange]], rows: list[FloatArray]) -> FloatArray:
-    """Rows of every camera and criterion, padded, with those two dimensions put back."""
+    """Rows of every camera and criterion, padded, with those two dimensions restored."""
     return _padded(rows).reshape(len(ranges), len(ranges[0]), -1)
 
 
@@ -107,7 +107,7 @@ def _resolutions(
 
 
 def criteria_group(definition: StudyDefinition) -> xr.Dataset:
-    """/criteria over (camera, criterion), each value with what it rests on; what is sharp as the models have it."""
+    """/criteria over (camera, criterion), each value with its basis; sharpness as in the chosen models."""
     case = definition.case
     cameras, relief = case.all_cameras, Relief.of(case)
     others = list(dict.fromkeys(name for part in case.attributes.values() for name in part.others))
@@ -142,7 +142,7 @@ def criteria_group(definition: StudyDefinition) -> xr.Dataset:
 
 
 def _basis(definition: StudyDefinition, camera: str, path: str) -> str:
-    """What a declared value rests on; plainly "declared" where the study does not say."""
+    """The basis of a declared value; "declared" where the study states none."""
     place = ("cameras", camera, *path.split("."))
     annotation = definition.document.annotations.get(place)
     if annotation is not None and annotation.basis is not None:

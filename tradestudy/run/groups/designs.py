@@ -1,4 +1,4 @@
-"""What /decision says of every design of a sweep: the best camera at a few distances, and where two are equal."""
+"""/decision for every design of a sweep: the best camera at a few distances, and where two cameras are equal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""/disparity_causes: why derived disparity errors are what they are; and the pictures that they need, ahead of time."""
+"""/disparity_causes: the causes of derived disparity errors; and the pictures that they need, computed beforehand."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ STEP: Final = "pictures"
 
 
 def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
-    """/disparity_causes of the study as declared, without its sweep; None where no disparity error is derived.
+    """/disparity_causes of the study as declared, without its sweep; None if no disparity error is derived.
 
-    By the most complete models in closed form, whatever depth leaves out, for a cause that is left out would seem none;
-    and by those that the study names.
+    Uses the most complete closed-form models, even where depth leaves effects out, because an omitted cause would
+    seem to have no effect; models that the study names take precedence.
     """
     forced = definition.file.effects.forced()
     derived = {
@@ -75,7 +75,7 @@ def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
 
 
 def _by_matchers(laws: Sequence[PictureDisparityError], found: Sequence[ErrorCauses]) -> dict[str, Any]:
-    """What the declared matchers make of the bounds, beside which it stands; nothing where none is declared."""
+    """Errors of the declared matchers beside their bounds; empty if none is declared."""
     if all(law.matcher == AT_BOUND for law in laws):
         return {}
     errors = [law.matcher.numerical_error_px(one.value, one.error) for law, one in zip(laws, found, strict=True)]
@@ -94,7 +94,7 @@ def _window(geometry: PictureGeometry, law: PictureDisparityError) -> FloatArray
 
 
 def _electrons(camera: DepthCamera, law: PictureDisparityError, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean electrons of a pixel, and how full the brightest one is; NaN where there is no picture."""
+    """Mean electrons of a pixel, and the filled share of the brightest one; NaN where there is no picture."""
     geometry = camera.picture_geometry(distance)
     imaged = np.isfinite(geometry.magnification)
     seen = (picture_electrons(geometry, law.settings, law.models), filled_share(geometry, law.settings, law.models))
@@ -102,7 +102,7 @@ def _electrons(camera: DepthCamera, law: PictureDisparityError, distance: FloatA
 
 
 def _brightest(electrons: FloatArray, filled: FloatArray) -> list[int]:
-    """Which camera has most light at each distance without being saturated; −1 where only one forms a picture."""
+    """Index of the unsaturated camera with the most light at each distance; −1 where only one forms a picture."""
     fit = np.where(filled <= 1.0, electrons, -1.0)
     several = np.count_nonzero(np.isfinite(electrons), axis=0) > 1
     found = several & (fit.max(axis=0) > 0.0)
@@ -110,7 +110,7 @@ def _brightest(electrons: FloatArray, filled: FloatArray) -> list[int]:
 
 
 def _light_lacked(electrons: FloatArray, camera: int, brightest: list[int]) -> FloatArray:
-    """Electrons of the brightest camera over those of this one; NaN where it is itself that one."""
+    """Electrons of the brightest camera relative to this one; NaN where this one is the brightest."""
     return np.array(
         [
             math.nan if k in (-1, camera) else electrons[k, place] / electrons[camera, place]
@@ -120,9 +120,9 @@ def _light_lacked(electrons: FloatArray, camera: int, brightest: list[int]) -> F
 
 
 def compute_kirchhoff_pictures(definition: StudyDefinition, progress: Progress) -> None:
-    """Compute what Kirchhoff adds to Fresnel for every camera over the study's distances, telling how far it is.
+    """Compute Kirchhoff's correction to Fresnel for every camera over the study's distances, reporting progress.
 
-    It is kept where transfers look for it. Nothing is done, or told, where no camera's models need it.
+    The corrections are cached where transfer functions look them up. Does nothing if no camera's models need them.
     """
     points = kirchhoff_lattice(definition.case.cameras.values(), definition.case.distance)
     for number, point in enumerate(points):

@@ -16,7 +16,7 @@ _NONE = Change(relative=math.nan, evidence="computed")
 
 
 def effects_group(plan: Plan) -> xr.Dataset:
-    """/effects over decisions, and over the pieces of the study that they belong to."""
+    """/effects over decisions, and over the problems of the study that they belong to."""
     decisions = [(one, decision) for one in plan.pieces for decision in one.choice.decisions]
     changes = [_row(decision.changes) for _, decision in decisions]
     together = [_row(one.choice.changes) for one in plan.pieces]

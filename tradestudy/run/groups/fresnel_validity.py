@@ -1,4 +1,4 @@
-"""/fresnel_validity: the measured error of Fresnel's point-spread function, and the criteria that would predict it."""
+"""/fresnel_validity: the measured error of the Fresnel point-spread function, and criteria that predict it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tradestudy.optics.psf_difference import PsfDifference
 from tradestudy.results import dataset
 from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart, listed
 
-_SWEEP_POINTS: Final = 1025  # so that the smaller zero is followed up to twice its least value and more
+_SWEEP_POINTS: Final = 1025  # enough to follow the smaller zero to twice its minimum and beyond
 _STEP: Final = "Fresnel against Kirchhoff, on axis"
 _OFF_AXIS_STEP: Final = "Fresnel against Kirchhoff, off axis"
 
@@ -86,10 +86,10 @@ def fresnel_validity_group(asked: FresnelValidityPart, progress: Progress, secon
     )
     for name, units, long_name in (
         ("wavelength", "m", "wavelength"),
-        ("f_number", "1", "focal length over pupil diameter"),
+        ("f_number", "1", "focal length divided by pupil diameter"),
         ("window", "1", "radius of the window, in Airy radii"),
-        ("quarter_wave", "1", "growth of a + b, in quarter waves beyond the last jump"),
-        ("path_error", "wave", "dropped path allowed"),
+        ("quarter_wave", "1", "growth of a + b in quarter waves since the last jump"),
+        ("path_error", "wave", "allowed length of the neglected path"),
     ):
         result[name].attrs = {"units": units, "long_name": long_name}
     return result
@@ -162,7 +162,7 @@ def _at_points(
     field_angle: float,
     wavelengths: tuple[float, ...],
 ) -> Mapping[str, FloatArray]:
-    """At one f-number of each element, shape (element, lens phase, wavelength, metric, window)."""
+    """Errors at one f-number of each element, shape (element, lens phase, wavelength, metric, window)."""
     found = [
         [_differences(asked, element, place, field_angle, wavelength) for wavelength in wavelengths]
         for element, place in places.items()

@@ -1,4 +1,4 @@
-"""/hard_cases: the catalogue of hard cases, computed anew."""
+"""/hard_cases: the catalogue of hard cases, recomputed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tradestudy.verification.hard_cases.case import OutcomeCase, Verdict, judge,
 
 
 def hard_cases_group(asked: HardCasesPart, progress: Progress) -> xr.Dataset:
-    """/hard_cases over every case of the families asked for."""
+    """/hard_cases over every case of the requested families."""
     families = [family for family in all_families() if family.name in asked.families]
     cases = [(family, case) for family in families for case in family.cases]
     found: dict[int, Verdict] = {}

@@ -1,4 +1,4 @@
-"""/images: the light spot by the models that were chosen, and by every method side by side."""
+"""/images: the light spot by the chosen models, and by every method side by side."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 LIT_ABOVE = 0.01
 
 
-def _told(progress: Progress, number: int, count: int, share: float) -> None:
+def _report(progress: Progress, number: int, count: int, share: float) -> None:
     progress("image of the spot", (number + share) / count)
 
 
 def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, models: Models) -> xr.Dataset:
-    """/images over (propagator, row, column); wall seconds of each go to ``seconds`` as ``image: METHOD``.
+    """/images over (propagator, row, column); the wall seconds of each go to ``seconds`` as ``image: METHOD``.
 
     Parameters
     ----------
     part
-        The spot, and the methods to compare at the tolerance of their own.
+        The spot, and the methods to compare, which have their own tolerance.
     progress, seconds
-        Hear of what is done and what it took.
+        Receive the progress, and the time that each image took.
     models
-        Those that make the picture of the study, in ``chosen_image``; without methods it is the only one.
+        The chosen models, which compute ``chosen_image``; without methods it is the only image.
     """
     chosen = spot_models(models)
     compared = [compared_models(part, method) for method in part.methods]
@@ -52,7 +52,7 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, mode
         progress("image of the spot", number / len(asked))
         name = f"image: {one.method}" if one in compared else "image: chosen"
         with timed(seconds, name):
-            pictures[one] = spot_picture(part, one, partial(_told, progress, number, len(asked)))
+            pictures[one] = spot_picture(part, one, partial(_report, progress, number, len(asked)))
     shown = compared or asked
     found = [pictures[one] for one in shown]
     progress("image of the spot", 1.0)
@@ -118,7 +118,7 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, mode
     )
     for name in ("row", "column"):
         result[name].attrs = {"units": "m", "long_name": f"centre of the pixel's {name} on the detector"}
-    result["wavelength"].attrs = {"units": "m", "long_name": "wavelength of a part of the light", "symbol": "λ"}
+    result["wavelength"].attrs = {"units": "m", "long_name": "wavelength of a spectral line", "symbol": "λ"}
     return result
 
 

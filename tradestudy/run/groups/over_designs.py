@@ -1,4 +1,4 @@
-"""Results over the designs of a sweep: the swept parameters as leading dimensions that say what they are."""
+"""Results over the designs of a sweep, with the swept parameters as leading, described dimensions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def over_designs(
     axes: Sequence[SweepAxis],
     attributes: Mapping[str, Any] | None = None,
 ) -> xr.Dataset:
-    """A group of results whose variables may begin with the swept parameters, in the order of the axes."""
+    """A group of results whose variables may start with the swept parameters, in the order of the axes."""
     swept = {axis.path: list(axis.labels) for axis in axes}
     result = dataset(group, values, {**swept, **coordinates}, leading=tuple(swept), attributes=attributes)
     for axis in axes:

@@ -1,4 +1,4 @@
-"""/pictures: the pictures of the scene as results keep them, reduced to what a report shows."""
+"""/pictures: the pictures of the scene, reduced to the size that results store and reports show."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _DETAIL: Final = 96  # pixels
 
 
 def pictures_group(taken: TakenScene) -> xr.Dataset:
-    """/pictures over pictures and their rows and columns, and over cameras in whose pictures depth was measured."""
+    """/pictures over pictures with their rows and columns, and over the cameras that measured depth in them."""
     pictures = taken.rendering.pictures
     reduced = [_reduced(one) for one in pictures]
     rows, columns = (max(one[0].shape[k] for one in reduced) for k in (0, 1))
@@ -50,7 +50,7 @@ def _block(one: TakenPicture) -> int:
 
 
 def _reduced(one: TakenPicture) -> tuple[FloatArray, FloatArray]:
-    """Brightness and depth of blocks; what does not fill a block at the last edges is left out."""
+    """Brightness and depth of blocks; incomplete blocks at the last edges are left out."""
     side = _block(one)
     rows, columns = (size // side for size in one.values.shape)
     inside = one.values[: rows * side, : columns * side].astype(np.float64)

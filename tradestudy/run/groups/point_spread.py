@@ -1,4 +1,4 @@
-"""/point_spread: how far points spread behind each lens, one thing varied at a time."""
+"""/point_spread: the width of the point spread of each lens, with one parameter varied at a time."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ _STEP: Final = "point spread"
 def point_spread_group(part: PointSpreadPart, progress: Progress, seconds: Seconds, models: Models) -> xr.Dataset:
     """/point_spread over (element, propagator, varied, step).
 
-    Both laws are computed, as each is the other's check; ``chosen`` marks the one that the tolerance of widths
-    calls for.
+    Both laws are computed, because each checks the other; ``chosen`` marks the one that the tolerance on widths
+    requires.
     """
     elements = list(part.elements.values())
     varied = varied_values(part)

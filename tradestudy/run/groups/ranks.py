@@ -1,4 +1,4 @@
-"""Ranks of /decision: which camera of a pair errs less, with what probability, over distance."""
+"""Ranks in /decision: the probability that one camera of a pair errs less than the other, over distance."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _MOST_DISTANCES: Final = 25
 
 
 def ranks_group(definition: StudyDefinition, progress: Progress) -> xr.Dataset:
-    """Ranks over (pair, way, distance) of the pairs that the decision compares."""
+    """Ranks over (pair, way, distance) for the pairs that the decision compares."""
     decision = definition.file.decision
-    assert decision is not None  # whoever asks has seen to that
+    assert decision is not None  # the caller has checked
     pairs = decision.compare or (decision.between,)
     distance = _distances(definition.case.distance, decision.at)
     cameras = definition.case.cameras
@@ -50,6 +50,6 @@ def ranks_group(definition: StudyDefinition, progress: Progress) -> xr.Dataset:
 
 
 def _distances(distance: FloatArray, asked: tuple[float, ...]) -> FloatArray:
-    """Some distances [m] of the study, and those of the decision."""
+    """A sample of the distances [m] of the study, with those of the decision."""
     some = distance[np.unique(np.linspace(0, distance.size - 1, _MOST_DISTANCES).round().astype(int))]
     return np.union1d(some, asked)

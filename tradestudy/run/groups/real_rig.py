@@ -1,4 +1,4 @@
-"""What the fits to the corners of a real rig found, in words and numbers for /calibration."""
+"""Results of the fits to the corners of a real rig, in words and numbers for /calibration."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tradestudy.units import ANGLE, LENGTH, PIXELS, pretty, significant
 
 
 def rig_rows(inferred: Mapping[str, InferredCalibration]) -> dict[str, list[str]]:
-    """Rows of camera, quantity and value of those that were calibrated from corners; none without."""
+    """Camera, quantity and value for the cameras calibrated from corners; empty if there are none."""
     rows = [
         (name, *row)
         for name, one in inferred.items()
@@ -29,7 +29,7 @@ def rig_rows(inferred: Mapping[str, InferredCalibration]) -> dict[str, list[str]
 
 
 def rig_trust(inferred: Mapping[str, InferredCalibration]) -> dict[str, FloatArray]:
-    """What halves of the views and residuals over the pictures say, NaN for what no corners calibrated; or nothing."""
+    """Cross-checks by halves of the views, and residual maps; NaN for cameras without corners, empty without any."""
     known = {name: one.trust for name, one in inferred.items() if one.trust is not None}
     if not known:
         return {}
@@ -57,13 +57,13 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
             yield f"{side} {words}", f"{_digits(float(camera.intrinsics[k]), deviation)}{unit}"
     yield "residual of the pair with one relative pose", pretty(fit.pair.corner_rms_px, PIXELS)
     yield "correlation of the view means, left with right", f"{fit.means.correlation:.4f}"
-    yield "left–right motion of the board that explains it", pretty(fit.explained.motion_scale, LENGTH)
+    yield "left–right motion of the board that explains this correlation", pretty(fit.explained.motion_scale, LENGTH)
     yield (
-        "residual left by it, left and right",
+        "residual with this motion, left and right",
         f"{pretty(fit.explained.left_rms_px, PIXELS)}, {pretty(fit.explained.right_rms_px, PIXELS)}",
     )
     yield "noise of one corner coordinate", pretty(fit.explained.noise_px, PIXELS)
-    yield "gain in log likelihood by it", significant(fit.explained.log_likelihood_gain)
+    yield "gain in log likelihood by this motion", significant(fit.explained.log_likelihood_gain)
     shared, covariance = fit.explained.shared, fit.explained.covariance
     baseline = float(np.linalg.norm(shared[15:18]))
     direction = shared[15:18] / baseline
@@ -77,7 +77,7 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
 def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str]]:
     for z, good, claimed in zip(trust.distances, trust.good_to, trust.claimed, strict=True):
         where, to, says = (pretty(float(length), LENGTH, digits=3) for length in (z, good, claimed))
-        yield f"this calibration is good to, at {where}", f"{to}; it claims {says}"
+        yield f"accuracy of this calibration at {where}", f"{to}; it claims {says}"
     yield (
         f"random halves of the views: difference over √(C_A + C_B), {trust.halves} splits",
         ", ".join(
@@ -87,14 +87,14 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
     rms = trust.view_rms
     yield "residual of the views, smallest and largest", f"{pretty(rms.min(), PIXELS)}, {pretty(rms.max(), PIXELS)}"
     along = trust.neighbour_correlation.mean(axis=0)
-    yield "correlation of residuals of neighbours, along rows and columns", f"{along[0]:.2f}, {along[1]:.2f}"
+    yield "correlation of neighbouring residuals, along rows and columns", f"{along[0]:.2f}, {along[1]:.2f}"
     noise = fit.corners.noise
     assert noise is not None
     yield (
-        "noise that neighbours share, and over which length",
+        "share of the noise common to neighbours, and its correlation length",
         f"{100.0 * noise.share:.0f} %, {pretty(noise.length, LENGTH)}",
     )
-    yield "largest noise of a view over the smallest", f"{noise.deviation.max() / noise.deviation.min():.2g}"
+    yield "ratio of the largest to the smallest noise of a view", f"{noise.deviation.max() / noise.deviation.min():.2g}"
     yield from _outlier_rows(fit)
     names = ("bowl", "saddle along the edges", "saddle along the diagonals")
     for name, value, deviation in zip(names, fit.warp, fit.warp_deviation, strict=True):
@@ -106,7 +106,7 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
     for name, other in trust.lenses.items():
         change = float(other.depth_change[0]), float(other.depth_change[-1])
         yield (
-            f"lens model with {name} too: change of depth at {pretty(float(trust.distances[0]), LENGTH)} and "
+            f"lens model with {name} added: change of depth at {pretty(float(trust.distances[0]), LENGTH)} and "
             f"{pretty(float(trust.distances[-1]), LENGTH)}",
             f"{pretty(change[0], LENGTH)}, {pretty(change[1], LENGTH)} "
             f"(χ² {other.chi_square:.2g} of {other.values.size})",
@@ -114,15 +114,15 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
 
 
 def _outlier_rows(fit: RigFit) -> Iterator[tuple[str, str]]:
-    """Corners that count for nothing, and how many count for less than one."""
+    """Corners excluded as outliers, and the number of corners with reduced weight."""
     there = fit.present
     low = (fit.weights < 1.0) & there[:, None]
     yield "corners of one picture with a weight below 1", f"{int(low.sum())} of {2 * int(there.sum())}"
     for view, side, corner in zip(*np.nonzero((fit.weights == 0.0) & there[:, None]), strict=True):
-        yield f"outlier, left out: view {fit.corners.views[view]}, {('left', 'right')[side]}", f"corner {corner + 1}"
+        yield f"excluded outlier: view {fit.corners.views[view]}, {('left', 'right')[side]}", f"corner {corner + 1}"
 
 
 def _digits(value: float, deviation: float) -> str:
-    """A value with its standard deviation, both to two digits of the latter."""
+    """A value with its standard deviation, both rounded to two digits of the deviation."""
     decimals = max(0, 1 - int(np.floor(np.log10(deviation))))
     return f"{value:.{decimals}f} ± {deviation:.{decimals}f}"

@@ -1,4 +1,4 @@
-"""How large pictures and maps are that results keep, and how those of several sizes stand in one array."""
+"""The size of the reduced pictures and maps in results, and the padding that puts several sizes into one array."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from tradestudy.optics.arrays import FloatArray
 
 LARGEST: Final = 256
-"""Rows and columns of a reduced picture."""
+"""Most rows and columns of a reduced picture."""
 
 
 def padded(values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
-    """With NaN beyond its last row and column."""
+    """The values padded with NaN beyond their last row and column."""
     whole = np.full(shape, np.nan)
     whole[: values.shape[0], : values.shape[1]] = values
     return whole

@@ -19,7 +19,7 @@ SET_FOR_THIS_RUN = "set for this run"
 
 
 def cameras_group(definition: StudyDefinition) -> xr.Dataset:
-    """/cameras: titles, kinds, notes, and what follows from the inputs."""
+    """/cameras: titles, kinds, notes and derived properties."""
     parts, cameras = definition.file.cameras, definition.case.all_cameras
     properties = [(name, *item) for name, camera in cameras.items() for item in camera.properties()]
     return dataset(
@@ -28,7 +28,7 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
             "title": [part.title for part in parts.values()],
             "kind": [part.kind for part in parts.values()],
             "family": [camera.family for camera in cameras.values()],
-            # How a camera finds depth, for the report; empty for one that measures none.
+            # How a camera measures depth, for the report; empty if it measures none.
             "method": [
                 json.dumps(asdict(camera.method), ensure_ascii=False) if isinstance(camera, DepthCamera) else ""
                 for camera in cameras.values()
@@ -47,9 +47,9 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
 
 
 def assumptions_group(definition: StudyDefinition) -> xr.Dataset:
-    """/assumptions: every value with its basis, once for all cameras that inherit it from one place.
+    """/assumptions: every value with its basis, listed once for all cameras that inherit it from one place.
 
-    What was set for this run stands there as such, with what it stands in place of.
+    Values set for this run are marked, with the values that they replace.
     """
     document = definition.under_tolerance
     rows = [*_set_for_this_run(document), *_declared(document), *_defaults(definition)]
@@ -69,7 +69,7 @@ def _set_for_this_run(document: Document) -> Iterator[dict[str, str | None]]:
             "cameras": camera,
             "value": override.text or "none",
             "basis": SET_FOR_THIS_RUN,
-            "note": f"in place of {override.before}" if override.before else "the study declares none",
+            "note": f"replaces {override.before}" if override.before else "the study declares none",
         }
 
 
@@ -91,7 +91,7 @@ def _declared(document: Document) -> Iterator[dict[str, str | None]]:
 
 
 def _defaults(definition: StudyDefinition) -> Iterator[dict[str, str | None]]:
-    """What no camera declares and every one of its kind needs, once for all that leave it out."""
+    """Defaults that no camera declares although its kind needs them, listed once for all cameras that rely on them."""
     left_out: dict[tuple[tuple[str, ...], str], list[str]] = {}
     for name, part in definition.file.cameras.items():
         for path, text in part.assumed():
@@ -107,12 +107,12 @@ def _defaults(definition: StudyDefinition) -> Iterator[dict[str, str | None]]:
 
 
 def _camera_and_tail(path: tuple[str | int, ...]) -> tuple[str, tuple[str | int, ...]]:
-    """The camera that a value belongs to, "" for none, and the path without it."""
+    """The camera that a value belongs to, "" if none, and the rest of the path."""
     return (str(path[1]), path[2:]) if path[0] == "cameras" else ("", path)
 
 
 def contradictions_group(definition: StudyDefinition) -> xr.Dataset:
-    """/contradictions: inputs that cannot all be right."""
+    """/contradictions: inputs that contradict each other."""
     found = contradictions(definition)
     values = {name: [getattr(row, name) for _, row in found] for name in ("what", "stated", "implied", "used")}
     return dataset("contradictions", {"camera": [camera for camera, _ in found], **values}, {})

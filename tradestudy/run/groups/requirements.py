@@ -1,4 +1,4 @@
-"""/requirements: what is met, by which camera and by what margin; in every design of a sweep, and from which on."""
+"""/requirements: which are met, by which camera, with what margin; for every design of a sweep, and over its ranges."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from tradestudy.study.schema.requirements import RequirementPart
 from tradestudy.study.sweep import SweepAxis, sweep_axes
 from tradestudy.study.varying import Varying
 
-_BY_MATCHING: Final = ("depth_uncertainty", "usable", "failed_fraction")  # what a matcher changes
-_ROOT_TO: Final = 0.1  # of the tolerance: how well an end is known, relative to the value
+_BY_MATCHING: Final = ("depth_uncertainty", "usable", "failed_fraction")  # quantities that depend on the matcher
+_ROOT_TO: Final = 0.1  # of the tolerance: relative accuracy of the ends of an interval
 
 
 def requirements_group(
@@ -93,7 +93,7 @@ def requirements_group(
 
 
 def _rests_on(definition: StudyDefinition, deciding: Sequence[Held]) -> dict[str, Any]:
-    """What decides the uncertainty of the deciding camera at the worst place; nothing for other quantities."""
+    """The largest cause of the deciding camera's uncertainty at its worst distance; empty for other quantities."""
     words, shares = [], []
     for requirement, held in zip(definition.file.requirements.values(), deciding, strict=True):
         cause = None
@@ -109,7 +109,7 @@ def _rests_on(definition: StudyDefinition, deciding: Sequence[Held]) -> dict[str
 
 
 def _with_matching_at_its_bound(definition: StudyDefinition, judge: Judge) -> dict[str, Any]:
-    """What would become of requirements whose cameras have a declared matcher, were it the best that any can be."""
+    """Requirements on cameras with a declared matcher, answered as if that matcher reached the theoretical bound."""
     case = definition.case
     best = replace(case, cameras={name: at_bound(camera) for name, camera in case.cameras.items()})
     found = [
@@ -136,7 +136,7 @@ def _concerns_a_matcher(requirement: RequirementPart, case: Case, best: Case) ->
 
 
 def _tolerance(definition: StudyDefinition, requirement: RequirementPart) -> float:
-    """By how much what was left out may move what a requirement asks for; what is declared does not move."""
+    """The change that omitted effects may make to a requirement's quantity; declared values do not change."""
     if requirement.quantity == "criterion":
         return -math.inf
     is_sharpness = requirement.quantity == "depth_of_field"
@@ -153,7 +153,7 @@ def _is_numeric(axis: SweepAxis) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class _Stretch:
-    """An interval of the swept parameter in which one camera keeps a requirement, and how well its ends are known."""
+    """An interval of the swept parameter in which one camera meets a requirement, with the error of its ends."""
 
     low: float
     high: float
@@ -164,12 +164,12 @@ class _Stretch:
 def _stretches(
     definition: StudyDefinition, name: str, axis: SweepAxis, column: Sequence[Held], judge: Judge
 ) -> list[_Stretch]:
-    """Where along one parameter one camera keeps a requirement, ends and takeovers followed between two designs."""
+    """Intervals of one parameter in which one camera meets a requirement, with ends located between designs."""
     places = [float(label) for label in axis.labels]
     requirement = definition.file.requirements[name]
-    kept_by = [_kept_by(requirement, one) for one in column]
+    met_by = [_met_by(requirement, one) for one in column]
     found = []
-    for camera, group in itertools.groupby(range(len(column)), key=lambda k: kept_by[k]):
+    for camera, group in itertools.groupby(range(len(column)), key=lambda k: met_by[k]):
         if camera is None:
             continue
         numbers = list(group)
@@ -184,8 +184,8 @@ def _stretches(
     return found
 
 
-def _kept_by(requirement: RequirementPart, held: Held) -> str | None:
-    """The camera that keeps a requirement, or all of them; None where it is not met."""
+def _met_by(requirement: RequirementPart, held: Held) -> str | None:
+    """The camera that meets a requirement, or "all"; None if it is not met."""
     if not held.met:
         return None
     return ALL if requirement.camera == ALL else held.camera
@@ -199,10 +199,10 @@ def _root(
     camera: str,
     judge: Judge,
 ) -> tuple[float, float]:
-    """Where the camera that keeps a requirement at the first value ceases to before the second, and the error of that.
+    """Where the camera that meets a requirement at the first of two values ceases to meet it, with the error.
 
-    By halving: the margin may jump where a camera ceases to be usable. What is counted, such as images, is tried in
-    whole numbers.
+    Found by bisection, because the margin may jump where a camera ceases to be usable. Parameters that count
+    something, such as images, take whole numbers.
     """
     assert axis.dimension is not None
     varying = Varying.between(definition, (axis.path,), axis.dimension, min(ends), max(ends))
@@ -210,9 +210,9 @@ def _root(
     def holds(value: float) -> bool | None:
         try:
             case = definition.with_values(varying.changes(value)).case
-        except StudyError:  # no study has a value between
+        except StudyError:  # no valid study has this value
             return None
-        return _kept_by(requirement, judge.answer(requirement, case)[0]) == camera
+        return _met_by(requirement, judge.answer(requirement, case)[0]) == camera
 
     close = _ROOT_TO * definition.file.accuracy.asked().tolerances["depth_uncertainty"]
     inside, outside = bracketed(*ends, holds, possible=varying.possible, close=close)

@@ -1,4 +1,4 @@
-"""/sensitivity: which source drives the depth of a camera, against distance."""
+"""/sensitivity: how much each error source contributes to a camera's depth uncertainty, over distance."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tradestudy.study.definition import StudyDefinition
 
 
 def sensitivity_group(definition: StudyDefinition, distance: FloatArray, steps: Steps) -> xr.Dataset:
-    """/sensitivity over (camera, field, distance, source): on the axis and at the places that the study declares."""
+    """/sensitivity over (camera, field, distance, source), on the axis and at the declared field positions."""
     cameras, fields = definition.case.cameras, tuple(dict.fromkeys((0.0, *definition.file.propagation.field_places)))
     groups = [{group.name: group for group in uncertain_groups(camera, "both")} for camera in cameras.values()]
     asked = [
@@ -80,6 +80,6 @@ _PARAMETER_VARIABLES = ("parameter_uncertainty", "parameter_uncertainty_error")
 
 
 def _lay(into: FloatArray, columns: list[str], names: tuple[str, ...], values: FloatArray) -> None:
-    """Lay rows by name (names, distances) into columns (distances, columns)."""
+    """Write rows by name (names, distances) into columns (distances, columns)."""
     for name, row in zip(names, values, strict=True):
         into[:, columns.index(name)] = row

@@ -1,4 +1,4 @@
-"""/criteria of a trade-off: criteria as numbers, ranks over the possible weights, and designs that nothing beats."""
+"""/criteria of a trade-off: criteria as numbers, ranks over the possible weights, and non-dominated designs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def trade_off_group(
     """/criteria over (candidate, criterion), candidates and ranks, and over (swept parameters, candidate)."""
     file, axes = definition.file, sweep_axes(definition)
     part, names = file.trade_off, file.ranked
-    assert part is not None  # whoever asks has seen to that
+    assert part is not None  # the caller has checked
     measurer, scales, weights = Measurer(), value_scales(definition), part.weights
     own = measurer.measure(definition)
     found = acceptability(own.values, own.errors, scales, weights, seed=file.propagation.seed)
@@ -110,7 +110,7 @@ def _ranks(found: Acceptability) -> dict[str, Any]:
 
 
 def _feasible(design: StudyDefinition, names: Sequence[str], judge: Judge) -> list[bool]:
-    """Whether a design meets all that must hold; what any camera may meet, the candidate itself has to."""
+    """Whether each candidate meets all "must" requirements; one on any camera must be met by the candidate itself."""
     feasible = dict.fromkeys(names, True)
     for one in design.file.requirements.values():
         if one.priority != "must":
@@ -123,6 +123,6 @@ def _feasible(design: StudyDefinition, names: Sequence[str], judge: Judge) -> li
 
 
 def _front(values: FloatArray, feasible: npt.NDArray[np.bool_], scales: Sequence[ValueScale]) -> npt.NDArray[np.bool_]:
-    """The front of all candidates in all feasible designs, shape (designs, candidates)."""
+    """The Pareto front of all candidates in all feasible designs, shape (designs, candidates)."""
     rows = np.where(feasible[..., np.newaxis], values, np.nan).reshape(-1, values.shape[-1])
     return non_dominated(rows, [scale.best > scale.worst for scale in scales]).reshape(feasible.shape)

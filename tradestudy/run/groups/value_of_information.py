@@ -1,4 +1,4 @@
-"""/value_of_information: what knowing each assumption is worth, how sure the best camera is, and the requirements."""
+"""/value_of_information: the worth of knowing each assumption, and how certain the best camera and requirements are."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def value_of_information_group(
 
 
 def _seed(seed: int) -> int:
-    """A stream of its own."""
+    """A seed that gives this group its own random stream."""
     return int.from_bytes(hashlib.sha256(f"{seed} {NAME}".encode()).digest()[:16])
 
 
@@ -91,7 +91,7 @@ def _changes(assumptions: Sequence[Varying | AnyReading], values: FloatArray) ->
 
 
 def _between(definition: StudyDefinition, part: AssumptionPart) -> str:
-    """Over what an assumption ranges, in words."""
+    """The range of an assumption, in words."""
     if part.readings is None:
         return f"{part.low} to {part.high}"
     return "; ".join(["as declared", *(definition.file.readings[name].says for name in part.readings)])
@@ -99,7 +99,7 @@ def _between(definition: StudyDefinition, part: AssumptionPart) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _Outcome:
-    """Utility of every candidate, who is best at every distance, and which requirements are met, in one draw."""
+    """One draw: utility of every candidate, the best candidate at every distance, and which requirements are met."""
 
     utility: FloatArray
     best: FloatArray
@@ -118,7 +118,7 @@ def _outcome(
 
 
 def _loss(case: Case, name: str, places: FloatArray, unusable: float) -> FloatArray:
-    """Depth uncertainty over distance; where the camera is not usable, or worse than that, what the study says."""
+    """Relative depth uncertainty over distance, capped at the study's loss for an unusable camera."""
     relative = depth_uncertainty(case.cameras[name], places) / places
     counted = is_usable(case, name, places) & np.isfinite(relative)
     return np.where(counted, np.minimum(relative, unusable), unusable)
