@@ -1,6 +1,6 @@
-"""The one table of what results hold: every variable with its dimensions, unit, symbol and source.
+"""The single table of results: every variable with its dimensions, unit, symbol and source.
 
-Nothing enters `results.nc` that is not declared here, and nothing is declared without a unit ("1" is a plain number).
+`results.nc` contains only variables that are declared here, each with a unit ("1" for a plain number).
 """
 
 from __future__ import annotations
@@ -77,15 +77,15 @@ def dataset(
     group
         Name of the group in `GROUPS`.
     values
-        One array for each variable; a variable that the study does not ask for is left out.
+        One array per variable; variables that the study does not ask for are left out.
     coordinates
         Labels along each dimension that has them.
     leading
         Dimensions of the study's sweep, before the declared ones.
     attributes
-        Of the group.
+        Attributes of the group.
     """
-    import xarray as xr  # not above: a plan says some of what results do, and makes none
+    import xarray as xr  # not above: a plan uses words of the results but makes none
 
     declared = GROUPS[group]
     variables = {}

@@ -1,4 +1,4 @@
-"""What /calibration and /sensitivity hold, and the ranks of /decision."""
+"""/calibration: inferred calibrations; /sensitivity: depth uncertainty by error source; the ranks of /decision."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ _ESTIMATE = "an estimate of an error"
 
 CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_converged": Variable(
-        dims=("posterior",), units="1", long_name="whether the inferred calibration may be stated as converged"
+        dims=("posterior",), units="1", long_name="whether the chains of the inferred calibration converged"
     ),
     "posterior_verdict": Variable(
-        dims=("posterior",), units="", long_name="limits that the chains do not meet; empty where they converged"
+        dims=("posterior",), units="", long_name="convergence limits that the chains miss; empty where they converged"
     ),
-    "posterior_kind": Variable(dims=("posterior",), units="", long_name="what the calibration was inferred from"),
+    "posterior_kind": Variable(dims=("posterior",), units="", long_name="data that the calibration was inferred from"),
     "posterior_lengths": Variable(
         dims=("posterior",),
         units="1",
@@ -30,25 +30,25 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_marginal_efficiency": Variable(
         dims=("posterior",),
         units="1",
-        long_name="share of draws that survive reweighting to poses settled anew at each draw",
+        long_name="effective share of draws after reweighting to poses fitted again at each draw",
     ),
-    "posterior_evaluations": Variable(dims=("posterior",), units="1", long_name="log posteriors computed"),
-    "posterior_seconds": Variable(dims=("posterior",), units="s", long_name="seconds of sampling"),
-    "laplace_seconds": Variable(dims=("posterior",), units="s", long_name="seconds of the normal approximation"),
+    "posterior_evaluations": Variable(dims=("posterior",), units="1", long_name="evaluations of the log posterior"),
+    "posterior_seconds": Variable(dims=("posterior",), units="s", long_name="time of sampling"),
+    "laplace_seconds": Variable(dims=("posterior",), units="s", long_name="time of the normal approximation"),
     "posterior_mean": Variable(
         dims=("posterior", "parameter"),
         units="mixed",
-        long_name="mean of the posterior in SI, or pixels where the name says so; NaN where not inferred",
+        long_name="posterior mean, in SI or, where the name says so, in pixels; NaN where not inferred",
         error="posterior_deviation over the square root of posterior_bulk_size",
     ),
     "posterior_deviation": Variable(
-        dims=("posterior", "parameter"), units="mixed", long_name="standard deviation of the posterior"
+        dims=("posterior", "parameter"), units="mixed", long_name="posterior standard deviation"
     ),
     "prior_deviation": Variable(
-        dims=("posterior", "parameter"), units="mixed", long_name="of the prior; infinite where flat"
+        dims=("posterior", "parameter"), units="mixed", long_name="prior standard deviation; infinite where flat"
     ),
     "laplace_deviation": Variable(
-        dims=("posterior", "parameter"), units="mixed", long_name="of the normal approximation"
+        dims=("posterior", "parameter"), units="mixed", long_name="standard deviation of the normal approximation"
     ),
     "posterior_autocorrelation": Variable(
         dims=("posterior", "parameter"), units="1", long_name="integrated autocorrelation time [steps]", symbol="τ"
@@ -60,56 +60,56 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
         reference="Vehtari et al., Bayesian Analysis 16 (2021) 667",
     ),
     "posterior_bulk_size": Variable(
-        dims=("posterior", "parameter"), units="1", long_name="effective size of the bulk of the draws"
+        dims=("posterior", "parameter"), units="1", long_name="effective sample size in the bulk"
     ),
     "posterior_tail_size": Variable(
-        dims=("posterior", "parameter"), units="1", long_name="effective size of the tails of the draws"
+        dims=("posterior", "parameter"), units="1", long_name="effective sample size in the tails"
     ),
     "posterior_best": Variable(
         dims=("posterior", "parameter"),
         units="mixed",
-        long_name="parameters about which a rig calibrated from corners reads; NaN for others",
+        long_name="parameter values with which a rig calibrated from corners measures depth; NaN for other cameras",
         error="posterior_deviation",
     ),
     "posterior_pixels": Variable(
-        dims=("posterior", "side"), units="px", long_name="columns and rows of the pictures of corners; 0 for others"
+        dims=("posterior", "side"), units="px", long_name="columns and rows of the calibration pictures; 0 if none"
     ),
     "posterior_draw": Variable(
-        dims=("posterior", "draw", "parameter"), units="mixed", long_name="joint draws, spread over all chains"
+        dims=("posterior", "draw", "parameter"), units="mixed", long_name="joint draws from all chains"
     ),
     "posterior_trace": Variable(
         dims=("posterior", "ensemble", "step", "parameter"),
         units="mixed",
-        long_name="first walker of each ensemble at steps spread over the kept chain",
+        long_name="trace of each ensemble's first walker, at steps spread over the kept chain",
     ),
-    "rig_quantity": Variable(dims=("rig_row",), units="", long_name="what was found of a real rig"),
+    "rig_quantity": Variable(dims=("rig_row",), units="", long_name="finding about a real rig"),
     "rig_camera": Variable(dims=("rig_row",), units="", long_name="the rig"),
     "rig_value": Variable(dims=("rig_row",), units="", long_name="the value, with its unit"),
     "rig_claimed": Variable(
         dims=("posterior", "rig_distance"),
         units="m",
-        long_name="standard deviation of depth that the fit to corners states, midway between the axes",
+        long_name="standard deviation of depth according to the fit to corners, midway between the axes",
     ),
     "rig_halves_difference": Variable(
         dims=("posterior", "rig_distance"),
         units="m",
-        long_name="root mean square difference of depth by random halves of the views",
+        long_name="root mean square difference of depth between fits to random halves of the views",
     ),
     "rig_halves_claim": Variable(
         dims=("posterior", "rig_distance"),
         units="m",
-        long_name="what the halves state for that difference",
+        long_name="that difference as predicted from the covariances of the two halves",
         symbol="√(C_A + C_B)",
     ),
     "rig_residual": Variable(
         dims=("posterior", "rig_side", "rig_cell_row", "rig_cell_column", "rig_axis"),
         units="px",
-        long_name="mean residual of the corners in a cell of the left and right picture; NaN where there are none",
+        long_name="mean residual of the corners in a cell of the left or right picture; NaN in cells without corners",
     ),
     "rig_overconfidence": Variable(
         dims=("posterior", "parameter"),
         units="1",
-        long_name="standard deviation with the left–right term over that claimed without it; NaN where there is none",
+        long_name="standard deviation with the left–right term over that without it; NaN where there is no such term",
     ),
 }
 
@@ -117,17 +117,17 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
     "source_uncertainty": Variable(
         dims=("camera", "field", "distance", "source"),
         units="m",
-        long_name="half the central 68.27 % interval of depth from one independent source alone",
+        long_name="half the central 68.27 % interval of depth from one independent error source alone",
         error="source_uncertainty_error",
     ),
     "source_uncertainty_error": Variable(
         dims=("camera", "field", "distance", "source"), units="m", long_name=_REPLICATES, error=_ESTIMATE
     ),
     "source_class": Variable(
-        dims=("camera", "source"), units="", long_name="how often the source is drawn anew; empty where absent"
+        dims=("camera", "source"), units="", long_name="how often the error source is redrawn; empty where absent"
     ),
     "source_parameters": Variable(
-        dims=("camera", "source"), units="", long_name="parameters that the source moves together"
+        dims=("camera", "source"), units="", long_name="parameters that the error source changes together"
     ),
     "parameter_uncertainty": Variable(
         dims=("camera", "field", "distance", "parameter"),
@@ -139,12 +139,12 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
         dims=("camera", "field", "distance", "parameter"), units="m", long_name=_REPLICATES, error=_ESTIMATE
     ),
     "parameter_refused": Variable(
-        dims=("camera",), units="", long_name="why there is no tornado by parameter; empty where there is one"
+        dims=("camera",), units="", long_name="why there is no tornado chart by parameter; empty where there is one"
     ),
     "first_index": Variable(
         dims=("camera", "field", "distance", "source"),
         units="1",
-        long_name="share of the variance of inverse depth from a source alone",
+        long_name="share of the variance of inverse depth from an error source alone",
         symbol="S_i",
         error="first_index_error",
     ),
@@ -154,7 +154,7 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
     "total_index": Variable(
         dims=("camera", "field", "distance", "source"),
         units="1",
-        long_name="share of the variance of inverse depth from a source with all its interactions",
+        long_name="share of the variance of inverse depth from an error source with all its interactions",
         symbol="S_Ti",
         error="total_index_error",
     ),
@@ -162,7 +162,7 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
         dims=("camera", "field", "distance", "source"), units="1", long_name=_REPLICATES, error=_ESTIMATE
     ),
     "index_refused": Variable(
-        dims=("camera", "field", "distance"), units="", long_name="why there are no indices; empty where there are"
+        dims=("camera", "field", "distance"), units="", long_name="why there are no indices; empty where they exist"
     ),
 }
 

@@ -13,13 +13,14 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "z_accuracy": Variable(
         dims=_OVER,
         units="m",
-        long_name="half the central 68.27 % interval of depth by calibration errors alone: what averaging leaves",
+        long_name="half the central 68.27 % interval of depth from calibration errors alone, which averaging keeps",
         error=SEE_ERROR,
     ),
     "temporal_noise": Variable(
         dims=_OVER,
         units="m",
-        long_name="half the central 68.27 % interval of depth by noise alone: what repeating one pixel shows",
+        long_name="half the central 68.27 % interval of depth from noise alone, as repeated measurements of one pixel "
+        "show it",
         error=SEE_ERROR,
     ),
     "subpixel_rms": Variable(
@@ -31,30 +32,32 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "plane_fit_rms": Variable(
         dims=_OVER,
         units="m",
-        long_name="deviation from a plane fitted to a flat target across the axis: noise, as calibration errors shift "
-        "and tilt the plane as a whole",
+        long_name="deviation from a plane fitted to a flat target across the axis: noise alone, because calibration "
+        "errors shift and tilt the whole plane",
         error=SEE_ERROR,
     ),
     "fill_rate": Variable(
         dims=_OVER,
         units="1",
-        long_name="share of the picture with a depth: common share of the views or microlenses, times one less the "
-        "failed fraction; 0 where the camera is not usable",
+        long_name="share of the picture with a depth: the share common to the views or microlenses, times one minus "
+        "the failed fraction; 0 where the camera is not usable",
         error="that of the failed fraction",
     ),
     "field_width": Variable(
         dims=_OVER,
         units="m",
-        long_name="width of what the sensor sees, w Z/b with b from lens to sensor",
+        long_name="width of the field of view at that distance, w Z/b with b from lens to sensor",
         error="exact",
     ),
-    "field_height": Variable(dims=_OVER, units="m", long_name="its height", error="exact"),
+    "field_height": Variable(
+        dims=_OVER, units="m", long_name="height of the field of view at that distance, h Z/b", error="exact"
+    ),
     "usable": Variable(dims=_OVER, units="1", long_name="whether the camera is usable there", error="exact"),
     "horizontal_field_of_view": Variable(
         dims=("camera",), units="rad", long_name="2 atan(w/2b), focused at the middle distance", error="exact"
     ),
     "vertical_field_of_view": Variable(
-        dims=("camera",), units="rad", long_name="2 atan(h/2b), likewise", error="exact"
+        dims=("camera",), units="rad", long_name="2 atan(h/2b), focused at the middle distance", error="exact"
     ),
     "near_limit": Variable(
         dims=("camera",),

@@ -1,4 +1,4 @@
-"""/depth: every camera that measures depth, over distance; /disparity_causes: why its disparity error is what it is."""
+"""/depth: every camera that measures depth, over distance; /disparity_causes: what determines its disparity error."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from tradestudy.results.variable import PAPER, ROUNDING, SEE_ERROR, Variable
 
-_UNSEEN: Final = "NaN where it is not seen"
+_UNSEEN: Final = "NaN where the camera does not see the point"
 DEPTH_ROUNDING: Final = "closed form; rounding only, see the condition number of eq. 8"
 _EIGHT = f"{PAPER}, eqs. 4 and 8"
 _MATCHING = "Carter, Proc. IEEE 75, 236 (1987)"
@@ -21,7 +21,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance", "side"),
         units="m",
         long_name="change of true depth that moves the estimator's disparity by the declared step; "
-        "infinite where infinity is nearer than that",
+        "infinite where no finite change does",
         symbol="Δa",
         reference=_EIGHT,
         error=DEPTH_ROUNDING,
@@ -29,7 +29,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_uncertainty": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="half the central 68.27 % interval of one measured depth, noise and calibration; "
+        long_name="half the central 68.27 % interval of one measured depth, from noise and calibration; "
         f"infinite where the interval has no far end, {_UNSEEN}",
         symbol="u(a)",
         reference="JCGM 101:2008, 7.7",
@@ -38,8 +38,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_uncertainty_error": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="standard error of depth_uncertainty over scrambles of the draws; where it is linear, its measured "
-        "departure from draws",
+        long_name="standard error of depth_uncertainty over scrambles of the draws; with linear propagation, its "
+        "measured departure from draws",
         error="an estimate of an error; NaN where the interval is not bounded",
     ),
     "depth_uncertainty_way": Variable(
@@ -53,17 +53,17 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_uncertainty_way_error": Variable(
         dims=("camera", "distance", "way"),
         units="m",
-        long_name="of depth_uncertainty_way, as depth_uncertainty_error",
+        long_name="error of depth_uncertainty_way, defined as depth_uncertainty_error",
         error="an estimate of an error; NaN where the interval is not bounded",
     ),
     "variance_share": Variable(
         dims=("camera", "distance", "part"),
         units="1",
-        long_name="share of the variance of inverse depth that a part of the errors decides; all parts sum to 1; "
+        long_name="share of the variance of inverse depth due to one part of the errors; all parts sum to 1; "
         "NaN where a camera has no such part",
         symbol="φ_i",
         reference="Owen and Prieur, SIAM/ASA J. Uncertainty Quantification 5 (2017) 986",
-        error="of the line in inverse depth",
+        error="that of the linearisation in inverse depth",
     ),
     "depth_quantile": Variable(
         dims=("camera", "distance", "way", "quantile"),
@@ -75,27 +75,28 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "failed_fraction": Variable(
         dims=("camera", "distance", "way"),
         units="1",
-        long_name=f"share of measurements that end beyond infinity or are declared false matches; {_UNSEEN}",
+        long_name="share of measurements that fail: disparity beyond that of infinity, or a declared share of false "
+        f"matches; {_UNSEEN}",
         symbol="P(a = ∞)",
         error="failed_fraction_error",
     ),
     "failed_fraction_error": Variable(
         dims=("camera", "distance", "way"),
         units="1",
-        long_name=f"of failed_fraction, as depth_uncertainty_error; {_UNSEEN}",
+        long_name=f"error of failed_fraction, defined as depth_uncertainty_error; {_UNSEEN}",
         error="an estimate of an error",
     ),
     "converged": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="whether the t-interval of every reported half width is within the tolerance; of the failed fraction "
-        "where an interval has no far end",
+        long_name="whether the t-interval of every reported half width is within the tolerance; where an interval has "
+        "no far end, that of the failed fraction",
         error="a comparison",
     ),
     "equivalent_baseline": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="baseline of the stereo rig of this focal length and disparity error that measures as well",
+        long_name="baseline of the equally precise stereo rig with the same focal length and disparity error",
         symbol="B_eq",
         error=DEPTH_ROUNDING,
     ),
@@ -110,9 +111,9 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "disparity_error_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="standard deviation of one measured disparity: declared, or the bound of matching with what "
-        "a declared matcher adds; for the views of an unfocused plenoptic camera a px is a microlens; "
-        "NaN where the camera forms no image or no texture is left in it",
+        long_name="standard deviation of one measured disparity: declared, or the matching bound plus what a declared "
+        "matcher adds; for the views of an unfocused plenoptic camera, 1 px is one microlens; "
+        "NaN where the camera forms no image or its image has no texture left",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_error",
@@ -127,7 +128,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "virtual_depth": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="virtual depth, positive Keplerian, negative Galilean; NaN for a stereo rig",
+        long_name="virtual depth, positive if Keplerian, negative if Galilean; NaN for a stereo rig",
         symbol="v = a_L/b_L",
         error=DEPTH_ROUNDING,
     ),
@@ -140,8 +141,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "limit_value": Variable(
         dims=("camera", "distance", "limit"),
         units="mixed",
-        long_name="value that is held against a limit, in the unit of limit_units; infinite where what it measures is; "
-        "NaN where it does not apply",
+        long_name="value that is compared with a limit, in the unit of limit_units; infinite where the measured "
+        "quantity is; NaN where the limit does not apply",
         error=DEPTH_ROUNDING,
     ),
     "limit_met": Variable(
@@ -153,13 +154,13 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "limit_bound": Variable(
         dims=("camera", "limit"),
         units="mixed",
-        long_name="the bound of a limit; NaN where it does not apply",
+        long_name="bound of a limit; NaN where the limit does not apply",
         error="declared",
     ),
     "usable_near": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="near end of a usable interval; NaN where a camera has fewer of them than another",
+        long_name="near end of a usable interval; NaN where the camera has fewer intervals than another",
         error="usable_near_error",
     ),
     "usable_near_error": Variable(
@@ -172,7 +173,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "usable_far": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="far end of a usable interval; NaN where a camera has fewer of them than another",
+        long_name="far end of a usable interval; NaN where the camera has fewer intervals than another",
         error="usable_far_error",
     ),
     "usable_far_error": Variable(
@@ -193,31 +194,31 @@ _OF_FIELD: Final = (
 DEPTH_FIELD: Final[Mapping[str, Variable]] = {
     name: replace(DEPTH[name], dims=("camera", "field", *DEPTH[name].dims[1:])) for name in _OF_FIELD
 }
-"""/depth_field: the same off the axis, at declared places in the field."""
+"""/depth_field: the same variables off the axis, at declared places in the field."""
 
 DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "matched_window_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="side of the square window that is matched: the declared one, or the largest that the compared "
-        "pictures share of an object; for several pairs that of one that tells as much; a px as of disparity_error_px; "
-        "0 where they share none, NaN where the camera forms no image",
+        long_name="side of the square matching window: the declared one, or the largest that the compared pictures "
+        "share of an object; for several pairs, that of a single pair with the same information; px as in "
+        "disparity_error_px; 0 where they share none, NaN where the camera forms no image",
         symbol="W",
         error=ROUNDING + "; for least squares up to 8 % too small",
     ),
     "electrons": Variable(
         dims=("camera", "distance"),
         units="electrons",
-        long_name="mean electrons of a pixel; NaN where the camera forms no image",
+        long_name="mean number of electrons in a pixel; NaN where the camera forms no image",
         symbol="n",
         error=ROUNDING,
     ),
     "disparity_error_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="standard deviation of one measured disparity, the Cramér–Rao bound of matching with all models "
-        "that act; for the views of an unfocused plenoptic camera a px is a microlens; NaN where the camera forms no "
-        "image, infinite where no texture is left in it",
+        long_name="standard deviation of one measured disparity: the Cramér–Rao bound of matching with all applied "
+        "models; for the views of an unfocused plenoptic camera, 1 px is one microlens; NaN where the camera forms no "
+        "image, infinite where its image has no texture left",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_error",
@@ -232,8 +233,8 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "disparity_error_px_changed": Variable(
         dims=("camera", "distance", "change"),
         units="px",
-        long_name="disparity_error_px with one change alone: everything in focus, no lens diffracts, the electrons of "
-        "the brightest camera there that is not saturated (NaN for that camera), ten times its own",
+        long_name="disparity_error_px after a single change: everything in focus; no diffraction; as many electrons as "
+        "the brightest unsaturated camera at that distance (NaN for that camera); ten times its own electrons",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_changed_error",
@@ -247,38 +248,38 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "matched_error_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="disparity_error_px with what the declared matcher adds; NaN and infinite as that",
+        long_name="disparity_error_px plus what the declared matcher adds; NaN and infinite where that is",
         symbol="σ_d",
         error="see matched_error_px_error",
     ),
     "matched_error_px_error": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="estimated numerical error of matched_error_px, that of the bound; NaN where that is not finite",
+        long_name="estimated numerical error of matched_error_px: that of the bound; NaN where that is not finite",
         error="an estimate of an error",
     ),
     "matcher": Variable(
         dims=("camera",),
         units="",
-        long_name="what the study declares of its matcher, which depth and its failed fraction follow in all groups; "
-        "empty for the bound alone",
+        long_name="declared matcher, applied to depth and failed fraction in all groups; empty where matching reaches "
+        "the bound",
     ),
     "false_matches": Variable(
         dims=("camera",),
         units="1",
-        long_name="declared share of false matches, which failed_fraction of all groups contains",
+        long_name="declared share of false matches, included in failed_fraction in all groups",
         error="declared",
     ),
     "brightest_camera": Variable(
         dims=("distance",),
         units="",
-        long_name="the camera of most electrons that is not saturated, of several whose disparity error is derived; "
-        "empty where there is none",
+        long_name="unsaturated camera with the most electrons among those with a derived disparity error; empty where "
+        "there is none",
     ),
 }
 
 
 def distances_without_decision(distance: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Four of a study's distances from end to end, where no decision declares any to be told in tables."""
-    wanted = np.geomspace(distance[0], distance[-1], 4)
-    return np.asarray(distance[np.unique(np.abs(np.log(distance[:, None] / wanted)).argmin(axis=0))])
+    """Four of a study's distances [m], from end to end, for tables of studies whose decision declares none."""
+    evenly = np.geomspace(distance[0], distance[-1], 4)
+    return np.asarray(distance[np.unique(np.abs(np.log(distance[:, None] / evenly)).argmin(axis=0))])

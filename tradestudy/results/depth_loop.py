@@ -1,4 +1,4 @@
-"""/depth_loop: depth that was measured in pictures of planes, against what was predicted, over distance."""
+"""/depth_loop: depth measured in pictures of planes, compared with the prediction, over distance."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from tradestudy.results.variable import Variable
 
 _POINT: Final = ("camera", "distance", "contrast", "electrons")
 _CAMERA: Final = ("camera",)
-_FIT: Final = "a standard error, from as many errors as there are windows without common pixels"
+_FIT: Final = "a standard error; the number of independent errors is the number of non-overlapping windows"
 
 DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     **score_variables(_POINT),
-    "reason": Variable(dims=_POINT, units="", long_name="why nothing was measured; empty where something was"),
+    "reason": Variable(dims=_POINT, units="", long_name="why nothing was measured; empty where depth was measured"),
     "blur_px": Variable(
-        dims=_POINT, units="px", long_name="geometric blur of the picture that is matched", error="closed form"
+        dims=_POINT, units="px", long_name="geometric blur of the matched picture", error="closed form"
     ),
     "over_matcher": Variable(
         dims=_POINT,
         units="1",
-        long_name="standard deviation of the errors of true matches over what the fitted matcher gives their windows",
+        long_name="standard deviation of the errors of true matches over the fitted matcher's prediction for their "
+        "windows",
         error="see over_matcher_error",
     ),
     "over_matcher_error": Variable(
@@ -34,18 +35,20 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
         error="exact",
     ),
     "matcher": Variable(
-        dims=_CAMERA, units="", long_name="the fitted matcher as a study declares it, or why there is none"
+        dims=_CAMERA, units="", long_name="fitted matcher, in the notation of study files, or why there is none"
     ),
     "matcher_factor": Variable(
-        dims=_CAMERA, units="1", long_name="noise over the bound of matching", error="see matcher_factor_error"
+        dims=_CAMERA, units="1", long_name="matching noise over its bound", error="see matcher_factor_error"
     ),
-    "matcher_factor_error": Variable(dims=_CAMERA, units="1", long_name="of matcher_factor", error=_FIT),
+    "matcher_factor_error": Variable(dims=_CAMERA, units="1", long_name="error of matcher_factor", error=_FIT),
     "matcher_floor": Variable(
-        dims=_CAMERA, units="px", long_name="noise that no light removes", error="see matcher_floor_error"
+        dims=_CAMERA, units="px", long_name="noise that remains in any light", error="see matcher_floor_error"
     ),
-    "matcher_floor_error": Variable(dims=_CAMERA, units="px", long_name="of matcher_floor", error=_FIT),
+    "matcher_floor_error": Variable(dims=_CAMERA, units="px", long_name="error of matcher_floor", error=_FIT),
     "matcher_false_matches": Variable(
         dims=_CAMERA, units="1", long_name="share of false matches", error="see matcher_false_matches_error"
     ),
-    "matcher_false_matches_error": Variable(dims=_CAMERA, units="1", long_name="of matcher_false_matches", error=_FIT),
+    "matcher_false_matches_error": Variable(
+        dims=_CAMERA, units="1", long_name="error of matcher_false_matches", error=_FIT
+    ),
 }

@@ -1,4 +1,4 @@
-"""What results hold of depth that was measured in pictures: how it compares with the truth and with the prediction."""
+"""Results about depth measured in pictures: how it compares with the true depth and with the prediction."""
 
 from __future__ import annotations
 
@@ -7,42 +7,42 @@ from typing import Final
 
 from tradestudy.results.variable import Variable
 
-_JACKKNIFE: Final = "see {}_error: from leaving out each of 4 × 4 parts of the map in turn"
+_JACKKNIFE: Final = "see {}_error: jackknife over 4 × 4 parts of the map"
 _ESTIMATE: Final = "an estimate of an error, good to about a fifth"
 
-# name → unit, what it is; each has a standard error beside it
+# name → unit and long name; each has a standard error beside it
 _ESTIMATES: Final = {
-    "bias": ("m", "median of estimated less true depth"),
-    "spread": ("m", "half the central 68.27 % interval of estimated less true depth"),
-    "own": ("m", "median standard deviation of depth that noise gives by the texture of each window, to first order"),
+    "bias": ("m", "median of measured minus true depth"),
+    "spread": ("m", "half the central 68.27 % interval of measured minus true depth"),
+    "own": ("m", "median standard deviation of depth from noise, given each window's texture, to first order"),
     "predicted": ("m", "median of the camera's depth uncertainty at the true distances; NaN where none is predicted"),
-    "relative_bias": ("1", "median error over the prediction at its distance"),
-    "relative_spread": ("1", "half the central 68.27 % interval of the errors over the prediction"),
+    "relative_bias": ("1", "median of the errors, each over the prediction at its distance"),
+    "relative_spread": ("1", "half the central 68.27 % interval of the errors, each over its prediction"),
     "within": ("1", "share of the errors within three predicted standard deviations"),
-    "filled": ("1", "fill rate: points with a depth over points that the estimator has two pictures of"),
-    "available": ("1", "points that the estimator has two pictures of over all that show a surface"),
+    "filled": ("1", "fill rate: points with a depth over points that appear in two of the compared pictures"),
+    "available": ("1", "points that appear in two of the compared pictures over all points that show a surface"),
     "bias_px": ("px", "median error of the disparity"),
     "spread_px": ("px", "half the central 68.27 % interval of the errors of the disparity"),
     "over_bound": (
         "1",
-        "half the central 68.27 % interval of the errors over what noise gives each window by its texture",
+        "half the central 68.27 % interval of the errors, each over its prediction from noise and the window's texture",
     ),
-    "neighbour_correlation": ("1", "correlation of the errors of points side by side"),
+    "neighbour_correlation": ("1", "correlation of the errors of adjacent points"),
     "window_correlation": ("1", "correlation of the errors of points one matching window apart"),
 }
 ESTIMATES: Final = tuple(_ESTIMATES)
 _COUNTS: Final = {
-    "points": "points that show a surface within the distances searched",
-    "seen": "points that the estimator has two pictures of, with nothing before them",
-    "measured": "points of those with a depth",
-    "elsewhere": "points with a depth that the estimator has no two pictures of",
-    "windows": "matching windows without common pixels that the measured points fill",
+    "points": "points that show a surface within the searched distances",
+    "seen": "unoccluded points that appear in two of the compared pictures",
+    "measured": "those of these points that have a depth",
+    "elsewhere": "points with a depth that do not appear in two of the compared pictures",
+    "windows": "non-overlapping matching windows that the measured points fill",
 }
 COUNTS: Final = tuple(_COUNTS)
 
 
 def score_variables(dims: tuple[str, ...]) -> dict[str, Variable]:
-    """How measured depth compares with the truth, over some dimensions."""
+    """Variables that compare measured with true depth, over the given dimensions."""
     found = {
         f"depth_{name}": Variable(dims=dims, units="1", long_name=words, error="exact")
         for name, words in _COUNTS.items()
@@ -57,7 +57,7 @@ def score_variables(dims: tuple[str, ...]) -> dict[str, Variable]:
     found["predicted_availability"] = Variable(
         dims=dims,
         units="1",
-        long_name="predicted share of object points that the estimator has two pictures of, on the axis; NaN where "
+        long_name="predicted share of object points on the axis that appear in two of the compared pictures; NaN where "
         "none is predicted",
         error="closed form",
     )
@@ -71,32 +71,32 @@ _AS_MAP: Final = "see depth_spread"
 DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     **score_variables(("mapped_camera",)),
     "matcher": Variable(
-        dims=("mapped_camera",), units="", long_name="the matcher that the errors show, as a study declares it"
+        dims=("mapped_camera",), units="", long_name="matcher fitted to the errors, in the notation of study files"
     ),
     "map_block": Variable(dims=("mapped_camera",), units="px", long_name="side of the blocks of a map", error="exact"),
     "map_depth": Variable(
-        dims=_MAP, units="m", long_name="median measured depth of blocks; NaN where no point has one", error=_AS_MAP
+        dims=_MAP, units="m", long_name="median measured depth of a block; NaN where no point has one", error=_AS_MAP
     ),
     "map_depth_error": Variable(
-        dims=_MAP, units="m", long_name="median of measured less true depth of blocks", error=_AS_MAP
+        dims=_MAP, units="m", long_name="median of measured minus true depth in a block", error=_AS_MAP
     ),
     "map_hidden": Variable(
         dims=_MAP,
         units="1",
-        long_name="share of the points of a block that show a surface of which the estimator has no second picture",
+        long_name="share of a block's points that show a surface but appear in no second picture",
         error="exact",
     ),
     "map_sharp": Variable(
         dims=_MAP,
         units="1",
-        long_name="picture that the camera makes sharp throughout with its depth, over that of a white scene; NaN "
-        "where it makes none",
-        error="that of the depths it is made with, and the noise of the picture",
+        long_name="all-in-focus picture that the camera computes from its depth, over that of a white scene; NaN where "
+        "it computes none",
+        error="that of the depths used, and the noise of the picture",
     ),
     "class_distance": Variable(
         dims=_CLASS,
         units="m",
-        long_name="middle of a class of true depths with as many points as the others",
+        long_name="middle of a class of true depths; all classes have equally many points",
         error="half the width of the class",
     ),
     "class_bias": Variable(dims=_CLASS, units="m", long_name="median error of the class", error="see class_bias_error"),
@@ -104,14 +104,14 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "class_spread": Variable(
         dims=_CLASS,
         units="m",
-        long_name="half the central 68.27 % interval of its errors",
+        long_name="half the central 68.27 % interval of the errors of the class",
         error="see class_spread_error",
     ),
     "class_spread_error": Variable(dims=_CLASS, units="m", long_name="standard error of class_spread", error=_ESTIMATE),
     "class_predicted": Variable(
         dims=_CLASS,
         units="m",
-        long_name="predicted depth uncertainty there; NaN where none is predicted",
+        long_name="predicted depth uncertainty of the class; NaN where none is predicted",
         error="see depth_uncertainty_error of the group depth",
     ),
 }

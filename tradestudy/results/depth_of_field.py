@@ -1,4 +1,4 @@
-"""/depth_of_field: what every camera keeps sharp, and how finely it resolves."""
+"""/depth_of_field: where every camera is sharp, and how finely it resolves."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "blur_px": Variable(
         dims=("sharp",),
         units="px",
-        long_name="blur that counts as sharp, in pixels or, of an unfocused plenoptic camera, microlenses",
+        long_name="largest blur that counts as sharp, in pixels; for an unfocused plenoptic camera, in microlenses",
         symbol="c",
         error="declared",
     ),
     "diffraction": Variable(
         dims=("sharp",),
         units="",
-        long_name="how wide the diffraction spot counts beside defocus: none, fwhm, airy-diameter",
+        long_name="width of the diffraction spot that counts beside defocus: none, fwhm, airy-diameter",
     ),
     "slice_name": Variable(
         dims=("camera", "sharp", "slice"),
         units="",
-        long_name="image of a stack, type of microlens, or lens; empty for none",
+        long_name="image of a focus stack, microlens type, or lens; empty for none",
     ),
     "slice_near": _length(("camera", "sharp", "slice"), "near limit of a slice; NaN where nothing is sharp"),
     "slice_far": _length(
@@ -39,38 +39,37 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
         "far limit of a slice; infinite from the hyperfocal distance on; NaN where nothing is sharp",
     ),
     "sharp_near": _length(
-        ("camera", "sharp", "stretch"), "near end of a stretch that some slice keeps sharp; NaN beyond the last one"
+        ("camera", "sharp", "stretch"), "near end of a range that some slice keeps sharp; NaN beyond the last one"
     ),
     "sharp_far": _length(
         ("camera", "sharp", "stretch"),
-        "far end of a stretch that some slice keeps sharp; infinite where a far limit is; NaN beyond the last one",
+        "far end of a range that some slice keeps sharp; infinite where a far limit is; NaN beyond the last one",
     ),
     "gap_near": _length(("camera", "sharp", "gap"), "near end of a gap between slices; NaN beyond the last one"),
     "gap_far": _length(("camera", "sharp", "gap"), "far end of a gap between slices; NaN beyond the last one"),
     "overlap_near": _length(
         ("camera", "sharp", "overlap"),
-        "near end of a stretch that two slices or more keep sharp; NaN beyond the last one",
+        "near end of a range that two or more slices keep sharp; NaN beyond the last one",
     ),
     "overlap_far": _length(
         ("camera", "sharp", "overlap"),
-        "far end of a stretch that two slices or more keep sharp; infinite where a far limit is; NaN beyond the last "
-        "one",
+        "far end of a range that two or more slices keep sharp; infinite where a far limit is; NaN beyond the last one",
     ),
-    "extent": _length(("camera", "sharp"), "length of all sharp stretches together; infinite where a far limit is"),
+    "extent": _length(("camera", "sharp"), "total length of all sharp ranges; infinite where a far limit is"),
     "scene_share": Variable(
         dims=("camera", "sharp"), units="1", long_name="share of the scene that is sharp", error=ROUNDING
     ),
     "images": Variable(
         dims=("camera", "sharp"),
         units="1",
-        long_name="images taken of the scene; 0 where no number is enough",
+        long_name="number of images taken of the scene; 0 where no number suffices",
         error="a count",
     ),
     "reason": Variable(
-        dims=("camera", "sharp"), units="", long_name="why nothing, or one of the slices, is sharp; empty where all are"
+        dims=("camera", "sharp"), units="", long_name="why nothing is sharp, or a slice is not; empty if all slices are"
     ),
     "lateral_resolution": _length(
-        ("camera", "distance"), "size of detail on the object that is resolved, geometrically", "r", _RESOLUTION
+        ("camera", "distance"), "size of the smallest geometrically resolved detail on the object", "r", _RESOLUTION
     ),
     "diffraction_width": _length(
         ("camera", "distance"),
@@ -87,27 +86,27 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "microlenses_seeing": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="mean number of microlenses that see a point; NaN for cameras that are not focused plenoptic ones",
+        long_name="mean number of microlenses that see a point; NaN for all but focused plenoptic cameras",
         symbol="π r²/cell",
         reference=f"{PAPER}, section 2.2; area of the pupil's shadow over that of a cell",
         error=ROUNDING,
     ),
     "total_covering_plane": _length(
         ("camera",),
-        "distance of absolute virtual depth 2; NaN for cameras that are not focused plenoptic ones, or have none",
-        reference="every point is seen by two microlenses from there on with matched f-numbers",
+        "distance where the absolute virtual depth is 2; NaN for all but focused plenoptic cameras, or where none is",
+        reference="from there on, with matched f-numbers, two microlenses see every point",
     ),
     "resolved_near": _length(
         ("camera", "resolved"),
-        "near end of a stretch that is resolved at the study's equal resolution",
+        "near end of a range resolved at the study's equal resolution",
         "",
         _RESOLUTION,
     ),
     "resolved_far": _length(
-        ("camera", "resolved"), "far end of a stretch that is resolved at the study's equal resolution", "", _RESOLUTION
+        ("camera", "resolved"), "far end of a range resolved at the study's equal resolution", "", _RESOLUTION
     ),
     "resolved_extent": _length(
-        ("camera",), "length of all stretches resolved at the study's equal resolution", "", _RESOLUTION
+        ("camera",), "total length of the ranges resolved at the study's equal resolution", "", _RESOLUTION
     ),
     "resolved_scene_share": Variable(
         dims=("camera",),

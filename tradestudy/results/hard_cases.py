@@ -1,4 +1,4 @@
-"""/hard_cases: every hard case by the usual formula and by ours, with what is allowed and the verdict."""
+"""/hard_cases: every hard case by the usual formula and by this program, with the allowed error and the verdict."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 from tradestudy.results.variable import Variable
 
 _CASE: Final = ("case",)
-_OUTCOME: Final = "NaN where outcome says that the answer is in words"
+_OUTCOME: Final = "NaN where the answer is in words, see outcome"
 
 
 def _text(long_name: str) -> Variable:
@@ -19,7 +19,7 @@ def _error(long_name: str) -> Variable:
     return Variable(
         dims=_CASE,
         units="1",
-        long_name=f"{long_name}; infinite for a wrong infinity, no number, or an exception, which the answer shows; "
+        long_name=f"{long_name}; infinite where the answer is a wrong infinity, not a number, or an exception; "
         f"{_OUTCOME}",
         error="exact: the difference to thirty digits",
     )
@@ -29,18 +29,18 @@ HARD_CASES: Final[Mapping[str, Variable]] = {
     "family": _text("part of the program, by its name in a study file"),
     "family_title": _text("part of the program"),
     "law": _text("what is computed"),
-    "naive_answer": _text("answer of the formula as it is usually written"),
+    "naive_answer": _text("answer of the formula as usually written"),
     "our_answer": _text("answer of this program"),
-    "expected": _text("reference of multiple precision, shortened, or what the right answer says"),
+    "expected": _text("multiple-precision reference, shortened, or the right answer in words"),
     "outcome": Variable(
-        dims=_CASE, units="1", long_name="whether the right answer is in words: a refusal, a sign, a count"
+        dims=_CASE, units="1", long_name="whether the right answer is in words (a refusal, a sign, a count)"
     ),
     "naive_error": _error("relative error of the usual formula"),
     "our_error": _error("relative error of this program"),
     "bound": Variable(
         dims=_CASE,
         units="1",
-        long_name=f"relative error allowed; {_OUTCOME}",
+        long_name=f"allowed relative error; {_OUTCOME}",
         error="1e-12, or ten machine epsilons times the condition number, or what the computation states",
     ),
     "condition_number": Variable(

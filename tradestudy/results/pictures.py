@@ -1,4 +1,4 @@
-"""/pictures: what the cameras' pictures of the scene look like, reduced, with a detail and the true depth."""
+"""/pictures: the cameras' pictures of the scene, reduced in size, with a full-size detail and the true depth."""
 
 from __future__ import annotations
 
@@ -15,41 +15,41 @@ PICTURES: Final[Mapping[str, Variable]] = {
     "brightness": Variable(
         dims=_WHOLE,
         units="1",
-        long_name="mean of blocks of pixels over the brightest pixel; NaN beyond the picture",
+        long_name="mean of each block of pixels over the brightest pixel; NaN beyond the picture",
         error=_SAMPLED,
     ),
     "detail": Variable(
         dims=("picture", "detail_row", "detail_column"),
         units="1",
-        long_name="pixels in the middle of the picture over the brightest pixel; NaN beyond it",
+        long_name="pixels in the middle of the picture over the brightest pixel; NaN beyond the picture",
         error=_SAMPLED,
     ),
     "true_depth": Variable(
         dims=_WHOLE,
         units="m",
-        long_name="depth of the middle pixel of each block along the axis of the camera; infinite where it sees "
-        "nothing, NaN where the pupil sends no light",
+        long_name="depth of the middle pixel of each block, along the axis of the camera; infinite where the pixel "
+        "sees nothing, NaN where the pupil sends no light",
         error="that of the rays: rounding",
     ),
-    "camera_of": Variable(dims=_OF, units="", long_name="camera that takes it"),
+    "camera_of": Variable(dims=_OF, units="", long_name="camera that takes the picture"),
     "block": Variable(dims=_OF, units="px", long_name="side of the blocks of pixels", error="exact"),
     "columns": Variable(dims=_OF, units="px", long_name="width of the picture", error="exact"),
     "rows": Variable(dims=_OF, units="px", long_name="height of the picture", error="exact"),
-    "pixel_pitch": Variable(dims=_OF, units="m", long_name="distance of its pixels", error="as declared"),
-    "saturated": Variable(dims=_OF, units="1", long_name="pixels that are full", error="exact"),
+    "pixel_pitch": Variable(dims=_OF, units="m", long_name="pixel pitch", error="as declared"),
+    "saturated": Variable(dims=_OF, units="1", long_name="number of saturated pixels", error="exact"),
     "sampling_error": Variable(
         dims=_OF,
         units="1",
-        long_name="relative difference (root mean square) from a picture with 16 times the rays, noise apart; by waves "
-        "also from twice as many computed spreads along each axis",
+        long_name="relative difference (root mean square) from a picture with 16 times the rays, without noise; by "
+        "waves, also from a picture with twice as many point-spread functions along each axis",
         error="an estimate of an error, from places all over the picture",
     ),
     "by_waves": Variable(dims=_OF, units="1", long_name="1 by waves, 0 by rays", error="exact"),
     "model_error": Variable(
         dims=_OF,
         units="1",
-        long_name="by rays, relative change (L2) that leaving out diffraction makes; by waves, share of the light that "
-        "is bent farther than it is followed",
+        long_name="by rays, relative change (L2) due to leaving out diffraction; by waves, share of the light that is "
+        "diffracted farther than it is followed",
         error="an estimate of an error: by rays from places all over the picture, with a margin of 30 %",
     ),
 }

@@ -1,4 +1,4 @@
-"""/decision, /claims, /requirements: what a study asks, answered."""
+"""/decision, /claims, /requirements: the answers to a study's questions."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ DECISION: Final[Mapping[str, Variable]] = {
     "best_camera": Variable(
         dims=("distance", "way"),
         units="",
-        long_name="candidate of lowest depth uncertainty among the usable, with those that differ by no more than both "
-        "may be off by; empty where none is usable",
+        long_name="usable candidate with the lowest depth uncertainty, and those that differ from it by no more than "
+        "both errors; empty where none is usable",
     ),
     "winner": Variable(
         dims=("reading", "place", "way"),
         units="",
-        long_name="of the headline pair, the usable camera of lower depth uncertainty; empty where neither is usable",
+        long_name="usable camera of the headline pair with the lower depth uncertainty; empty where neither is usable",
     ),
     "more_certain": Variable(
         dims=("reading", "place", "way"),
         units="",
-        long_name="of the headline pair, the one of lower depth uncertainty, usable or not",
+        long_name="camera of the headline pair with the lower depth uncertainty, usable or not",
     ),
     "uncertainty_ratio": Variable(
         dims=("reading", "place", "way"),
@@ -34,8 +34,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "within_tolerance": Variable(
         dims=("reading", "place", "way"),
         units="1",
-        long_name="whether the uncertainties of the headline pair differ by no more than the tolerance, so that what "
-        "was left out could overturn which is lower",
+        long_name="whether the uncertainties of the headline pair differ by no more than the tolerance, so that the "
+        "omitted effects could reverse which is lower",
         error="exact",
     ),
     "flips": Variable(
@@ -52,74 +52,74 @@ DECISION: Final[Mapping[str, Variable]] = {
     "change_distance": Variable(
         dims=("reading", "way", "change"),
         units="m",
-        long_name="distance where the winner of the headline pair changes; NaN where there is none",
+        long_name="distance where the winner of the headline pair switches; NaN where there is none",
         error="change_error; its range over readings stands beside it",
     ),
     "change_error": Variable(
         dims=("reading", "way", "change"),
         units="m",
-        long_name="standard error over independent scrambles; infinite where not all have the change, "
+        long_name="standard error over independent scrambles; infinite where not every scramble has the switch, "
         "NaN where there is none",
         error="an estimate of an error",
     ),
-    "change_nearer": Variable(dims=("reading", "way", "change"), units="", long_name="winner nearer than the change"),
-    "change_farther": Variable(dims=("reading", "way", "change"), units="", long_name="winner farther than the change"),
+    "change_nearer": Variable(dims=("reading", "way", "change"), units="", long_name="winner nearer than the switch"),
+    "change_farther": Variable(dims=("reading", "way", "change"), units="", long_name="winner beyond the switch"),
     "crossover_distance": Variable(
         dims=("reading", "way", "crossing"),
         units="m",
-        long_name="distance where the two uncertainties of the headline pair are equal; NaN where there is none",
+        long_name="distance where the cameras of the headline pair are equally uncertain; NaN where there is none",
         error="crossover_error; its range over readings stands beside it",
     ),
     "crossover_error": Variable(
         dims=("reading", "way", "crossing"),
         units="m",
-        long_name="standard error over independent scrambles; infinite where not all have the crossing, "
+        long_name="standard error over independent scrambles; infinite where not every scramble has the crossover, "
         "NaN where there is none",
         error="an estimate of an error",
     ),
     "crossover_nearer": Variable(
-        dims=("reading", "way", "crossing"), units="", long_name="camera that is more certain nearer than the crossing"
+        dims=("reading", "way", "crossing"), units="", long_name="more certain camera nearer than the crossover"
     ),
     "design_best_camera": Variable(
         dims=("design_place",),
         units="",
-        long_name="best_camera of each design of a sweep at a few distances, read off its curves",
+        long_name="best_camera of each design of a sweep at a few distances, interpolated from its curves",
     ),
     "design_crossover_distance": Variable(
         dims=("design_crossing",),
         units="m",
-        long_name="distance where the headline pair is equally uncertain in each design, read off their curves",
+        long_name="distance where the headline pair is equally uncertain in each design, interpolated from its curves",
         error="design_crossover_error",
     ),
     "design_crossover_error": Variable(
         dims=("design_crossing",),
         units="m",
-        long_name="what the curves may be off by, their bend between two distances included, over their slope",
+        long_name="error of the curves, including their curvature between two distances, over their slope",
         error="an estimate of an error",
     ),
     "design_crossover_nearer": Variable(
-        dims=("design_crossing",), units="", long_name="camera that is more certain nearer than that"
+        dims=("design_crossing",), units="", long_name="more certain camera nearer than that crossover"
     ),
     "cause": Variable(
         dims=("camera",),
         units="",
-        long_name="the uncertain input that contributes most of the variance, on average over the usable distances, "
+        long_name="uncertain input that contributes most to the variance, averaged over the usable distances, "
         "and its basis",
     ),
     "cause_share": Variable(
         dims=("camera",),
         units="1",
-        long_name="share of the variance that this input contributes alone, on the line in inverse depth",
-        error="that of the line",
+        long_name="share of the variance that this input contributes alone, linearised in inverse depth",
+        error="that of the linearisation",
     ),
     "solution_count": Variable(
-        dims=("question",), units="1", long_name="how many values between the declared ends answer it", error="exact"
+        dims=("question",), units="1", long_name="number of solutions between the declared ends", error="exact"
     ),
     "solved_value": Variable(
         dims=("question",),
         units="mixed",
-        long_name="least value of the varied input that makes two cameras equally certain, or one as certain as asked, "
-        "in solved_units",
+        long_name="smallest value of the varied input that makes two cameras equally certain, or one as certain as "
+        "asked, in solved_units",
         error="solved_error",
     ),
     "solved_error": Variable(
@@ -137,24 +137,24 @@ CLAIMS: Final[Mapping[str, Variable]] = {
     "value": Variable(
         dims=("claim", "reading"),
         units="mixed",
-        long_name="value found under a reading; NaN where not tried",
+        long_name="value under a reading; NaN where not tried",
         error=SEE_ERROR,
     ),
     "met": Variable(dims=("claim", "reading"), units="1", long_name="1 met, 0 not met, −1 not tried"),
-    "value_text": Variable(dims=("claim", "reading"), units="", long_name="value found, with its unit"),
+    "value_text": Variable(dims=("claim", "reading"), units="", long_name="that value, with its unit"),
     "says": Variable(dims=("claim",), units="", long_name="the claim in the words of its source"),
-    "source": Variable(dims=("claim",), units="", long_name="where it is made"),
+    "source": Variable(dims=("claim",), units="", long_name="where the claim is made"),
     "expected": Variable(dims=("claim",), units="", long_name="expected value or bound"),
-    "quantity": Variable(dims=("claim",), units="", long_name="what is computed to answer it"),
+    "quantity": Variable(dims=("claim",), units="", long_name="quantity that is computed to answer it"),
     "tolerance_reason": Variable(
-        dims=("claim",), units="", long_name="why the expectation and its tolerance follow from the wording"
+        dims=("claim",), units="", long_name="how the expectation and its tolerance follow from the wording"
     ),
     "verdict": Variable(dims=("claim",), units="", long_name="met, not met, or cannot be decided from the paper"),
-    "reason": Variable(dims=("claim",), units="", long_name="the verdict's reason"),
+    "reason": Variable(dims=("claim",), units="", long_name="reason for the verdict"),
     "within_tolerance": Variable(
         dims=("claim", "reading"),
         units="1",
-        long_name="whether a change of the value by as much as the tolerance could overturn the answer",
+        long_name="whether a change of the value by the tolerance could overturn the answer",
         error="exact",
     ),
 }
@@ -163,14 +163,14 @@ _OF_REQUIREMENT: Final = ("requirement",)
 _OF_CAMERA: Final = ("requirement", "camera")
 REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "says": Variable(dims=_OF_REQUIREMENT, units="", long_name="the requirement"),
-    "priority": Variable(dims=_OF_REQUIREMENT, units="", long_name="must, which --strict insists on, or should"),
-    "quantity": Variable(dims=_OF_REQUIREMENT, units="", long_name="what is held against the bound"),
-    "of": Variable(dims=_OF_REQUIREMENT, units="", long_name="the camera that it concerns, any or all"),
+    "priority": Variable(dims=_OF_REQUIREMENT, units="", long_name="must (enforced by --strict) or should"),
+    "quantity": Variable(dims=_OF_REQUIREMENT, units="", long_name="quantity that is compared with the bound"),
+    "of": Variable(dims=_OF_REQUIREMENT, units="", long_name="camera that the requirement concerns, or any, or all"),
     "met": Variable(dims=_OF_REQUIREMENT, units="1", long_name="1 met, 0 not met, −1 cannot be decided"),
     "camera_deciding": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="camera that comes nearest to the requirement or keeps it best; of all, the one that keeps it worst",
+        long_name="camera with the largest margin; for requirements on all cameras, the one with the smallest",
     ),
     "value": Variable(
         dims=_OF_REQUIREMENT, units="mixed", long_name="worst value over the distances, in SI", error="value_error"
@@ -178,69 +178,74 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "value_error": Variable(
         dims=_OF_REQUIREMENT, units="mixed", long_name="estimated error of that value", error="an estimate of an error"
     ),
-    "bound": Variable(dims=_OF_REQUIREMENT, units="mixed", long_name="what it is held against, in SI", error="exact"),
+    "bound": Variable(dims=_OF_REQUIREMENT, units="mixed", long_name="bound on the quantity, in SI", error="exact"),
     "place": Variable(
         dims=_OF_REQUIREMENT, units="m", long_name="distance of the worst value", error="a hundredth of a hundredth"
     ),
     "margin_percent": Variable(
         dims=_OF_REQUIREMENT,
         units="percent",
-        long_name="share by which the worst value keeps its bound; negative when missed, by at least the share of the "
-        "distances, on a logarithmic scale, where the camera is not usable",
+        long_name="share by which the worst value keeps its bound; negative when missed, and then at least as large as "
+        "the share of the distances, on a logarithmic scale, where the camera is not usable",
         error="as that of the value",
     ),
     "margin_sigma": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="bound less worst value, over the estimated error of that value; NaN where it has none",
+        long_name="bound minus worst value, over the estimated error of that value; NaN where it has none",
         error="as good as that estimate",
     ),
     "conformity": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="probability that the true worst value keeps the bound, its error taken as normal",
+        long_name="probability that the true worst value keeps the bound, for a normally distributed error",
         error="as good as the estimate of that error",
     ),
     "within_tolerance": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="whether a change of the worst value by as much as the tolerance could overturn the answer",
+        long_name="whether a change of the worst value by the tolerance could overturn the answer",
         error="exact",
     ),
     "reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="the worst value and where it lies"),
     "rests_on": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="the uncertain input that contributes most of the variance at the worst place, and its basis",
+        long_name="uncertain input that contributes most to the variance at the worst distance, and its basis",
     ),
     "rests_on_share": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="share of the variance that this input contributes alone, on the line in inverse depth",
-        error="that of the line",
+        long_name="share of the variance that this input contributes alone, linearised in inverse depth",
+        error="that of the linearisation",
     ),
     "bound_alone_met": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="met, if matching reached its bound instead of what is declared of a matcher; −1 where undecided, or "
-        "where that makes no difference",
+        long_name="met, if matching reached its bound instead of the declared matcher's noise; −1 where undecided, or "
+        "where no matcher makes a difference",
     ),
     "bound_alone_camera": Variable(
-        dims=_OF_REQUIREMENT, units="", long_name="camera_deciding then; empty where that makes no difference"
+        dims=_OF_REQUIREMENT,
+        units="",
+        long_name="camera_deciding at the matching bound; empty where no matcher makes a difference",
     ),
     "bound_alone_value": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="value then, in SI; NaN where that makes no difference",
+        long_name="value at the matching bound, in SI; NaN where no matcher makes a difference",
         error="bound_alone_value_error",
     ),
     "bound_alone_value_error": Variable(
-        dims=_OF_REQUIREMENT, units="mixed", long_name="value_error then", error="an estimate of an error"
+        dims=_OF_REQUIREMENT,
+        units="mixed",
+        long_name="value_error at the matching bound",
+        error="an estimate of an error",
     ),
     "bound_alone_place": Variable(
-        dims=_OF_REQUIREMENT, units="m", long_name="place then", error="a hundredth of a hundredth"
+        dims=_OF_REQUIREMENT, units="m", long_name="place at the matching bound", error="a hundredth of a hundredth"
     ),
-    "bound_alone_reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="reason then"),
+    "bound_alone_reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="reason at the matching bound"),
     "camera_met": Variable(
         dims=_OF_CAMERA, units="1", long_name="1 met by this camera, 0 not met, −1 cannot be decided or not asked"
     ),
@@ -258,19 +263,19 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "met_from": Variable(
         dims=("requirement", "stretch"),
         units="mixed",
-        long_name="where a stretch of the one swept parameter begins in which the requirement is met, in its SI unit",
+        long_name="start of a range of the one swept parameter in which the requirement is met, in its SI unit",
         error="met_to_within",
     ),
     "met_to": Variable(
-        dims=("requirement", "stretch"), units="mixed", long_name="where it ends", error="met_to_within"
+        dims=("requirement", "stretch"), units="mixed", long_name="end of that range", error="met_to_within"
     ),
     "met_to_within": Variable(
         dims=("requirement", "stretch"),
         units="mixed",
-        long_name="error of those ends: half of what the root is bracketed by; 0 at an end of the sweep",
+        long_name="error of those ends: half the bracket of the root; 0 at an end of the sweep",
         error="an estimate of an error",
     ),
     "met_camera": Variable(
-        dims=("requirement", "stretch"), units="", long_name="cameras that decide in this stretch, by growing parameter"
+        dims=("requirement", "stretch"), units="", long_name="deciding cameras in this range, by increasing parameter"
     ),
 }

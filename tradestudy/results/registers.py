@@ -1,4 +1,4 @@
-"""/cameras, /assumptions, /contradictions, /criteria: lists kept with every study."""
+"""/cameras, /assumptions, /contradictions, /criteria: registers of every study."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from tradestudy.results.variable import Variable
 CAMERAS: Final[Mapping[str, Variable]] = {
     "title": Variable(dims=("camera",), units="", long_name="name in figures and tables"),
     "kind": Variable(dims=("camera",), units="", long_name="kind of camera"),
-    "family": Variable(dims=("camera",), units="", long_name="idea that cameras of one family share"),
+    "family": Variable(dims=("camera",), units="", long_name="principle that cameras of one family share"),
     "method": Variable(dims=("camera",), units="", long_name="how its pictures give depth, in JSON"),
-    "note": Variable(dims=("camera",), units="", long_name="what a reader should know about it"),
-    "property_value": Variable(dims=("property",), units="", long_name="a derived value, with its unit"),
+    "note": Variable(dims=("camera",), units="", long_name="what a reader should know about the camera"),
+    "property_value": Variable(dims=("property",), units="", long_name="derived property, with its unit"),
     "perfect_calibration": Variable(
         dims=("camera",), units="", long_name="1 where a camera that measures depth declares nothing uncertain"
     ),
-    "property_camera": Variable(dims=("property",), units="", long_name="camera that the value belongs to"),
-    "property_name": Variable(dims=("property",), units="", long_name="what the value is"),
+    "property_camera": Variable(dims=("property",), units="", long_name="camera that has the property"),
+    "property_name": Variable(dims=("property",), units="", long_name="name of the property"),
 }
 
 ASSUMPTIONS: Final[Mapping[str, Variable]] = {
@@ -26,14 +26,14 @@ ASSUMPTIONS: Final[Mapping[str, Variable]] = {
     "basis": Variable(dims=("path",), units="", long_name="paper, datasheet, measured, assumed or derived"),
     "note": Variable(dims=("path",), units="", long_name="note"),
     "cameras": Variable(dims=("path",), units="", long_name="cameras that the value belongs to; empty for the study"),
-    "warning": Variable(dims=("warned",), units="", long_name="what is possible and hardly ever meant, with its path"),
+    "warning": Variable(dims=("warned",), units="", long_name="implausible input, with its path"),
 }
 
 CONTRADICTIONS: Final[Mapping[str, Variable]] = {
     "camera": Variable(dims=("contradiction",), units="", long_name="camera"),
     "what": Variable(dims=("contradiction",), units="", long_name="quantity stated twice"),
-    "stated": Variable(dims=("contradiction",), units="", long_name="value stated"),
-    "implied": Variable(dims=("contradiction",), units="", long_name="value that the other inputs imply"),
+    "stated": Variable(dims=("contradiction",), units="", long_name="stated value"),
+    "implied": Variable(dims=("contradiction",), units="", long_name="value implied by the other inputs"),
     "used": Variable(dims=("contradiction",), units="", long_name="reading that the study uses"),
 }
 
@@ -42,7 +42,7 @@ CRITERIA: Final[Mapping[str, Variable]] = {
     "basis": Variable(
         dims=("camera", "criterion"),
         units="",
-        long_name="derived from the other inputs, or what the declaration rests on",
+        long_name="basis of the attribute: derived from the other inputs, or as declared",
     ),
     "number": Variable(
         dims=("camera", "criterion"),

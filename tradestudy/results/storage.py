@@ -1,4 +1,4 @@
-"""Results on disk: complete files only, the same bytes for the same results, and a word for what cannot be read."""
+"""Results on disk: complete files only, identical bytes for identical results, and errors for unreadable files."""
 
 from __future__ import annotations
 
@@ -28,33 +28,33 @@ _PART = re.compile(r"\..+\.[0-9a-f]{8}\.(?P<process>\d+)@(?P<machine>.+)\.part")
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a temporary path beside ``path``; it takes the place of ``path`` only if the block ends well."""
+    """Give a temporary path beside ``path``; it replaces ``path`` only if the block succeeds."""
     path.parent.mkdir(parents=True, exist_ok=True)
     owner = f"{os.getpid()}@{platform.node()}"
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.{owner}.part")
     try:
         yield temporary
         with temporary.open("rb") as file:
-            os.fsync(file.fileno())  # or a power failure could leave a whole name on half a content
+            os.fsync(file.fileno())  # or a power failure could leave a truncated file under the final name
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Write a file so that a reader sees the old content or the new, never a part of it; missing folders are made.
+    """Write a file so that a reader sees either the old content or the new; create missing folders.
 
     Raises
     ------
     OSError
-        If it cannot be written; the old file is untouched and nothing else is left behind.
+        If it cannot be written; the old file is untouched and nothing is left behind.
     """
     with replacing(path) as temporary:
         temporary.write_bytes(content)
 
 
 def remove_abandoned(directory: Path) -> None:
-    """Remove what killed processes of this machine have left half-written in a folder and the folders in it."""
+    """Remove files that killed processes of this machine left half-written in a folder and its subfolders."""
     for part in (*directory.glob(".*.part"), *directory.glob("*/.*.part")):
         owner = _PART.fullmatch(part.name)
         if owner and owner["machine"] == platform.node() and not _is_running(int(owner["process"])):
@@ -62,7 +62,7 @@ def remove_abandoned(directory: Path) -> None:
 
 
 def _is_running(process: int) -> bool:
-    """Whether a process of this machine is alive; where that cannot be asked without harm it counts as alive."""
+    """Whether a process of this machine is alive; assumed alive where that cannot be asked without harm."""
     if os.name != "posix":
         return True
     try:
@@ -77,14 +77,14 @@ def _is_running(process: int) -> bool:
 def write_finished(tree: xr.DataTree, run: Mapping[str, Any], directory: Path) -> dict[str, Any]:
     """Write ``run.json`` with the checksum of the results, then ``results.nc``, each whole or not at all.
 
-    Results come last: once they are there whole, a run is finished and its record is there too.
+    Results come last: once they exist, the run is finished and its record exists too.
 
     Returns
     -------
     dict
-        The record as it is read back, so that a report made now and one made later from the files are the same bytes.
+        The record as it is read back, so that reports made now and later from the files are identical.
     """
-    content = tree.to_netcdf(engine="h5netcdf")  # in memory: HDF5 brings the process down where a disk is full
+    content = tree.to_netcdf(engine="h5netcdf")  # in memory: HDF5 crashes the process when the disk is full
     record = {**run, CHECKSUM: _checksum(content)}
     text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
     with replacing(directory / RESULTS) as results:
@@ -101,7 +101,7 @@ def read_finished(directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:
     Raises
     ------
     ResultsError
-        Where one is missing, damaged, of another format version, or where they are not of one run.
+        If a file is missing, damaged or of another format version, or if they belong to different runs.
     """
     path = directory / RESULTS
     if not path.is_file():
@@ -111,10 +111,10 @@ def read_finished(directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:
     except OSError as error:
         raise _unreadable(path, error) from error
     record = _read_run(directory)
-    # Before anything looks into them: what HDF5 makes of changed bytes is anyone's guess.
+    # Checked before HDF5 reads the bytes: what it does with damaged ones is undefined.
     if record.get(CHECKSUM) != _checksum(content):
         raise ResultsError(
-            "the results are damaged or of another run than their record: the checksum differs",
+            "the results are damaged or belong to another run than their record: the checksum differs",
             value=str(path),
             remedy="run the study again",
         )
@@ -132,7 +132,7 @@ def _unreadable(path: Path, error: Exception) -> ResultsError:
 def _tree_of(content: bytes, path: Path) -> xr.DataTree:
     """The tree in the bytes of a results file; ``path`` names it in errors."""
     try:
-        # Group by group: a tree's own load() leaves variables to be read when the file is long closed.
+        # Group by group: a tree's own load() leaves some variables to be read after the file is closed.
         groups = {name: group.load() for name, group in xr.open_groups(io.BytesIO(content), engine="h5netcdf").items()}
         tree = xr.DataTree.from_dict(groups)
     except (OSError, ValueError, KeyError, RuntimeError) as error:

@@ -1,4 +1,4 @@
-"""/criteria: criteria weighed against each other, ranks over all possible weights, and designs that nothing beats."""
+"""/criteria: weighed criteria, ranks over all possible weights, and Pareto-optimal designs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "weighed_value": Variable(
         dims=_BOTH,
         units="mixed",
-        long_name="criterion of a candidate, in weighed_units; NaN where it is not usable there",
+        long_name="value of a criterion for a candidate, in weighed_units; NaN where the candidate is not usable",
         error="weighed_value_error",
     ),
     "weighed_value_error": Variable(
@@ -27,37 +27,33 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "worth": Variable(
         dims=_BOTH,
         units="1",
-        long_name="worth of weighed_value, linear from worst to best and clipped beyond; 0 where that is NaN",
-        error="that of weighed_value over best less worst",
+        long_name="worth of weighed_value, linear from worst to best and clipped beyond; 0 where weighed_value is NaN",
+        error="that of weighed_value over best minus worst",
     ),
     "clipped": Variable(
         dims=_BOTH, units="1", long_name="whether weighed_value lies beyond worst or best", error="exact"
     ),
-    "weight_low": Variable(dims=("weighed",), units="1", long_name="least weight that is possible", error="declared"),
-    "weight_high": Variable(
-        dims=("weighed",), units="1", long_name="largest weight that is possible", error="declared"
-    ),
+    "weight_low": Variable(dims=("weighed",), units="1", long_name="smallest possible weight", error="declared"),
+    "weight_high": Variable(dims=("weighed",), units="1", long_name="largest possible weight", error="declared"),
     "weight_order": Variable(
         dims=("weighed",),
         units="1",
         long_name="place in the declared order of importance, from 1; 0 where there is none",
         error="declared",
     ),
-    "weight_mean": Variable(
-        dims=("weighed",), units="1", long_name="mean of all weights that are possible", error="below 1e-3"
-    ),
+    "weight_mean": Variable(dims=("weighed",), units="1", long_name="mean of all possible weights", error="below 1e-3"),
     "rank_acceptability": Variable(
         dims=("candidate", "rank"),
         units="1",
         symbol="b_i^r",
         reference=_SMAA,
-        long_name="share of the possible weights, and of the errors of the values, that give a candidate a rank",
+        long_name="share of the possible weights and errors of the values that give a candidate a rank",
         error="rank_acceptability_error",
     ),
     "rank_acceptability_error": Variable(
         dims=("candidate", "rank"),
         units="1",
-        long_name="standard error over independent scrambles, one draw at least where anything is drawn",
+        long_name="standard error over independent scrambles; at least one draw where anything is drawn",
         error="an estimate of an error",
     ),
     "central_weight": Variable(
@@ -65,7 +61,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         units="1",
         symbol="w_i^c",
         reference=_SMAA,
-        long_name="mean of the weights that rank a candidate first; NaN where central_weight_reason says why",
+        long_name="mean of the weights that rank a candidate first; NaN for the reason in central_weight_reason",
         error="central_weight_error",
     ),
     "central_weight_error": Variable(
@@ -75,7 +71,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         error="an estimate of an error",
     ),
     "central_weight_reason": Variable(
-        dims=("candidate",), units="", long_name="why a candidate has no central weights; empty where it has"
+        dims=("candidate",), units="", long_name="why a candidate has no central weights; empty where it has them"
     ),
     "design_value": Variable(
         dims=_BOTH,
@@ -86,13 +82,13 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "feasible": Variable(
         dims=("candidate",),
         units="1",
-        long_name="whether a design meets every requirement that must hold, those on any camera by this candidate",
+        long_name="whether a design meets every 'must' requirement; where any camera may meet it, by this candidate",
         error="exact",
     ),
     "on_pareto_front": Variable(
         dims=("candidate",),
         units="1",
         long_name="whether no candidate in a feasible design is at least as good in every criterion and better in one",
-        error="exact for the values as they stand",
+        error="exact for the given values",
     ),
 }

@@ -13,8 +13,8 @@ VALUE_OF_INFORMATION: Final[Mapping[str, Variable]] = {
     "worth": Variable(
         dims=("assumption",),
         units="1",
-        long_name="expected fall of depth uncertainty over distance, averaged over the distances, by knowing the "
-        "assumption before a camera is chosen (EVPPI), its upward bias taken off",
+        long_name="expected reduction of relative depth uncertainty, averaged over the distances, from knowing the "
+        "assumption before choosing a camera (EVPPI), corrected for its upward bias",
         error="worth_error",
     ),
     "worth_error": Variable(
@@ -23,16 +23,16 @@ VALUE_OF_INFORMATION: Final[Mapping[str, Variable]] = {
     "worth_bias": Variable(
         dims=("assumption",),
         units="1",
-        long_name="by how much the maximum over cameras lets noise pass for worth; taken off already",
+        long_name="upward bias of worth due to noise in the maximum over cameras; already subtracted",
         error="an estimate of an error",
     ),
     "says": Variable(dims=("assumption",), units="", long_name="the assumption"),
-    "varied": Variable(dims=("assumption",), units="", long_name="paths of the values"),
-    "between": Variable(dims=("assumption",), units="", long_name="ends of its range"),
+    "varied": Variable(dims=("assumption",), units="", long_name="paths of the varied values"),
+    "between": Variable(dims=("assumption",), units="", long_name="ends of their range"),
     "expected_utility": Variable(
         dims=("candidate",),
         units="1",
-        long_name="minus the mean of depth uncertainty over distance, over the distances and draws",
+        long_name="negative mean relative depth uncertainty, over the distances and draws",
         error="expected_utility_error",
     ),
     "expected_utility_error": Variable(

@@ -1,4 +1,4 @@
-"""How a variable of the results is declared."""
+"""The declaration of a variable of the results."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ class Variable:
     Parameters
     ----------
     dims
-        Dimensions after those of the study's sweep.
+        Dimensions, after those of the study's sweep.
     units
-        SI, "1" for a plain number, "" for text.
+        SI unit, "1" for a plain number, "" for text.
     long_name
-        What it is.
+        What the variable is.
     symbol, reference
-        In the equations, and where they stand.
+        Its symbol, and the source of its equation.
     error
-        Where its error estimate is found, or why it is exact.
+        The variable with its error estimate, or why it is exact. `compare` reads it, and the words "standard error" in
+        the ``long_name`` of that variable.
     """
 
     dims: tuple[str, ...]

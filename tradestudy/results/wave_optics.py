@@ -1,4 +1,4 @@
-"""/fresnel_validity, /images, /point_spread: what wave optics finds."""
+"""/fresnel_validity, /images, /point_spread: results of wave optics."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "off_axis_error": Variable(
         dims=("element", "lens_phase", "f_number", "metric", "window"),
         units="1",
-        long_name="the same away from the axis, about the thin-lens image",
+        long_name="psf_error off the axis, about the thin-lens image",
         reference=_MEASURED,
         error="see off_axis_error_numerical",
     ),
@@ -61,8 +61,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "published_point_error": Variable(
         dims=("element", "lens_phase", "wavelength", "metric", "window"),
         units="1",
-        long_name="error of Fresnel's point-spread function on axis at the f-number of the published error, or of the "
-        "camera where none is published",
+        long_name="error of Fresnel's point-spread function on axis at the f-number of the published error, or, where "
+        "none is published, of the camera",
         reference=_MEASURED,
         error="see published_point_error_numerical",
     ),
@@ -87,7 +87,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "off_axis_camera_error": Variable(
         dims=("element", "lens_phase", "metric", "window"),
         units="1",
-        long_name="the same away from the axis",
+        long_name="camera_point_error off the axis",
         error="see off_axis_camera_error_numerical",
     ),
     "off_axis_camera_error_numerical": Variable(
@@ -98,8 +98,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "limit_f_number": _f_number(
         ("element", "lens_phase", "wavelength", "metric", "window"),
-        "least f-number from which the error on axis stays below the limit of the study; 0 where it does so over the "
-        "whole range compared, infinite where it exceeds the limit at its end",
+        "least f-number from which on the error on axis stays below the study's limit; 0 where it does over the whole "
+        "compared range, infinite where it exceeds the limit at the end of the range",
         _MEASURED,
         "root to 1e-4 relative; the error of psf_error over its slope",
     ),
@@ -109,7 +109,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "paper_eq27_condition": Variable(
         dims=_ELEMENT,
         units="1",
-        long_name="how many times a relative change of a length is magnified in the fractional part that decides the "
+        long_name="factor by which a relative change of a length is magnified in the fractional part that decides the "
         "criterion as printed",
         reference=f"{PAPER}, eq. 27",
         error=ROUNDING,
@@ -121,16 +121,16 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "path_error_f_number": _f_number(
         (*_ELEMENT, "path_error"),
-        "least f-number with a bounded dropped path",
+        "least f-number at which the omitted path stays within its bound",
         "(f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼; the next term is smaller by r²/(2 b²)",
     ),
     "goodman_f_number": _f_number(
-        _ELEMENT, "least f-number at which each leg alone drops at most 1 rad", "Goodman 2005, section 4.2.2"
+        _ELEMENT, "least f-number at which each leg alone omits at most 1 rad", "Goodman 2005, section 4.2.2"
     ),
     "southwell_f_number": _f_number(
         _ELEMENT,
-        "least f-number at which a plane wave behind a bare hole of that size, at the image distance, errs on the axis "
-        "by at most the limit of the study",
+        "least f-number at which, for a plane wave behind an empty aperture of that size, the error on the axis at the "
+        "image distance is at most the study's limit",
         "the question of Southwell 1981",
     ),
 }
@@ -158,7 +158,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "lit_pixels": Variable(
         dims=("propagator",),
         units="1",
-        long_name="pixels that hold more than a hundredth of the brightest pixel's light",
+        long_name="pixels with more than a hundredth of the brightest pixel's light",
         error="a count",
     ),
     "outside_geometric": Variable(
@@ -170,7 +170,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "difference": Variable(
         dims=("propagator", "against"),
         units="1",
-        long_name="sum over pixels of |difference| over the sum of the image against which it is held",
+        long_name="sum over pixels of |difference| over the sum of the image that it is compared with",
         error="at most the numerical errors of both images together; less where they share it",
     ),
     "difference_l2": Variable(
@@ -185,9 +185,9 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "chosen_image": Variable(
         dims=("row", "column"),
         units="1",
-        long_name="the same by the models that the tolerance calls for, which the attributes name",
+        long_name="image by the models that the tolerance calls for, named in the attributes",
         reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
-        error="see chosen_error, and the bounds of what is left out",
+        error="see chosen_error, and the bounds of the omitted effects",
     ),
     "chosen_error": Variable(
         dims=(),
@@ -196,7 +196,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
         error="an estimate itself",
     ),
     "spectral_share": Variable(
-        dims=("wavelength",), units="1", long_name="share of the light that has a wavelength", error="declared"
+        dims=("wavelength",), units="1", long_name="share of the light at a wavelength", error="declared"
     ),
     "microlens_x": Variable(
         dims=("microlens",), units="m", long_name="centre of a microlens, along a row", error=ROUNDING
@@ -214,12 +214,12 @@ IMAGES: Final[Mapping[str, Variable]] = {
         error="an estimate itself",
     ),
     "published_seconds": Variable(
-        dims=("propagator",), units="s", long_name="time that a publication states; NaN for none", error="as published"
+        dims=("propagator",), units="s", long_name="published computing time; NaN for none", error="as published"
     ),
     "published_words": Variable(
-        dims=("propagator",), units="", long_name="that time in the words of its source; empty for none"
+        dims=("propagator",), units="", long_name="published time in the words of its source; empty for none"
     ),
-    "published_source": Variable(dims=("propagator",), units="", long_name="where that time is stated"),
+    "published_source": Variable(dims=("propagator",), units="", long_name="source of the published time"),
 }
 
 _SPREAD = ("element", "propagator", "varied", "step")
@@ -238,12 +238,12 @@ def _spread(name: str, units: str, long_name: str, reference: str = "") -> Mappi
 POINT_SPREAD: Final[Mapping[str, Variable]] = {
     "title": Variable(dims=("element",), units="", long_name="name of the lens in figures and tables"),
     "airy_radius": Variable(
-        dims=("element",), units="m", long_name="radius of the Airy disc of the lens as it stands", error=ROUNDING
+        dims=("element",), units="m", long_name="radius of the Airy disc of the lens as declared", error=ROUNDING
     ),
     "value": Variable(
         dims=("element", "varied", "step"),
         units="mixed",
-        long_name="value of what is varied, in the SI unit of varied_units; NaN beyond the last",
+        long_name="value of the varied input, in the SI unit of varied_units; NaN beyond the last",
         error="declared",
     ),
     "chosen": Variable(
@@ -251,18 +251,21 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
     ),
     "varied_units": Variable(dims=("varied",), units="", long_name="SI unit of the value"),
     "standing": Variable(
-        dims=("element", "varied"), units="mixed", long_name="value while something else is varied", error="declared"
+        dims=("element", "varied"), units="mixed", long_name="value while another input is varied", error="declared"
     ),
     **_spread("full_width", "m", "full width at half maximum, across the direction of the field angle"),
-    **_spread("half_energy_radius", "m", "radius that holds 50 % of the pupil's power, about the thin-lens image"),
-    **_spread("energy_radius_80", "m", "radius that holds 80 % of the pupil's power; NaN where the window holds less"),
+    **_spread("half_energy_radius", "m", "radius that contains 50 % of the pupil's power, about the thin-lens image"),
+    **_spread(
+        "energy_radius_80", "m", "radius that contains 80 % of the pupil's power; NaN where the window contains less"
+    ),
     **_spread("rms_width", "m", "root-mean-square distance from the thin-lens image within the declared radius"),
     **_spread("strehl_ratio", "1", "largest intensity over that of the same pupil without aberration"),
     **_spread("transfer_half_nyquist", "1", "modulation transfer at half the Nyquist frequency of the pixels"),
     **_spread(
         "outside_geometric",
         "1",
-        "share of the pupil's power outside the disc that paraxial rays fill; all of it in focus, where it is a point",
+        "share of the pupil's power outside the disc filled by paraxial rays; all of it in focus, where that is a "
+        "point",
     ),
     **_spread("neighbour_share", "1", "share of the pupil's power on the eight pixels around the central one"),
 }
