@@ -1,1 +1,1 @@
-"""What a scene calls for: slots of effects, models with bounds and costs, and the choice among them."""
+"""Which effects a scene needs: slots of effects, models with bounds and costs, and the choice among them."""

@@ -1,4 +1,4 @@
-"""The cheapest models that answer a question within its tolerance."""
+"""Choose the cheapest models that answer a question within its tolerance."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from tradestudy.effects.models import Models, SlotName
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.units import FRACTION, pretty
 
-NAMED: Final = "the study names the model"
+NAMED: Final = "forced by the study"
 Evidence = Literal["computed", "rule", "trial"]
-"""How a change is known: by computing it everywhere, by a closed rule with a margin, or at a few places."""
+"""How a change is known: computed everywhere, by a closed rule with a margin, or tried at a few places."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """How far a quantity moves if a set of models stands in for the most complete one.
+    """The change of a quantity when a set of models replaces the most complete one.
 
     Parameters
     ----------
     relative
-        The largest relative change that has to be expected; infinite where none can be stated.
+        The largest relative change to be expected; infinite where none can be stated.
     least
-        What it is known to be at least, so that no trial can bring it below.
+        Known lower bound of the change; no trial can bring it below.
     evidence
-        How it is known. A rule and a trial are evidence, not bounds; their margins are in the number.
+        How the change is known. A rule and a trial are evidence, not bounds; the number includes their margins.
     at
-        Distance at which it is the largest [m]; NaN where it belongs to none.
+        Distance at which the change is largest [m]; NaN where it has no distance.
     """
 
     relative: float
@@ -46,14 +46,14 @@ Changes = Mapping[Quantity, Change]
 
 @dataclass(frozen=True, kw_only=True)
 class Slot:
-    """An effect of one piece of a study: the models that could stand for it, from the cheapest to the most complete.
+    """An effect in one problem of a study, and its possible models from the cheapest to the most complete.
 
     Parameters
     ----------
     name, models
         The effect and its models.
     saves_time
-        Whether a simpler model is quicker; where none is, the most complete one stands.
+        Whether a simpler model is faster; if not, the most complete one is used.
     reason
         Why there is only one model; empty where there are several.
 
@@ -69,7 +69,7 @@ class Slot:
     reason: str = ""
 
     def under(self, forced: Models) -> Slot:
-        """The same effect with the one model that a study names, if it names one."""
+        """The same effect with the one model that the study forces, if it forces one."""
         if (named := forced.get(self.name)) is None:
             return self
         return replace(self, models=(named,), reason=NAMED)
@@ -82,49 +82,49 @@ class Slot:
 
 
 class Piece(ABC):
-    """A camera, a light path or a lens of a study, and what its models change in its answers."""
+    """A problem of a study: a camera, a light path or a lens, and how its models change its answers."""
 
     name: str
     title: str
     asked: tuple[Quantity, ...]
     """The quantities that the question uses; only these decide."""
     slots: tuple[Slot, ...]
-    """In the order in which simpler models are tried: those that save the most time first."""
+    """Effects in the order in which simpler models are tried: those that save the most time first."""
 
     @property
     def complete(self) -> Models:
-        """The most complete models that the study allows, which all others are held against."""
+        """The most complete models that the study allows, with which all others are compared."""
         return {slot.name: slot.models[-1] for slot in self.slots}
 
     @abstractmethod
     def changes(self, models: Models) -> Changes:
-        """How far a set of models moves each asked quantity, by what is known so far."""
+        """How much a set of models changes each asked quantity, as far as is known yet."""
 
-    def elsewhere(self, models: Models) -> Mapping[str, Models]:  # noqa: ARG002  # most pieces are the same everywhere
-        """Readings and inverse questions that take other models than these, by name."""
+    def elsewhere(self, models: Models) -> Mapping[str, Models]:  # noqa: ARG002  # most problems use one set everywhere
+        """Readings and inverse questions that need other models than these, by name."""
         return {}
 
-    def unasked(self, models: Models) -> Changes:  # noqa: ARG002  # most pieces have nothing else to show
-        """The same of quantities that are shown and decide nothing."""
+    def unasked(self, models: Models) -> Changes:  # noqa: ARG002  # most problems have nothing else to show
+        """Changes of quantities that are shown but do not decide."""
         return {}
 
-    def try_out(self, models: Models) -> bool:  # noqa: ARG002  # some pieces have nothing to try
-        """Run a more expensive model at a few places, so that `changes` of a set is known better; False if it is."""
+    def try_out(self, models: Models) -> bool:  # noqa: ARG002  # some problems have nothing to try
+        """Try a more expensive model at a few places, so that `changes` is known better; False if none is left."""
         return False
 
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """What became of one model.
+    """The decision on one model.
 
     Parameters
     ----------
     slot, model
-        The effect and the way to treat it.
+        The effect and its model.
     chosen, forced
-        Whether it acts, and whether the study insists on the model of this effect.
+        Whether the model is applied, and whether the study forces the model of this effect.
     changes
-        What it alone changes, beside the most complete models of the other effects.
+        Changes due to this model alone, with the most complete models of all other effects.
     """
 
     slot: SlotName
@@ -136,16 +136,16 @@ class Decision:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
-    """One model for every effect of a piece.
+    """One model for every effect of a problem.
 
     Parameters
     ----------
     piece
-        What it is for.
+        The problem.
     models
-        What acts.
+        The applied models.
     forced
-        Models that the study insists on.
+        The models that the study forces.
     """
 
     piece: Piece
@@ -154,17 +154,17 @@ class Choice:
 
     @cached_property
     def changes(self) -> Changes:
-        """What all that is left out changes together, in quantities that are asked for and in others that are shown."""
+        """Changes due to all omissions together, of the asked quantities and of others that are shown."""
         return {**self.piece.changes(self.models), **self.piece.unasked(self.models)}
 
     @cached_property
     def elsewhere(self) -> Mapping[str, Models]:
-        """Readings and inverse questions that take other models, by name."""
+        """Readings and inverse questions that need other models, by name."""
         return self.piece.elsewhere(self.models)
 
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:
-        """Every model of every effect; found when it is looked at, for it decides nothing."""
+        """Every model of every effect; computed only on demand, because the choice does not need it."""
         complete = self.piece.complete
         return tuple(
             Decision(
@@ -187,16 +187,16 @@ def choose(piece: Piece, tolerances: Mapping[Quantity, float], forced: Models) -
     Parameters
     ----------
     piece
-        What is chosen for; its slots offer no other model where one is forced.
+        The problem; where a model is forced, its slot offers no other.
     tolerances
-        Relative change that all omissions together may make, for every asked quantity.
+        Largest relative change that all omissions together may cause, for every asked quantity.
     forced
-        Models that the study insists on.
+        The models that the study forces.
 
     Raises
     ------
     UnaffordableError
-        If not even the most complete models answer within the tolerance.
+        If even the most complete models exceed a tolerance.
     """
     complete = piece.complete
     if not _fits(piece, complete, tolerances):
@@ -211,7 +211,7 @@ def choose(piece: Piece, tolerances: Mapping[Quantity, float], forced: Models) -
 
 
 def _fits(piece: Piece, models: Models, tolerances: Mapping[Quantity, float]) -> bool:
-    """Whether a set answers within the tolerance, tried out where that can decide."""
+    """Whether a set of models answers within the tolerances, with trials where these can decide."""
     while True:
         found = piece.changes(models)
         over = [(found[q], tolerances[q]) for q in piece.asked if found[q].relative > tolerances[q]]
@@ -224,8 +224,8 @@ def _fits(piece: Piece, models: Models, tolerances: Mapping[Quantity, float]) ->
 def _out_of_reach(piece: Piece, changes: Changes, tolerances: Mapping[Quantity, float]) -> UnaffordableError:
     worst = max(piece.asked, key=lambda q: changes[q].relative / tolerances[q])
     return UnaffordableError(
-        f"{piece.title}: not even the most complete models give the {worst.replace('_', ' ')} to the tolerance",
+        f"{piece.title}: even the most complete models cannot keep the {worst.replace('_', ' ')} within the tolerance",
         value=pretty(changes[worst].relative, FRACTION, digits=2),
         limit=pretty(tolerances[worst], FRACTION),
-        remedy="loosen the tolerance, or name the models under 'effects'",
+        remedy="loosen the tolerance, or force the models under 'effects'",
     )

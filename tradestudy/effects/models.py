@@ -1,4 +1,4 @@
-"""Which models exist for every effect, from the cheapest to the most complete, and what each can be part of."""
+"""The models of every effect, from the cheapest to the most complete, and the problems that each can be used for."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Models = Mapping[SlotName, str]
 """One model for each effect, by name."""
 
 Use = Literal["depth", "sharpness", "spot", "point", "picture"]
-"""A camera's depth, its depth of field, a light spot's picture, a point's behind one lens, or pictures of the scene."""
+"""A camera's depth, its depth of field, a light spot's picture, a point's image behind one lens, or scene pictures."""
 
 OFF: Final = "off"
 _EVERY: Final[tuple[Use, ...]] = get_args(Use)
@@ -57,12 +57,12 @@ _MODELS: Final[Mapping[SlotName, Mapping[str, tuple[Use, ...]]]] = {
 
 
 def models_of(slot: SlotName, use: Use | None = None) -> tuple[str, ...]:
-    """Names of the models of an effect, from the cheapest to the most complete; those of one use, or of any."""
+    """Names of an effect's models, from the cheapest to the most complete; for one use, or for any."""
     uses = _EVERY if use is None else (use,)
     return tuple(name for name, own in _MODELS[slot].items() if not set(uses).isdisjoint(own))
 
 
 LENSES: Final[tuple[SlotName, SlotName]] = ("main_lens_diffraction", "microlens_diffraction")
-"""Diffraction at one lens after the other, as light meets them."""
+"""Diffraction at each lens, in the order in which light passes them."""
 EFFECTS: Final[tuple[SlotName, ...]] = tuple(_MODELS)
-"""Every effect but the sampling of a picture, whose models are its tolerances."""
+"""Every effect except the sampling of a picture, whose models are tolerances."""

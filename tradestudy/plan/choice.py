@@ -1,4 +1,4 @@
-"""The models of every piece of a study: chosen, or refused."""
+"""Choose the models of every problem of a study, or refuse the study."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from tradestudy.study.definition import StudyDefinition
 
 @dataclass(frozen=True, kw_only=True)
 class Chosen:
-    """One piece of a study and its models.
+    """One problem of a study and its models.
 
     Parameters
     ----------
     name, title
-        Name in the results and words in reports.
+        Name in the results and title in reports.
     asked
-        The tolerances that decide, by quantity.
+        Tolerances that decide, by quantity.
     reasons
-        Why an effect has one model alone, by effect.
+        Why an effect has a single model, by effect.
     choice
-        The models, and every decision.
+        The chosen models, and every decision.
     by_forcing
-        What the models that the study names change beside the most complete ones; empty where it names none.
+        Changes due to the models that the study forces, relative to the most complete ones; empty if it forces none.
     """
 
     name: str
@@ -39,13 +39,13 @@ class Chosen:
 
     @property
     def models(self) -> Models:
-        """What acts, by effect."""
+        """The applied models, by effect."""
         return self.choice.models
 
 
 def pieces(definition: StudyDefinition, forced: Models) -> Iterator[Piece]:
-    """Every piece of a study that models are chosen for, in the order in which a run comes to them."""
-    # Imported where they are asked for: a study file is checked with them, and few ask for light.
+    """Every problem of a study that needs models, in the order in which a run solves them."""
+    # Imported only where asked for: `check` comes here too, and few studies simulate light.
     file, case = definition.file, definition.case
     if case.cameras:
         from tradestudy.plan.pieces.depth import depth_pieces
@@ -71,16 +71,16 @@ def pieces(definition: StudyDefinition, forced: Models) -> Iterator[Piece]:
 
 
 def choose_models(definition: StudyDefinition) -> tuple[Chosen, ...]:
-    """Choose the cheapest models that keep every asked quantity of a study within its tolerance, piece by piece.
+    """Choose the cheapest models that keep every asked quantity within its tolerance, problem by problem.
 
-    The choice depends on the study alone: neither on the machine nor on what else it does.
+    The choice depends on the study alone, not on the machine or its load.
 
     Raises
     ------
     UnaffordableError
-        Where not even the most complete models do; one error for all pieces.
+        If even the most complete models exceed a tolerance; one error for all problems.
     StudyError
-        Where the study names a model that no piece of it has.
+        If the study forces a model that none of its problems has.
     """
     forced, tolerances = definition.file.effects.forced(), definition.file.accuracy.asked().tolerances
     found, refused = [], []
@@ -100,12 +100,12 @@ def choose_models(definition: StudyDefinition) -> tuple[Chosen, ...]:
 
 
 def chosen(piece: Piece, tolerances: Mapping[Quantity, float], forced: Models, free: Piece | None = None) -> Chosen:
-    """Choose the models of one piece; ``free`` is the same one without what the study names.
+    """Choose the models of one problem; ``free`` is the same problem without forced models.
 
     Raises
     ------
     UnaffordableError
-        Where not even the most complete models keep the tolerance.
+        If even the most complete models exceed a tolerance.
     """
     choice = choose(piece, tolerances, forced)
     return Chosen(
@@ -119,7 +119,7 @@ def chosen(piece: Piece, tolerances: Mapping[Quantity, float], forced: Models, f
 
 
 def _by_forcing(free: Piece | None, piece: Piece) -> Changes:
-    """What the models that are named change where they differ from the most complete ones."""
+    """Changes due to the forced models where they differ from the most complete ones."""
     if free is None or free.complete == piece.complete:
         return {}
     while free.try_out(piece.complete):
@@ -128,17 +128,17 @@ def _by_forcing(free: Piece | None, piece: Piece) -> Changes:
 
 
 def _check_forced(definition: StudyDefinition, found: tuple[Piece, ...], forced: Models) -> None:
-    """Refuse a named model that nothing in the study has: it would be ignored."""
+    """Refuse a forced model that nothing in the study has: it would be ignored."""
     problems = []
     for effect, name in forced.items():
         slots = [slot for one in found for slot in one.slots if slot.name == effect]
         offered = dict.fromkeys(model for slot in slots for model in slot.models)
-        # Every camera that measures depth propagates its errors, be there any or none.
+        # Every camera that measures depth propagates calibration errors, even if it has none.
         if name in offered or (effect == "calibration" and slots):
             continue
-        what = f"'{name}' acts nowhere in this study"
+        what = f"'{name}' applies to nothing in this study"
         if set(offered) - {OFF}:
-            what += f", which offers {', '.join(offered)} for this effect"
+            what += f"; its models of this effect are {', '.join(offered)}"
         else:
             reasons = "; ".join(dict.fromkeys(slot.reason for slot in slots if slot.reason))
             what += f": {reasons}" if reasons else ": no part of it has this effect"

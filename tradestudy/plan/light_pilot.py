@@ -1,4 +1,4 @@
-"""How long a picture of a light spot will take: parts of its very work, timed, times the counts that remain."""
+"""Predict the computing time of a light spot's picture: time samples of its work and scale them by their counts."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from tradestudy.optics.propagation import PointSource
 from tradestudy.study.schema.light_spot import LightSpotPart
 
 _COARSE = 0.2  # tolerance of rays in a pilot
-_PASSES = 3  # of a point: one, one that tells its error, and one by quadrature
+_PASSES = 3  # over a point: one, one for its error estimate, and one by quadrature
 
 
 def predicted_picture_seconds(part: LightSpotPart, models: SpotModels) -> float:
-    """Seconds of a picture on this machine as it is now, within a factor of 3.
+    """Computing time of a picture [s] on this machine under its present load, within a factor of 3.
 
     Raises
     ------
     TradestudyError
-        What the picture itself refuses: too many source points, or too much memory.
+        If the picture itself would be refused: too many source points, or too much memory.
     """
     path, source = light_path(part), light_source(part)
     if models.point and isinstance(source, DiscSource):
@@ -75,7 +75,7 @@ def _seconds_of_rays(
 def _seconds_of_point(
     path: LightPath, point: PointSource, wavelength: float, laws: Legs, accuracy: ChainAccuracy, coherent_radius: float
 ) -> float:
-    """One pass over all microlenses, from one over a single one."""
+    """Time of one pass over all microlenses, scaled from one over a single microlens."""
     alone = _nearest(path, point)
     wave = point_wave(alone, point, wavelength=wavelength, legs=laws, coherent_radius=coherent_radius)
     seconds = _timed(lambda: compute_point(wave, laws.to_detector, accuracy))
@@ -85,7 +85,7 @@ def _seconds_of_point(
 def _seconds_of_disc(
     path: LightPath, source: DiscSource, wavelength: float, laws: Legs, accuracy: ChainAccuracy
 ) -> float:
-    """Points of the disc, tables of the main lens's field, and points that are checked by themselves."""
+    """Time for the points of the disc, the tables of the main lens's field, and the separately checked points."""
     nodes = source_nodes(path, source, wavelength=wavelength, density=source_density(accuracy))
     start = time.process_time()
     spot = prepare_spot(path, source, nodes, wavelength, laws, accuracy, blank=True)
@@ -98,7 +98,7 @@ def _seconds_of_disc(
     seconds += CHECKED_POINTS * _seconds_of_point(path, source.centre, wavelength, check, finer, 0.0)
     if table is None:
         return seconds
-    # Samples of the array and nodes of the pupil grow alike.
+    # The number of samples on the array grows like that of the nodes in the pupil.
     small = _nearest(path, source.centre)
     wave = spot.wave(source.x, source.y)
     assert isinstance(wave, PupilWave)  # rays have no tables
@@ -110,7 +110,7 @@ def _seconds_of_disc(
 
 
 def _nearest(path: LightPath, point: PointSource) -> LightPath:
-    """The microlens that a point lights most, of those before a pixel."""
+    """The path with only the microlens nearest to the point's chief ray, among those in front of a pixel."""
     owner = nearest_microlens(path)
     present = np.unique(owner)
     away = np.linalg.norm(path.microlenses.centres[present] - path.chief_point(point), axis=1)
@@ -118,7 +118,7 @@ def _nearest(path: LightPath, point: PointSource) -> LightPath:
 
 
 def _timed(work: Callable[[], object]) -> float:
-    """The less of two: the first may load what the second finds."""
+    """The shorter of two timings [s]: the first may fill caches."""
     found = []
     for _ in range(2):
         start = time.process_time()

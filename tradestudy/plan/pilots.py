@@ -1,4 +1,4 @@
-"""Pilots: a chunk of every kind of work that a run does, done and timed; a run takes a count of such chunks."""
+"""Pilots: time a small sample of every kind of work in a run; the predicted time scales it by its count."""
 
 from __future__ import annotations
 
@@ -24,31 +24,31 @@ if TYPE_CHECKING:
     from tradestudy.imaging.kirchhoff import LatticePoint
     from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart, PointSpreadPart
 
-_FEWEST, _FEW = 3, 12  # distances of two chunks of a camera: what more of them take grows along a line
+_FEWEST, _FEW = 3, 12  # distances in two samples of a camera's table, whose time grows linearly beyond
 _DRAWN_WAYS: Final = 2  # calibration, and both; noise alone has a closed form
-# A fit takes some Gauss-Newton steps; sampling takes four ensembles of 500 steps, with two walkers for each parameter.
-# Both evaluate the same views and corners, so that their ratio for each parameter is a count.
+# A fit takes a few Gauss-Newton steps; sampling takes four ensembles of 500 steps, with two walkers per parameter.
+# Both evaluate the same views and corners, so their ratio per parameter is a constant count.
 _FITS_PER_PARAMETER: Final = 20
 _RIG_PARAMETERS: Final = 20
-_SMALLER: Final = 4.0  # than the windows asked for are those of a pilot off the axis
+_SMALLER: Final = 4.0  # factor by which the windows of a pilot off the axis are smaller than the requested ones
 
 
 def seconds_of(work: Callable[[], object], clock: Callable[[], float] = time.process_time) -> float:
-    """Processor seconds of one call: a short one tells nothing of what else keeps the processor busy."""
+    """Processor time of one call [s]; wall time of so short a call would depend on other programs."""
     begin = clock()
     work()
     return clock() - begin
 
 
 def reading_seconds() -> float:
-    """Reading and building a small study: mixed work of the interpreter, as drawing figures and setting pages is."""
+    """Time to read and build a small study: mixed interpreter work, like drawing figures and typesetting pages."""
     starter = Path(loading.__file__).with_name("starter.yaml")
-    loading.load_definition(starter)  # fills what every later reading looks up
+    loading.load_definition(starter)  # fills the caches that every later reading uses
     return min(seconds_of(lambda: loading.load_definition(starter)) for _ in range(3))
 
 
 def table_seconds(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray) -> float:
-    """What one camera takes over its distances [m], without draws; from a few of them where pictures are derived."""
+    """Time for one camera's table over its distances [m], without draws; from a few where its error is derived."""
     model = "off" if camera.propagation.model == "exact" else camera.propagation.model
     plain = _without_kirchhoff(replace(camera, propagation=replace(camera.propagation, model=model)))
 
@@ -63,7 +63,7 @@ def table_seconds(camera: DepthCamera, criteria: UsableCriteria, distance: Float
 
 
 def _without_kirchhoff(camera: DepthCamera) -> DepthCamera:
-    """What Kirchhoff adds to a picture is computed once and before depth is: see `correction_seconds`."""
+    """The camera with Fresnel for Kirchhoff, whose corrections are computed once beforehand: `correction_seconds`."""
     law = camera.disparity_error_px
     if not isinstance(law, PictureDisparityError):
         return camera
@@ -76,7 +76,7 @@ def _without_kirchhoff(camera: DepthCamera) -> DepthCamera:
 
 
 def drawing_seconds(camera: DepthCamera, distances: int) -> float:
-    """What drawing adds to an exact camera, from its first draws."""
+    """Additional time for the draws of an exact calibration, from the first draws."""
     if camera.propagation.model != "exact" or not camera.calibration.groups:
         return 0.0
     import scipy.stats  # noqa: F401  # takes longer than the first draws
@@ -84,12 +84,12 @@ def drawing_seconds(camera: DepthCamera, distances: int) -> float:
     expected: list[float] = []
     first = seconds_of(lambda: expected.append(draws_to_expect(camera)))
     doubled = 2.0 ** math.ceil(math.log2(expected[0]))
-    # What is drawn until they are enough costs as much again; then every distance is read.
+    # Doubling until there are enough draws costs as much again; then every distance is evaluated.
     return _DRAWN_WAYS * first * doubled * (2.0 + distances / max(1, len(camera.propagation.judged)))
 
 
 def correction_seconds(points: Sequence[LatticePoint]) -> float:
-    """What Kirchhoff adds at all points of a lattice, from some of them, which are kept."""
+    """Time for Kirchhoff's corrections at all points of a lattice, from some of them, whose results are cached."""
     from tradestudy.imaging.kirchhoff import kirchhoff_correction
 
     some = [points[k] for k in sorted({len(points) // 4, len(points) // 2, 3 * len(points) // 4})]
@@ -97,7 +97,7 @@ def correction_seconds(points: Sequence[LatticePoint]) -> float:
 
 
 def inference_seconds(asked: TargetToInfer | CornersToInfer) -> float:
-    """A calibration inferred by sampling, from one fit to its corners."""
+    """Time to infer a calibration by sampling, from one fit to its corners."""
     from tradestudy.calibration.corners.corner_file import read_corners
     from tradestudy.calibration.corners.initial_values import first_intrinsics, first_poses
     from tradestudy.calibration.posteriors import CornersToInfer, target_problem
@@ -113,10 +113,10 @@ def inference_seconds(asked: TargetToInfer | CornersToInfer) -> float:
 
 
 def pair_seconds(part: FresnelValidityPart, element: ElementPart, *, field_angle: float = 0.0) -> float:
-    """Fresnel against Kirchhoff behind a lens at its own f-number, over all windows and lens phases.
+    """Time to compare Fresnel with Kirchhoff behind a lens at its own f-number, over all windows and lens phases.
 
-    Off the axis from smaller windows: as they widen there are more targets, and the rank of the sum over the aperture
-    grows with their radius.
+    Off the axis, the pilot uses smaller windows: wider ones have more targets, and the rank of the sum over the
+    aperture grows with their radius.
     """
     from tradestudy.optics.psf_difference import fresnel_psf_difference, target_count
 
@@ -140,7 +140,7 @@ def pair_seconds(part: FresnelValidityPart, element: ElementPart, *, field_angle
 
 
 def spread_seconds(part: PointSpreadPart) -> float:
-    """One measured image of a point: that in the middle of all that are asked for."""
+    """Time to compute and measure one image of a point: the middle one of all those requested."""
     from tradestudy.analysis.point_spreads import every_case, spread_measures
 
     cases = every_case(part)

@@ -1,4 +1,4 @@
-"""What a study will simulate, what it leaves out and why, and how long it will take."""
+"""Plan a study: what a run simulates, what it leaves out and why, and the predicted time."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class Plan:
     Parameters
     ----------
     definition
-        The study, with the chosen models acting in it.
+        The study, with the chosen models applied.
     accuracy
-        What it asks for.
+        Its tolerances and time limit.
     pieces
-        Every piece of it with its models.
+        Every problem of the study with its models.
     steps
-        What every step of the run will take on this machine.
+        Every step of the run, with its predicted time on this machine.
     """
 
     definition: StudyDefinition
@@ -39,15 +39,15 @@ class Plan:
 
     @property
     def seconds(self) -> float:
-        """What the whole run will take [s]."""
+        """Predicted time of the whole run [s]."""
         return math.fsum(step.seconds for step in self.steps)
 
     def models(self, piece: str) -> Models:
-        """The models that act in a piece, by effect."""
+        """The models applied to a problem, by effect."""
         return next(one.models for one in self.pieces if one.name == piece)
 
     def text(self, *, verbose: bool = False) -> str:
-        """The plan as a person reads it: a line for each piece and one for the run; every decision if verbose."""
+        """The plan as text: one line per problem and one for the run; with every decision if verbose."""
         return "\n".join(plan_lines(self.pieces, self.steps, verbose=verbose))
 
     def __str__(self) -> str:
@@ -55,14 +55,14 @@ class Plan:
 
 
 def plan_of(definition: StudyDefinition) -> Plan:
-    """Choose the models of every piece of a study and predict what the run takes.
+    """Choose the models of every problem of a study and predict the time of the run.
 
     Raises
     ------
     UnaffordableError
-        Where not even the most complete models keep the tolerance, or the run would exceed the study's time limit.
+        If even the most complete models exceed a tolerance, or the predicted time exceeds the study's time limit.
     StudyError
-        Where the study names a model that no piece of it has, or weighs a criterion that is no number.
+        If the study forces a model that none of its problems has, or weighs a criterion that is not a number.
     """
     refuse_words(definition)
     watch = Stopwatch()
@@ -72,8 +72,8 @@ def plan_of(definition: StudyDefinition) -> Plan:
     for one in pieces:
         for reading, models in one.choice.elsewhere.items():
             elsewhere.setdefault(reading, {})[one.name] = models
-    acting = definition.with_models({one.name: one.models for one in pieces}, elsewhere)
-    plan = Plan(definition=acting, accuracy=accuracy, pieces=pieces, steps=predicted_steps(acting, watch))
+    applied = definition.with_models({one.name: one.models for one in pieces}, elsewhere)
+    plan = Plan(definition=applied, accuracy=accuracy, pieces=pieces, steps=predicted_steps(applied, watch))
     if plan.seconds > accuracy.time_limit:
         raise UnaffordableError(
             "the run is predicted to exceed its time limit",

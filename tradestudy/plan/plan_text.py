@@ -1,4 +1,4 @@
-"""A plan as a person reads it in a terminal: one line for each piece, or every decision with its numbers."""
+"""A plan as text for the terminal: one line per problem, or every decision with its numbers."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from tradestudy.plan.predicted_time import PredictedStep
 from tradestudy.units import DURATION, FRACTION, pretty
 from tradestudy.wording import distance
 
-_OF_NOTE: Final = 0.01  # of the tolerance
+_SIGNIFICANT: Final = 0.01  # share of the tolerance
 
 
 def plan_lines(pieces: Sequence[Chosen], steps: Sequence[PredictedStep], *, verbose: bool) -> Iterator[str]:
-    """A line for every piece, with all decisions if verbose, and one for the run, with all steps if verbose."""
+    """One line per problem, with all decisions if verbose, and one for the run, with all steps if verbose."""
     width = max((len(one.name) for one in pieces), default=len("run"))
     seconds = {name: own for step in steps for name, own in step.pieces.items()}
     for one in pieces:
@@ -27,7 +27,7 @@ def plan_lines(pieces: Sequence[Chosen], steps: Sequence[PredictedStep], *, verb
         yield f"{one.name:<{width}}  {summary(one)}{takes}"
         if verbose:
             yield from (f"{'':<{width}}    {line}" for line in _decisions(one))
-    yield f"{'run':<{width}}  about {_seconds(steps)} in total, report included"
+    yield f"{'run':<{width}}  about {_seconds(steps)} in total, including the report"
     if verbose:
         names = max(len(step.name) for step in steps)
         for step in steps:
@@ -35,12 +35,12 @@ def plan_lines(pieces: Sequence[Chosen], steps: Sequence[PredictedStep], *, verb
 
 
 def summary(one: Chosen) -> str:
-    """What is simulated, and the largest thing left out with its number against the tolerance."""
+    """What is simulated, and the largest omission with its change and the tolerance."""
     return "; ".join(filter(None, (_simulated(one), _left_out(one), _forced(one))))
 
 
 def _simulated(one: Chosen) -> str:
-    """The models that act, in words: diffraction and calibration, whatever the piece has of them."""
+    """The applied models in words: those of diffraction, calibration and sampling that the problem has."""
     models = one.models
     parts = [MODEL[slot, models[slot]] for slot in LENSES if models.get(slot, OFF) != OFF]
     pictured = "microlens_diffraction" in models and one.reasons.get("defocus_blur", "") in ("", NAMED)
@@ -58,7 +58,7 @@ def _simulated(one: Chosen) -> str:
 
 
 def _left_out(one: Chosen) -> str:
-    """The omission that changes most, and the change by all of them together against its tolerance."""
+    """The omission with the largest change, and the change due to all omissions with its tolerance."""
     omitted = [
         (change.relative / one.asked[quantity], quantity, change, decision)
         for decision in one.choice.decisions
@@ -66,13 +66,13 @@ def _left_out(one: Chosen) -> str:
         for quantity, change in decision.changes.items()
         if quantity in one.asked and change.relative > 0.0
     ]
-    if not omitted or max(omitted, key=lambda found: found[0])[0] < _OF_NOTE:
+    if not omitted or max(omitted, key=lambda found: found[0])[0] < _SIGNIFICANT:
         return "nothing significant left out"
     _, quantity, _, decision = max(omitted, key=lambda found: found[0])
-    change = one.choice.changes[quantity]  # of all that is left out, which can be less than that of a part
+    change = one.choice.changes[quantity]  # due to all omissions; can be less than that due to one of them
     how = f"{_tried(quantity)}; " if change.evidence == "trial" else ""
-    of_note = {id(found[3]) for found in omitted if found[0] >= _OF_NOTE}
-    beside = " and what matters less" if len(of_note) > 1 else ""
+    significant = {id(found[3]) for found in omitted if found[0] >= _SIGNIFICANT}
+    beside = " and smaller effects" if len(significant) > 1 else ""
     return (
         f"leaving out {left_out(decision.slot, decision.model)}{beside} changes the {IN_WORDS[quantity]} by "
         f"{_amount(change)} ({how}{pretty(one.asked[quantity], FRACTION)} allowed)"
@@ -98,21 +98,21 @@ def _forced(one: Chosen) -> str:
 
 
 def _decisions(one: Chosen) -> Iterator[str]:
-    """Every model of every effect with what it changes, and the reasons of effects that have but one."""
+    """Every model of every effect with its change, or the reason why the effect has only one model."""
     for quantity, tolerance in one.asked.items():
         total = one.choice.changes[quantity]
-        yield f"all together: {IN_WORDS[quantity]}, {_share(quantity, total)}; {pretty(tolerance, FRACTION)} allowed"
+        yield f"all omissions: {IN_WORDS[quantity]}, {_share(quantity, total)}; {pretty(tolerance, FRACTION)} allowed"
     for quantity, total in one.choice.changes.items():
         if quantity not in one.asked:
             yield f"not asked for: {IN_WORDS[quantity]}, {_share(quantity, total)}"
-    told: set[str] = set()
-    yield "● used, ○ compared; each with what it alone would change"
+    stated: set[str] = set()
+    yield "● used, ○ compared; each with the change that it alone would cause"
     for decision in one.choice.decisions:
         mark, name = "●" if decision.chosen else "○", f"{decision.slot.replace('_', ' ')}: {decision.model}"
         if reason := one.reasons.get(decision.slot):
-            again = "" if reason in told else f"  {reason}"
-            told.add(reason)
-            yield f"{mark} {name}{again}"
+            once = "" if reason in stated else f"  {reason}"
+            stated.add(reason)
+            yield f"{mark} {name}{once}"
             continue
         asked = ((quantity, change) for quantity, change in decision.changes.items() if quantity in one.asked)
         numbers = ", ".join(f"{IN_WORDS[quantity]} {_share(quantity, change)}" for quantity, change in asked)
@@ -120,7 +120,7 @@ def _decisions(one: Chosen) -> Iterator[str]:
 
 
 def _share(quantity: Quantity, change: Change) -> str:
-    """A change with how it is known: "0.22 %", "up to about 1.3 %", "about 0.02 %, estimated at a few distances"."""
+    """A change and its evidence: "0.22 %", "up to about 1.3 %", "about 0.02 %, estimated at a few distances"."""
     if math.isinf(change.relative) or change.relative == 0.0:
         return _amount(change)
     at = "" if math.isnan(change.at) else f" at {distance(change.at)}"

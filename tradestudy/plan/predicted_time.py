@@ -1,4 +1,4 @@
-"""How long a study will take, step by step: pilots of its work, timed here and now, times the counts that remain."""
+"""Predict the time of a study, step by step: time pilots of its work on this machine and scale them by their counts."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from tradestudy.wording import counted
 if TYPE_CHECKING:  # few studies ask for light
     from tradestudy.analysis.spot_images import SpotModels
 
-# Other questions about a camera look at it as its table over all distances does, so many times: a verdict finds
-# crossings and changes of the winner in three ways; ranks draw two ways; a claim asks for one way, mostly known before.
+# Time of other questions about a camera, in units of its table over all distances: a verdict finds crossovers and
+# switches of the winner in three ways; ranks draw two ways; a claim needs one way, mostly cached already.
 _TABLES_OF_A_VERDICT: Final = 1.5
 _TABLES_OF_RANKS: Final = 2.0
 _TABLES_OF_A_CLAIM: Final = 0.4
-_TABLES_OF_A_SOURCE: Final = 0.35  # whose share of the uncertainty is found
+_TABLES_OF_A_SOURCE: Final = 0.35  # for the share of one error source in the uncertainty
 _FIRST_DISTANCES: Final = 3
 _TRIALS_OF_A_ROOT: Final = 12
 _TABLES_OF_A_DRAW: Final = 0.07
 _TABLES_OF_A_TRIAL: Final = 0.05
-_PAIRS_OF_A_ROOT: Final = 1.5  # on average: a limit is often below or beyond all f-numbers, whose pairs are known
-# Neither drawing nor typesetting can be tried without the libraries that are half of it. Both are mixed work of the
-# interpreter, as reading a study is: these are how many small studies are read in the time of each.
+_PAIRS_OF_A_ROOT: Final = 1.5  # on average: a limit is often below or beyond all f-numbers, whose pairs are cached
+# Drawing and typesetting cannot be piloted without their libraries, whose loading takes half of the time. Both are
+# mixed interpreter work, like reading a study: these are the numbers of small studies read in the same time.
 _READINGS_OF_A_REPORT: Final = 80
 _READINGS_OF_A_FIGURE: Final = 25
 _READINGS_OF_A_RANKED_VALUE: Final = 0.2  # over all weights
@@ -55,18 +55,18 @@ _READINGS_OF_A_HARD_CASE: Final = 1.5  # most are quick; some read a study, a fe
 
 @dataclass(frozen=True, kw_only=True)
 class PredictedStep:
-    """One step of a run, one worker computing.
+    """One step of a run on one worker.
 
     Parameters
     ----------
     name
-        As the run's progress calls it.
+        Name of the step in the run's progress.
     seconds
-        Wall time, in the load that the machine has now.
+        Wall time under the present load of the machine.
     work
-        What is counted, in words.
+        The amount of work, in words.
     pieces
-        Seconds of the pieces of the study that it is for, by name.
+        Seconds for each problem of the study that the step solves, by name.
     """
 
     name: str
@@ -76,22 +76,22 @@ class PredictedStep:
 
 
 class Stopwatch:
-    """How much longer than by the processor it takes by the wall, where other programs want the processor too."""
+    """The ratio of wall time to processor time, which grows when other programs use the processor too."""
 
     def __init__(self) -> None:
         self._began = time.perf_counter(), time.process_time()
 
     @property
     def waiting(self) -> float:
-        """Wall over processor seconds since the watch was made; at least 1, which is also what threads make of it."""
+        """Wall over processor seconds since the watch was made; at least 1, which is also its value with threads."""
         wall, processor = time.perf_counter() - self._began[0], time.process_time() - self._began[1]
         return max(1.0, wall / processor) if processor > 0.0 else 1.0
 
 
 def predicted_steps(definition: StudyDefinition, watch: Stopwatch) -> tuple[PredictedStep, ...]:
-    """Predict every step of a run, in its order, the writing of its report included; models act already.
+    """Predict every step of a run, in order, including its report, for a study with its models applied.
 
-    The watch has run long enough to tell how busy the processor is, such as since planning began.
+    The watch must have run long enough to tell how busy the processor is, for example since planning began.
     """
     steps = tuple(_Prediction(definition=definition).steps())
     waiting = watch.waiting
@@ -159,19 +159,19 @@ class _Prediction:
 
     @cached_property
     def reading(self) -> float:
-        """Seconds of reading a small study."""
+        """Time to read a small study [s]."""
         return pilots.reading_seconds()
 
     @cached_property
     def design(self) -> float:
-        """Seconds of reading this study with one value changed."""
+        """Time to read this study with one value changed [s]."""
         changed: dict[str, Value | Entry] = {axis.path: axis.values[-1] for axis in sweep_axes(self.definition)}
         for question in self.definition.file.solve.values():
             changed |= dict.fromkeys(question.paths, question.low)
         return pilots.seconds_of(lambda: self.definition.with_values(changed).case)
 
     def picture(self, part: LightSpotPart, models: SpotModels) -> float:
-        """Seconds of a picture of the spot; that of a reading is like that of the study."""
+        """Time for a picture of the spot [s]; a reading's picture takes as long as the study's."""
         from tradestudy.plan.light_pilot import predicted_picture_seconds
 
         if models not in self.pictures:
@@ -179,10 +179,10 @@ class _Prediction:
         return self.pictures[models]
 
     def table(self, camera: DepthCamera) -> tuple[float, float]:
-        """Seconds of a camera over the study's distances, and of drawing it; alike for those of one kind and models."""
+        """Times of a camera's table and of its draws [s], the same for all cameras of one kind with the same models."""
         case, law = self.definition.case, camera.disparity_error_px
         kind = (type(camera), camera.propagation.model, bool(camera.calibration.groups), getattr(law, "models", None))
-        if not self.tables:  # the first camera finds what every other one uses
+        if not self.tables:  # the first camera fills caches that the others use
             pilots.table_seconds(camera, case.criteria, case.distance[:_FIRST_DISTANCES])
         if kind not in self.tables:
             self.tables[kind] = (
@@ -193,7 +193,7 @@ class _Prediction:
 
     @cached_property
     def cameras(self) -> dict[str, tuple[float, float]]:
-        """Seconds of every camera's table; one whose calibration is inferred in the run has its priors until then."""
+        """Times of every camera [s]; a camera whose calibration the run still infers is timed with its priors."""
         found = {}
         priors = {
             asked.name: getattr(asked, "groups", ()) for asked in self.definition.calibrations_to_infer().values()
@@ -207,7 +207,7 @@ class _Prediction:
 
     @cached_property
     def designs(self) -> dict[str, int]:
-        """How many cameras of each name a sweep has: what an axis does not change is computed once."""
+        """How many designs of each camera a sweep computes: an axis that does not change a camera adds none."""
         found = dict.fromkeys(self.cameras, 1)
         for axis in sweep_axes(self.definition):
             others = [v for v, label in zip(axis.values, axis.labels, strict=True) if label != axis.declared]
@@ -220,7 +220,7 @@ class _Prediction:
 
     @property
     def all_tables(self) -> float:
-        """Without draws, which are known once depth is."""
+        """Time of all cameras' tables [s], without draws, which `depth` caches."""
         return math.fsum(table for table, _ in self.cameras.values())
 
     def _depth(self) -> Iterator[PredictedStep]:
@@ -264,7 +264,8 @@ class _Prediction:
         points = kirchhoff_lattice(self.definition.case.cameras.values(), self.definition.case.distance)
         if points:
             seconds = pilots.correction_seconds(points)
-            yield PredictedStep(name="pictures", seconds=seconds, work=f"{len(points)} defoci by Kirchhoff")
+            work = f"Kirchhoff diffraction at {counted(len(points), 'value')} of defocus"
+            yield PredictedStep(name="pictures", seconds=seconds, work=work)
 
     def _decision(self) -> Iterator[PredictedStep]:
         file = self.definition.file
@@ -279,7 +280,8 @@ class _Prediction:
             seconds=_TABLES_OF_A_VERDICT * pairs_of_cases
             + _TRIALS_OF_A_ROOT * (len(file.solve) * self.design + _TABLES_OF_A_TRIAL * tables if file.solve else 0.0)
             + (self.all_tables if file.sweep else 0.0),
-            work=f"{counted(len(cases), 'verdict')} on a pair, {counted(len(file.solve), 'inverse question')}",
+            work=f"{counted(len(cases), 'verdict')} on the headline pair, "
+            f"{counted(len(file.solve), 'inverse question')}",
         )
         if file.decision is not None:
             pairs = file.decision.compare or (file.decision.between,)
@@ -287,7 +289,7 @@ class _Prediction:
             yield PredictedStep(name="ranks", seconds=seconds, work=counted(len(pairs), "pair"))
 
     def _tables_of(self, names: tuple[str, ...], case: StudyDefinition) -> float:
-        """Seconds of cameras' tables where other models may act, such as under a reading."""
+        """Time of cameras' tables [s] in a case with possibly other models, such as a reading."""
         return math.fsum(
             self.cameras[name][0]
             if case.models.get(name) == self.definition.models.get(name)
@@ -327,7 +329,7 @@ class _Prediction:
         return pilots.pair_seconds(part, next(iter(part.elements.values())))
 
     def _light_spot(self, part: LightSpotPart) -> Iterator[PredictedStep]:
-        """Pictures by the methods that are compared, and by the chosen models where that is another."""
+        """Pictures by the compared methods, and by the chosen models if they are not among these."""
         from tradestudy.analysis.spot_images import compared_models
         from tradestudy.plan.pieces.light_spot import NAME, spot_models
 
@@ -354,7 +356,7 @@ class _Prediction:
         return PredictedStep(name="hard cases", seconds=seconds, work=counted(cases, "case"))
 
     def _claims(self) -> PredictedStep:
-        """Every claim under each of its readings, and pictures of the spot that a reading asks for anew."""
+        """Every claim under each of its readings, and pictures of the spot that only a reading needs."""
         file = self.definition.file
         readings = {"": self.definition, **self.definition.readings}
         asked = [
@@ -379,7 +381,7 @@ class _Prediction:
         return PredictedStep(
             name="claims",
             seconds=seconds,
-            work=f"{counted(answers, 'claim')} under readings, {counted(len(file.requirements), 'requirement')}",
+            work=f"{counted(answers, 'verdict')} on claims, {counted(len(file.requirements), 'requirement')}",
         )
 
     def _trade_off(self, part: TradeOffPart) -> PredictedStep:
@@ -403,7 +405,7 @@ class _Prediction:
             case _ if self.cameras and not hasattr(claim, "criterion") and not hasattr(claim, "method"):
                 return _TABLES_OF_A_CLAIM * self.all_tables / len(self.cameras)
             case _:
-                return 0.0  # a closed form, or pictures, which are counted once
+                return 0.0  # a closed form, or pictures, which are counted elsewhere
 
     def _report(self) -> PredictedStep:
         file = self.definition.file

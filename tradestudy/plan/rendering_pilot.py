@@ -1,4 +1,4 @@
-"""How long pictures of a scene or of a depth loop take: a few of their pixels, times their number."""
+"""Predict the time to render a scene or a depth loop: time a few pixels and scale by their number."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.depth_loop import DepthLoopPart
 from tradestudy.wording import counted
 
-_SIDE: Final = 64  # pixels across and down that are rendered
-# A loop renders a trial first, and pictures of which a part shows what the estimator has two pictures of.
-_PIXELS_OF_A_LOOP: Final = 5.0  # for each that a window needs; 3.5 of a stereo rig, 6 of a raw plenoptic picture
-_READING: Final = 2.0  # times the rendering, with that
-_READING_OF_A_SCENE: Final = 1.3  # times rendering by rays; 0.2 for a stack, 1.5 for a raw plenoptic picture
+_SIDE: Final = 64  # rendered pixels across and down
+# A loop first renders a trial, and only a part of its pictures shows points that appear in two of them.
+_PIXELS_OF_A_LOOP: Final = 5.0  # rendered per pixel of the windows; 3.5 for a stereo rig, 6 for a raw plenoptic picture
+_READING: Final = 2.0  # rendering and reading depth, over rendering alone
+_READING_OF_A_SCENE: Final = 1.3  # reading depth over rendering by rays; 0.2 for a stack, 1.5 for a raw picture
 _PATTERN: Final = 512  # samples of a texture, whose size hardly matters for the time
 
 
 def scene_work(definition: StudyDefinition) -> Iterator[tuple[str, float, str]]:
-    """Steps of taking the study's scene by the models acting in it: name, processor seconds, what is counted."""
+    """Steps of rendering the study's scene with the chosen models: name, processor time [s], amount of work in words."""
     image, picture = declared_image(definition)
     scene, cameras = set_up(definition, rig="as-designed", texture_side=TRIAL_TEXTURE)
     recording = recording_of(image, picture)
@@ -56,26 +56,26 @@ def scene_work(definition: StudyDefinition) -> Iterator[tuple[str, float, str]]:
 
 
 def picture_seconds(whole: Tile, wavelength: float | None) -> float:
-    """Processor seconds of a picture: what is made once, and its pixels, from a few in its middle.
+    """Processor time of a picture [s]: its preparation, and its pixels extrapolated from a patch in its middle.
 
     Parameters
     ----------
     whole
         The picture as one tile.
     wavelength
-        Of the waves that render it [m]; None: rays do.
+        Wavelength for rendering by waves [m]; None renders by rays.
     """
     rows, columns = (
         (max(0, (size - _SIDE) // 2), min(size, (size + _SIDE) // 2)) for size in (whole.rows[1], whole.columns[1])
     )
     patch = replace(whole, rows=rows, columns=columns)
     row = replace(patch, rows=(rows[0], rows[0] + 1))
-    expected_electrons(row)  # makes the texture and the surfaces
+    expected_electrons(row)  # prepares texture and surfaces
     prepared = 0.0
     if wavelength is not None:
         waves = waves_of(whole.exposure, whole.scene, wavelength)
         patch, row = replace(patch, waves=waves), replace(row, waves=waves)
-        # The one that its sampling error is estimated by.
+        # The finer picture that estimates the sampling error.
         finer = replace(row, samples=FINER * row.samples, waves=replace(waves, fineness=2 * waves.fineness))
         prepared = seconds_of(lambda: (expected_electrons(row), expected_electrons(finer)))
     share = whole.rows[1] * whole.columns[1] / (float(np.diff(rows)[0]) * float(np.diff(columns)[0]))
@@ -83,7 +83,7 @@ def picture_seconds(whole: Tile, wavelength: float | None) -> float:
 
 
 def loop_work(definition: StudyDefinition, part: DepthLoopPart) -> tuple[float, str]:
-    """Processor seconds of all planes of the study's depth loop, and what is counted, in words."""
+    """Processor time of all planes of the study's depth loop [s], and the amount of work in words."""
     settings, _ = _pictured(definition)
     varied = max(1, len(part.contrasts or ())) * max(1, len(part.electrons or ()))
     cameras = [definition.case.cameras[name] for name in part.cameras or definition.case.cameras]
@@ -100,7 +100,7 @@ def _pictured(definition: StudyDefinition) -> tuple[PictureSettings, tuple[float
 
 
 def loop_seconds(camera: DepthCamera, part: DepthLoopPart, settings: PictureSettings) -> float:
-    """Processor seconds of a camera before all planes of a depth loop, in one texture and light."""
+    """Processor time of all planes of a depth loop for a camera [s], in one texture and light."""
     geometry = camera.picture_geometry(np.array(part.distances))
     window = settings.asked_window(geometry.magnification, geometry.sample_pitch)
     window = np.minimum(window, geometry.compared.widest_px) * geometry.sample_pitch / camera.sensor.pixel_pitch
@@ -110,7 +110,7 @@ def loop_seconds(camera: DepthCamera, part: DepthLoopPart, settings: PictureSett
 
 
 def pixel_seconds(camera: DepthCamera, distance: float, settings: PictureSettings, samples: int) -> float:
-    """Processor seconds of a pixel of a plane, in the middle of the first picture."""
+    """Processor time per pixel of a plane [s], in the middle of the first picture."""
     exposure = camera.exposures(distance, {}, None, settings.stop_separation)[0]
     sensor, texture = exposure.sensor, settings.texture
     plane = Flat(
@@ -133,5 +133,5 @@ def pixel_seconds(camera: DepthCamera, distance: float, settings: PictureSetting
         rows=rows,
         columns=columns,
     )
-    expected_electrons(replace(tile, rows=(rows[0], rows[0] + 1)))  # makes the texture, and what is kept for all
+    expected_electrons(replace(tile, rows=(rows[0], rows[0] + 1)))  # makes the texture and fills the caches
     return seconds_of(lambda: expected_electrons(tile)) / float(np.diff(rows)[0] * np.diff(columns)[0])
