@@ -199,8 +199,8 @@ def test_the_best_camera_changes_everywhere() -> None:
 
 
 def test_a_handover_that_moves_by_less_than_its_error_is_no_change() -> None:
-    close = REST.replace("to 10 m;", "to 10 m, apart from the error of where it changes;")
-    assert sentences(tree(handover=1.0), tree(handover=1.0007)) == [close]
+    (close,) = sentences(tree(handover=1.0), tree(handover=1.0007))
+    assert re.sub(r"10 m, [^;]*error[^;]*;", "10 m;", close) == REST != close
     assert sentences(tree(handover=1.0), tree(handover=1.02))[0].startswith("Best camera")
 
 
@@ -213,7 +213,8 @@ def test_studies_of_other_distances_are_compared_where_both_look() -> None:
     ]
     apart = compared(tree(distance=near), tree(distance=np.geomspace(4.0, 10.0, 5)))
     assert not any(one.what == "Best camera" for one in apart.conclusions)
-    assert apart.notes == ("No distance or design is in every run, so not compared: depth uncertainty.",)
+    (note,) = apart.notes
+    assert note.endswith(": depth uncertainty.")
 
 
 @pytest.mark.parametrize(
@@ -364,7 +365,8 @@ def test_nothing_changed() -> None:
 
 def test_a_run_beside_itself_is_said_to_be_the_same() -> None:
     found = compare_runs(["x", "x"], [{"results_sha256": "1"}] * 2, [tree()] * 2)
-    assert found.notes == ("These are the same results, to the last bit.",)
+    (note,) = found.notes
+    assert "identical" in note
     assert found.labels == ("x (1)", "x (2)")
 
 
@@ -374,19 +376,18 @@ def test_other_studies_versions_and_cameras_are_said() -> None:
         [{"study": "one", "code_hash": "1"}, {"study": "two", "code_hash": "2"}],
         [tree(), tree(cameras={"a": "Near head", "c": "Third head"})],
     )
-    assert found.notes == (
-        "The runs are of different studies, one and two: only what they share is compared.",
-        "Different versions of the program computed the runs: results can differ where no input does.",
-        "Not in every run, so not compared: Far head (x).",
-        "Not in every run, so not compared: Third head (y).",
-    )
+    studies, versions, *alone = found.notes
+    assert "different studies, one and two" in studies
+    assert "versions of the program" in versions
+    assert [one.rpartition(": ")[2] for one in alone] == ["Far head (x).", "Third head (y)."]
     assert str(found.conclusions[0]).startswith("Best camera: Far head → Third head from 1 to 10")
 
 
 def test_runs_without_conclusions_say_so() -> None:
     empty = xr.DataTree.from_dict({"/hard_cases": xr.Dataset()})
-    assert list(compared(empty, empty).sentences()) == ["The runs draw no conclusions that could be compared."]
-    assert compared(empty, empty).without_overlay.startswith("No figure: the runs have no camera in common")
+    (sentence,) = compared(empty, empty).sentences()
+    assert "no conclusions" in sentence
+    assert compared(empty, empty).without_overlay.startswith("No figure: ")
 
 
 def test_three_runs_are_told_in_their_order() -> None:

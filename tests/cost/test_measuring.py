@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -79,8 +80,8 @@ def test_errors_are_those_against_the_finest_reference_and_never_below_its_own(c
 @pytest.mark.parametrize(
     ("seconds", "reference", "models", "left_out"),
     [
-        (0.5, "", (), ["no time left for a reference, about 1 s; a larger --budget measures it"]),
-        (9.0, "coarse", ("rough", "choice"), ["exact: takes about 2 s, 1.7 s left"]),
+        (0.5, "", (), [r"no time left for a reference, .*about 1 s; .*--budget"]),
+        (9.0, "coarse", ("rough", "choice"), [r"exact: .*about 2 s, 1\.7 s left"]),
         (30.0, "coarse", ("rough", "choice", "exact"), []),
     ],
 )
@@ -90,7 +91,8 @@ def test_what_does_not_fit_is_left_out_and_named(
     found = measure(piece(clock), seconds)
     assert found.reference == reference
     assert tuple(one.models for one in found.entries) == models
-    assert list(found.left_out) == left_out
+    assert len(found.left_out) == len(left_out)
+    assert all(map(re.fullmatch, left_out, found.left_out))
 
 
 def test_what_cannot_be_computed_is_left_out_and_named(clock: Clock) -> None:

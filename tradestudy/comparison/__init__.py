@@ -1,4 +1,4 @@
-"""Two or more finished runs side by side: conclusions that changed, inputs that differ, results that changed."""
+"""Compare finished runs: conclusions that changed, inputs that differ, results that changed."""
 
 from __future__ import annotations
 

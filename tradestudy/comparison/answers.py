@@ -19,20 +19,20 @@ from tradestudy.results.views.requirement_conclusions import (
 from tradestudy.wording import counted
 
 NOT_ASKED = "not asked"
-_NOWHERE = "with no value that was tried"
+_NOWHERE = "at no value that was tried"
 _WORST = "worst "
 
 
 @dataclass(frozen=True, kw_only=True)
 class Answers:
-    """What became of questions of one kind: those answered differently, and how many are not."""
+    """The questions of one kind that are answered differently, and the number of those answered alike."""
 
     changed: tuple[Difference, ...]
     unchanged: int
 
 
 def compare_requirements(runs: Sequence[Run]) -> Answers:
-    """Verdicts, the cameras that decide them, and in sweeps the designs that meet a requirement."""
+    """Compare verdicts on requirements, the cameras that decide them, and, in sweeps, the designs that meet them."""
     found = [{one.name: one for one in requirement_conclusions(run.tree)} for run in runs]
     bounds = [
         {row["requirement"]: row["bound"] for row in records(run.tree, "requirements", "requirement")} for run in runs
@@ -66,7 +66,7 @@ def _of_requirement(ones: Sequence[RequirementConclusion | None], *, same_bound:
 
 
 def _reasons(ones: Sequence[RequirementConclusion]) -> str:
-    """The worst value in each run, of which camera and where; what they share is said once."""
+    """The worst value in each run, with its camera and distance; what the runs share is stated once."""
     cameras = [one.camera for one in ones]
     if len(set(cameras)) > 1:
         return ARROW.join(f"{one.camera}: {one.reason}" for one in ones)
@@ -79,14 +79,14 @@ def _reasons(ones: Sequence[RequirementConclusion]) -> str:
 
 
 def _of_designs(what: str, ones: Sequence[RequirementConclusion]) -> Iterator[Difference]:
-    """Along one swept number the stretches in which it is met, else how many designs meet it."""
+    """The ranges of a single swept number in which the requirement is met; otherwise the number of designs."""
     stretches = [one.stretches for one in ones if one.stretches is not None]
     parameters = {stretch.parameter for found in stretches for stretch in found}
     designs = [one.designs for one in ones if one.designs is not None]
     if len(stretches) == len(ones):
         if len(parameters) == 1 and any(_moved(stretches[0], other) for other in stretches[1:]):
             values = tuple("met " + (" and ".join(_stretch_words(found)) or _NOWHERE) for found in stretches)
-            yield Difference(what=f"{what}, along the {parameters.pop()}", values=values)
+            yield Difference(what=f"{what}, over the {parameters.pop()}", values=values)
     elif len(designs) == len(ones) and len(set(designs)) > 1:
         yield Difference(
             what=f"{what}, over all designs",
@@ -100,7 +100,7 @@ def _stretch_words(found: Sequence[MetFrom]) -> list[str]:
 
 
 def _moved(first: Sequence[MetFrom], other: Sequence[MetFrom]) -> bool:
-    """Whether stretches differ in number or in their cameras, or an end by more than how well both are known."""
+    """Whether ranges differ in number, in their cameras, or in an end by more than both errors."""
     return [one.camera for one in first] != [one.camera for one in other] or any(
         abs(a - b) > one.error + two.error
         for one, two in zip(first, other, strict=True)
@@ -109,7 +109,7 @@ def _moved(first: Sequence[MetFrom], other: Sequence[MetFrom]) -> bool:
 
 
 def compare_claims(runs: Sequence[Run]) -> Answers:
-    """Verdicts on the claims that every run holds against its results."""
+    """Compare verdicts on the claims that every run tests."""
     verdicts = [
         {str(row["claim"]): (str(row["says"]), str(row["verdict"])) for row in records(run.tree, "claims", "claim")}
         for run in runs
@@ -124,7 +124,7 @@ def compare_claims(runs: Sequence[Run]) -> Answers:
 
 
 def compare_questions(runs: Sequence[Run]) -> Answers:
-    """Answers to the inverse questions of every run that moved by more than their error."""
+    """Compare answers to inverse questions that every run asks; only moves beyond their errors count as changes."""
     if not all(has(run.tree, "decision", "solved_says", "solved_answer", "solved_value") for run in runs):
         return Answers(changed=(), unchanged=0)
     rows = [{str(row["solved_says"]): row for row in records(run.tree, "decision", "question")} for run in runs]

@@ -1,4 +1,4 @@
-"""Between which distances another camera is best."""
+"""Compare which camera is best at which distances."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Winner = tuple[float, float, str]
 
 @dataclass(frozen=True, kw_only=True)
 class BestBetween:
-    """Distances [m] between which nothing changes hands in any run, and the best cameras there in each."""
+    """Distances [m] between which no run switches its best camera, and the best cameras there in each run."""
 
     near: float
     far: float
@@ -38,7 +38,7 @@ class BestBetween:
 
 @dataclass(frozen=True, kw_only=True)
 class Edge:
-    """A distance where the best camera changes [m], what it may be off by [m], and the cameras nearer and farther."""
+    """A distance where the best camera switches [m], its error [m], and the best cameras nearer and farther."""
 
     place: float
     error: float
@@ -46,7 +46,7 @@ class Edge:
 
 
 def best_is_compared(runs: Sequence[Run]) -> bool:
-    """Whether every run names a best camera, for some distances of every other."""
+    """Whether every run names a best camera, and their distances overlap."""
     if not all(has(run.tree, "decision", "best_camera") and has(run.tree, "depth") for run in runs):
         return False
     near, far = common_range(runs)
@@ -55,22 +55,22 @@ def best_is_compared(runs: Sequence[Run]) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Best:
-    """Where the runs name different best cameras, and whether the error of a change of hands explains more."""
+    """Where the runs name different best cameras, and whether errors of the switch distances explain other cases."""
 
     changed: tuple[Difference, ...]
     has_explained: bool
 
 
 def compare_best(runs: Sequence[Run]) -> Best:
-    """Where runs that name best cameras name different ones; what the errors of the distances explain is left out."""
-    told = [list(told_winners(run.tree)) for run in runs]
-    pieces = list(_pieces(told, common_range(runs)))
-    edges = [edge for run, found in zip(runs, told, strict=True) for edge in _edges(run.tree, found)]
-    differing = [one for one in pieces if one.differs]
+    """Where the runs name different best cameras, except where errors of the switch distances explain it."""
+    winners = [list(told_winners(run.tree)) for run in runs]
+    ranges = list(_ranges(winners, common_range(runs)))
+    edges = [edge for run, found in zip(runs, winners, strict=True) for edge in _edges(run.tree, found)]
+    differing = [one for one in ranges if one.differs]
     changed = [one for one in differing if not _is_explained(one, edges)]
     titles = titles_of(runs)
     what = "Best camera, as declared" if any(swept(group(run.tree, "depth")) for run in runs) else "Best camera"
-    rest = "; otherwise unchanged" if len(changed) < len(pieces) else ""
+    rest = "; otherwise unchanged" if len(changed) < len(ranges) else ""
     found = tuple(
         Difference(
             what=what,
@@ -88,15 +88,15 @@ def common_range(runs: Sequence[Run]) -> tuple[float, float]:
     return float(max(near for near, _ in ends)), float(min(far for _, far in ends))
 
 
-def _pieces(told: Sequence[Sequence[Winner]], ends: tuple[float, float]) -> Iterator[BestBetween]:
-    """The common distances cut wherever a camera changes hands in any run, equal neighbours joined."""
-    inside = {edge for found in told for start, stop, _ in found for edge in (start, stop) if ends[0] < edge < ends[1]}
-    cuts = sorted({*ends, *inside})
-    pieces = [
-        BestBetween(near=a, far=b, names=tuple(_best_at(found, float(np.sqrt(a * b))) for found in told))
+def _ranges(winners: Sequence[Sequence[Winner]], ends: tuple[float, float]) -> Iterator[BestBetween]:
+    """The common distances, split wherever any run switches its best camera; equal neighbours are joined."""
+    edges = {at for found in winners for start, stop, _ in found for at in (start, stop) if ends[0] < at < ends[1]}
+    cuts = sorted({*ends, *edges})
+    ranges = [
+        BestBetween(near=a, far=b, names=tuple(_best_at(found, float(np.sqrt(a * b))) for found in winners))
         for a, b in itertools.pairwise(cuts)
     ]
-    for names, members in itertools.groupby(pieces, key=lambda one: one.names if one.differs else None):
+    for names, members in itertools.groupby(ranges, key=lambda one: one.names if one.differs else None):
         stretch = list(members)
         yield BestBetween(near=stretch[0].near, far=stretch[-1].far, names=stretch[0].names if names is None else names)
 
@@ -105,13 +105,13 @@ def _best_at(found: Sequence[Winner], place: float) -> str:
     return next(names for start, stop, names in found if start <= place <= stop)
 
 
-def _is_explained(piece: BestBetween, edges: Sequence[Edge]) -> bool:
-    """Whether a sentence could not tell its ends apart, or one change of hands lies at both, within its error."""
-    return distance(piece.near) == distance(piece.far) or any(
-        one.between == other.between and piece.far - piece.near <= one.error + other.error
+def _is_explained(differing: BestBetween, edges: Sequence[Edge]) -> bool:
+    """Whether both ends read the same in words, or are the same switch within its errors."""
+    return distance(differing.near) == distance(differing.far) or any(
+        one.between == other.between and differing.far - differing.near <= one.error + other.error
         for one in edges
         for other in edges
-        if _is_same(one.place, piece.near) and _is_same(other.place, piece.far)
+        if _is_same(one.place, differing.near) and _is_same(other.place, differing.far)
     )
 
 
@@ -120,10 +120,10 @@ def _is_same(one: float, other: float) -> bool:
 
 
 def _edges(tree: xr.DataTree, found: Sequence[Winner]) -> Iterator[Edge]:
-    """Where the best camera changes: known as well as the root there, else within the gap of the distances."""
+    """Where the best camera switches, with the error of the root there, else the gap between two distances."""
     depth = nominal(tree)
     every = np.asarray(depth["distance"].values, dtype=np.float64)
-    is_declared = nominal_is_declared(tree)  # else the curves are of another design than the decision
+    is_declared = nominal_is_declared(tree)  # else the curves belong to another design than the decision
     exact = [*_crossovers(tree), *(_ends_of_use(tree, depth) if is_declared else ())]
     for (_, place, before), (_, _, after) in itertools.pairwise(found):
         index = int(np.clip(np.searchsorted(every, place), 1, every.size - 1))
@@ -152,7 +152,7 @@ def _ends_of_use(tree: xr.DataTree, depth: xr.Dataset) -> Iterator[tuple[float, 
 
 
 def _moved_by_models(tree: xr.DataTree, depth: xr.Dataset, place: float, cameras: set[str]) -> float:
-    """How far the crossing of two curves moves where each is off by what its models leave out [m]."""
+    """How far the crossover of two curves moves [m] when each is off by what its models leave out."""
     shares = [left_out_share(tree, camera, "depth_uncertainty") for camera in cameras]
     if len(cameras) != 2 or not any(shares):
         return 0.0

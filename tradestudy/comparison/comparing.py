@@ -1,4 +1,4 @@
-"""Runs to a comparison: what they share, what they conclude, what differs."""
+"""Build a comparison of runs: what they share, what they conclude, what differs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def compare_runs(
     Parameters
     ----------
     names
-        What to call each run.
+        Name of each run.
     records
         Content of each ``run.json``.
     trees
@@ -40,7 +40,7 @@ def compare_runs(
     Raises
     ------
     OutOfRangeError
-        For fewer than two runs.
+        If there are fewer than two runs.
     """
     if len(names) < 2:
         raise OutOfRangeError("runs to compare", value=str(len(names)), limit="at least 2")
@@ -67,7 +67,7 @@ def compare_runs(
 
 
 def _conclusions(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], tuple[str, ...]]:
-    """What is concluded differently, and what is concluded alike."""
+    """The conclusions that changed, and those that did not, in words."""
     if not all("cameras" in run.tree.children for run in runs):
         return (), ()
     found = (
@@ -80,7 +80,7 @@ def _conclusions(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], tuple[str
     if best_is_compared(runs):
         best = compare_best(runs)
         changed += best.changed
-        within = ", apart from the error of where it changes" if best.has_explained else ""
+        within = ", within the error of its switch distances" if best.has_explained else ""
         unchanged += [] if best.changed else [f"the best camera from {span(*common_range(runs))}{within}"]
     for ranges, word in ((compare_usable(runs), "usable"), (compare_sharp(runs), "sharp")):
         changed += ranges.changed
@@ -89,27 +89,27 @@ def _conclusions(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], tuple[str
 
 
 def _notes(runs: Sequence[Run], results: Results) -> Iterator[str]:
-    """What the runs do not share, and so is not compared."""
+    """Sentences on what the runs do not share and is therefore not compared."""
     checksums = {str(run.record.get(_CHECKSUM, run.name)) for run in runs}
     if len(checksums) == 1:
-        yield "These are the same results, to the last bit."
+        yield "The results are identical, to the last bit."
         return
     studies = list(dict.fromkeys(str(run.record.get("study", "")) for run in runs))
     if len(studies) > 1:
-        yield f"The runs are of different studies, {listed(studies)}: only what they share is compared."
+        yield f"The runs belong to different studies, {listed(studies)}; only what they share is compared."
     if len({str(run.record.get("code_hash", "")) for run in runs}) > 1:
-        yield "Different versions of the program computed the runs: results can differ where no input does."
+        yield "Different versions of the program computed the runs, so results can differ even where no input does."
     shared = set(common_cameras(runs, "cameras"))
     for run in runs:
         alone = [title for key, title in titles_of([run]).items() if key not in shared]
         if alone:
             yield f"Not in every run, so not compared: {'; '.join(alone)} ({run.name})."
     if results.apart:
-        yield f"No distance or design is in every run, so not compared: {listed(results.apart)}."
+        yield f"Not compared, because the runs share no distance or design: {listed(results.apart)}."
 
 
 def _labels(runs: Sequence[Run]) -> tuple[str, ...]:
-    """What tells the runs apart: the ends of their paths, numbered where even these are the same."""
+    """The shortest ends of the runs' paths that tell them apart; numbered where the whole paths are the same."""
     parts = [PurePath(run.name).parts for run in runs]
     for length in range(1, max(map(len, parts)) + 1):
         ends = tuple("/".join(one[-length:]) for one in parts)
@@ -124,16 +124,16 @@ def _overlay(
     """The figure of depth uncertainty, or why there is none."""
     cameras = common_cameras(runs, "depth")
     if not cameras:
-        return None, "No figure: the runs have no camera in common whose depth uncertainty they know."
+        return None, "No figure: the runs share no camera with a depth uncertainty."
     moved = [one for one in results.moved if (one.group, one.variable) == ("depth", "depth_uncertainty")]
     if not moved:
         return None, "No figure: no curve of depth uncertainty differs by more than its error."
     changed = {one.camera for one in moved}
     shown = cameras if len(cameras) <= FEW else tuple(key for key in cameras if key in changed)
-    told = labels if len(inputs) != 1 else [f"{inputs[0].what}: {value}" for value in inputs[0].values]
-    return overlay_drawing([run.tree for run in runs], told, shown, moved[0].design, _said(moved)), ""
+    legend = labels if len(inputs) != 1 else [f"{inputs[0].what}: {value}" for value in inputs[0].values]
+    return overlay_drawing([run.tree for run in runs], legend, shown, moved[0].design, _alternative_text(moved)), ""
 
 
-def _said(moved: Sequence[ChangedResult]) -> str:
+def _alternative_text(moved: Sequence[ChangedResult]) -> str:
     """What differs most, for readers who do not see the figure."""
     return "; ".join(str(one.difference) for one in moved)

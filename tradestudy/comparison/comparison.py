@@ -1,4 +1,4 @@
-"""What a comparison of runs says, as text and as a page."""
+"""A comparison of runs, as text and as a page."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ class Comparison:
     Parameters
     ----------
     names, labels
-        What each run is called: its folder, and briefly.
+        Folder of each run, and its short name.
     notes
         Sentences on what the runs do not share: the study, the program, cameras, distances.
     conclusions
-        Answers that changed: requirements, claims, questions, the best camera along the distance, usable ranges.
+        Answers that changed: requirements, claims, questions, the best camera over distance, usable ranges.
     unchanged
         Conclusions that did not change, in words.
     inputs, models
-        Declared values, and models that were chosen, that differ.
+        Declared values and chosen models that differ.
     same_inputs
-        How many declared values do not.
+        Number of declared values that do not differ.
     results
         Numbers that differ by more than their error, the largest difference first.
     same_results
-        How many do not.
+        Number of results that do not.
     overlay
-        The figure of the curves that changed; None where there is none to draw.
+        The figure of the curves that changed; None if there is nothing to draw.
     without_overlay
-        Why there is none, as a sentence.
+        Why there is no figure, as a sentence.
     """
 
     names: tuple[str, ...]
@@ -73,13 +73,13 @@ class Comparison:
         yield from _section(_RESULTS, self.results, self.same_results)
 
     def sentences(self) -> Iterator[str]:
-        """The conclusions that changed, a sentence each, and what did not change."""
+        """The conclusions that changed, one sentence each, and those that did not."""
         for what, members in itertools.groupby(self.conclusions, key=lambda one: one.what):
             yield f"{what}: {'; '.join(one.change for one in members)}."
         if self.unchanged:
             yield f"Unchanged: {'; '.join(self.unchanged)}."
         elif not self.conclusions:
-            yield "The runs draw no conclusions that could be compared."
+            yield "The runs contain no conclusions to compare."
 
     def page(self) -> Report:
         """The comparison as a document."""
@@ -130,7 +130,7 @@ class Comparison:
 
 
 def _section(title: str, found: Sequence[Difference], same: int | None = None) -> Iterator[str]:
-    """A heading with how many there are, and the first of them, one a line."""
+    """A heading with the number of differences, and the first of them, one per line."""
     if not found:
         yield f"{title}: none{'' if same is None else f' of {same}'}"
         return

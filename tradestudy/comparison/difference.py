@@ -1,4 +1,4 @@
-"""What differs between runs, as one line; and the runs themselves."""
+"""A difference between runs as one line, and the runs themselves."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ARROW = " → "
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """A finished run: what to call it, the content of its ``run.json``, and its results."""
+    """A finished run: its name, the content of its ``run.json``, and its results."""
 
     name: str
     record: Mapping[str, Any]
@@ -29,9 +29,9 @@ class Difference:
     Parameters
     ----------
     what
-        In words.
+        What differs, in words.
     values
-        In each run, in words.
+        Its value in each run, in words.
     where
         Distances and details, in words; may be empty.
     """
@@ -50,12 +50,12 @@ class Difference:
 
 
 def same_or_each(texts: Sequence[str]) -> str:
-    """One text where all are the same, else each of them once."""
+    """The text if all are the same, else each different one once."""
     return " / ".join(dict.fromkeys(texts))
 
 
 def titles_of(runs: Sequence[Run]) -> dict[str, str]:
-    """Titles of the cameras of all runs by key; one that is called differently has all its titles."""
+    """Titles of the cameras of all runs by key; a camera with different titles has all of them."""
     found = [camera_titles(run.tree) if "cameras" in run.tree.children else {} for run in runs]
     return {
         key: same_or_each([titles[key] for titles in found if key in titles])
@@ -64,7 +64,7 @@ def titles_of(runs: Sequence[Run]) -> dict[str, str]:
 
 
 def common_cameras(runs: Sequence[Run], group: str) -> tuple[str, ...]:
-    """Keys of the cameras that a group is about in every run, in their order in the first."""
+    """Keys of the cameras that a group contains in every run, in the order of the first run."""
     if not all(group in run.tree.children and "camera" in run.tree[group].coords for run in runs):
         return ()
     keys = [[str(key) for key in run.tree[group].to_dataset()["camera"].values] for run in runs]

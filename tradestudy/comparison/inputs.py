@@ -1,4 +1,4 @@
-"""Declared values that differ, in words, and models that were chosen differently."""
+"""Declared values and chosen models that differ between runs, in words."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _DIMENSIONS: Final = (LENGTH, ANGLE, FRACTION, PIXELS, ELECTRONS, DURATION)
 
 
 def differing_inputs(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], int]:
-    """Declared values that differ, of cameras that every run has, and how many were compared.
+    """Declared values that differ, for cameras that every run has, and the number of compared values.
 
-    Values that read differently and mean the same, such as 50mm and 0.05 m, do not differ.
+    Values that are written differently but mean the same, such as 50mm and 0.05 m, do not differ.
     """
     shared = set(common_cameras(runs, "cameras"))
     every = [run.record.get("inputs", {}) for run in runs]
@@ -45,7 +45,7 @@ def differing_inputs(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], int]:
 
 
 def _meaning(text: str) -> tuple[str, float]:
-    """What tells values apart: a quantity in SI, any other text itself."""
+    """The meaning of a value for comparisons: its dimension and SI value if it is a quantity, else the text itself."""
     if _NUMBER.fullmatch(text):
         return "", float(text)
     for dimension in _DIMENSIONS:
@@ -61,14 +61,14 @@ def _words(path: str, titles: Mapping[str, str]) -> str:
 
 
 def _shown(text: str, titles: Mapping[str, str]) -> str:
-    """A value as it was declared, with the space before its unit; lists without brackets, cameras by their titles."""
+    """A value as declared, with a space before its unit; lists without brackets, cameras by their titles."""
     if text.startswith("[") and text.endswith("]"):
         return ", ".join(_shown(one.strip("' "), titles) for one in text[1:-1].split(","))
     return titles.get(text, _QUANTITY.sub(r"\1 \2", text) if _QUANTITY.fullmatch(text) else text)
 
 
 def differing_models(runs: Sequence[Run]) -> Iterator[Difference]:
-    """Models that were chosen differently, of what every run simulates."""
+    """Models that were chosen differently, for problems that every run solves."""
     if not all(has(run.tree, "effects", "situation", "slot", "model", "chosen", "piece_title") for run in runs):
         return
     chosen = [_chosen(run) for run in runs]

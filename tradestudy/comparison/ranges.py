@@ -1,4 +1,4 @@
-"""Ranges in which a camera is usable, or sharp, that moved, appeared or vanished."""
+"""Compare the ranges in which cameras are usable or sharp: which moved, appeared or vanished."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NOWHERE: Final = "nowhere"
 
 @dataclass(frozen=True, kw_only=True)
 class UsableStretch:
-    """Distances [m] between which a camera is usable, how well the ends are known, and which limits set them."""
+    """Distances [m] between which a camera is usable, the errors of these ends, and the limits that set them."""
 
     ends: tuple[float, float]
     errors: tuple[float, float]
@@ -29,14 +29,14 @@ class UsableStretch:
 
 @dataclass(frozen=True, kw_only=True)
 class Ranges:
-    """Ranges that moved, and of how many cameras they did not."""
+    """Ranges that moved, and the number of cameras whose ranges did not."""
 
     changed: tuple[Difference, ...]
     unchanged: int
 
 
 def compare_usable(runs: Sequence[Run]) -> Ranges:
-    """Where cameras are usable in the declared design; of sweeps without one, in how many designs that moved."""
+    """Compare usable ranges in the declared design; for sweeps without one, count the designs where they moved."""
     keys, titles = common_cameras(runs, "depth"), titles_of(runs)
     if not keys:
         return Ranges(changed=(), unchanged=0)
@@ -56,7 +56,7 @@ def compare_usable(runs: Sequence[Run]) -> Ranges:
 
 
 def compare_sharp(runs: Sequence[Run]) -> Ranges:
-    """Where cameras are sharp, by the first criterion of blur."""
+    """Compare the ranges where cameras are sharp by the first blur criterion."""
     keys, titles = common_cameras(runs, "depth_of_field"), titles_of(runs)
     found = []
     for key in keys:
@@ -96,7 +96,7 @@ def _usable(depth: xr.Dataset, key: str, share: float) -> list[UsableStretch]:
 
 
 def _error(end: float, error: float, share: float) -> float:
-    """What an end may be off by [m]; an error that is not known counts as none."""
+    """Error of an end [m]; an unknown error counts as zero."""
     return SURE * float(np.nan_to_num(error, posinf=np.inf)) + (share + ROUNDING) * (end if np.isfinite(end) else 0.0)
 
 
@@ -105,7 +105,7 @@ def _common_ends(distances: Sequence[FloatArray]) -> tuple[float, float]:
 
 
 def _within(stretches: Sequence[UsableStretch], ends: tuple[float, float]) -> list[UsableStretch]:
-    """The part of stretches that lies among the distances that all runs look at."""
+    """The parts of stretches between two ends [m], such as those of the distances that all runs share."""
     low, high = ends
     return [
         UsableStretch(ends=(max(one.ends[0], low), min(one.ends[1], high)), errors=one.errors, limits=one.limits)
@@ -115,7 +115,7 @@ def _within(stretches: Sequence[UsableStretch], ends: tuple[float, float]) -> li
 
 
 def _moved(first: Sequence[UsableStretch], other: Sequence[UsableStretch]) -> list[int]:
-    """Which ends differ by more than both may be off by, 0 near and 1 far; all where the number differs."""
+    """Which ends differ by more than both errors, 0 near and 1 far; both where the number of stretches differs."""
     if len(first) != len(other):
         return [0, 1]
     return [
@@ -142,7 +142,7 @@ def _compared(what: str, found: Sequence[Sequence[UsableStretch]]) -> Difference
 
 
 def _limit_words(found: Sequence[Sequence[UsableStretch]], end: int) -> str:
-    """What sets an end in every run, where each has one range with such an end."""
+    """The limit that sets an end in every run, if each run has a single range."""
     if any(len(stretches) != 1 for stretches in found):
         return ""
     limits = dict.fromkeys(stretches[0].limits[end].replace("_", " ") for stretches in found)
@@ -150,7 +150,7 @@ def _limit_words(found: Sequence[Sequence[UsableStretch]], end: int) -> str:
 
 
 def _over_designs(runs: Sequence[Run], key: str, title: str) -> Difference | None:
-    """In how many designs that all runs have the usable range of a camera moved."""
+    """In how many of the shared designs the usable range of a camera moved."""
     columns = ["usable_near", "usable_far", "usable_near_error", "usable_far_error", "near_limit", "far_limit"]
     tables = [group(run.tree, "depth") for run in runs]
     names = swept(tables[0])

@@ -31,16 +31,16 @@ from tradestudy.comparison.words import (
 from tradestudy.results.views.groups import FloatArray, group, records
 from tradestudy.units import FRACTION
 
-# Declared, or told as conclusions, or what a computation took.
-_TOLD_ELSEWHERE: Final = (
+# Declared values, conclusions, or computing times, which other parts of the comparison cover.
+_COVERED_ELSEWHERE: Final = (
     "assumptions", "cameras", "claims", "contradictions", "cost", "datasheet", "decision", "effects", "requirements",
 )  # fmt: skip
 _OF_PLACES, _OF_DEPTH, _REQUIREMENTS = "depth_at_places", "depth", "requirements"
 _PARTS_OF_DEPTH: Final = (
     "depth_uncertainty_way", "depth_quantile", "equivalent_baseline", "limit_value", "usable_near", "usable_far",
 )  # fmt: skip
-# They say again what another variable says, or what the conclusions say.
-_SAID_AGAIN: Final[Mapping[str, tuple[str, ...]]] = {
+# They repeat another variable, or the conclusions.
+_REPETITIONS: Final[Mapping[str, tuple[str, ...]]] = {
     _OF_DEPTH: _PARTS_OF_DEPTH,
     _OF_PLACES: _PARTS_OF_DEPTH,
     "depth_field": _PARTS_OF_DEPTH,
@@ -56,13 +56,13 @@ class ChangedResult:
     Parameters
     ----------
     group, variable, camera
-        In the results; no camera where it belongs to none.
+        Names in the results; camera is empty where the result belongs to none.
     size
-        The largest change relative to the first run, of a share its difference; infinite where there is no ratio.
+        The largest change relative to the first run; for a share, its difference; infinite where there is no ratio.
     design
-        The swept values there, by path; none without a sweep.
+        The swept values there, by path; empty without a sweep.
     difference
-        In words.
+        The difference in words.
     """
 
     group: str
@@ -75,7 +75,7 @@ class ChangedResult:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Results beyond their error, the largest first; how many others were compared; which could not be."""
+    """Results that differ by more than their error, the largest first; the number of others; those not comparable."""
 
     moved: tuple[ChangedResult, ...]
     within_error: int
@@ -83,7 +83,7 @@ class Results:
 
 
 def compare_results(runs: Sequence[Run]) -> Results:
-    """Compare every number that carries an error, camera by camera, where all runs have it."""
+    """Compare every number that carries an error, camera by camera, wherever all runs have it."""
     titles = titles_of(runs)
     moved: list[ChangedResult] = []
     within, apart = 0, []
@@ -107,7 +107,7 @@ def compare_results(runs: Sequence[Run]) -> Results:
 
 
 def _worst_values(runs: Sequence[Run]) -> Iterator[ChangedResult | None]:
-    """Worst values held against requirements whose verdict and camera stay the same; None within their error."""
+    """Worst values of requirements whose verdict and camera stay the same; None where they agree within their error."""
     rows = [{str(row["requirement"]): row for row in records(run.tree, _REQUIREMENTS, "requirement")} for run in runs]
     for name in rows[0]:
         ones = [one[name] for one in rows if name in one]
@@ -145,16 +145,16 @@ def _worst_value(runs: Sequence[Run], ones: Sequence[Mapping[str, Any]]) -> Chan
 
 
 def _variables(runs: Sequence[Run]) -> Iterator[tuple[str, str]]:
-    """Groups and variables that every run holds, whose error is known and that nothing else tells."""
+    """Groups and variables that every run contains, with known errors, that nothing else covers."""
     for name in runs[0].tree.children:
-        if name in _TOLD_ELSEWHERE or not all(name in run.tree.children for run in runs):
+        if name in _COVERED_ELSEWHERE or not all(name in run.tree.children for run in runs):
             continue
         if name == _OF_PLACES and _has_common_distances(runs):
             continue
         tables = [group(run.tree, name) for run in runs]
         for variable in map(str, tables[0].data_vars):
             if (
-                variable not in _SAID_AGAIN.get(name, ())
+                variable not in _REPETITIONS.get(name, ())
                 and all(variable in table and table[variable].dtype.kind in "fiu" for table in tables)
                 and all(error_name(table, variable) is not None for table in tables)
             ):
@@ -168,13 +168,13 @@ def _has_common_distances(runs: Sequence[Run]) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class _Aligned:
-    """A variable and its error in every run, at the places that all have."""
+    """A variable and its error in every run, at the places that all runs share."""
 
     values: tuple[xr.DataArray, ...]
     errors: tuple[xr.DataArray, ...]
 
     def of(self, camera: str) -> _Aligned:
-        """The same of one camera; of results that belong to none, the whole."""
+        """The part for one camera; everything for results that belong to none."""
         if not camera:
             return self
         return _Aligned(
@@ -184,11 +184,11 @@ class _Aligned:
 
 
 def _aligned(runs: Sequence[Run], name: str, variable: str) -> _Aligned | None:
-    """None where the runs have no place in common."""
+    """A variable of all runs at their common places; None if there are none."""
     tables = []
     for run in runs:
         values, error = group(run.tree, name)[variable], stated_error(run.tree, name, variable)
-        assert error is not None  # of variables whose error is known
+        assert error is not None  # only variables with known errors come here
         tables.append(xr.Dataset({"value": values.astype(float), "error": error.broadcast_like(values)}))
     first = tables[0]
     bare = [dim for dim in first["value"].dims if dim not in first.coords]
@@ -209,7 +209,7 @@ def _cameras(values: xr.DataArray) -> tuple[str, ...]:
 def _largest(
     runs: Sequence[Run], titles: Mapping[str, str], name: str, variable: str, camera: str, aligned: _Aligned
 ) -> ChangedResult | None:
-    """Where a result differs most from the first run, of the places where it does by more than its error."""
+    """Where a result differs most from the first run, among the places where it differs by more than its error."""
     first = aligned.values[0]
     arrays = [np.asarray(one.values, dtype=np.float64) for one in aligned.values]
     errors = [np.asarray(one.values, dtype=np.float64) for one in aligned.errors]
@@ -218,7 +218,7 @@ def _largest(
         np.where(beyond((arrays[0], other), (errors[0], error)), _size(arrays[0], other, is_share=is_share), 0.0)
         for other, error in zip(arrays[1:], errors[1:], strict=True)
     ]
-    largest = _told_first(np.max(sizes, axis=0), _usable_somewhere(runs, name, aligned, camera))
+    largest = _most_relevant(np.max(sizes, axis=0), _usable_somewhere(runs, name, aligned, camera))
     first_of_largest = int(np.argmax(largest >= np.max(largest) * (1.0 - ROUNDING)))
     at = tuple(map(int, np.unravel_index(first_of_largest, largest.shape)))
     size = float(largest[at])
@@ -247,7 +247,7 @@ def _largest(
 
 
 def _usable_somewhere(runs: Sequence[Run], name: str, aligned: _Aligned, camera: str) -> np.ndarray:
-    """Where a camera can be used in any run; everywhere for results that are not about depth."""
+    """Where a camera is usable in any run; everywhere for results that are not about depth."""
     like = aligned.values[0]
     if name != _OF_DEPTH or not camera or "distance" not in like.dims:
         return np.ones(like.shape, dtype=bool)
@@ -259,8 +259,8 @@ def _usable_somewhere(runs: Sequence[Run], name: str, aligned: _Aligned, camera:
     return np.asarray(usable, dtype=bool)
 
 
-def _told_first(sizes: FloatArray, usable: np.ndarray) -> FloatArray:
-    """What a reader asks first: changes where the camera can be used, those with a ratio before those without."""
+def _most_relevant(sizes: FloatArray, usable: np.ndarray) -> FloatArray:
+    """The most relevant changes: where the camera is usable, if any; changes with a ratio before those without."""
     there = np.where(usable, sizes, 0.0)
     for some in (there, sizes):
         finite = np.where(np.isfinite(some), some, 0.0)
@@ -271,7 +271,7 @@ def _told_first(sizes: FloatArray, usable: np.ndarray) -> FloatArray:
 
 
 def _is_share(values: xr.DataArray, arrays: Sequence[FloatArray]) -> bool:
-    """Whether all values are shares of a whole, whose ratios near zero say nothing."""
+    """Whether all values are shares of a whole, whose ratios near zero are meaningless."""
     if values.attrs.get("units") != "1" or values.dtype.kind != "f":
         return False
     known = np.concatenate([one[np.isfinite(one)].ravel() for one in arrays])
@@ -279,6 +279,6 @@ def _is_share(values: xr.DataArray, arrays: Sequence[FloatArray]) -> bool:
 
 
 def _size(first: FloatArray, other: FloatArray, *, is_share: bool) -> FloatArray:
-    with np.errstate(divide="ignore", invalid="ignore"):  # no ratio is an infinite change
+    with np.errstate(divide="ignore", invalid="ignore"):  # a change without a ratio counts as infinite
         size = np.abs(other - first) if is_share else np.abs(other / first - 1.0)
     return np.where(np.isfinite(size) & np.isfinite(first) & np.isfinite(other), size, math.inf)

@@ -1,4 +1,4 @@
-"""How far results may be off: the errors stored beside them, and what the models that acted leave out."""
+"""Errors of results: those stored beside them, and what the applied models leave out."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import xarray as xr
 
 from tradestudy.results.views.groups import FloatArray, group, has
 
-# As decisions have it: one difference in a thousand exceeds as many standard errors by chance, over eight scrambles.
+# As in decisions: by chance, over eight scrambles, one difference in a thousand exceeds this many standard errors.
 SURE: Final = 5.4
 ROUNDING: Final = 1e-9
-"""Share of a value by which another machine or library may move it."""
+"""Relative change of a value that another machine or library may cause."""
 _CLOSED_FORM: Final = ("rounding", "exact")
 _FROM_DRAWS: Final = "standard error"
 _LINEAR_TOO: Final = "depth_uncertainty_error"
 
 
 def error_name(data: xr.Dataset, name: str) -> str | None:
-    """The variable that holds the error of another; empty for rounding alone, None where no number states it."""
+    """The variable with the error of another; empty for rounding alone, None if no number states the error."""
     if f"{name}_error" in data:
         return f"{name}_error"
     says = str(data[name].attrs.get("error", ""))
@@ -31,10 +31,11 @@ def error_name(data: xr.Dataset, name: str) -> str | None:
 
 
 def stated_error(tree: xr.DataTree, name: str, variable: str) -> xr.DataArray | None:
-    """What each value of a variable may be off by, in its unit; None where no number states it.
+    """The error of each value of a variable, in its unit; None if no number states it.
 
-    Standard errors count `SURE` times, measured and estimated errors once; the change by all that the acting models
-    leave out is added where the run knows it. An error that could not be estimated counts as none, as in decisions.
+    Standard errors count `SURE` times, measured and estimated errors once; the change due to everything that the
+    applied models leave out is added where the run knows it. As in decisions, an error that could not be estimated
+    counts as zero.
     """
     data = group(tree, name)
     beside = error_name(data, variable)
@@ -42,17 +43,17 @@ def stated_error(tree: xr.DataTree, name: str, variable: str) -> xr.DataArray | 
         return None
     values = abs(data[variable].astype(float))
     known = values.where(np.isfinite(values), 0.0)
-    # Far below the largest value numbers differ by what they are made of, not by what they mean.
+    # Far below the largest value, numbers differ by rounding alone.
     error = ROUNDING * xr.ones_like(known) * (known.max() if known.size else 0.0)
     if beside:
         stored = data[beside].astype(float).fillna(0.0)
-        stored = stored.max([dim for dim in stored.dims if dim not in values.dims])  # where it tells more apart
+        stored = stored.max([dim for dim in stored.dims if dim not in values.dims])  # if it has more dimensions
         error = error + stored * _standard_errors(tree, data, beside)
     return error + _left_out(tree, data, variable) * known
 
 
 def _standard_errors(tree: xr.DataTree, data: xr.Dataset, beside: str) -> xr.DataArray | float:
-    """How often a stored error counts, for each camera where that depends on how its depth was propagated."""
+    """Factor of a stored error; by camera where it depends on how the depth errors were propagated."""
     says = str(data[beside].attrs.get("long_name", ""))
     if beside != _LINEAR_TOO and _LINEAR_TOO not in says:
         return SURE if _FROM_DRAWS in says else 1.0
@@ -62,7 +63,7 @@ def _standard_errors(tree: xr.DataTree, data: xr.Dataset, beside: str) -> xr.Dat
 
 
 def standard_errors(tree: xr.DataTree, camera: str) -> float:
-    """How often the error of a depth uncertainty counts: a standard error of draws, or the departure of a line."""
+    """Factor of the error of a depth uncertainty: `SURE` for a standard error of draws, 1 for linear propagation."""
     if not has(tree, "effects", "situation", "slot", "model", "chosen"):
         return SURE
     effects = group(tree, "effects")
@@ -79,7 +80,7 @@ def _left_out(tree: xr.DataTree, data: xr.Dataset, variable: str) -> xr.DataArra
 
 
 def left_out_share(tree: xr.DataTree, camera: str, quantity: str) -> float:
-    """Relative change of a quantity of a camera by all that its models leave out together; 0 where nothing says so."""
+    """Relative change of a camera's quantity due to everything that its models leave out; 0 where it is unknown."""
     if not has(tree, "effects", "joint_change"):
         return 0.0
     changes = group(tree, "effects")["joint_change"]
@@ -89,10 +90,10 @@ def left_out_share(tree: xr.DataTree, camera: str, quantity: str) -> float:
 
 
 def beyond(values: tuple[FloatArray, FloatArray], errors: tuple[FloatArray, FloatArray]) -> np.ndarray:
-    """Where two arrays differ by more than both may be off by; what is known in one alone differs."""
+    """Where two arrays differ by more than both errors; a value known in only one of them differs."""
     first, other = values
     alike = (first == other) | (np.isnan(first) & np.isnan(other))
-    with np.errstate(invalid="ignore"):  # infinite less infinite is alike
+    with np.errstate(invalid="ignore"):  # infinity minus infinity, which counts as alike
         apart = np.abs(other - first) > np.hypot(*errors)
     known = np.isfinite(first) & np.isfinite(other)
     return np.asarray(~alike & np.where(known, apart, True))

@@ -1,4 +1,4 @@
-"""Results in words: what they are called, their values, and where in an array they stand."""
+"""Results in words: their names, values, and places in an array."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ def result_words(variable: str) -> str:
 
 
 def group_words(name: str) -> str:
-    """The group of a variable in brackets, where its name alone does not say enough."""
+    """The group of a variable in brackets, where the variable's name alone is ambiguous."""
     return "" if name in _UNNAMED_GROUPS else f" ({name.replace('_', ' ')})"
 
 
 def known_dimension(array: xr.DataArray) -> Dimension | None:
-    """What an array measures; None where its unit says no more than itself."""
+    """The dimension of an array; None if its unit is not a known one."""
     return _BY_UNIT.get(str(array.attrs.get("units", "")))
 
 
 def value_in_words(value: float, dimension: Dimension | None) -> str:
-    """A value with its unit; "none" where there is none."""
+    """A value with its unit; "none" for NaN."""
     if math.isnan(value):
         return "none"
     return significant(value) if dimension is None else pretty(value, dimension)
@@ -56,7 +56,7 @@ def changes_in_words(values: Sequence[float]) -> str:
 
 
 def _percent(before: float, after: float) -> str:
-    """A change in per cent; as a factor where that is beyond 1000 %."""
+    """A change in per cent; beyond 1000 %, as a factor."""
     percent = 100.0 * (after / before - 1.0)
     if abs(percent) > _MOST_PERCENT:
         return f"{significant(after / before)} times"
@@ -65,7 +65,7 @@ def _percent(before: float, after: float) -> str:
 
 
 def place_in_words(tree: xr.DataTree, values: xr.DataArray, at: tuple[int, ...], titles: Mapping[str, str]) -> str:
-    """Where in an array, in words, without what makes no difference: "at 2 m, noise only", "for f number 2"."""
+    """A place in an array, in words, without coordinates that do not matter: "at 2 m, noise only", "for f number 2"."""
     parts = [
         _coordinate(tree, dim, values[dim], at[axis], titles)
         for axis, dim in enumerate(map(str, values.dims))
@@ -76,7 +76,7 @@ def place_in_words(tree: xr.DataTree, values: xr.DataArray, at: tuple[int, ...],
 
 
 def varies(values: xr.DataArray, axis: int, at: tuple[int, ...]) -> bool:
-    """Whether the values at a place are others further along an axis."""
+    """Whether the values at a place vary along an axis."""
     here = np.moveaxis(np.asarray(values.values, dtype=np.float64), axis, -1)[(*at[:axis], *at[axis + 1 :])]
     return len(set(here[~np.isnan(here)].tolist())) > 1
 

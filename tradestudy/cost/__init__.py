@@ -1,6 +1,6 @@
-"""What accuracy costs: error against seconds, measured, for sets of models and settings that can answer a question."""
+"""What accuracy costs: measured error against time for every set of models and settings that can answer a question."""
 
 from typing import Final
 
 DEFAULT_BUDGET: Final = 120.0
-"""Time for all measurements of a study [s] unless said otherwise; here, so that the command line needs no numpy."""
+"""Default time for all measurements of a study [s]; defined here so that the command line need not import numpy."""

@@ -1,4 +1,4 @@
-"""Depth uncertainty of a camera: the sets of models that can answer, and what they are held against."""
+"""Depth uncertainty of a camera: the sets of models that can compute it, and their reference."""
 
 from __future__ import annotations
 
@@ -24,34 +24,34 @@ from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import listed
 
 Offered = Mapping[SlotName, tuple[str, ...]]
-"""The models of every effect that a piece has, from the cheapest to the most complete."""
+"""The models of every effect in a problem, from the cheapest to the most complete."""
 
 _MOST_PLACES: Final = 9
-_TIGHTER: Final = (1.0, 0.3, 0.1, 0.03)  # tolerances of draws, over that of the study
-_DRAWS: Final = ((2**13, 1.0), (2**16, 8.0), (2**20, 16.0))  # of references, and the growth of their time
-_FEWEST: Final = 2  # candidates between which there is a choice
+_TIGHTER: Final = (1.0, 0.3, 0.1, 0.03)  # tolerances of the draws, over that of the study
+_DRAWS: Final = ((2**13, 1.0), (2**16, 8.0), (2**20, 16.0))  # numbers of draws of references, and growth of their time
+_FEWEST: Final = 2  # candidates needed for a choice
 _CALIBRATIONS: Final = {OFF: "noise alone", "linear": "linear calibration", "exact": "exact calibration"}
 
 
 def depth_piece(case: Case, name: str, title: str, chosen: Models, offered: Offered) -> Piece | None:
     """Candidates for the depth uncertainty of a camera at up to nine distances where it is usable.
 
-    They are the choice with every way to propagate its calibration, the choice with every law of diffraction, and the
-    most complete models at ever tighter tolerances.
+    They are the chosen models with every way to propagate the calibration, the chosen models with every law of
+    diffraction, and the most complete models at ever tighter tolerances.
 
     Parameters
     ----------
     case
-        Of the study, its calibrations known and the chosen models acting in its cameras.
+        The study's case, with known calibrations and the chosen models applied.
     name, title
-        Of the camera.
+        Name and title of the camera.
     chosen, offered
-        The models that act in it, and those that could.
+        The models applied to it, and those available.
 
     Returns
     -------
     Piece or None
-        None where nothing about the camera can be had at more than one price.
+        None if there is only one way to compute the camera's depth uncertainty.
     """
     declared, taken = case.all_cameras[name], case.cameras[name]
     assert isinstance(declared, DepthCamera)  # its depth is asked for
@@ -80,7 +80,7 @@ def depth_piece(case: Case, name: str, title: str, chosen: Models, offered: Offe
 
 
 def _ways(camera: DepthCamera, offered: Offered) -> tuple[str, ...]:
-    """The ways to propagate what is uncertain about a camera; noise alone where nothing else is."""
+    """The ways to propagate a camera's calibration errors; noise alone where it has none."""
     if not camera.calibration.groups:
         return (OFF,)
     return tuple(way for way in offered["calibration"] if way != "linear" or has_covariance(camera))
@@ -91,7 +91,7 @@ def _complete(camera: DepthCamera, offered: Offered) -> Models:
 
 
 def _sets(camera: DepthCamera, chosen: Models, offered: Offered) -> Iterator[tuple[Models, float]]:
-    """Sets of models, and the tolerance of their draws over that of the study."""
+    """Sets of models, with the tolerance of their draws over that of the study."""
     complete = _complete(camera, offered)
     for way in _ways(camera, offered):
         yield {**chosen, "calibration": way}, 1.0
@@ -104,7 +104,7 @@ def _sets(camera: DepthCamera, chosen: Models, offered: Offered) -> Iterator[tup
 
 
 def _words(models: Models, offered: Offered, tolerance: float) -> str:
-    """A set of models as a person tells it from the others."""
+    """A set of models in words that distinguish it from the others."""
     way = _CALIBRATIONS[models["calibration"]]
     if models["calibration"] == "exact":
         way += f" to {pretty(tolerance, FRACTION, digits=2)}"
@@ -114,8 +114,8 @@ def _words(models: Models, offered: Offered, tolerance: float) -> str:
     if all(models[slot] == names[-1] for slot, names in pictures.items()):
         return f"every effect, {way}"
     laws = dict.fromkeys(models[lens] for lens in LENSES if lens in pictures)
-    told = [law.capitalize() for law in laws if law != OFF]
-    return f"{f'{listed(told)} diffraction' if told else 'no diffraction'}, {way}"
+    named = [law.capitalize() for law in laws if law != OFF]
+    return f"{f'{listed(named)} diffraction' if named else 'no diffraction'}, {way}"
 
 
 def _usable_places(case: Case, camera: DepthCamera) -> FloatArray:
@@ -124,12 +124,12 @@ def _usable_places(case: Case, camera: DepthCamera) -> FloatArray:
     places = case.distance[usable & np.isfinite(depth_uncertainty(camera, case.distance))]
     if not places.size:
         return places
-    wanted = np.geomspace(places[0], places[-1], _MOST_PLACES)
-    return np.asarray(places[np.unique(np.abs(places[:, None] - wanted).argmin(axis=0))])
+    evenly = np.geomspace(places[0], places[-1], _MOST_PLACES)
+    return np.asarray(places[np.unique(np.abs(places[:, None] - evenly).argmin(axis=0))])
 
 
 def _references(camera: DepthCamera, places: FloatArray) -> Iterator[Reference]:
-    """The most complete models with ever more draws of another seed; one where nothing is drawn."""
+    """The most complete models with ever more draws from another seed; a single reference where nothing is drawn."""
     law = camera.propagation
     if law.model != "exact":
         yield Reference(words="every effect", compute=partial(_with_error, camera, places))
@@ -144,10 +144,10 @@ def _references(camera: DepthCamera, places: FloatArray) -> Iterator[Reference]:
 
 
 def _with_error(camera: DepthCamera, places: FloatArray) -> tuple[FloatArray, float]:
-    """Depth uncertainty [m] and its relative error, the largest of all places.
+    """Depth uncertainty [m] and its relative error, the largest over all places.
 
-    The error is that of the draws, by the t-interval of their scrambles, and what the numerical error δ of the
-    disparity error changes: √(1 + s ((1 + δ)² − 1)) − 1 with the share s of the noise in the variance.
+    The error is that of the draws, from the t-interval of their scrambles, plus the change due to the numerical error δ
+    of the disparity error: √(1 + s ((1 + δ)² − 1)) − 1 with the share s of the noise in the variance.
     """
     found = distribution(camera, places, "both")
     share = np.nan_to_num(variance_shares(camera, places)["noise"], nan=1.0)
@@ -158,6 +158,6 @@ def _with_error(camera: DepthCamera, places: FloatArray) -> tuple[FloatArray, fl
 
 
 def _worst(values: FloatArray, reference: FloatArray) -> float:
-    """Largest relative difference where the reference is finite; infinite for no answer there."""
+    """Largest relative difference where the reference is finite; infinite where the values have no answer there."""
     finite = np.isfinite(reference)
     return float(np.max(np.nan_to_num(np.abs(values[finite] / reference[finite] - 1.0), nan=np.inf), initial=0.0))

@@ -1,4 +1,4 @@
-"""Error and seconds of every candidate that could answer for a piece of a study, within a given time."""
+"""Measure error and time of every candidate for a problem of a study, within a time budget."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from tradestudy.units import DURATION, pretty
 
 _REPEATS: Final = 3
 _SHORT: Final = 2.0  # seconds up to which a computation is timed more than once
-_SHARE_OF_REFERENCES: Final = 0.5  # of the time left, so that candidates can be held against the reference
-_TENTH: Final = 0.1 * (1.0 + 1e-12)  # rounding included
-# What no computation of physics owns: the sources and libraries of this process, its processor, its cached functions.
+_SHARE_OF_REFERENCES: Final = 0.5  # of the time left, so that time remains for candidates to compare with the reference
+_TENTH: Final = 0.1 * (1.0 + 1e-12)  # allows for rounding
+# Modules whose caches hold nothing of the physics: the process's sources and libraries, its processor, this module.
 _KEPT: Final = ("tradestudy.provenance", "tradestudy.machine", "tradestudy.units", __name__)
 
 
@@ -33,11 +33,11 @@ class Candidate:
     models
         The set in words.
     compute
-        Gives what it answers.
+        Computes its answer.
     chosen
-        Whether a run computes it so.
+        Whether a run of the study uses it.
     growth
-        About how many times as long it takes as the slowest one measured before it.
+        Predicted time over that of the slowest candidate measured before it.
     """
 
     models: str
@@ -48,7 +48,7 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """What candidates are held against: values with their error, about ``growth`` times as slow as the coarser one."""
+    """Values with their error to compare candidates with, about ``growth`` times as slow as the next coarser ones."""
 
     words: str
     compute: Callable[[], tuple[FloatArray, float]]
@@ -57,16 +57,16 @@ class Reference:
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """A camera or a light path of a study.
+    """A problem of a study: a camera or a light path.
 
     Parameters
     ----------
     name, title
-        In the results, and in words.
+        Name in the results, and title.
     difference
         Relative error of values (first) against the reference's (second).
     candidates
-        From quick to slow, the one that is chosen among them.
+        From fast to slow, including the chosen one.
     references
         From coarse to fine.
     left_out
@@ -83,7 +83,7 @@ class Piece:
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A candidate as measured: its relative error, at least that of the reference, and its wall time [s]."""
+    """A measured candidate: its relative error, never below that of the reference, and its wall time [s]."""
 
     models: str
     error: float
@@ -93,7 +93,7 @@ class Entry:
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """A piece as measured; without a reference there are no entries, and ``left_out`` says why."""
+    """A measured problem; without a reference there are no entries, and ``left_out`` says why."""
 
     piece: Piece
     entries: tuple[Entry, ...] = ()
@@ -103,16 +103,16 @@ class Measured:
 
 
 def measure(piece: Piece, seconds: float) -> Measured:
-    """Measure the choice, then the finest reference that half of the time left allows, then all other candidates.
+    """Measure the chosen candidate, then the finest reference that half of the remaining time allows, then the others.
 
-    What is predicted to exceed what is left is not begun; what has begun is finished.
+    A computation predicted to exceed the remaining time is not started; one that has started is finished.
 
     Parameters
     ----------
     piece
-        Whose candidates are measured.
+        The problem.
     seconds
-        Wall time for all of them [s].
+        Wall time for all measurements [s].
     """
     begin = time.perf_counter()
     found: list[tuple[Candidate, FloatArray, float]] = []
@@ -124,7 +124,7 @@ def measure(piece: Piece, seconds: float) -> Measured:
     def take(candidate: Candidate) -> None:
         predicted = candidate.growth * max((took for _, _, took in found), default=0.0)
         if predicted >= left():
-            left_out.append(f"{candidate.models}: takes about {_words(predicted)}, {_words(max(left(), 0.0))} left")
+            left_out.append(f"{candidate.models}: needs about {_words(predicted)}, {_words(max(left(), 0.0))} left")
             return
         try:
             found.append((candidate, *_timed(candidate.compute, left)))
@@ -141,14 +141,14 @@ def measure(piece: Piece, seconds: float) -> Measured:
         if predicted >= left():
             if held is None:
                 left_out.append(
-                    f"no time left for a reference, about {_words(predicted)}; a larger --budget measures it"
+                    f"no time left for a reference, which needs about {_words(predicted)}; give a larger --budget"
                 )
             break
         started = time.perf_counter()
         try:
             held = (reference, *reference.compute())
         except TradestudyError as error:
-            left_out.append(f"as reference, {reference.words}: {error}")
+            left_out.append(f"reference, {reference.words}: {error}")
             break
         took = time.perf_counter() - started
     if held is None:
@@ -175,7 +175,7 @@ def _words(seconds: float) -> str:
 
 
 def _timed(compute: Callable[[], FloatArray], left: Callable[[], float]) -> tuple[FloatArray, float]:
-    """What a computation gives, and the least of three times that it takes afresh; of a long one the only time."""
+    """The result of a computation, and its shortest time in three runs with empty caches; a long one runs once."""
     taken: list[float] = []
     while len(taken) < _REPEATS and (not taken or taken[0] <= min(_SHORT, left())):
         forget()
@@ -186,7 +186,7 @@ def _timed(compute: Callable[[], FloatArray], left: Callable[[], float]) -> tupl
 
 
 def forget() -> None:
-    """Empty every cache of this program's computations, so that the next one is done afresh."""
+    """Empty every cache of this program's computations, so that the next one starts afresh."""
     for name, module in list(sys.modules.items()):
         if name.startswith("tradestudy.") and name not in _KEPT:
             for cached in _cached_functions(module):
@@ -195,7 +195,7 @@ def forget() -> None:
 
 @cache
 def _cached_functions(module: ModuleType) -> tuple[Any, ...]:
-    """Those that a module defines; they stand in it once it is imported."""
+    """The cached functions that a module defines; they exist once it is imported."""
     return tuple(
         value
         for value in vars(module).values()
@@ -204,7 +204,7 @@ def _cached_functions(module: ModuleType) -> tuple[Any, ...]:
 
 
 def on_frontier(entries: tuple[Entry, ...]) -> BoolArray:
-    """Which entries no other beats: as small an error in as little time, and less of one."""
+    """Which entries are Pareto-optimal: no other has as small an error in as little time, and less of either."""
     error, took = (np.array([getattr(entry, of) for entry in entries]) for of in ("error", "seconds"))
     no_worse = (error[:, None] <= error) & (took[:, None] <= took)
     better = (error[:, None] < error) | (took[:, None] < took)
@@ -212,7 +212,7 @@ def on_frontier(entries: tuple[Entry, ...]) -> BoolArray:
 
 
 def next_digit(entries: tuple[Entry, ...]) -> Entry | None:
-    """The quickest entry that errs by a tenth of the chosen one's error or less; None where none does."""
+    """The fastest entry with at most a tenth of the chosen entry's error; None if there is none."""
     own = next((entry.error for entry in entries if entry.chosen), np.nan)
     within = [entry for entry in entries if entry.error <= _TENTH * own]
     return min(within, key=lambda entry: (entry.seconds, entry.error), default=None)

@@ -1,4 +1,4 @@
-"""Picture of a light spot: the laws and tolerances that can make it, and what they are held against."""
+"""Picture of a light spot: the laws and tolerances that can compute it, and their reference."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from tradestudy.optics.chain import ChainAccuracy, ChainImage, DiscSource
 from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.units import FRACTION, pretty
 
-_COARSEST, _FINEST = 0.2, 1e-6  # tolerances that a picture can have
-_OF_RAYS: Final = 0.2  # of the time that a picture by waves takes
+_COARSEST, _FINEST = 0.2, 1e-6  # possible tolerances of a picture
+_OF_RAYS: Final = 0.2  # time of a picture by rays over that of one by waves
 _REFERENCES: Final = ((0.5, 2.0), (0.15, 4.0), (0.05, 4.0))  # tolerance over that of the choice, and growth of the time
 
 
 def spot_piece(part: LightSpotPart, name: str, chosen: SpotModels) -> Piece:
     """Candidates for all pixels of the picture of the spot.
 
-    They are the choice, every law that the study names and Kirchhoff's, and Kirchhoff's at other tolerances.
+    They are the chosen models, every law that the study names, and Kirchhoff's law at several tolerances.
 
     Parameters
     ----------
     part
         The light path.
     name
-        Of the piece.
+        Name of the problem.
     chosen
-        What makes the picture of a run.
+        The models of the picture in a run.
     """
 
     def image(models: SpotModels, seed: int = part.seed) -> ChainImage:
@@ -69,7 +69,7 @@ def spot_piece(part: LightSpotPart, name: str, chosen: SpotModels) -> Piece:
 
 
 def _sets(part: LightSpotPart, chosen: SpotModels) -> Iterator[tuple[SpotModels, float]]:
-    """Sets of models, each once, and how much longer they take than those before."""
+    """Sets of models, each once, with their time over that of the sets before them."""
     sets = {chosen: 1.0}
     for method in (*part.methods, "kirchhoff"):
         models = replace(compared_models(part, method), tolerance=chosen.tolerance)
@@ -81,7 +81,7 @@ def _sets(part: LightSpotPart, chosen: SpotModels) -> Iterator[tuple[SpotModels,
 
 
 def _words(part: LightSpotPart, models: SpotModels) -> str:
-    """Law and tolerance, and what is left out of the declared spot."""
+    """Law and tolerance in words, and what is left out of the declared spot."""
     left_out = {
         "cross-talk": models.separate,
         "pixels' width": not models.integrated,

@@ -1,4 +1,4 @@
-"""What a study asks for and can be had at more than one price, measured within a given time."""
+"""Measure the cost of accuracy for every problem of a study that has more than one set of models."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from tradestudy.study.definition import StudyDefinition
 
 
 def require_prices(definition: StudyDefinition) -> None:
-    """Refuse a study whose answers have one price.
+    """Refuse a study without a choice of models.
 
     Raises
     ------
     OutOfRangeError
-        Where it asks for no picture of a light spot, and of no camera with calibration errors or a picture.
+        If it has no light spot and no camera with calibration errors or a derived disparity error.
     """
     cameras = definition.case.cameras.values()
     calibrated = any(camera.calibration.groups or not camera.calibration.inferred for camera in cameras)
     pictured = any(isinstance(camera.disparity_error_px, PictureDisparityError) for camera in cameras)
     if not calibrated and not pictured and definition.file.light_spot is None:
         raise OutOfRangeError(
-            "nothing that this study asks for can be had at more than one price",
+            "there is only one way to compute every answer of this study, so there are no costs to compare",
             value=definition.file.study,
             limit="cameras with calibration errors or derived disparity errors, or a light spot",
             remedy="measure the cost of another study",
@@ -47,30 +47,33 @@ def require_prices(definition: StudyDefinition) -> None:
 
 
 def study_cost(plan: Plan, steps: Steps | None = None, *, budget: float = DEFAULT_BUDGET) -> xr.Dataset:
-    """Measure error against seconds of the sets of models that can answer for each piece of a study.
+    """Measure error against time for the sets of models that can solve each problem of a study.
 
     Parameters
     ----------
     plan
-        The study with the models that were chosen.
+        The study with its chosen models.
     steps
-        How calibrations are inferred that are not known yet, and who hears of progress; None does it here.
+        Where calibrations that are not known yet are inferred, and where progress is reported; None infers them here.
     budget
-        Wall time for all measurements [s]. What does not fit is left out and named. Inferring comes on top.
+        Wall time for all measurements [s]. What does not fit is left out and listed. Inference takes extra time.
 
     Returns
     -------
     xarray.Dataset
-        ``/cost``; machine and date stand in its attributes.
+        ``/cost``, with machine and date in its attributes.
 
     Raises
     ------
     OutOfRangeError
-        For a budget that is no time, or a study whose answers have one price.
+        If the budget is not positive and finite, or the study has no choice of models.
     """
     if not 0.0 < budget < math.inf:
         raise OutOfRangeError(
-            "time for measuring", value=f"{budget:g} s", limit="> 0 s, finite", remedy="give it in seconds, such as 120"
+            "budget of the measurements",
+            value=f"{budget:g} s",
+            limit="> 0 s, finite",
+            remedy="give it in seconds, such as 120",
         )
     require_prices(plan.definition)
     steps = Steps() if steps is None else steps
@@ -80,14 +83,14 @@ def study_cost(plan: Plan, steps: Steps | None = None, *, budget: float = DEFAUL
     end = time.perf_counter() + budget
     for number, piece in enumerate(pieces):
         steps.progress("cost", number / len(pieces))
-        # What one leaves of its share goes to those after it.
+        # Time that one problem does not use goes to those after it.
         found.append(measure(piece, (end - time.perf_counter()) / (len(pieces) - number)))
     steps.progress("cost", 1.0)
     return _dataset(found, budget)
 
 
 def cost_json(study: str, cost: xr.Dataset) -> str:
-    """A cost for other programs: its attributes, and a row for every piece and every entry."""
+    """A cost as JSON: its attributes, and a row for every problem and every entry."""
     tables = {"pieces": cost.drop_dims("entry").to_dataframe().reset_index()}
     tables["entries"] = cost.drop_dims("piece").to_dataframe()
     rows = {name: json.loads(one.to_json(orient="records", double_precision=15)) for name, one in tables.items()}
@@ -105,7 +108,7 @@ def _pieces(plan: Plan, definition: StudyDefinition) -> Iterator[Piece]:
 
 
 def _models(plan: Plan, name: str) -> tuple[Models, Offered]:
-    """The models that act in a piece, and those that it has."""
+    """The models applied to a problem, and those available."""
     (piece,) = (one for one in plan.pieces if one.name == name)
     offered: dict[SlotName, tuple[str, ...]] = {}
     for decision in piece.choice.decisions:

@@ -1,1 +1,1 @@
-"""Hard and published cases as data and functions."""
+"""Hard cases as data and functions."""
