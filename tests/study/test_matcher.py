@@ -233,7 +233,8 @@ def test_a_matcher_of_the_scene_that_no_camera_has_warns_at_its_line(tmp_path: P
     line = line_of(file, "matcher: {factor: 2}")
     (told,) = tradestudy.load(file).warnings
     assert told.startswith(f"{file}:{line}:")
-    assert "scene.picture.matcher: adds to derived disparity errors" in told
+    assert "scene.picture.matcher: " in told
+    assert "derived disparity errors" in told
     assert not tradestudy.load(ROBOT, [OF_SCENE]).warnings
 
 
@@ -253,7 +254,7 @@ def test_both_places_can_be_swept() -> None:
     np.testing.assert_allclose(head.sel({factors: 2.0}), 2.0 * head.sel({factors: 1.0}), rtol=1e-12)
     squares = r5.sel({floors: 0.1}) ** 2 - r5.sel({floors: 0.0}) ** 2
     np.testing.assert_allclose(squares.values[np.isfinite(squares.values)], 0.01, rtol=1e-9)
-    with pytest.raises(UnitError, match="computed over the same scene"):
+    with pytest.raises(UnitError, match=r"scene\.picture\.texture\.contrast cannot be swept"):
         changed.with_values({"sweep": {"scene.picture.texture.contrast": ["1 %", "2 %"]}}).run()
 
 

@@ -17,7 +17,7 @@ UNUSUAL = {
     "stereo-75mm.sensor.pixel_pitch": ("3 mm", "3 mm is unusual"),
     "scene.wavelength": ("30 um", "30 µm is unusual (200 nm to 20 µm is common)"),
     "usable_range.relative_uncertainty": ("100 %", "100 % is unusual"),
-    "scene.picture.light.electrons": ("20000 electrons", "are more than the full well of"),
+    "scene.picture.light.electrons": ("20000 electrons", "full well of"),
     "stereo-75mm.lenses.f_number": ("0.5", "0.5 is unusual (0.7 to 200 is common)"),
     "stereo-75mm.calibration.errors.yaw.standard_deviation": ("80 deg", "80° is unusual"),
     "accuracy.tolerance": ("0.1", "0.1 means 10 %; write '0.1 %' for 0.1 %"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 import time
 from collections.abc import Callable
@@ -208,10 +209,9 @@ class TestSharing:
         document = read(
             write("cameras:\n  a: {lens: {power: 2 %}, x: 1}\n  b: {like: a, lens: {powr: null}, y: null, x: null}\n")
         )
-        assert [str(problem).partition(":")[2] for problem in document.problems] == [
-            "3:23: cameras.b.lens.powr: there is no 'powr' here that null could take back; nearest: 'power'",
-            "3:36: cameras.b.y: there is no 'y' here that null could take back; known: 'lens', 'x'",
-        ]
+        first, second = (str(problem).partition(":")[2] for problem in document.problems)
+        assert re.fullmatch(r"3:23: cameras\.b\.lens\.powr: .*null.* 'powr' .*; nearest: 'power'", first)
+        assert re.fullmatch(r"3:36: cameras\.b\.y: .*null.* 'y' .*; known: 'lens', 'x'", second)
 
     def test_a_forgotten_value_takes_nothing_back(self, write: Write) -> None:
         path = write("title: t\ncameras:\n  a: {kind: mono, lens: {power: 2 %}}\n  b: {like: a, lens: {power: }}\n")
@@ -229,7 +229,7 @@ class TestSharing:
     def test_a_long_chain_is_refused(self, write: Write) -> None:
         links = "".join(f"  c{i}: {{like: c{i + 1}}}\n" for i in range(3000))
         problems = told(read(write(f"title: t\ncameras:\n{links}  c3000: {{kind: mono}}\n")))
-        assert any("more than 50 cameras are like each other in a chain" in problem for problem in problems)
+        assert any("more than 50 cameras " in problem for problem in problems)
 
 
 class TestValuesFromOutside:
@@ -266,18 +266,18 @@ class TestValuesFromOutside:
     @pytest.mark.parametrize(
         ("path", "text", "words"),
         [
-            ("eye.lens.focal", "null", "cameras.eye.lens.focal: there is no 'focal' here that null could take back"),
-            ("eye.lens", "{focal: null}", "cameras.eye.lens.focal: there is no 'focal' here that null could take back"),
-            ("nothing.within", "null", "nothing.within: there is no 'within' here that null could take back"),
-            ("title", "#x", "title: '#x' is a comment in YAML, which gives no value"),
-            ("cameras.new", "{like: eye}", "cameras.new.like: like: puts the study together and cannot be set"),
-            ("cameras", "{new: {from: a.yaml}}", "cameras.new.from: from: puts the study together and cannot be set"),
+            ("eye.lens.focal", "null", r"cameras\.eye\.lens\.focal: .*null.* 'focal'"),
+            ("eye.lens", "{focal: null}", r"cameras\.eye\.lens\.focal: .*null.* 'focal'"),
+            ("nothing.within", "null", r"nothing\.within: .*null.* 'within'"),
+            ("title", "#x", r"title: '#x' is a .*comment.*; quote it"),
+            ("cameras.new", "{like: eye}", r"cameras\.new\.like: like: .*cannot be set; edit the file"),
+            ("cameras", "{new: {from: a.yaml}}", r"cameras\.new\.from: from: .*cannot be set; edit the file"),
         ],
     )
     def test_what_a_value_cannot_do_is_refused(self, base: Document, path: str, text: str, words: str) -> None:
         changed = with_values(base, {path: text})
         assert len(changed.problems) == 1
-        assert words in str(changed.problems[0])
+        assert re.search(words, str(changed.problems[0]))
         assert changed.tree == base.tree or "lens" in path
 
     def test_what_is_taken_back_once_cannot_be_taken_back_again(self, base: Document) -> None:
@@ -307,15 +307,14 @@ class TestValuesFromOutside:
                 "8: title: this is not valid YAML: expected the node content, but found '<stream end>' "
                 "while parsing a flow node",
             ),
-            (
-                "eye.like=two.eyes",
-                "1: cameras.eye.like: like: puts the study together and cannot be set; "
-                "edit the file, or set its values",
-            ),
         ],
     )
     def test_mistakes_in_set(self, write: Write, override: str, message: str) -> None:
         assert told(read(write(BASE), [override])) == [f"--set:1:{message}"]
+
+    def test_what_composes_a_camera_cannot_be_set(self, write: Write) -> None:
+        (said,) = told(read(write(BASE), ["eye.like=two.eyes"]))
+        assert re.fullmatch(r"--set:1:1: cameras\.eye\.like: like: .*cannot be set; edit the file.*", said)
 
     def test_values_are_told_where_they_come_from(self, write: Write) -> None:
         text = textwrap.dedent(BASE) + "sweep: {eye.lens.focal_length: [1 cm, 3]}\n"
@@ -368,30 +367,30 @@ def in_time(path: Path) -> list[str]:
 class TestHostileFiles:
     def test_nesting(self, write: Write) -> None:
         for text in ("[" * 500_000, "a: " + "{b: " * 200_000, "- " * 400_000):
-            assert in_time(write(text)) == ["values are nested more than 32 deep"]
+            (said,) = in_time(write(text))
+            assert "nested more than 32 " in said
 
     def test_anchors_that_expand_without_bound(self, write: Write) -> None:
         tenfold = ", ".join("*a{0}" for _ in range(10))
         lines = [f"a{i + 1}: &a{i + 1} [{tenfold.format(i)}]" for i in range(20)]
-        assert in_time(write("\n".join(["a0: &a0 [lol]", *lines]))) == [
-            "the file holds more than 120000 values, repetitions by '*' included"
-        ]
+        (said,) = in_time(write("\n".join(["a0: &a0 [lol]", *lines])))
+        assert re.search(r"more than 120000 values, .*'\*'", said)
 
     def test_anchors_that_nest_without_bound(self, write: Write) -> None:
         lines = [f"a{i + 1}: &a{i + 1} [*a{i}]" for i in range(5000)]
-        assert in_time(write("\n".join(["a0: &a0 [x]", *lines]))) == ["values are nested more than 32 deep"]
+        (said,) = in_time(write("\n".join(["a0: &a0 [x]", *lines])))
+        assert "nested more than 32 " in said
 
     def test_anchors_inside_themselves(self, write: Write) -> None:
         said = in_time(write("title: &a [*a]\ncameras: &b {x: {y: *b}}\n"))
-        assert "'*a' stands inside '&a' and would go on without end" in said
-        assert "'*b' stands inside '&b' and would go on without end" in said
+        assert any("'*a' stands inside '&a'" in one for one in said)
+        assert any("'*b' stands inside '&b'" in one for one in said)
 
     def test_cameras_that_multiply(self, write: Write) -> None:
         big = "  big: {x: [" + "1, " * 20_000 + "]}\n"
         copies = "".join(f"  c{i}: {{like: big}}\n" for i in range(2000))
-        assert "the cameras together hold more than 120000 values" in in_time(
-            write(f"title: t\ncameras:\n{big}{copies}")
-        )
+        said = in_time(write(f"title: t\ncameras:\n{big}{copies}"))
+        assert any("cameras together" in one and "more than 120000 values" in one for one in said)
 
     def test_many_mistakes(self, write: Write) -> None:
         assert len(in_time(write("a: 1\n" * 50_000))) == 501

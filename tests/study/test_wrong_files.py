@@ -54,29 +54,24 @@ def test_the_place_holds_what_the_message_quotes(name: str, monkeypatch: pytest.
         text = here[0][int(column) - 1 :] if here else ""
         if quoted := re.match(r"(?:[\w.-]+: )?'([^'…]*)' (?:has|is|stands)", rest):
             assert text.lstrip("\"'").startswith(quoted[1])
-        elif unknown := re.match(r"([\w.-]+): (?:unknown key|this key stands twice)", rest):
+        elif unknown := re.match(r"([\w.-]+): (?:unknown key|duplicate key)", rest):
             assert text.startswith(unknown[1].rpartition(".")[2])
 
 
 def test_files_that_are_no_text(tmp_path: Path) -> None:
     contents = {
-        "nothing": (b"", "1:1: it is empty; `tradestudy new NAME` writes a study to start from"),
-        "binary": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "1:1: it is a binary file; text is expected"),
-        "latin": (b"format: 2\ntitle: Gr\xf6\xdfe\n", "2:10: the byte 0xf6 is not UTF-8; save it as UTF-8"),
-        "utf16": ("format: 2".encode("utf-16"), "1:1: it is text in UTF-16; save it as UTF-8"),
-        "control": (
-            b"format: 2\nstudy: a\x07b\n",
-            "2:9: the character U+0007 is not allowed in YAML; this may be no text",
-        ),
-        "large": (
-            b"# " + b"x" * 1_000_000,
-            "1:1: it is larger than 1 MB; a study file is at most 1 MB, and data belong in files of their own",
-        ),
+        "nothing": (b"", r"1:1: it is empty; `tradestudy new NAME` .*"),
+        "binary": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", r"1:1: it is a binary file; text is expected"),
+        "latin": (b"format: 2\ntitle: Gr\xf6\xdfe\n", r"2:10: the byte 0xf6 is not UTF-8; save it as UTF-8"),
+        "utf16": ("format: 2".encode("utf-16"), r"1:1: it is text in UTF-16; save it as UTF-8"),
+        "control": (b"format: 2\nstudy: a\x07b\n", r"2:9: the character U\+0007 is not allowed in YAML; .*"),
+        "large": (b"# " + b"x" * 1_000_000, r"1:1: it is larger than 1 MB; a study file is at most 1 MB.*"),
     }
     for name, (content, expected) in contents.items():
         path = tmp_path / name
         path.write_bytes(content)
-        assert messages(path) == [f"{path}:{expected}"]
+        (said,) = messages(path)
+        assert re.fullmatch(rf"{re.escape(str(path))}:{expected}", said)
 
 
 def test_files_that_are_no_files(tmp_path: Path) -> None:

@@ -1,1 +1,1 @@
-"""What every part of a study file is written in: parts, quantities with units, and mistakes with their place."""
+"""Building blocks of study files: parts, quantities with units, and mistakes with their place."""

@@ -1,4 +1,4 @@
-"""In which dimension a text can be read where its key does not say: swept values, ends of questions, criteria."""
+"""The dimension of texts whose key does not determine it: swept values, ends of questions, criteria."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tradestudy.units import (
     parse,
 )
 
-# A number without a unit is a plain number; only per cent makes it a share.
+# A number without a unit is a plain number; only a per cent sign makes it a share.
 _DIMENSIONS: tuple[Dimension, ...] = (
     LENGTH, ANGLE, PIXELS, FRACTION, NUMBER, ELECTRONS, TEMPERATURE_DIFFERENCE, PRESSURE, EXPANSION, DURATION,
     MASS, POWER, DATA, SOLID_ANGLE,

@@ -1,4 +1,4 @@
-"""How an error is distributed, one part for each dimension: a normal or a uniform one needs no shape."""
+"""Distributions of errors, one part for each dimension; normal and uniform distributions need no shape."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _DEVIATIONS: Final = 6.0
 
 
 class DistributionPart(Part, Generic[Signed, Positive]):
-    """The distribution of one error: ``standard_deviation`` alone is a normal one, ``half_width`` a uniform one."""
+    """The distribution of one error; ``standard_deviation`` alone makes it normal, ``half_width`` alone uniform."""
 
     spreads: ClassVar[tuple[str, ...]] = tuple(dict.fromkeys(key for keys in _NEEDS.values() for key in keys))
 
@@ -96,14 +96,14 @@ class DistributionPart(Part, Generic[Signed, Positive]):
 
     @property
     def resolved_shape(self) -> Shape:
-        """The shape, written or by the spread that is given."""
+        """The shape as given, or as implied by the given spread."""
         if self.shape is not None:
             return self.shape
         return "uniform" if self.standard_deviation is None else "normal"
 
 
 def lowest(part: DistributionPart[Any, Any]) -> float:
-    """The lowest value that counts: the end of a bounded distribution, six deviations below a normal one's mean."""
+    """The lowest relevant value: the end of a bounded distribution, or six deviations below a normal one's mean."""
     spread = part.half_width if part.half_width is not None else _DEVIATIONS * (part.standard_deviation or 0.0)
     return float((part.mean or 0.0) - spread - (part.inexactness or 0.0))
 

@@ -1,4 +1,4 @@
-"""Lens models as study files declare them: a family by name, and its coefficients by theirs."""
+"""Lens models as study files declare them: the name of a family, and its coefficients by name."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ class LensModelPart(Part):
         return self
 
     def lens_model(self) -> LensModel:
-        """In SI."""
+        """The lens model in SI."""
         return self.family(**{name: getattr(self, name) for name in self.family.coefficient_names()})
 
 
 def _part_of(family: type[LensModel]) -> type[LensModelPart]:
-    """Every coefficient in its dimension; those of the law that have no zero must be given."""
+    """The part of a family, with every coefficient in its dimension; those that have no default must be given."""
     fields: dict[str, Any] = {"model": (Literal[family.name], ...)}
     optional = family.optional_names()
     for name in family.coefficient_names():

@@ -1,4 +1,4 @@
-"""What a study declares of a real matcher, for the whole scene or for one camera."""
+"""A real matcher as a study declares it, for the whole scene or for one camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mistakes that only a validator of the schema can see, and where in its part of the file they are."""
+"""Mistakes that only a validator of the schema can find, and their place in its part of the file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class MistakeAt(ValueError):  # noqa: N818  a mistake in a file, pointed at; not
     Parameters
     ----------
     tail
-        Keys and positions from the validated part to the value at fault; empty for the part itself.
+        Keys and positions from the validated part to the wrong value; empty for the part itself.
     what
         What is wrong, and what is expected.
     """
@@ -25,14 +25,14 @@ class MistakeAt(ValueError):  # noqa: N818  a mistake in a file, pointed at; not
 
     @classmethod
     def several(cls, mistakes: Sequence[MistakeAt]) -> MistakeAt:
-        """Join mistakes into one exception, so that a validator can report everything that it sees."""
+        """Join mistakes into one exception, so that a validator can report all of them."""
         joined = cls(mistakes[0].tail, mistakes[0].what)
         joined.all = tuple(single for mistake in mistakes for single in mistake.all)
         return joined
 
 
 def nearest_name(name: str, known: Iterable[str]) -> str:
-    """Write the end of a message: the nearest known name, or all names where they are few, or nothing."""
+    """The end of a message: the nearest known name, or all names if there are few, or nothing."""
     names = list(known)
     close = nearest(name, names)
     if close is not None:

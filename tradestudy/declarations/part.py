@@ -1,4 +1,4 @@
-"""What every part of a study file has in common."""
+"""The base class of every part of a study file."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ class Part(BaseModel):
 
     @classmethod
     def mistakes_of_names(cls, tree: Mapping[str, Any]) -> list[MistakeAt]:  # noqa: ARG003 - for parts that refer to names
-        """Names that refer to nothing, looked for in the plain values, so that other mistakes do not hide them."""
+        """Names that refer to nothing; found in the plain values, so that other mistakes do not hide them."""
         return []
 
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
-        """What was left out and stands at a value that somebody has to have assumed: its path here, and the value.
+        """Omitted values whose default is an assumption: path in this part, and default.
 
-        Such a default is written as text with its unit and validated as if it stood in the file.
+        Such a default is text with its unit and is validated as if it were in the file.
         """
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, PlainSerializer, PlainValidator, Wi
 from tradestudy import units
 from tradestudy.units import Dimension, UnitError, parse, pretty
 
-# Products of a few quantities within these stay finite; what lies beyond is a slip of the keyboard.
+# Products of a few quantities within these limits stay finite; anything beyond is a typing error.
 _SMALLEST, _LARGEST = 1e-30, 1e30
 
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
@@ -20,7 +20,7 @@ _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 
 @dataclass(frozen=True, kw_only=True)
 class Known:
-    """The sizes [SI] that a thing has from microscopes to spacecraft, with room to spare on both sides."""
+    """The plausible sizes [SI] of a thing, from microscopes to spacecraft, with a margin on both sides."""
 
     name: str
     smallest: float
@@ -41,13 +41,13 @@ def quantity(
     Parameters
     ----------
     dimension
-        What the value must measure.
+        Dimension of the value.
     above, at_least, at_most
         Limits in SI [`dimension.unit`]; ``above`` excludes its own value.
     infinite
-        Whether ``infinity`` is a legal value.
+        Whether ``infinity`` is a valid value.
     known
-        What sizes such a thing has; a finite value far from them is a slip of the unit.
+        Plausible sizes; a finite value outside them is probably a wrong unit.
 
     Returns
     -------
@@ -67,15 +67,15 @@ def quantity(
             raise UnitError(f"'{value}' is out of range; {dimension.name} {limits} is expected")
         if known is not None and math.isfinite(number) and not known.smallest <= number <= known.largest:
             ends = f"{pretty(known.smallest, dimension)} to {pretty(known.largest, dimension)}"
-            check = ", check its unit" if dimension.unit else ""
-            raise UnitError(f"'{value}' is no {known.name}{check}; {ends} is expected")
+            check = "check its unit; " if dimension.unit else ""
+            raise UnitError(f"'{value}' is not a plausible {known.name}; {check}{ends} is expected")
         return number
 
     return BeforeValidator(read), WithJsonSchema(_json_schema(dimension, limits, infinite=infinite))
 
 
 def _limits(dimension: Dimension, *, above: float, at_least: float, at_most: float) -> str:
-    """Say the limits in words: "above 0 m", "of 0 m or more", "from 10 nm to 10 mm"."""
+    """The limits in words: "above 0 m", "of 0 m or more", "from 10 nm to 10 mm"."""
     low, high = pretty(at_least, dimension), pretty(at_most, dimension)
     if math.isfinite(above):
         words = f"above {pretty(above, dimension)}"
@@ -88,7 +88,7 @@ def _limits(dimension: Dimension, *, above: float, at_least: float, at_most: flo
 
 
 def _json_schema(dimension: Dimension, limits: str, *, infinite: bool) -> dict[str, Any]:
-    """Describe the text form to editors; a bare number is right only where the dimension has no unit."""
+    """Describe the text form to editors; a bare number is valid only if the dimension has no unit."""
     pattern = f"^{_NUMBER}" + (r"\s*(1?/)?[A-Za-z%°µμÅ].*$" if dimension.unit else r"(\s*%)?$")
     schema: dict[str, Any] = {
         "type": ["string"] if dimension.unit else ["number", "string"],
@@ -102,10 +102,10 @@ def _json_schema(dimension: Dimension, limits: str, *, infinite: bool) -> dict[s
 Length = Annotated[float, *quantity(units.LENGTH)]
 PositiveLength = Annotated[float, *quantity(units.LENGTH, above=0.0)]
 NonNegativeLength = Annotated[float, *quantity(units.LENGTH, at_least=0.0)]
-# Outside of these ends a wavelength is a slip of the unit ("550 mm"), not light.
+# A wavelength outside these limits is a wrong unit ("550 mm"), not light.
 PositiveWavelength = Annotated[float, *quantity(units.WAVELENGTH, at_least=1e-8, at_most=1e-2)]
 
-# Far beyond what exists, so that no camera is refused, and near enough to catch a slip of the unit.
+# Wide enough that no existing camera is refused, and narrow enough to catch a wrong unit.
 PixelPitch = Annotated[
     float,
     *quantity(units.LENGTH, above=0.0, known=Known(name="pixel pitch of a sensor", smallest=1e-8, largest=5e-3)),
@@ -124,13 +124,13 @@ class InPixels:
 
 
 def _length_or_pixels(value: object) -> float | InPixels:
-    """A focal length in either unit; what is neither is told as a length."""
+    """A focal length as a length or in pixels; a value that is neither is reported as a wrong length."""
     try:
         number = parse(value, units.PIXELS)
     except UnitError:
         return cast(Callable[[object], float], _FOCAL_LENGTH[0].func)(value)
     if not 1.0 <= number <= 1e7:
-        raise UnitError(f"'{value}' is no focal length of a camera, check its unit; 1 px to 10⁷ px is expected")
+        raise UnitError(f"'{value}' is not a plausible focal length; check its unit; 1 px to 10⁷ px is expected")
     return InPixels(pixels=number)
 
 
@@ -182,7 +182,7 @@ Pressure = Annotated[float, *quantity(units.PRESSURE, at_least=0.0)]
 PressureDifference = Annotated[float, *quantity(units.PRESSURE)]
 ThermalExpansion = Annotated[float, *quantity(units.EXPANSION)]
 
-# A quantity whose dimension depends on what is asked; a plain number may stand without quotes.
+# A quantity whose dimension depends on the question; a plain number needs no quotes.
 QuantityText = Annotated[
     str,
     BeforeValidator(

@@ -1,4 +1,4 @@
-"""The words that questions of a study are put in: names of cameras, spans of distance, which errors count."""
+"""Types shared by the questions of a study: camera names, distance ranges, kinds of error."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def different(pair: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def distinct(values: tuple[Item, ...]) -> tuple[Item, ...]:
-    """Refuse a list that says something twice."""
-    if twice := [MistakeAt((i,), "stands here twice") for i, value in enumerate(values) if value in values[:i]]:
+    """Refuse a list with duplicates."""
+    if twice := [MistakeAt((i,), "is listed twice") for i, value in enumerate(values) if value in values[:i]]:
         raise MistakeAt.several(twice)
     return values
 

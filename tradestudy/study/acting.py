@@ -1,4 +1,4 @@
-"""From the models that were chosen to cameras that they act in."""
+"""Apply chosen models to cameras."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from tradestudy.imaging.models import PictureModels, closed_form_models
 
 
 def with_models(models: PictureModels, chosen: Models) -> PictureModels:
-    """Models of a picture with those that are chosen in their slots."""
+    """The models of a picture, with chosen ones replacing those of the same effects."""
     slots = {field.name for field in fields(PictureModels)}
     own = {slot: name for slot, name in chosen.items() if slot in slots}
     return replace(models, **own)  # type: ignore[arg-type] # the effects say which names a slot has
 
 
 def in_closed_form(chosen: Models) -> dict[SlotName, str]:
-    """The same models with Fresnel's transfer in place of Kirchhoff's, an integral that hardly differs from it."""
+    """The same models with Fresnel's transfer instead of Kirchhoff's, an integral with almost the same value."""
     return {slot: "fresnel" if name == "kirchhoff" else name for slot, name in chosen.items()}
 
 
@@ -30,13 +30,13 @@ def complete_in_closed_form(law: PictureDisparityError) -> PictureModels:
 
 
 def acting(camera: DepthCamera, chosen: Models) -> DepthCamera:
-    """The camera with the chosen models in place of what it declares; nothing chosen leaves it as it is."""
+    """The camera with the chosen models instead of the declared ones; where nothing is chosen, it stays as it is."""
     law = camera.disparity_error_px
     if isinstance(law, PictureDisparityError):
-        acting_models = with_models(law.models, chosen)
-        if not law.settings.spectrum:  # a reading may take it back
-            acting_models = replace(acting_models, spectrum="off")
-        camera = replace(camera, disparity_error_px=replace(law, models=acting_models))
+        applied = with_models(law.models, chosen)
+        if not law.settings.spectrum:  # a reading may remove it
+            applied = replace(applied, spectrum="off")
+        camera = replace(camera, disparity_error_px=replace(law, models=applied))
     match chosen.get("calibration"):
         case "off" | "linear" | "exact" as model:
             return replace(camera, propagation=replace(camera.propagation, model=model))

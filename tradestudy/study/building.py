@@ -1,4 +1,4 @@
-"""From the part of a study that declares a camera to the camera, and to what its posterior is known by."""
+"""Build cameras from their declarations in a study, and the keys of their posteriors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tradestudy.imaging.matcher import Matcher
 from tradestudy.imaging.models import closed_form_models
 from tradestudy.study.schema.scene import ScenePart
 
-# Of a camera, what no posterior depends on: words, the noise of a measurement, and what happens after the calibration.
+# Parts of a camera on which no posterior depends: texts, measurement noise, and changes after the calibration.
 _NOT_CALIBRATED: Final[dict[str, bool | set[str]]] = {
     "title": True,
     "note": True,
@@ -26,12 +26,12 @@ _NOT_CALIBRATED: Final[dict[str, bool | set[str]]] = {
 
 
 def camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
-    """Build the camera that a part of a study declares, in the light of its scene.
+    """Build the camera that a part of a study declares, given the study's scene.
 
     Raises
     ------
     OutOfRangeError
-        Where the parts do not make a camera.
+        If the declared values do not make a camera.
     """
     if not isinstance(part, DepthCameraDeclaration):
         return part.design(None)
@@ -39,18 +39,18 @@ def camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
 
 
 def posterior_key(name: str, part: DepthCameraDeclaration, *, seed: int, folder: Path) -> str:
-    """What the posterior of a camera is known by: the same for all that are inferred from the same, in the same way.
+    """Key of a camera's posterior, identical for all posteriors inferred from the same inputs in the same way.
 
     Parameters
     ----------
     name
-        Of the camera, which random numbers go by.
+        Name of the camera, which its random numbers depend on.
     part
         Its declaration.
     seed
-        Of the study.
+        Seed of the study.
     folder
-        Where the files that its calibration names are.
+        Folder of the files that its calibration names.
     """
     said = (name, str(seed), str(folder), part.model_dump_json(exclude=_NOT_CALIBRATED))
     return sha256("\n".join(said).encode()).hexdigest()
@@ -59,7 +59,7 @@ def posterior_key(name: str, part: DepthCameraDeclaration, *, seed: int, folder:
 def _picture_law(
     scene: ScenePart | None, own: MatcherPart | None, *, microlenses: bool
 ) -> PictureDisparityError | None:
-    """What a derived disparity error follows, by the camera's own matcher over that of the scene; None without one."""
+    """The law of a derived disparity error; the camera's matcher overrides the scene's. None without a picture."""
     if scene is None or scene.picture is None:
         return None
     settings = scene.picture.settings(scene.wavelength)

@@ -1,4 +1,4 @@
-"""A study as read from its file, and the same study under other values."""
+"""A study as read from its file, and the same study with other values."""
 
 from __future__ import annotations
 
@@ -33,30 +33,31 @@ from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
-if TYPE_CHECKING:  # whoever infers has loaded it
+if TYPE_CHECKING:  # loaded only for inference
     from tradestudy.calibration.posteriors import CornersToInfer, TargetToInfer
 
-_JUDGED: Final = 9  # distances of a study at which draws are settled
+_JUDGED: Final = 9  # number of distances of a study at which the draws must converge
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """What a study computes with: cameras, limits and distances in SI.
+    """The inputs of a study's computations: cameras, limits and distances in SI.
 
     Parameters
     ----------
     cameras
-        Those that measure depth, with their calibrations.
+        Cameras that measure depth, with their calibrations.
     all_cameras
         Every camera of the study, in its order.
     criteria, distance, wavelength
-        Limits of the usable range, distances [m], and the light [m]; no distances and NaN in a study without a scene.
+        Limits of the usable range, distances [m], and wavelength [m]; without a scene, no distances and NaN.
     attributes
-        What cameras declare that is not a curve.
+        Declared attributes of cameras, such as mass or price.
     depth_of_field, sharp, relief
-        What must be sharp, what counts as sharp by the models that act, and what criteria are derived for.
+        The range that must be sharp, the criteria of sharpness by the applied models, and the relief for which criteria
+        are derived.
     fresnel_validity, light_spot
-        What is asked of wave optics.
+        Questions about wave optics.
     """
 
     cameras: Mapping[str, DepthCamera]
@@ -74,24 +75,24 @@ class Case:
 
 @dataclass(frozen=True)
 class StudyDefinition:
-    """A valid study: the document with its positions, and what it says.
+    """A valid study: the document with its positions, and its validated content.
 
     Parameters
     ----------
     document
-        As read, with the place of every value.
+        The document as read, with the place of every value.
     declared
-        What the schema made of it.
+        The document as validated by the schema.
     models
-        The model that acts in each slot of effects, by camera, lens or light path; what is not in it acts as declared.
+        The model applied for each effect, by camera, lens or light path; everything else is as declared.
     elsewhere
-        Models that act in place of these under a reading or for an inverse question, by its name.
+        Models applied instead of these under a reading or for an inverse question, by its name.
     tolerance
-        The one tolerance for every quantity, in place of what is declared; None where that counts.
+        A single tolerance for every quantity, overriding the declared ones; None keeps those.
     posteriors
-        What has been inferred of calibrations, by the keys of `posterior_keys`.
+        Inferred calibrations, by the keys of `posterior_keys`.
     before
-        The study that this one was made from by changing it; cameras that both have are built once.
+        The study that this one was derived from; cameras that both share are built once.
     """
 
     document: Document
@@ -104,7 +105,7 @@ class StudyDefinition:
 
     @classmethod
     def of(cls, document: Document) -> StudyDefinition:
-        """Check a document wholly: against the schema, and that its cameras can be built.
+        """Check a document completely: against the schema, and by building its cameras.
 
         Raises
         ------
@@ -117,21 +118,21 @@ class StudyDefinition:
 
     @cached_property
     def file(self) -> StudyFile:
-        """What the study says, under the tolerance that was given for it."""
+        """The content of the study, with the tolerance that was set for it."""
         if self.tolerance is None:
             return self.declared
         return validate_changes(self.under_tolerance, self.document, self.declared)
 
     @cached_property
     def under_tolerance(self) -> Document:
-        """The document with the values that the tolerance stands for.
+        """The document with the values that the tolerance sets.
 
-        Pictures of a light spot that are compared need be no better than that: a looser one loosens theirs, too.
+        Compared pictures of a light spot need not be more accurate than the tolerance, so a looser one loosens theirs.
         """
         if self.tolerance is None:
             return self.document
         own = [name for name in QUANTITIES if self.document.entry(f"accuracy.{name}") is not None]
-        # Noise by itself is asked for only where it is named, so that its name has to stay.
+        # Noise alone is asked for only where the study names it, so its key has to stay.
         taken_back = {f"accuracy.{name}": self.tolerance if name == "depth_noise" else None for name in own}
         asked = with_values(self.document, {"accuracy.tolerance": self.tolerance, **taken_back})
         spot, accuracy = self.declared.light_spot, validate_changes(asked, self.document, self.declared).accuracy
@@ -143,7 +144,7 @@ class StudyDefinition:
 
     @cached_property
     def designs(self) -> Mapping[str, Camera]:
-        """The cameras without their calibrations; every one that cannot be built, or calibrated, is told."""
+        """The cameras without their calibrations; reports every camera that cannot be built or calibrated."""
         cameras: dict[str, Camera] = {}
         problems = self._problems_of_derived_errors()
         if problems:
@@ -167,7 +168,7 @@ class StudyDefinition:
 
     @cached_property
     def case(self) -> Case:
-        """What is computed with: the cameras with their calibrations, as far as these are known."""
+        """The inputs of the computations: cameras with their calibrations, as far as these are known."""
         distance = np.array(() if self.file.scene is None else self.file.scene.distance_values(), dtype=np.float64)
         propagation = self._propagation(distance)
         cameras = {
@@ -190,7 +191,7 @@ class StudyDefinition:
         )
 
     def _sharp(self) -> dict[str, BlurCriterion]:
-        """Criteria of sharpness by name; without the diffraction spot where the models leave it out."""
+        """Criteria of sharpness, by name; without the diffraction spot if the models leave it out."""
         if self.file.depth_of_field is None:
             return {}
         sharp = {name: one.criterion(self._wavelength) for name, one in self.file.depth_of_field.criteria.items()}
@@ -199,7 +200,7 @@ class StudyDefinition:
         return sharp
 
     def _propagation(self, distance: FloatArray) -> Propagation:
-        """How errors are propagated: draws are settled at some of the distances [m], and wherever the study asks."""
+        """How errors are propagated; draws must converge at some of the distances [m] and wherever the study asks."""
         file = self.file
         some = (
             distance[np.unique(np.linspace(0, distance.size - 1, _JUDGED).round().astype(int))] if distance.size else ()
@@ -212,7 +213,7 @@ class StudyDefinition:
         )
 
     def _problems_of_calibration(self, name: str, design: Camera) -> Iterator[Problem]:
-        """What is wrong with the files that the calibration of a camera names."""
+        """Mistakes in the files that the calibration of a camera names."""
         part = self.file.cameras[name]
         if not (isinstance(part, DepthCameraDeclaration) and isinstance(design, DepthCamera)):
             return
@@ -234,7 +235,7 @@ class StudyDefinition:
         return posterior_of_file(self.calibration_folder(name) / file, name, design)
 
     def _cameras_built_before(self) -> Mapping[str, Camera]:
-        """Those of the study that this one was made from whose parts are the same, in the same scene."""
+        """Cameras of the study that this one was derived from with the same declaration and the same scene."""
         before = self.before
         if before is None or before.file.scene is not self.file.scene:
             return {}
@@ -242,7 +243,7 @@ class StudyDefinition:
         return {name: one for name, one in before.designs.items() if before.file.cameras[name] is parts.get(name)}
 
     def _calibrated(self, name: str, design: DepthCamera, propagation: Propagation) -> DepthCamera:
-        """A camera with its calibration; one that was calibrated before is the same."""
+        """A camera with its calibration; reused if the study that this one was derived from has the same."""
         before = self.before
         posterior = self.posteriors.get(self.posterior_keys.get(name, ""))
         if before is not None and before.designs.get(name) is design:
@@ -270,11 +271,11 @@ class StudyDefinition:
 
     @property
     def _wavelength(self) -> float:
-        """Of the scene [m]; NaN without one."""
+        """Wavelength of the scene [m]; NaN without a scene."""
         return math.nan if self.file.scene is None else self.file.scene.wavelength
 
     def calibrations_to_infer(self) -> dict[str, TargetToInfer | CornersToInfer]:
-        """What has to be inferred before the cameras know their calibrations, by the keys of `posterior_keys`."""
+        """Calibrations that still have to be inferred, by the keys of `posterior_keys`."""
         from tradestudy.calibration.posteriors import to_infer
 
         found = {}
@@ -295,9 +296,9 @@ class StudyDefinition:
 
     @cached_property
     def posterior_keys(self) -> Mapping[str, str]:
-        """For every camera whose calibration is inferred from a target or corners, what its posterior is known by.
+        """Key of the posterior of every camera whose calibration is inferred from a target or corners.
 
-        It is the same for all designs and readings of a study that have this camera and its calibration in common.
+        All designs and readings of a study that share the camera and its calibration share the key.
         """
         seed = self.file.propagation.seed
         return {
@@ -307,15 +308,15 @@ class StudyDefinition:
         }
 
     def with_posteriors(self, posteriors: Mapping[str, Calibration]) -> StudyDefinition:
-        """The same study, its readings and designs too, with calibrations inferred, by the keys of `posterior_keys`."""
+        """The same study, including its readings and designs, with inferred calibrations by `posterior_keys`."""
         return replace(self, posteriors={**self.posteriors, **posteriors}, before=self)
 
     def calibration_folder(self, name: str) -> Path:
-        """Where the files that the calibration of a camera names are: beside the file that names the first of them."""
+        """Folder of the files that a camera's calibration names: that of the file that names the first of them."""
         return self.folder_of(next(iter(self._calibration_files(name)), ("cameras", name, "calibration")))
 
     def _calibration_files(self, name: str) -> dict[tuple[str | int, ...], str]:
-        """Files that the calibration of a camera names, by where."""
+        """Files that the calibration of a camera names, by the path of the name."""
         above = ("cameras", name, "calibration")
         calibration = self.document.entry(above)
         return {
@@ -325,7 +326,7 @@ class StudyDefinition:
         }
 
     def _problems_of_derived_errors(self) -> list[Problem]:
-        """Disparity errors that nothing says how to derive, or that are asked of what knows only a declared one."""
+        """Disparity errors that should be derived from the picture, in a study without one."""
         missing = self.file.scene is None or self.file.scene.picture is None
         problems: list[Problem] = []
         for name, part in self.file.cameras.items():
@@ -333,7 +334,7 @@ class StudyDefinition:
                 continue
             path: tuple[str, ...] = ("cameras", name, "depth", "disparity_error")
             if missing:
-                what = "is derived from the picture, and scene.picture (texture, window, light, sensor) is missing"
+                what = "is derived from the picture, but scene.picture (texture, window, light, sensor) is missing"
                 problems.append(self.document.locate(path).problem(path, what))
         return problems
 
@@ -343,15 +344,15 @@ class StudyDefinition:
         *,
         written_at: tuple[str | int, ...] | None = None,
     ) -> StudyDefinition:
-        """The same study with other values, by dotted path; None takes a value back. Checked like any other.
+        """The same study with other values, by dotted path; None removes a value. The result is fully checked.
 
         Parameters
         ----------
         values
-            New value for each path: what a study file could hold there, its text or as a number, list or mapping; or
-            what stands elsewhere in this study.
+            New value for each path: anything that a study file may contain there, as text, number, list or mapping; or
+            an entry of this study.
         written_at
-            The mapping of this study that the values stand in, so that their mistakes are reported there.
+            The mapping of this study that contains the values, so that their mistakes are reported there.
         """
         for path in values:
             if not isinstance(path, str):
@@ -365,7 +366,7 @@ class StudyDefinition:
 
     @cached_property
     def data_files(self) -> Mapping[str, Path]:
-        """Files that its cameras' calibrations and its scene name, by where they name them; those of readings too."""
+        """Files named by calibrations and the scene, including those of readings, by the path of the name."""
         found = self._own_files()
         for name, reading in self.readings.items():
             found |= {f"{name}: {path}": file for path, file in reading._own_files().items()}
@@ -382,24 +383,24 @@ class StudyDefinition:
         }
 
     def folder_of(self, path: tuple[str | int, ...]) -> Path:
-        """Where the files that a part of the study names are looked for: beside the file that holds the part."""
+        """Folder of the files that a part of the study names: that of the file that contains the part."""
         file, _, _ = self.document.locate(path)
         root, _, _ = self.document.locate(())
         return Path(file if Path(file).is_file() else root).parent
 
     def with_tolerance(self, relative: str) -> StudyDefinition:
-        """The same study with one tolerance for every quantity, such as ``"1 %"``, whatever it declares.
+        """The same study with one tolerance for every quantity, such as ``"1 %"``, overriding the declared ones.
 
         Raises
         ------
         StudyError
-            Where that is no tolerance; reported at ``--tolerance``.
+            If that is not a tolerance; reported at ``--tolerance``.
         """
         asked = replace(self, tolerance=relative, before=self)
         try:
-            asked.file  # noqa: B018 - made here so that a tolerance that is none is refused where it is given
+            asked.file  # noqa: B018 - made here so that an invalid tolerance is refused where it is given
         except StudyError as error:
-            # A quantity that is named as well has the same mistake.
+            # Every quantity that the study names reports the same mistake.
             own = [one for one in error.problems if one.path == "accuracy.tolerance"] or error.problems
             raise StudyError([replace(one, file="--tolerance") for one in own]) from None
         return asked
@@ -407,23 +408,23 @@ class StudyDefinition:
     def with_models(
         self, models: Mapping[str, Models], elsewhere: Mapping[str, Mapping[str, Models]] | None = None
     ) -> StudyDefinition:
-        """The same study, its readings and designs too, with models that act in its slots of effects.
+        """The same study, including its readings and designs, with the given models applied.
 
         Parameters
         ----------
         models
-            By camera, lens or light path.
+            Models by effect, by camera, lens or light path.
         elsewhere
-            Others under a reading or for an inverse question, by its name and then likewise.
+            Other models under a reading or for an inverse question, by its name and then likewise.
         """
         return replace(self, models=models, elsewhere=elsewhere or {}, before=self)
 
     def under(self, name: str) -> StudyDefinition:
-        """The study with the models that act under a reading or for an inverse question of this name."""
+        """The study with the models applied under the reading or for the inverse question of this name."""
         return replace(self, models={**self.models, **self.elsewhere.get(name, {})}, before=self)
 
     def entries_of_reading(self, name: str) -> dict[str, Entry]:
-        """What a reading replaces, by path."""
+        """Entries that a reading replaces, by path."""
         values = self.document.entry(("readings", name, "set"))
         assert isinstance(values, MappingEntry)  # it is valid
         return {path: member.entry for path, member in values.members.items()}

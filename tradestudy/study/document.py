@@ -1,4 +1,4 @@
-"""A study file in memory: a plain tree, and for every value the file, line and column it was written at."""
+"""A study file in memory: a plain tree, and the file, line and column of every value."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ class Place(NamedTuple):
         return Problem(file=self.file, line=self.line, column=self.column, path=dotted(path), what=what)
 
 
-# Where a value stands that no file holds.
+# Place of a value that is in no file.
 OUTSIDE = Place("--set", 1, 1)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Annotation:
-    """On what a value rests."""
+    """Basis of a value."""
 
     basis: Basis | None = None
     note: str = ""
@@ -51,7 +51,7 @@ class ScalarEntry:
 
     @classmethod
     def of(cls, value: Scalar) -> ScalarEntry:
-        """Give a value that no file holds."""
+        """Make a value that is in no file."""
         return cls(place=OUTSIDE, value=value, text=scalar_text(value))
 
 
@@ -66,16 +66,16 @@ class ListEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class Override:
-    """A value given from outside, by the command line or from Python, and what it stands in place of.
+    """A value set by the command line or from Python, and the value that it replaces.
 
     Parameters
     ----------
     path
-        Of the value.
+        Path of the value.
     text
-        As given; empty where it takes the value of the study back.
+        The new value as given; empty if it removes the study's value.
     before
-        As the study has it; empty where it has none.
+        The study's own value; empty if it has none.
     """
 
     path: Path
@@ -84,7 +84,7 @@ class Override:
 
 
 class Member(NamedTuple):
-    """A key's place, and what stands under it."""
+    """A key's place, and its value."""
 
     key_place: Place
     entry: Entry
@@ -92,7 +92,7 @@ class Member(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class MappingEntry:
-    """A mapping; ``implied`` when only a ``--set`` path speaks of it."""
+    """A mapping; ``implied`` if only the path of a ``--set`` created it."""
 
     place: Place
     members: Mapping[str, Member]
@@ -112,13 +112,13 @@ class Document:
     root
         The study as written, with cameras taken from their files.
     problems
-        Mistakes of writing; a document that has some is never valid, and `validate` reports them with its own.
+        Mistakes found while reading; a document with mistakes is never valid, and `validate` reports them with its own.
     broken
-        Paths whose content could not be put together; what a schema says about them is not worth repeating.
+        Paths whose content could not be assembled; the schema's mistakes there are not reported.
     overrides
-        Values that are not the study's own, in the order in which they were given.
+        Values set from outside, in the order in which they were given.
     imported
-        What was read of calibration files, a line for each camera.
+        What was read from calibration files, one line per camera.
     """
 
     root: MappingEntry
@@ -138,9 +138,9 @@ class Document:
         return {path: entry.annotation for path, entry in walk(self.root, ()) if entry.annotation is not None}
 
     def locate(self, path: str | Path) -> Place:
-        """Find where a value is written (file, line, column); of a mapping or a list, its key.
+        """Find where a value is written (file, line, column); for a mapping or a list, the place of its key.
 
-        For a path that does not exist it is the place of the nearest part above it.
+        For a path that does not exist, find the place of the nearest part above it.
         """
         place, entry = self.root.place, cast(Entry, self.root)
         for key in self.path_of(path):
@@ -155,7 +155,7 @@ class Document:
         return place
 
     def locate_key(self, path: str | Path) -> Place:
-        """Find where the key of a value is written; of an item of a list, the item."""
+        """Find where the key of a value is written; for an item of a list, the place of the item."""
         *parents, last = self.path_of(path)
         above = self.entry(tuple(parents))
         if isinstance(above, MappingEntry) and last in above.members:
@@ -168,7 +168,7 @@ class Document:
         Raises
         ------
         KeyError
-            When nothing stands at that path.
+            If there is nothing at that path.
         """
         entry = self.entry(path)
         if entry is None:
@@ -176,14 +176,14 @@ class Document:
         return text_of(entry)
 
     def entry(self, path: str | Path) -> Entry | None:
-        """Find what stands at a path, or None."""
+        """Find the entry at a path, or None."""
         entry: Entry | None = self.root
         for key in self.path_of(path):
             entry = child(entry, key)
         return entry
 
     def path_of(self, path: str | Path) -> Path:
-        """Split a dotted path; a camera may stand without ``cameras.``, and names with dots are recognised."""
+        """Split a dotted path; ``cameras.`` may be omitted before a camera, and names with dots are recognised."""
         if not isinstance(path, str):
             return path
         steps = path.split(".")
@@ -193,9 +193,9 @@ class Document:
         return _split(self.root, steps)
 
     def with_root(self, root: MappingEntry, changed: Path) -> Document:
-        """Put in the tree that a value from outside makes, and remember what stood in its place.
+        """Replace the tree by one with a value set from outside, and remember the value before.
 
-        The basis of the study's own value is told with that value: it is no basis of the new one.
+        The basis of the study's own value is recorded with that value: it does not apply to the new one.
         """
         known = next((one.before for one in self.overrides if one.path == changed), None)
         after = replace(self, root=root)
@@ -213,13 +213,13 @@ class Document:
 
 
 def dotted(path: Path) -> str:
-    """Write a path as a person does in ``--set``; control characters are shown, not sent to a terminal."""
+    """Write a path as in ``--set``; control characters are escaped, not sent to a terminal."""
     text = ".".join(str(step) for step in path)
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
 
 def scalar_text(value: Scalar) -> str:
-    """Write a scalar as a file holds it."""
+    """Write a scalar as in a file."""
     if value is None:
         return "null"
     return str(value).lower() if isinstance(value, bool) else str(value)
@@ -244,7 +244,7 @@ def plain(entry: Entry) -> Any:
 
 
 def child(entry: Entry | None, key: str | int) -> Entry | None:
-    """Go one step down, or to None."""
+    """The entry under a key or at an index, or None."""
     if isinstance(entry, MappingEntry) and key in entry.members:
         return entry.members[cast(str, key)].entry
     if isinstance(entry, ListEntry) and isinstance(key, int) and 0 <= key < len(entry.items):
@@ -253,7 +253,7 @@ def child(entry: Entry | None, key: str | int) -> Entry | None:
 
 
 def merged(below: Entry, above: Entry) -> Entry:
-    """Lay one entry over another: mappings key by key, all else replaced; an explicit null takes a key back."""
+    """Lay one entry over another: mappings key by key, anything else replaced; an explicit null removes a key."""
     if not (isinstance(below, MappingEntry) and isinstance(above, MappingEntry)):
         return above
     members = dict(below.members)
@@ -268,7 +268,7 @@ def merged(below: Entry, above: Entry) -> Entry:
 
 
 def taken_back_in_vain(below: Entry, above: Entry, path: Path) -> Iterator[tuple[Path, Place, Mapping[str, Member]]]:
-    """Every key that an entry takes back from another that does not have it: its path, its place, what is there."""
+    """Every key that an entry removes from another that does not have it: path, place, and existing members."""
     if not (isinstance(below, MappingEntry) and isinstance(above, MappingEntry)):
         return
     for key, member in above.members.items():
@@ -279,17 +279,17 @@ def taken_back_in_vain(below: Entry, above: Entry, path: Path) -> Iterator[tuple
 
 
 def count_values(entry: Entry) -> int:
-    """Count the mappings, lists and scalars of an entry, itself included."""
+    """Count the mappings, lists and scalars of an entry, including itself."""
     return sum(1 for _ in walk(entry, ()))
 
 
 def is_null(entry: Entry) -> bool:
-    """Tell an explicit null from a value that somebody forgot to write."""
+    """Whether an entry is an explicit null, and not a forgotten value."""
     return isinstance(entry, ScalarEntry) and entry.value is None and bool(entry.text)
 
 
 def walk(entry: Entry, path: Path) -> Iterator[tuple[Path, Entry]]:
-    """Every entry from one down, with its path; the one itself first."""
+    """An entry and all entries below it, with their paths."""
     yield path, entry
     if isinstance(entry, MappingEntry):
         for key, member in entry.members.items():
@@ -300,7 +300,7 @@ def walk(entry: Entry, path: Path) -> Iterator[tuple[Path, Entry]]:
 
 
 def _with_basis(entry: Entry | None) -> str:
-    """Write a value and on what it rests: "9.8 (datasheet: section 2)"."""
+    """Write a value and its basis: "9.8 (datasheet: section 2)"."""
     if entry is None:
         return ""
     annotation = entry.annotation or Annotation()
@@ -309,12 +309,12 @@ def _with_basis(entry: Entry | None) -> str:
 
 
 def _first_key(entry: MappingEntry, steps: list[str]) -> int | None:
-    """Count the steps that make up the longest key they start with."""
+    """Number of leading steps that form the longest existing key; None if they form none."""
     return next((n for n in range(len(steps), 0, -1) if ".".join(steps[:n]) in entry.members), None)
 
 
 def _split(entry: Entry | None, steps: list[str]) -> Path:
-    """Follow the steps down as far as they are known; what is not known is one key for each step."""
+    """Follow the steps down as far as they exist; beyond, every step is one key."""
     if not steps:
         return ()
     count, key = 1, cast(str | int, steps[0])

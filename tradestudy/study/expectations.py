@@ -1,4 +1,4 @@
-"""What claims and inverse questions are held against, read in the dimension of what they ask about."""
+"""Expected values of claims and ends of inverse questions, read in the dimension of the quantity asked about."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tradestudy.units import FRACTION, LENGTH, NUMBER, Dimension, parse
 
 
 def claim_dimension(claim: ClaimPart) -> Dimension:
-    """What the value of a claim measures."""
+    """The dimension of a claim's value."""
     match claim:
         case LimitDistanceClaim() | RelativeUncertaintyDistanceClaim() | DepthOfFieldClaim():
             return LENGTH
@@ -43,7 +43,7 @@ def expectation_bounds(claim: ClaimPart) -> float:
     Raises
     ------
     UnitError
-        Where it does not read as that quantity.
+        If it does not read as that quantity.
     """
     expect = claim.expect
     text = next(text for text in (expect.about, expect.above, expect.below) if text is not None)
@@ -51,28 +51,28 @@ def expectation_bounds(claim: ClaimPart) -> float:
 
 
 class Varied(Protocol):
-    """What varies a value between two ends."""
+    """A question or assumption that varies values between two ends."""
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Of every value that is varied."""
+        """Paths of the varied values."""
 
     @property
     def low(self) -> str:
-        """With its unit."""
+        """Lower end, with its unit."""
 
     @property
     def high(self) -> str:
-        """Likewise."""
+        """Upper end, with its unit."""
 
 
 def question_ends(question: Varied) -> tuple[Dimension, float, float]:
-    """What an inverse question or an assumption varies between, in SI.
+    """The dimension and the ends, in SI, of the range that an inverse question or an assumption varies.
 
     Raises
     ------
     OutOfRangeError
-        Where the ends do not share a unit, or are not 0 < low < high.
+        If the ends do not share a unit, or are not 0 < low < high.
     """
     dimension = common_dimension(question.low, question.high)
     if dimension is None:
@@ -80,6 +80,6 @@ def question_ends(question: Varied) -> tuple[Dimension, float, float]:
     low, high = parse(question.low, dimension), parse(question.high, dimension)
     if not 0.0 < low < high < math.inf:
         raise OutOfRangeError(
-            "the ends of what is varied", value=f"{question.low} … {question.high}", limit="0 < low < high"
+            "the ends of the varied range", value=f"{question.low} … {question.high}", limit="0 < low < high"
         )
     return dimension, low, high

@@ -1,4 +1,4 @@
-"""Read a study file and check all of it: what it declares, and every place where it says how to change that."""
+"""Read a study file and check all of it: its declarations, and every change that it makes to them."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from tradestudy.study.sweep import sweep_axes
 from tradestudy.study.varying import Varying
 
 _INFERRED_ANEW = (
-    "changes what the calibration of {0} is inferred from, which would have to be inferred anew for every value; vary "
-    "what that does not depend on, such as {0}.calibration.stability"
+    "changes the inputs of the inferred calibration of {0}, so that every value needs a new inference; vary "
+    "something that it does not depend on, such as {0}.calibration.stability"
 )
 Change = tuple[tuple[str | int, ...], dict[str, Value | Entry]]
 
 
 def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinition:
-    """Read a study file with ``path=value`` overrides; check it, its readings, and both ends of what it varies.
+    """Read a study file with ``path=value`` overrides; check it, its readings, and both ends of every varied range.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
 
 
 def _problems_of_questions(definition: StudyDefinition) -> Iterator[Problem]:
-    """Expectations of claims and ends of inverse questions that do not read as what they are held against."""
+    """Expectations of claims and ends of inverse questions that do not read in the dimension they need."""
     checks: list[tuple[tuple[str, ...], Callable[[], object]]] = [
         *(
             (("claims", name, "expect"), partial(expectation_bounds, claim))

@@ -1,4 +1,4 @@
-"""Input that is possible and hardly ever meant: told at its place, unless the study says on what it rests."""
+"""Warnings about possible but implausible input, at its place, unless the study states its basis."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import OUTSIDE, Entry, ListEntry, Path, ScalarEntry, walk
 from tradestudy.units import ANGLE, ELECTRONS, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, UnitError, parse, pretty
 
-_SILENCED: Final = "; a basis silences this"
+_SILENCED: Final = "; stating a basis silences this warning"
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Range:
-    """Between which values a key of study files usually lies; ``below`` says what it has to be part of."""
+    """The usual range of a key in study files; ``below`` restricts it to keys inside that part."""
 
     key: str
     dimension: Dimension
@@ -43,11 +43,11 @@ _USUAL: Final = (
     _Range(key="standard_deviation", dimension=ANGLE, low=0.0, high=math.radians(10.0), below="errors"),
     _Range(key="half_width", dimension=ANGLE, low=0.0, high=math.radians(10.0), below="errors"),
 )
-_LARGE_TOLERANCE: Final = 0.05  # from which on a tolerance without a unit was probably meant in per cent
+_LARGE_TOLERANCE: Final = 0.05  # at or above this, a tolerance without a unit was probably meant in per cent
 
 
 def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
-    """Every value outside what is usual, at its place, each place once; none that states its basis."""
+    """Every unusual value, at its place, each place once; values that state their basis are exempt."""
     found = [
         *_outside_the_usual(definition),
         *_light(definition),
@@ -66,11 +66,11 @@ def _outside_the_usual(definition: StudyDefinition) -> Iterator[Problem]:
             for value, place in _numbers(entry, path, usual.dimension):
                 if not usual.low <= value <= usual.high:
                     ends = f"{pretty(usual.low, usual.dimension)} to {pretty(usual.high, usual.dimension)}"
-                    yield _told(definition, place, f"{pretty(value, usual.dimension)} is unusual ({ends} is common)")
+                    yield _warning(definition, place, f"{pretty(value, usual.dimension)} is unusual ({ends} is common)")
 
 
 def _numbers(entry: Entry, path: Path, dimension: Dimension) -> Iterator[tuple[float, Path]]:
-    """Numbers at a path, or in the list there, that state no basis and read in a dimension."""
+    """Numbers at a path, or in the list there, that state no basis and read in the given dimension."""
     if isinstance(entry, ListEntry):
         for index, item in enumerate(entry.items):
             yield from _numbers(item, (*path, index), dimension)
@@ -85,7 +85,7 @@ def _has_basis(entry: ScalarEntry) -> bool:
     return entry.annotation is not None and entry.annotation.basis is not None
 
 
-def _told(definition: StudyDefinition, path: Path, what: str) -> Problem:
+def _warning(definition: StudyDefinition, path: Path, what: str) -> Problem:
     return definition.document.locate(path).problem(path, what + _SILENCED)
 
 
@@ -98,28 +98,28 @@ def _light(definition: StudyDefinition) -> Iterator[Problem]:
     electrons, full = (parse(one.text, ELECTRONS) for one in (light, well))
     if electrons > full:
         path = (*above, "light", "electrons")
-        what = f"{pretty(electrons, ELECTRONS)} are more than the full well of {pretty(full, ELECTRONS)} holds"
-        yield _told(definition, path, what)
+        what = f"{pretty(electrons, ELECTRONS)} exceed the full well of {pretty(full, ELECTRONS)}"
+        yield _warning(definition, path, what)
 
 
 def _idle_matcher(definition: StudyDefinition) -> Iterator[Problem]:
-    """A matcher of the scene that no camera has, since all their disparity errors are declared."""
+    """A matcher of the scene that no camera uses, because all disparity errors are declared."""
     scene, cameras = definition.file.scene, definition.file.cameras.values()
     if scene is None or scene.picture is None or scene.picture.matcher is None:
         return
     if not any(isinstance(one, DepthCameraDeclaration) and one.depth.declared_error_px is None for one in cameras):
         path = ("scene", "picture", "matcher")
-        what = "adds to derived disparity errors, and every camera declares its own: it changes nothing"
+        what = "has no effect: it adds to derived disparity errors, and every camera declares its disparity error"
         yield definition.document.locate(path).problem(path, what)
 
 
 def _tolerances(definition: StudyDefinition) -> Iterator[Problem]:
-    """A tolerance without a unit that is large as a share, and usual in per cent."""
+    """Tolerances without a unit that are large as shares but usual in per cent."""
     asked = definition.document.entry("accuracy")
     found = [(path, one) for path, one in ([] if asked is None else walk(asked, ("accuracy",)))]
     for path, entry in found:
         if path[-1] != "time_limit" and isinstance(entry, ScalarEntry) and not _has_basis(entry):
-            yield from (_told(definition, path, what) for what in _large(entry.text))
+            yield from (_warning(definition, path, what) for what in _large(entry.text))
     if definition.tolerance is not None:
         for what in _large(definition.tolerance):
             place = OUTSIDE._replace(file="--tolerance")
@@ -128,7 +128,7 @@ def _tolerances(definition: StudyDefinition) -> Iterator[Problem]:
 
 def _large(text: str) -> Iterator[str]:
     try:
-        value = float(text)  # with a unit it says what it means
+        value = float(text)  # with a unit, its meaning is clear
     except ValueError:
         return
     if value >= _LARGE_TOLERANCE:
@@ -146,6 +146,7 @@ def _requirements(definition: StudyDefinition) -> Iterator[Problem]:
             path = ("requirements", name, one.quantity, "over")
             ends = " to ".join(f"{end:g} m" for end in (distance[0], distance[-1]))
             what = (
-                f"reaches beyond the distances of the scene, {ends}: it is judged there too, but figures and tables end"
+                f"reaches beyond the distances of the scene, {ends}: the requirement is evaluated there too, but "
+                "figures and tables end with the scene"
             )
             yield definition.document.locate(path).problem(path, what)

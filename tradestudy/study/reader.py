@@ -1,4 +1,4 @@
-"""From a study file to a document: cameras from their own files, one camera like another, values set from outside."""
+"""Read a study file into a document: cameras from their own files, one camera like another, values set from outside."""
 
 from __future__ import annotations
 
@@ -46,18 +46,18 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Document:
     path
         A YAML 1.2 file.
     overrides
-        ``path=value`` texts; the path is dotted, a camera may stand without ``cameras.``, and the value is YAML. They
-        are laid over the study after `from` and `like`, so that only the named camera changes.
+        ``path=value`` texts; the path is dotted, ``cameras.`` may be omitted, and the value is YAML. They are applied
+        after `from` and `like`, so that only the named camera changes.
 
     Returns
     -------
     Document
-        Mistakes that leave a tree standing are kept in it, for `validate` to report together with its own.
+        It keeps mistakes that still leave a tree, for `validate` to report together with its own.
 
     Raises
     ------
     StudyError
-        When there is no tree: no such file, larger than 1 MB, binary, empty, or broken YAML.
+        If there is no tree: the file is missing, larger than 1 MB, binary, empty, or broken YAML.
     """
     place = Place(str(path), 1, 1)
     try:
@@ -88,17 +88,17 @@ def with_values(
     Parameters
     ----------
     document
-        Stays as it is.
+        The document, which is not modified.
     values
-        For each dotted path a text as a file holds it, in YAML; or what such a text would give, as entries or as Python
-        has it. A null takes a value back.
+        For each dotted path, a YAML text as in a file; or its content, as entries or Python values. A null removes a
+        value.
     written_at
         For a path, where in the document its value comes from; mistakes are then reported there, else at ``--set``.
 
     Returns
     -------
     Document
-        Problems that the values bring are kept in it, for `validate` to report.
+        It keeps mistakes in the values, for `validate` to report.
     """
     for number, (path, value) in enumerate(values.items(), start=1):
         source = (written_at or {}).get(path)
@@ -130,7 +130,7 @@ def _with_value(document: Document, path: str, value: Value | Entry, place: Plac
     if (sharing := next(_shared(steps, entry), None)) is not None:
         return document.with_problems(
             place.problem(
-                sharing, f"{sharing[-1]}: puts the study together and cannot be set; edit the file, or set its values"
+                sharing, f"{sharing[-1]}: composes the camera and cannot be set; edit the file, or set single values"
             )
         )
     below = document.entry(steps)
@@ -141,31 +141,31 @@ def _with_value(document: Document, path: str, value: Value | Entry, place: Plac
     except _NoSuchPlaceError as error:
         problems.append(place.problem(steps, str(error)))
         return document.with_problems(*problems)
-    # What another reading of the study writes itself is the study's own.
+    # Values of a reading belong to the study and are no overrides.
     changed = document.with_root(root, steps) if place.file == OUTSIDE.file else replace(document, root=root)
     return changed.with_problems(*problems)
 
 
 def _read_value(value: Value | Entry, place: Place) -> tuple[Entry, list[Problem]]:
-    """Give what is to stand in the tree, and the mistakes that left it standing."""
+    """The entry for the tree, and the mistakes that still allow one."""
     if isinstance(value, Entry):
         return value, []
     if not isinstance(value, str):
         return entry_of_value(value, place)
     if _is_comment(value):
-        what = f"{value.strip()!r} is a comment in YAML, which gives no value; quote it where the sign is meant"
+        what = f"{value.strip()!r} is a YAML comment, not a value; quote it if '#' is part of the value"
         raise refused(place, what)
     return compose(value, place) if value.strip() else (ScalarEntry(place=place, value=None, text=""), [])
 
 
 def _is_comment(text: str) -> bool:
-    """Whether nothing but comments stands there."""
+    """Whether a text contains only comments."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     return bool(lines) and all(line.startswith("#") for line in lines)
 
 
 def _shared(steps: tree.Path, entry: Entry) -> Iterator[tree.Path]:
-    """Where a value, or what is within it, would put a camera together from others."""
+    """Paths at which a value, or anything inside it, would compose a camera from others."""
     if steps[0] != "cameras":
         return
     if len(steps) == 3 and steps[2] in SHARING:
@@ -176,11 +176,11 @@ def _shared(steps: tree.Path, entry: Entry) -> Iterator[tree.Path]:
 
 
 class _NoSuchPlaceError(Exception):
-    """A path leads through something that has nothing below it."""
+    """A path leads through a value that has nothing below it."""
 
 
 def _placed(entry: Entry | None, steps: tree.Path, above: tree.Path, new: Member) -> Entry:
-    """Give an entry with a member put in at the end of the steps; what is missing on the way is implied."""
+    """The entry with a member inserted at the end of the steps; missing mappings on the way are created."""
     if not steps:
         return merged(entry, new.entry) if entry is not None else new.entry
     step, rest = steps[0], steps[1:]

@@ -1,4 +1,4 @@
-"""Keys that a study of format 1 has and one of format 2 has not, and what to write instead."""
+"""Keys of format 1 that format 2 does not have, and what to write instead."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, 
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.validation import validate
 
-# Path of the old key, * for any name → what to write instead, with {} for these names in turn.
+# Path of the old key, with * for any name → what to write instead, with {} for these names in order.
 _CALLED: Final = {
     "cameras.*.axes_meet_at": "convergence_distance",
     "cameras.*.depth.lenses": "microlenses",
@@ -40,12 +40,12 @@ _INSTEAD: Final = {
     "cameras.*.calibration.correlation": "format 2: correlations beside errors, {{mla_distance: {{focal_length: …}}}} "
     "with this value; 0 is left out",
     "cameras.*.calibration.errors.pixel_noise": "the noise of one measurement is cameras.{}.depth.disparity_error",
-    "cameras.*.calibration.errors.*.drawn": "take this out; how often an error is drawn follows from what it is",
+    "cameras.*.calibration.errors.*.drawn": "remove this; how often an error is drawn follows from its kind",
     "cameras.*.calibration.corners.declared_baseline": "format 2 compares the fit with cameras.{}.baseline",
     "scene.temperature": "format 2: stability.temperature of the calibration of each camera",
-    "effects.temperature": "format 2: effects.calibration, of which temperature is a part",
+    "effects.temperature": "format 2: effects.calibration, which includes temperature",
     "calibration.seed": "format 2: propagation.seed",
-    "calibration.distances": "take this out; answers are for scene.distances, sensitivity for sensitivity.at",
+    "calibration.distances": "remove this; answers are for scene.distances, sensitivity for sensitivity.at",
     "calibration.edge": "format 2: propagation.field_places, a list: [70 %]",
     "calibration.accuracy": "format 2: accuracy.depth_uncertainty, the tighter of the two where both stand",
     "calibration.budget": "format 2: propagation.max_draws",
@@ -61,7 +61,7 @@ _INSTEAD: Final = {
     "calibration.cameras.*.body": "format 2: cameras.{}.calibration.stability",
     "calibration.cameras.*.file": "format 2: cameras.{}.calibration.posterior.file",
     "calibration.cameras.*.target": "format 2: cameras.{}.calibration.target; half_field is half_field_angle, "
-    "the angle of which it was the tangent (16.7 deg for 0.3), "
+    "an angle instead of its tangent (16.7 deg for 0.3), "
     "maximum_steps is max_steps",
     "calibration.cameras.*.corners": "format 2: cameras.{}.calibration.corners; maximum_steps is max_steps",
 }
@@ -72,13 +72,13 @@ _PATTERNS: Final = {
     },
     **{tuple(old.split(".")): message for old, message in _INSTEAD.items()},
 }
-_UNDER_ERRORS: Final = "calibration errors stand under calibration.errors in format 2"
-_FORMAT: Final = "this is a study of format 1; change what is listed here, and write format: 2"
+_UNDER_ERRORS: Final = "format 2: calibration errors belong under calibration.errors"
+_FORMAT: Final = "this is a study of format 1; change everything listed here, and write format: 2"
 _REFOCUSED: Final = "format 1 called this every-object; format 2: autofocus"
 
 
 def validated(document: Document) -> StudyFile:
-    """The study against the schema; keys of format 1 are told as such, and of a study of format 1 nothing else.
+    """Validate a study; report keys of format 1 as such, and for a study of format 1 report nothing else.
 
     Raises
     ------
@@ -88,11 +88,11 @@ def validated(document: Document) -> StudyFile:
     renamed = renamed_keys(document)
     if renamed and is_format_1(document):
         raise StudyError([*document.problems, *renamed])
-    told = {(one.file, one.line, one.column) for one in renamed}
+    reported = {(one.file, one.line, one.column) for one in renamed}
     try:
         valid = validate(document, StudyFile)
     except StudyError as error:
-        others = [one for one in error.problems if (one.file, one.line, one.column) not in told]
+        others = [one for one in error.problems if (one.file, one.line, one.column) not in reported]
         raise StudyError([*others, *renamed]) from None
     if renamed:
         raise StudyError(renamed)
@@ -100,14 +100,14 @@ def validated(document: Document) -> StudyFile:
 
 
 def renamed_keys(document: Document) -> list[Problem]:
-    """Everything that format 1 called otherwise, where it is written; also in paths of readings, sweeps, questions."""
+    """Every key of format 1 that was renamed, at its place, also in paths of readings, sweeps and questions."""
     found = [*_of_keys(document), *_of_paths(document)]
     by_place = {(one.file, one.line, one.column): one for one in reversed(found)}
     return [by_place[place] for place in sorted(by_place)]
 
 
 def is_format_1(document: Document) -> bool:
-    """Whether a study says that it is one of format 1."""
+    """Whether a study declares format 1."""
     entry = document.entry("format")
     return isinstance(entry, ScalarEntry) and entry.text == "1"
 
@@ -123,7 +123,7 @@ def _of_keys(document: Document) -> Iterator[Problem]:
 
 
 def _of_paths(document: Document) -> Iterator[Problem]:
-    """Paths that are written as keys of readings and sweeps, or as values of questions."""
+    """Renamed paths in the keys of readings and sweeps, and in the values of questions."""
     readings, solve = document.entry("readings"), document.entry("solve")
     for mapping in (document.entry("sweep"), *(child(child(readings, name), "set") for name in _names(readings))):
         if isinstance(mapping, MappingEntry):
@@ -147,7 +147,7 @@ def _instead_of_part(path: Path) -> str | None:
 
 
 def _instead(path: Path) -> str | None:
-    """What to write instead of a key at a path; None where it is none of format 1 alone."""
+    """What to write instead of the key at a path; None if format 2 has the key too."""
     if len(path) == 4 and path[::2] == ("cameras", "calibration") and path[3] in DEPTH_PARAMETERS:
         return _UNDER_ERRORS
     for pattern, message in _PATTERNS.items():

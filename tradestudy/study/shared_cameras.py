@@ -1,4 +1,4 @@
-"""The cameras of a study in full: taken from their own files, from calibration files and from each other."""
+"""Assemble the cameras of a study from their own files, from calibration files and from each other."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ MOST_BYTES = 1_000_000
 _MOST_BYTES_OF_LITERALS, _HEAD = 32_000_000, 4000
 LONGEST_CHAIN = 50
 SHARING = ("from", "like")
-_OF_IMPORTS = ("length_unit", "pair", "pictures", "lens_model")  # beside from: of calibration files
+_OF_IMPORTS = ("length_unit", "pair", "pictures", "lens_model")  # allowed beside from: with calibration files
 
 
 def load_entries(path: Path) -> tuple[Entry, list[Problem]]:
-    """Read a file into entries, or refuse it in words."""
+    """Read a file into entries, or refuse it."""
     return compose(_text(path), Place(str(path), 1, 1))
 
 
 def _text(path: Path) -> str:
-    """The text of a file, or a refusal in words."""
+    """Read the text of a file, or refuse it."""
     place = Place(str(path), 1, 1)
     try:
         content = _content(path, place)
@@ -63,7 +63,7 @@ def _text(path: Path) -> str:
 
 
 def _content(path: Path, place: Place) -> bytes:
-    """Read the bytes of a regular file of a bearable size; devices and pipes could go on for ever."""
+    """Read the bytes of a regular file of limited size; devices and pipes might never end."""
     mode = path.stat().st_mode
     if stat.S_ISDIR(mode):
         raise refused(place, "it is a folder; a file is expected")
@@ -71,25 +71,25 @@ def _content(path: Path, place: Place) -> bytes:
         raise refused(place, "it is not a regular file; a file is expected")
     with path.open("rb") as file:
         content = file.read(MOST_BYTES + 1)
-        if b"lensmodel" in content[:_HEAD]:  # beside its camera an mrcal file may hold all that it was inferred from
+        if b"lensmodel" in content[:_HEAD]:  # an mrcal file may contain the data that its camera was inferred from
             content += file.read(_MOST_BYTES_OF_LITERALS)
     most = _MOST_BYTES_OF_LITERALS if b"lensmodel" in content[:_HEAD] else MOST_BYTES
     if len(content) > most:
         raise refused(
             place,
-            f"it is larger than {most // 1_000_000} MB; a study file is at most 1 MB, and data belong in files of "
-            "their own",
+            f"it is larger than {most // 1_000_000} MB; a study file is at most 1 MB, and data belong in separate "
+            "files",
         )
     return content
 
 
 def refused(place: Place, what: str) -> UnreadableError:
-    """The refusal of a text that has no tree."""
+    """The error for a text without a tree."""
     return UnreadableError([place.problem((), what)])
 
 
 def _nearest_file(path: Path) -> str:
-    """Name the file of the same folder that may have been meant."""
+    """Name the most similar file name in the same folder."""
     try:
         names = [entry.name for entry, _ in zip(path.parent.iterdir(), range(1000), strict=False)]
     except OSError:
@@ -99,7 +99,7 @@ def _nearest_file(path: Path) -> str:
 
 
 class SharedCameras:
-    """Puts cameras together from their files and from each other; a camera that has a mistake is left as written."""
+    """Assembles cameras from their files and from each other; a camera with a mistake stays as written."""
 
     def __init__(self, *, folder: Path, root: MappingEntry) -> None:
         self.folder, self.root = folder, root
@@ -111,7 +111,7 @@ class SharedCameras:
         self.values = 0
 
     def resolved(self) -> MappingEntry:
-        """Give the study with every camera in full."""
+        """The study with every camera assembled."""
         written = self.root.members.get("cameras")
         if written is None or not isinstance(written.entry, MappingEntry):
             return self.root
@@ -124,7 +124,7 @@ class SharedCameras:
         return replace(self.root, members={**self.root.members, "cameras": cameras})
 
     def camera(self, name: str, chain: tuple[str, ...]) -> Entry | None:
-        """Give one camera in full, or None after noting why there is none."""
+        """One assembled camera, or None after noting the mistake."""
         if name not in self.done:
             self.done[name] = self.put_together(name, chain)
             if self.done[name] is None:
@@ -132,7 +132,7 @@ class SharedCameras:
         return self.done[name]
 
     def put_together(self, name: str, chain: tuple[str, ...]) -> Entry | None:
-        """Lay what the study says of a camera over what it shares."""
+        """Lay the study's own values of a camera over those it takes from a file or another camera."""
         own = self.written.members[name].entry
         if not isinstance(own, MappingEntry):
             return own
@@ -140,7 +140,7 @@ class SharedCameras:
         if not sharing:
             return own
         if len(sharing) > 1:
-            self.note(own.members["like"].key_place, name, "like", "a camera has from: or like:, not both")
+            self.note(own.members["like"].key_place, name, "like", "a camera takes from: or like:, not both")
             return None
         member = own.members[sharing[0]]
         if sharing[0] == "from":
@@ -160,27 +160,28 @@ class SharedCameras:
         if below is None:
             return None
         if self.values > MOST_VALUES:
-            return None  # told at the camera that went beyond
+            return None  # reported at the camera that exceeded the limit
         self.values += count_values(below)
         if self.values > MOST_VALUES:
-            self.note(member.entry.place, name, sharing[0], f"the cameras together hold more than {MOST_VALUES} values")
+            what = f"the cameras together contain more than {MOST_VALUES} values"
+            self.note(member.entry.place, name, sharing[0], what)
             return None
         return self.laid_over(below, own, name, SHARING)
 
     def laid_over(self, below: Entry, own: MappingEntry, name: str, but: Sequence[str]) -> Entry:
-        """Lay what a camera says itself over what it shares."""
+        """Lay a camera's own values, except some keys, over those that it takes from elsewhere."""
         changed = replace(own, members={key: member for key, member in own.members.items() if key not in but})
         self.problems += taken_back(below, changed, ("cameras", name))
         return merged(below, changed)
 
     def from_calibration(self, name: str, own: MappingEntry, files: Sequence[CameraFile]) -> Entry:
-        """Lay what the study says over what calibration files say."""
+        """Lay the study's values of a camera over those of its calibration files."""
         below, line = imported(files, self.request(own))
         self.imported.append(f"{name}: {line}")
         return self.laid_over(below, own, name, (*SHARING, *_OF_IMPORTS))
 
     def calibration_files(self, entry: Entry) -> list[CameraFile]:
-        """The calibration files that a camera names; none where it names the file of a camera."""
+        """The calibration files that a camera names; none if it names a camera file."""
         named = entry.items if isinstance(entry, ListEntry) else (entry,)
         if not all(isinstance(one, ScalarEntry) and isinstance(one.value, str) for one in named):
             return []
@@ -191,18 +192,18 @@ class SharedCameras:
                 file = recognised(path, _text(path), plain(one))
             except UnreadableError as error:
                 if one is entry:
-                    return []  # whoever reads the file of a camera says why
+                    return []  # `from_file` reports the reason
                 what = f"'{error.problems[0].file}': {error.problems[0].what}"
                 raise CameraFileError(one.place.problem(("from",), what)) from None
             if file is not None:
                 found.append(file)
             elif one is not entry:
-                what = f"'{path}' is no calibration file; a list names only such"
+                what = f"'{path}' is not a calibration file; a list may name only calibration files"
                 raise CameraFileError(one.place.problem(("from",), what))
         return found
 
     def request(self, own: MappingEntry) -> Request:
-        """What the study says of how the files are to be read."""
+        """The study's instructions for reading the calibration files."""
         said: dict[str, str | tuple[str, ...]] = {}
         for key in _OF_IMPORTS:
             if key not in own.members:
@@ -228,7 +229,7 @@ class SharedCameras:
         self.problems += [
             replace(problem, path=f"cameras.{name}.{problem.path}".removesuffix(".")) for problem in problems
         ]
-        self.files[file] = (entry, [])  # for the next camera, whose mistakes in it are told already
+        self.files[file] = (entry, [])  # for the next camera; the file's mistakes are already reported
         if not isinstance(entry, MappingEntry):
             self.problems.append(entry.place.problem(("cameras", name), f"a camera is expected, not {kind_of(entry)}"))
             return None
@@ -243,10 +244,10 @@ class SharedCameras:
         """Find the camera that another is like."""
         if other in chain:
             circle = " → ".join((*chain[chain.index(other) :], other))
-            self.note(place, name, "like", f"the cameras are like each other in a circle: {circle}")
+            self.note(place, name, "like", f"the cameras refer to each other in a circle: {circle}")
             return None
         if len(chain) >= LONGEST_CHAIN:
-            self.note(place, name, "like", f"more than {LONGEST_CHAIN} cameras are like each other in a chain")
+            self.note(place, name, "like", f"more than {LONGEST_CHAIN} cameras refer to each other in a chain")
             return None
         if other not in self.written.members:
             known = [camera for camera in self.written.members if camera != name]
@@ -261,7 +262,7 @@ class SharedCameras:
 
 
 def taken_back(below: Entry, above: Entry, path: tree.Path) -> list[Problem]:
-    """Refuse every key that is taken back and is not there."""
+    """Refuse every null that removes a key that does not exist."""
     return [
         place.problem(where, nothing_to_take_back(where[-1], members))
         for where, place, members in tree.taken_back_in_vain(below, above, path)
@@ -269,12 +270,12 @@ def taken_back(below: Entry, above: Entry, path: tree.Path) -> list[Problem]:
 
 
 def nothing_to_take_back(key: str | int, members: Mapping[str, Member]) -> str:
-    """What is wrong with a null that takes nothing back."""
-    return f"there is no '{key}' here that null could take back{nearest_name(str(key), members)}"
+    """Message about a null that removes nothing."""
+    return f"null removes a value, but there is no '{key}' here{nearest_name(str(key), members)}"
 
 
 def kind_of(entry: Entry) -> str:
-    """What stands somewhere, for messages."""
+    """The kind of an entry, for messages."""
     if isinstance(entry, ScalarEntry):
         return "a single value" if entry.text else "nothing"
     return "a list" if isinstance(entry, ListEntry) else "a mapping"

@@ -1,4 +1,4 @@
-"""YAML text to entries: YAML 1.2, every value with its place, all duplicate keys found, hostile input refused early."""
+"""Read YAML 1.2 text into entries: every value with its place, all duplicate keys, hostile input refused early."""
 
 from __future__ import annotations
 
@@ -30,14 +30,15 @@ from tradestudy.study.document import (
 )
 from tradestudy.units import nearest
 
-# A study of 100 cameras with 100 000 written-out distances fits; a file made to exhaust the machine does not.
+# Large enough for 100 cameras and 100 000 written-out distances, but not for a file made to exhaust the machine.
 MOST_VALUES = 120_000
 MOST_MISTAKES = 500
 DEEPEST = 32
 
-# The scalars of the core schema of YAML 1.2; everything else is text.
-# A tag of this length takes the parser seconds, and tags are refused anyway.
+# A tag of this length would take the parser seconds, and tags are refused anyway.
 _ENDLESS_TAG = re.compile(r"!\S{1000}")
+_NO_TAGS = "tags ('!…') have no meaning in a study; remove the tag"
+# The scalars of the core schema of YAML 1.2; everything else is text.
 _NULL = re.compile(r"|~|null|Null|NULL")
 _BOOLEAN = re.compile(r"true|True|TRUE|false|False|FALSE")
 _INTEGER = re.compile(r"[-+]?[0-9]{1,30}|0o[0-7]{1,30}|0x[0-9a-fA-F]{1,30}")
@@ -47,7 +48,7 @@ _FLOAT = re.compile(
 
 
 class UnreadableError(Exception):
-    """The text has no tree; holds the mistakes found up to the point where reading ended."""
+    """The text has no tree; ``problems`` are the mistakes found before reading stopped."""
 
     def __init__(self, problems: list[Problem]) -> None:
         super().__init__(problems)
@@ -64,21 +65,21 @@ def compose(text: str, start: Place, *, tags: bool = False) -> tuple[Entry, list
     start
         The place of its first character.
     tags
-        Whether values may have tags, which then mean nothing.
+        Whether values may have tags, which are then ignored.
 
     Returns
     -------
     tuple
-        The entry and the mistakes that left a tree standing: duplicate keys, keys that are not text, tags, bad bases.
+        The entry, and mistakes that still leave a tree: duplicate keys, keys that are not text, tags, invalid bases.
 
     Raises
     ------
     UnreadableError
-        When nothing stands: empty text, broken syntax, too many or too deeply nested values.
+        If there is no tree: empty text, broken syntax, too many or too deeply nested values.
     """
     composer = _Composer(start=start, last=start, may_have_tags=tags)
     if tag := _ENDLESS_TAG.search(text):
-        composer.fail(composer.place_in(text, tag.start()), "tags ('!…') have no meaning in a study; leave it out")
+        composer.fail(composer.place_in(text, tag.start()), _NO_TAGS)
     try:
         for event in YAML(typ="safe", pure=True).parse(text):
             composer.take(event)
@@ -89,23 +90,23 @@ def compose(text: str, start: Place, *, tags: bool = False) -> tuple[Entry, list
     except ReaderError as error:
         place = composer.place_in(text, error.position)
         composer.fail(
-            place, f"the character U+{ord(text[error.position]):04X} is not allowed in YAML; this may be no text"
+            place, f"the character U+{ord(text[error.position]):04X} is not allowed in YAML; the file may not be text"
         )
     except (YAMLError, ValueError, OverflowError, TypeError, AttributeError, IndexError) as error:
-        # The parser lets slips of its own out on some malformed escapes and directives.
+        # On some malformed escapes and directives, the parser raises these instead of its own errors.
         composer.fail(composer.last, f"this is not valid YAML ({error})")
     if composer.root is None:
-        composer.fail(start, "it is empty; `tradestudy new NAME` writes a study to start from")
+        composer.fail(start, "it is empty; `tradestudy new NAME` writes a starter study")
     return composer.root, composer.problems
 
 
 def entry_of_value(value: Value, place: Place) -> tuple[Entry, list[Problem]]:
-    """Turn a value of Python into entries under the rules of `compose`; a text in it is itself and not YAML.
+    """Turn a Python value into entries by the rules of `compose`; text in it is taken literally, not as YAML.
 
     Raises
     ------
     UnreadableError
-        When it holds too many or too deeply nested values.
+        If it contains too many or too deeply nested values.
     """
     composer = _Composer(start=place, last=place)
     composer.take_value(value)
@@ -125,7 +126,7 @@ class _Frame:
     height: int = 0
 
     def step(self) -> str | int:
-        """Name what is being read now."""
+        """Index or key that is being read."""
         if self.members is None:
             return len(self.items)
         return self.key[0] if self.key else ""
@@ -133,7 +134,7 @@ class _Frame:
 
 @dataclass(kw_only=True)
 class _Composer:
-    """Builds entries from events without recursion; aliases share their entry and count as often as they are used."""
+    """Builds entries from events without recursion; aliases share their entry and count each time they are used."""
 
     start: Place
     last: Place
@@ -146,31 +147,31 @@ class _Composer:
     documents: int = 0
 
     def place_at(self, line: int, column: int) -> Place:
-        """Place a position of the text, counted from 0, in its file."""
+        """Place in the file of a line and column of the text, counted from 0."""
         return Place(self.start.file, self.start.line + line, column + (self.start.column if line == 0 else 1))
 
     def place_in(self, text: str, position: int) -> Place:
-        """Place a character of the text in its file."""
+        """Place in the file of a character of the text."""
         before = text[:position]
         return self.place_at(before.count("\n"), len(before) - before.rfind("\n") - 1)
 
     def path(self) -> Path:
-        """Say where reading is."""
+        """Path of the value that is being read."""
         return tuple(step for frame in self.frames if (step := frame.step()) != "")
 
     def note(self, place: Place, what: str, path: Path | None = None) -> None:
         """Remember a mistake."""
         self.problems.append(place.problem(self.path() if path is None else path, what))
         if len(self.problems) >= MOST_MISTAKES:
-            self.fail(place, "reading ends here, after too many mistakes")
+            self.fail(place, "reading stopped here, after too many mistakes")
 
     def fail(self, place: Place, what: str) -> None:
-        """Remember a mistake and end reading."""
+        """Remember a mistake and stop reading."""
         self.problems.append(place.problem((), what))
         raise UnreadableError(self.problems)
 
     def take(self, event: Any) -> None:
-        """Go on by one event of the parser."""
+        """Process one event of the parser."""
         self.last = place = self.place_at(event.start_mark.line, event.start_mark.column)
         if isinstance(event, yaml_events.DocumentStartEvent):
             self.documents += 1
@@ -188,7 +189,7 @@ class _Composer:
             self.alias(event.anchor, place)
 
     def take_value(self, value: Value) -> None:
-        """Go on by a value of Python, all of it at the place where reading began."""
+        """Process a Python value, all of it at the place where reading began."""
         if isinstance(value, Mapping):
             self.open(self.start, is_mapping=True)
             for key, item in value.items():
@@ -202,11 +203,11 @@ class _Composer:
             self.close()
         elif isinstance(value, str):
             self.scalar(value, self.start, is_plain=False)
-        else:  # numbers of other libraries too, as they are written
+        else:  # including numbers of other libraries, as they print themselves
             self.scalar(scalar_text(cast(Scalar, value)), self.start, is_plain=True)
 
     def scalar(self, written: str, place: Place, *, is_plain: bool, anchor: str | None = None, tag: Any = None) -> None:
-        """Add a single value, which is plain where no quotes make it a text."""
+        """Add a single value; it is plain unless quotes make it text."""
         self.count_values(place, 1)
         self.tags(tag, place)
         text = self.text(written, place)
@@ -233,12 +234,12 @@ class _Composer:
         self.add(entry, frame.anchor, self.count - frame.count_before, frame.height)
 
     def alias(self, name: str, place: Place) -> None:
-        """Put an anchored entry here once more."""
+        """Insert an anchored entry again."""
         entry: Entry = ScalarEntry(place=place, value=None, text="")
         if name not in self.anchors:
             self.note(place, f"nothing is anchored as '&{name}'{nearest_name(name, self.anchors)}")
         elif (anchored := self.anchors[name]) is None:
-            self.note(place, f"'*{name}' stands inside '&{name}' and would go on without end")
+            self.note(place, f"'*{name}' stands inside '&{name}' and would repeat without end")
         else:
             entry, count, height = anchored
             self.count_values(place, count)
@@ -263,18 +264,18 @@ class _Composer:
         else:
             (name, key_place), members = frame.key, frame.members
             if name == "<<":
-                self.note(key_place, "YAML 1.2 has no merge key; cameras share by from: and like:")
+                self.note(key_place, "YAML 1.2 has no merge key; cameras share values by from: and like:")
             elif not name:
-                pass  # noted as a key, and a value without a key can be nowhere
+                pass  # the key is already noted as a mistake, and a value needs a key
             elif name in members:
                 first = members[name].key_place.line
-                self.note(key_place, f"this key stands twice, first on line {first}; one of them is too many")
+                self.note(key_place, f"duplicate key, first on line {first}; remove one of them")
             else:
                 members[name] = Member(key_place, entry)
             frame.key = None
 
     def key(self, entry: Entry) -> tuple[str, Place]:
-        """Read an entry as a key; one that is not text is noted and kept as it is written, or empty."""
+        """Read an entry as a key; note one that is not text, and use its text as written, or none."""
         if isinstance(entry, ScalarEntry) and isinstance(entry.value, str) and entry.value:
             return entry.value, entry.place
         text = entry.text if isinstance(entry, ScalarEntry) else ""
@@ -282,30 +283,30 @@ class _Composer:
         return text, entry.place
 
     def text(self, written: str, place: Place) -> str:
-        """Refuse escapes that stand for half a character or for the null character: no file could hold the text."""
+        """Refuse escapes for half a character or the null character, which no file could contain."""
         if "\0" in written:
-            self.note(place, "an escape stands for the null character, which no text holds")
+            self.note(place, "an escape gives the null character, which no text may contain")
             written = written.replace("\0", "\ufffd")
         if any("\ud800" <= letter <= "\udfff" for letter in written):
-            self.note(place, "an escape stands for half a character (a lone surrogate)")
+            self.note(place, "an escape gives half a character (a lone surrogate)")
             return "".join("\ufffd" if "\ud800" <= letter <= "\udfff" else letter for letter in written)
         return written
 
     def tags(self, tag: Any, place: Place) -> None:
-        """Refuse tags: the schema knows what each value is."""
+        """Refuse tags: the schema defines the type of each value."""
         if tag is not None and not self.may_have_tags:
-            self.note(place, "tags ('!…') have no meaning in a study; leave it out")
+            self.note(place, _NO_TAGS)
 
     def count_values(self, place: Place, count: int) -> None:
-        """Refuse text that expands beyond what any study needs."""
+        """Refuse more values, after expansion, than any study needs."""
         self.count += count
         if self.count > MOST_VALUES:
-            self.fail(place, f"the file holds more than {MOST_VALUES} values, repetitions by '*' included")
+            self.fail(place, f"the file contains more than {MOST_VALUES} values, repetitions by '*' included")
 
     def check_depth(self, place: Place, height: int) -> None:
-        """Refuse nesting beyond what any study needs."""
+        """Refuse deeper nesting than any study needs."""
         if len(self.frames) + height >= DEEPEST:
-            self.fail(place, f"values are nested more than {DEEPEST} deep")
+            self.fail(place, f"values are nested more than {DEEPEST} levels deep")
 
     def unwrapped(self, entry: MappingEntry) -> Entry:
         """Turn ``{value: …, basis: …, note: …}`` into its value with an annotation; leave other mappings alone."""
@@ -332,7 +333,7 @@ class _Composer:
             return stated.value
         shown = f"'{stated.text}'" if isinstance(stated, ScalarEntry) else "this"
         close = nearest_name(stated.text, BASES) if isinstance(stated, ScalarEntry) else ""
-        what = f"{shown} is no basis; one of {', '.join(BASES)} is expected{close if 'nearest' in close else ''}"
+        what = f"{shown} is not a basis; one of {', '.join(BASES)} is expected{close if 'nearest' in close else ''}"
         self.note(stated.place, what, (*here, "basis"))
         return None
 
@@ -369,7 +370,7 @@ def _resolved(text: str) -> Scalar:
 
 
 def _marked(error: MarkedYAMLError, start: Place) -> Place:
-    """Place a mistake of syntax."""
+    """Place of a syntax error."""
     mark = error.problem_mark or error.context_mark
     if mark is None:
         return start
@@ -377,10 +378,10 @@ def _marked(error: MarkedYAMLError, start: Place) -> Place:
 
 
 def _syntax(error: MarkedYAMLError) -> str:
-    """Say what is wrong with the syntax, and what helps against the common slips."""
+    """Describe a syntax error, with a remedy for common mistakes."""
     problem = str(error.problem or error.context or "this is not valid YAML")
     if "\\t" in problem:
-        return "a tab stands where YAML wants spaces; indent with spaces"
-    hint = "; a text with ': ' in it needs quotes" if "mapping values" in problem else ""
+        return "YAML does not allow a tab here; indent with spaces"
+    hint = "; text that contains ': ' needs quotes" if "mapping values" in problem else ""
     context = f" {error.context}" if error.context and error.problem else ""
     return f"this is not valid YAML: {problem}{context}{hint}"

@@ -17,11 +17,11 @@ def starter(name: str, kind: str = "", *, calibration_files: Sequence[Path] = ()
     Parameters
     ----------
     name
-        Of the study.
+        Name of the study.
     kind
-        Two cameras of one kind, stereo or plenoptic; empty: a plenoptic camera against a stereo rig.
+        Two cameras of one kind, stereo or plenoptic; if empty, a plenoptic camera against a stereo rig.
     calibration_files
-        What its one camera comes from, in place of examples.
+        Files that its single camera is imported from, instead of example cameras.
     said
         ``key: value`` lines of that camera.
 

@@ -1,4 +1,4 @@
-"""Sweeps: any values of a study over lists or ranges, every combination a study of its own."""
+"""Sweeps: vary values of a study over lists or ranges; every combination is a study of its own."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from tradestudy.study.schema.questions import SweepRangePart
 from tradestudy.units import Dimension, UnitError, parse
 
 MOST_POINTS = 20_000
-_NO_PART_OF_THE_SCENE = "scene.picture.matcher."  # which says how pictures of it are matched
+_NO_PART_OF_THE_SCENE = "scene.picture.matcher."  # describes the matching of pictures, not the scene
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweepAxis:
-    """One swept value: its dotted path, each value, and labels (SI floats, or text for choices).
+    """One swept input: its dotted path, its values, and their labels (SI floats, or text for choices).
 
-    ``declared`` is the value that the study has without the sweep, as one of the labels; empty text where it has none.
-    Numbers stand in increasing order, in SI, and have a dimension.
+    ``declared`` is the label of the study's value without the sweep; empty text if it has none. Numbers are in
+    increasing order, in SI, and have a dimension.
     """
 
     path: str
@@ -36,12 +36,12 @@ class SweepAxis:
 
 
 def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
-    """The axes that a study declares; none where it sweeps nothing."""
+    """The axes that a study declares; none if it has no sweep."""
     for path, part in definition.file.sweep.items():
         if path.startswith("scene.") and not path.startswith(_NO_PART_OF_THE_SCENE):
-            raise UnitError(f"{path} cannot be swept: every design of a sweep is computed over the same scene")
+            raise UnitError(f"{path} cannot be swept: all designs of a sweep share one scene")
         if not isinstance(part, SweepRangePart) and None in part:
-            raise UnitError(f"{path}: null takes a value back, and a sweep gives values; leave it out")
+            raise UnitError(f"{path}: null removes a value, but a sweep sets values; leave null out")
     return tuple(
         _axis(
             path,
@@ -53,12 +53,12 @@ def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
 
 
 def sweep_points(definition: StudyDefinition, axes: tuple[SweepAxis, ...]) -> list[StudyDefinition]:
-    """The study at every combination of the axes, the last axis fastest; the study itself where there is none.
+    """The study at every combination of the axes, the last axis fastest; the study itself if there are none.
 
     Raises
     ------
     UnaffordableError
-        For more than 20 000 combinations.
+        If there are more than 20 000 combinations.
     """
     if not axes:
         return [definition]
@@ -74,7 +74,7 @@ def sweep_points(definition: StudyDefinition, axes: tuple[SweepAxis, ...]) -> li
 
 
 def point_labels(axes: tuple[SweepAxis, ...]) -> list[str]:
-    """What a person calls each combination, in the order of `sweep_points`."""
+    """A readable label of each combination, in the order of `sweep_points`."""
     if not axes:
         return ["the study as declared"]
     return [
@@ -95,12 +95,12 @@ def _values_of_range(path: str, part: SweepRangePart) -> tuple[ScalarEntry, ...]
 
 
 def quantity_entry(number: float, dimension: Dimension) -> ScalarEntry:
-    """A number in SI as a value of a study."""
+    """An SI number as a value of a study."""
     return ScalarEntry.of(f"{number!r} {dimension.unit}" if dimension.unit else number)
 
 
 def _axis(path: str, values: tuple[ScalarEntry, ...], definition: StudyDefinition) -> SweepAxis:
-    """An axis of the declared values and of the study's own, so that the study as declared is among its designs."""
+    """An axis of the swept values and the study's own value, so that the study as declared is among the designs."""
     entry = definition.document.entry(path)
     declared = "" if entry is None else text_of(entry)
     texts = [value.text for value in values]
@@ -112,7 +112,7 @@ def _axis(path: str, values: tuple[ScalarEntry, ...], definition: StudyDefinitio
         return SweepAxis(path=path, values=tuple(choices.values()), labels=tuple(choices), units="", declared=declared)
     labels: dict[float, Entry] = {parse(value.text, dimension): value for value in values}
     own = parse(declared, dimension) if declared else math.nan
-    # The ends of a range lose a digit in their own arithmetic; a value that close is the declared one.
+    # Rounding can change the last digit of a range's ends; a value that close is the declared one.
     if entry is not None and declared and not any(math.isclose(label, own, rel_tol=1e-12) for label in labels):
         labels[own] = entry
     ordered = sorted(labels)

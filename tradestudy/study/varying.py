@@ -1,4 +1,4 @@
-"""Inputs that an inverse question or an assumption varies: a value between two ends, or a choice of readings."""
+"""Inputs varied by an inverse question or an assumption: a value between two ends, or a choice of readings."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from tradestudy.units import Dimension, UnitError, parse
 
 @dataclass(frozen=True, kw_only=True)
 class Varying:
-    """Paths of a study that take one value together.
+    """Inputs of a study that are varied together and share one value.
 
     Parameters
     ----------
     paths
-        Dotted.
+        Their dotted paths.
     dimension, low, high
-        What the value measures, and its ends in SI.
+        Dimension of the value, and its ends in SI.
     is_counted
-        Whether the study takes whole numbers alone, such as of pixels.
+        Whether the study accepts only whole numbers, such as counts of pixels.
     """
 
     paths: tuple[str, ...]
@@ -37,12 +37,12 @@ class Varying:
 
     @classmethod
     def of(cls, definition: StudyDefinition, question: Varied) -> Varying:
-        """What a question varies.
+        """The inputs that a question varies.
 
         Raises
         ------
         OutOfRangeError
-            Where its ends do not share a unit, or are not 0 < low < high.
+            If its ends do not share a unit, or are not 0 < low < high.
         """
         return cls.between(definition, question.paths, *question_ends(question))
 
@@ -50,7 +50,7 @@ class Varying:
     def between(
         cls, definition: StudyDefinition, paths: tuple[str, ...], dimension: Dimension, low: float, high: float
     ) -> Varying:
-        """Paths that take one value between two ends, in SI; counted where the study refuses a fraction."""
+        """Inputs with one value between two ends, in SI; counted if the study refuses a fractional value."""
         plain = cls(paths=paths, dimension=dimension, low=low, high=high, is_counted=False)
         if dimension.unit or not (low.is_integer() and high.is_integer()):
             return plain
@@ -61,7 +61,7 @@ class Varying:
         return plain
 
     def declared(self, definition: StudyDefinition) -> set[float]:
-        """The study's own value, in SI, where it is a number between the ends."""
+        """The study's own value, in SI, if it is a number between the ends; else empty."""
         entry = definition.document.entry(self.paths[0])
         try:
             value = math.nan if entry is None else parse(text_of(entry), self.dimension)
@@ -70,45 +70,45 @@ class Varying:
         return {value} if self.low <= value <= self.high else set()
 
     def at_share(self, share: float) -> float:
-        """The value at a share of the way from end to end, on a logarithmic scale."""
+        """The value at a share of the way from low to high, on a logarithmic scale."""
         return self.possible(self.low * (self.high / self.low) ** share)
 
     def possible(self, value: float) -> float:
-        """The value next to one, in SI, that the study can have."""
+        """The possible value nearest to a given one, in SI."""
         return float(round(value)) if self.is_counted else value
 
     def changes(self, value: float) -> dict[str, Entry]:
-        """What takes the place of the study's own values."""
+        """Entries that replace the study's own values, by path."""
         entry = ScalarEntry.of(round(value)) if self.is_counted else quantity_entry(value, self.dimension)
         return dict.fromkeys(self.paths, entry)
 
 
 @dataclass(frozen=True, kw_only=True)
 class AnyReading:
-    """The study as declared or one of its readings, each as likely.
+    """The study as declared or one of its readings, all equally likely.
 
     Parameters
     ----------
     entries
-        What each replaces, by its paths; nothing as declared.
+        Entries that each of them replaces, by path; none for the study as declared.
     """
 
     entries: tuple[Mapping[str, Entry], ...]
 
     @classmethod
     def of(cls, definition: StudyDefinition, readings: Sequence[str]) -> AnyReading:
-        """The study as declared, and so many readings."""
+        """The study as declared, and the given readings."""
         return cls(entries=({}, *(definition.entries_of_reading(name) for name in readings)))
 
     def at_share(self, share: float) -> float:
-        """The number of the choice at a share of the way from the first to the last."""
+        """The index of the choice at a share of the way from the first to the last."""
         return float(min(int(share * len(self.entries)), len(self.entries) - 1))
 
     def changes(self, value: float) -> dict[str, Entry]:
-        """What takes the place of the study's own values."""
+        """Entries that replace the study's own values, by path."""
         return dict(self.entries[int(value)])
 
 
 def assumed(definition: StudyDefinition, part: AssumptionPart) -> Varying | AnyReading:
-    """What an assumption varies."""
+    """The inputs that an assumption varies."""
     return Varying.of(definition, part) if part.readings is None else AnyReading.of(definition, part.readings)

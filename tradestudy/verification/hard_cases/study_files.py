@@ -129,7 +129,7 @@ def _not_what_they_seem() -> tuple[OutcomeCase, ...]:
             "refused",
             "tags",
         ),
-        _case("a key twice", "no value is dropped silently", study(more="title: Again"), "refused", "stands twice"),
+        _case("a key twice", "no value is dropped silently", study(more="title: Again"), "refused", "duplicate key"),
         _case("the title 'no'", "YAML 1.2 has no Norway problem", study(title="no"), "accepted"),
         _case(
             "a wavelength of 1e400 m",
