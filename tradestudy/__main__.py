@@ -6,5 +6,5 @@ try:
     from tradestudy.cli import main
 
     main()
-except KeyboardInterrupt:  # while Python still loads the program
+except KeyboardInterrupt:  # while Python is still loading the program
     sys.exit(130)

@@ -1,4 +1,4 @@
-"""How far simplifications may move the answers of a study, per quantity, and how long a run may take."""
+"""Tolerances on the changes that simplifications may cause in a study's answers, and the time limit of a run."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ IN_WORDS: Final[Mapping[Quantity, str]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Accuracy:
-    """The relative change that each quantity may suffer from what is left out, and the time that all may take.
+    """The tolerance on each quantity's relative change due to omitted effects, and the time limit of the run.
 
     Parameters
     ----------
     tolerances
-        Largest relative change that all omissions together may make: of the depth uncertainty, of the ends of usable
-        ranges, of the part of the uncertainty that noise makes (only where a study asks for it), of the ends of the
-        depth of field, of pixel intensities (L2 over the picture), of the width of a point's image.
+        Largest relative change that all omissions together may cause: in the depth uncertainty, the ends of usable
+        ranges, the depth uncertainty from noise alone (only where a study asks for it), the ends of the depth of field,
+        pixel intensities (L2 over the picture), and the width of a point's image.
     time_limit
-        Seconds; infinite where time is no concern.
+        Time limit [s]; infinite for none.
 
     Raises
     ------
     OutOfRangeError
-        If a tolerance or the time limit is not positive.
+        If a tolerance is not positive and finite, or the time limit is not positive.
     """
 
     tolerances: Mapping[Quantity, float]
@@ -52,5 +52,5 @@ class Accuracy:
 
     @classmethod
     def of_all(cls, tolerance: float, time_limit: float = math.inf) -> Accuracy:
-        """One tolerance for every quantity, noise by itself among them."""
+        """One tolerance for every quantity, including the depth uncertainty from noise alone."""
         return cls(tolerances=dict.fromkeys(QUANTITIES, tolerance), time_limit=time_limit)

@@ -1,4 +1,4 @@
-"""The façade: load a study, run it, look at its results, write its report.
+"""The Python interface: load a study, run it, look at its results, write its report.
 
 >>> import tradestudy
 >>> result = tradestudy.load("studies/plenoptic_vs_stereo.yaml").run()
@@ -50,7 +50,7 @@ def load(path: str | Path, overrides: Sequence[str] = (), *, tolerance: str | No
     overrides
         ``path=value`` texts that replace values, as ``--set`` does.
     tolerance
-        Tolerance for every quantity, such as ``"1 %"``, in place of the study's own.
+        Tolerance for every quantity, such as ``"1 %"``, overriding the study's own.
 
     Raises
     ------
@@ -69,7 +69,7 @@ class Study:
 
     @property
     def file(self) -> StudyFile:
-        """What the study says, value by value, in SI."""
+        """The validated content of the study, in SI."""
         return self.definition.file
 
     @property
@@ -79,19 +79,19 @@ class Study:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Values that are possible and hardly ever meant, as ``FILE:LINE:COLUMN: path: what``; a basis silences one."""
+        """Implausible values, as ``FILE:LINE:COLUMN: path: what``; stating a basis silences a warning."""
         from tradestudy.study.plausibility import implausible
 
         return tuple(map(str, implausible(self.definition)))
 
     @property
     def imported(self) -> tuple[str, ...]:
-        """What was read of calibration files, a line for each camera that comes from some."""
+        """What was read from calibration files, one line per imported camera."""
         return self.definition.document.imported
 
     @property
     def folder_name(self) -> str:
-        """Of the report: the study's name, and what was set for this run, so that no variant overwrites the study."""
+        """Folder name of the run: the study's name and the values set for this run, so that variants stay apart."""
         document, tolerance = self.definition.document, self.definition.tolerance
         said = sorted(f"{'.'.join(map(str, one.path))}={one.text or 'none'}" for one in document.overrides)
         said += [] if tolerance is None else [f"tolerance={tolerance}"]
@@ -105,7 +105,7 @@ class Study:
 
     @property
     def hash(self) -> str:
-        """Of what the study says under its overrides and its tolerance, and of the data files that it names."""
+        """Hash of the study's content, with its overrides and tolerance, and of the data files that it names."""
         document, tolerance = self.definition.document, self.definition.tolerance
         notes = {".".join(map(str, path)): [note.basis, note.note] for path, note in document.annotations.items()}
         notes |= {
@@ -116,7 +116,7 @@ class Study:
         return provenance.study_hash(says if tolerance is None else {**says, "tolerance": tolerance})
 
     def check_summary(self) -> str:
-        """One line on what the study would compute."""
+        """What the study would compute, in one line."""
         file, case = self.file, self.definition.case
         ends = f"; {case.distance[0]:g} to {case.distance[-1]:g} m" if case.distance.size else ""
         sizes = [
@@ -131,17 +131,17 @@ class Study:
         return f"{self.name}: {words or 'in order'}{ends}"
 
     def check(self) -> str:
-        """Refuse what no run would answer, as `plan` does; one line on what the study would compute.
+        """Refuse a study that no run could answer, as `plan` does; return in one line what the study would compute.
 
-        Its models are weighed where it declares an accuracy or forces effects, not where nothing but calibration is
-        forced, which every camera that measures depth has. How long a run takes is not asked.
+        Models are chosen only if the study declares an accuracy or forces effects other than calibration, which every
+        camera that measures depth has. The time of the run is not predicted.
 
         Raises
         ------
         UnaffordableError
-            Where nothing is accurate enough.
+            If even the most complete models exceed a tolerance.
         StudyError
-            Where the study forces a model that acts nowhere in it.
+            If the study forces a model that applies to nothing in it.
         """
         forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
         if forced or self.definition.under_tolerance.entry("accuracy") is not None:
@@ -151,16 +151,16 @@ class Study:
         return self.check_summary()
 
     def with_values(self, values: Mapping[str, Value]) -> Study:
-        """The same study with other values by dotted path, such as ``{"stereo-short.baseline": "50 mm"}``."""
+        """The same study with other values, by dotted path, such as ``{"stereo-short.baseline": "50 mm"}``."""
         return Study(self.definition.with_values(values))
 
     def plan(self) -> Plan:
-        """Which effects a run simulates, which it leaves out and why, and how long it will take; computes nothing else.
+        """Decide which effects a run simulates and which it leaves out, and predict its time; compute nothing else.
 
         Raises
         ------
         UnaffordableError
-            Where nothing is accurate enough, or not within the study's time limit.
+            If even the most complete models exceed a tolerance, or the predicted time exceeds the study's time limit.
         """
         from tradestudy.plan.plan import plan_of
 
@@ -174,16 +174,16 @@ class Study:
         executor: Executor | None = None,
         checkpoints: Checkpoints | None = None,
     ) -> xr.Dataset:
-        """Measure error against seconds of the sets of models that can answer what the study asks.
+        """Measure error against computing time for the sets of models that can answer the study's questions.
 
         Parameters
         ----------
         progress
-            Called with the step and the share of it done, 0 … 1.
+            Called with the step and its completed share, 0 … 1.
         budget
-            Wall time for all measurements [s]; what does not fit is left out and named.
+            Wall time for all measurements [s]; what does not fit is left out and listed.
         executor, checkpoints
-            As for `run`, of calibrations that have to be inferred first.
+            As for `run`; used for calibrations that have to be inferred first.
         """
         from tradestudy.cost.study_cost import study_cost
         from tradestudy.execution import Serial, Steps
@@ -205,12 +205,12 @@ class Study:
         Parameters
         ----------
         progress
-            Called with the step and the share of it done, 0 … 1.
+            Called with the step and its completed share, 0 … 1.
         executor
             Where independent points are computed: one of `tradestudy.execution`; None is serial. The results are
-            the same to the last bit.
+            identical to the last bit.
         checkpoints
-            Where finished points are kept for a run that is taken up; None keeps nothing.
+            Where finished points are kept, so that an interrupted run can resume; None keeps nothing.
         planned
             Called with the plan before anything is computed.
         pictures
@@ -268,7 +268,7 @@ _QUANTITY = re.compile(r"([^=]*=[+-]?[\d.]+(?:e[+-]?\d+)?) (\w+|%)")
 
 
 def _folder_text(text: str) -> str:
-    """A setting as part of a folder's name, and no other's; one that does not fit there whole is told by its hash."""
+    """A setting as a unique part of a folder's name; one that does not fit completely is identified by its hash."""
     whole = _QUANTITY.sub(r"\1\2", text) if _QUANTITY.fullmatch(text) else text  # "50 mm" and "50mm" are one setting
     plain = re.sub(r"[^\w.+=%-]+|-{2,}", "-", whole).strip("-.")
     if len(plain.encode()) <= _LONGEST_SETTING and plain == whole:
@@ -288,10 +288,10 @@ def run(
     executor: Executor | None = None,
     planned: Callable[[Plan], None] = lambda _plan: None,
 ) -> Result:
-    """Run a study into a folder, taking up what a finished or interrupted run left there.
+    """Run a study into a folder, reusing what a finished or interrupted run left there.
 
-    Results of the same study by the same code are not computed again unless ``fresh``, nor are the finished points of a
-    run that ended early; the report always is made. What accuracy costs is measured only ``with_cost``.
+    Unless ``fresh``, results of the same study and code are not computed again, nor are finished points of an
+    interrupted run; the report is always written. The cost of accuracy is measured only ``with_cost``.
     """
     from tradestudy import report as renderer
     from tradestudy.execution import Checkpoints
@@ -334,9 +334,9 @@ class RenderedScene:
     Parameters
     ----------
     pictures
-        Their files; beside each is its depth, and beside those of a camera ``camera.json`` and its depth map.
+        Files of the pictures; beside each is its true depth, and for each camera ``camera.json`` and its depth map.
     depths
-        How the depth map of each camera compares with the true depth; none where nobody asked for depth.
+        Comparison of each camera's depth map with the true depth; empty if depth was not asked for.
     """
 
     pictures: Sequence[Path]
@@ -354,27 +354,27 @@ def render(
 ) -> RenderedScene:
     """Write only the pictures of the study's scene, their true depth and the cameras that took them.
 
-    An interrupted rendering is taken up where it was, unless ``fresh``.
+    Unless ``fresh``, an interrupted rendering resumes.
 
     Parameters
     ----------
     study, directory
-        Whose, and where to.
+        The study, and the output folder.
     depth
-        Whether depth is measured in the pictures, too, and the maps written beside them.
+        Whether to measure depth in the pictures, too, and write the depth maps beside them.
     fresh
-        Whether to render again what an interrupted rendering has left.
+        Whether to discard what an interrupted rendering has left.
     progress, executor
         As for `Study.run`.
 
     Raises
     ------
     StudyError
-        Where the study has no ``scene.image``.
+        If the study has no ``scene.image``.
     UnaffordableError
-        Where the pictures do not fit into the memory that is free.
+        If the pictures do not fit into the free memory.
     OutOfRangeError
-        Where a camera cannot measure depth in its pictures, or a matcher is not installed.
+        If a camera cannot measure depth in its pictures, or a matcher is not installed.
     """
     from tradestudy.analysis.scene_pictures import declared_image
     from tradestudy.execution import Checkpoints, Serial, Steps
@@ -394,20 +394,20 @@ def render(
 def export(
     study: Study, camera: str, directory: Path, *, formats: Sequence[str] = (), lossy: bool = False
 ) -> tuple[list[Path], tuple[str, ...]]:
-    """Write a camera, declared or fitted, in the files of other programs and as a posterior of our own.
+    """Write a declared or fitted camera as calibration files of other programs and as a posterior.
 
     Parameters
     ----------
     study
-        It.
+        The study.
     camera
         Name of the camera.
     directory
-        Where to.
+        Output folder.
     formats
-        Of opencv, ros, kalibr, mrcal and posterior; none means all.
+        Any of opencv, ros, kalibr, mrcal and posterior; empty means all.
     lossy
-        Leave out what a format cannot hold, instead of refusing.
+        Whether to leave out what a format cannot hold, instead of refusing.
 
     Returns
     -------
@@ -417,7 +417,7 @@ def export(
     Raises
     ------
     TradestudyError
-        Where there is no such camera, a format cannot hold it, or its calibration cannot be inferred.
+        If there is no such camera, a format cannot hold it, or its calibration cannot be inferred.
     """
     from tradestudy.run.export import export, write_export
 
@@ -426,14 +426,14 @@ def export(
 
 
 def _drawer_while_computing() -> AbstractContextManager[Drawer | None]:
-    """Who draws the figures of a run on another core, where there is one; it gets ready while the run computes."""
+    """A process that draws the figures on another core, if there is one; it loads its libraries during the run."""
     from tradestudy.figures.drawn import drawer
 
     return drawer() if provenance.cores() > 1 and sys.executable else nullcontext()
 
 
 def _finished(study: Study, directory: Path) -> Result | None:
-    """Results of an earlier run in a folder, if they are whole and of this study and this code."""
+    """Results of an earlier run in a folder, if they are complete and from this study and this code."""
     from tradestudy.errors import ResultsError
 
     try:
@@ -446,7 +446,7 @@ def _finished(study: Study, directory: Path) -> Result | None:
 
 
 def report(directory: str | Path, *, pdf: bool = True) -> None:
-    """Render the report of a finished run again, to the same bytes."""
+    """Write the report of a finished run again, with identical bytes."""
     from tradestudy import report as renderer
 
     result = open_result(directory)
@@ -456,12 +456,12 @@ def report(directory: str | Path, *, pdf: bool = True) -> None:
 def cost(
     study: Study, directory: Path, *, budget: float = DEFAULT_BUDGET, progress: Progress = lambda _s, _p: None
 ) -> list[str]:
-    """Measure what accuracy costs and write ``cost.json`` and ``cost.svg``, which belong to no run.
+    """Measure what accuracy costs and write ``cost.json`` and ``cost.svg``, which are not part of a run.
 
     Returns
     -------
     list of str
-        A sentence for each piece of the study, and the path of the figure.
+        A sentence for each problem of the study, and the path of the figure.
     """
     from xarray import DataTree
 
@@ -481,17 +481,17 @@ def cost(
 
 
 def compare(directories: Sequence[str | Path]) -> Comparison:
-    """Finished runs side by side: conclusions that changed, inputs that differ, results beyond their error.
+    """Compare finished runs: changed conclusions, differing inputs, results that differ by more than their error.
 
-    ``str`` of what it returns is what the command prints; ``html()`` is its page, and ``overlay``, where there is one,
-    draws the figure.
+    ``str`` of the comparison is what the command prints, ``html()`` its page, and ``overlay``, if there is one, the
+    figure.
 
     Raises
     ------
     OutOfRangeError
-        For fewer than two folders.
+        If there are fewer than two folders.
     ResultsError
-        Where a folder holds no run that can be read.
+        If a folder contains no readable run.
     """
     from tradestudy.comparison import compare_runs
 

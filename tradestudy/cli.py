@@ -40,7 +40,7 @@ DirectoryArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder o
 OutOption = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="DIR", help="Where to.", show_default="reports/<name of the study, and what was set>"
+        "--out", metavar="DIR", help="Output folder.", show_default="reports/<name of the study, and what was set>"
     ),
 ]
 SetOption = Annotated[
@@ -62,13 +62,13 @@ ThreadsOption = Annotated[
 DaskOption = Annotated[
     str | None, typer.Option("--dask", metavar="ADDRESS", help="Compute on a Dask cluster, tcp://HOST:PORT.")
 ]
-FreshOption = Annotated[bool, typer.Option("--fresh", help="Compute again what an earlier run has computed.")]
-QuietOption = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
+FreshOption = Annotated[bool, typer.Option("--fresh", help="Ignore the results of earlier runs.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 
 
-def _told_version(asked: bool) -> None:
-    """Print the version and end, where that is asked for."""
+def _print_version(asked: bool) -> None:
+    """Print the version and exit, if asked to."""
     if asked:
         typer.echo(f"tradestudy {importlib.metadata.version('tradestudy')}")
         raise typer.Exit
@@ -76,7 +76,7 @@ def _told_version(asked: bool) -> None:
 
 def main() -> None:
     """Run the command line; the exit status says how it ended."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # whoever ends a run wants what Ctrl-C gives
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # to end a run by SIGTERM works like Ctrl-C
     try:
         app()
     except KeyboardInterrupt:  # before a command has begun
@@ -86,10 +86,10 @@ def main() -> None:
 @app.callback()
 def program(
     version: Annotated[
-        bool, typer.Option("--version", is_eager=True, callback=_told_version, help="Show the version and exit.")
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    """Compare cameras that measure depth: what each knows, how surely, and what it costs to find out."""
+    """Compare cameras that measure depth: what each one knows, how sure it is, and what it costs to find out."""
 
 
 @app.command()
@@ -102,12 +102,12 @@ def run(
     threads: ThreadsOption = None,
     dask: DaskOption = None,
     fresh: FreshOption = False,
-    no_pdf: Annotated[bool, typer.Option("--no-pdf", help="Leave report.pdf out.")] = False,
+    no_pdf: Annotated[bool, typer.Option("--no-pdf", help="Do not write report.pdf.")] = False,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with 3 if a requirement that must hold is not met or undecided.")
+        bool, typer.Option("--strict", help="Exit with status 3 if a 'must' requirement is not met or undecided.")
     ] = False,
     with_cost: Annotated[
-        bool, typer.Option("--with-cost", help="Measure what accuracy costs, too, and show it in the report.")
+        bool, typer.Option("--with-cost", help="Also measure what accuracy costs and show it in the report.")
     ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the conclusions as one JSON object instead of lines.")
@@ -115,7 +115,7 @@ def run(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Compute a study, write its report and print what it concludes."""
+    """Compute a study, write its report and print its conclusions."""
     with _answering(debug=debug):
         from tradestudy import api
 
@@ -151,12 +151,12 @@ def render(
     dask: DaskOption = None,
     fresh: FreshOption = False,
     depth: Annotated[
-        bool, typer.Option("--depth", help="Measure depth in the pictures, too, and hold it against the true depth.")
+        bool, typer.Option("--depth", help="Also measure depth in the pictures and compare it with the true depth.")
     ] = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Write only the pictures of a study's scene, with their true depth and a description of each camera."""
+    """Write only the pictures of a study's scene, with the true depth and a description of each camera."""
     with _answering(debug=debug):
         from tradestudy import api
 
@@ -186,10 +186,10 @@ def export(
         list[str] | None,
         typer.Option("--format", metavar="NAME", help="opencv, ros, kalibr, mrcal or posterior; repeatable."),
     ] = None,
-    lossy: Annotated[bool, typer.Option("--lossy", help="Leave out what a format cannot hold, and say so.")] = False,
+    lossy: Annotated[bool, typer.Option("--lossy", help="Leave out what a format cannot hold, and list it.")] = False,
     debug: DebugOption = False,
 ) -> None:
-    """Write a camera, declared or fitted, in the calibration files of other programs and as a posterior."""
+    """Write a declared or fitted camera as calibration files of other programs and as a posterior."""
     with _answering(debug=debug):
         from tradestudy import api
 
@@ -207,7 +207,7 @@ def plan(
     set_: SetOption = None,
     tolerance: ToleranceOption = None,
     verbose: Annotated[
-        bool, typer.Option("--verbose", help="Every decision with its numbers, and every step.")
+        bool, typer.Option("--verbose", help="Show every decision with its numbers, and every step.")
     ] = False,
     debug: DebugOption = False,
 ) -> None:
@@ -231,21 +231,21 @@ def cost(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Measure error against seconds of the sets of models that can answer; write cost.json and cost.svg."""
+    """Measure error against computing time for the models that can answer; write cost.json and cost.svg."""
     with _answering(debug=debug):
         from tradestudy import api
 
         loaded = _warned(api.load(study, set_ or (), tolerance=tolerance))
         directory = out if out is not None else Path("reports") / loaded.folder_name
-        with shown_progress(quiet=quiet, is_predicted=False) as progress:  # what fits shows only as it is measured
-            told = api.cost(loaded, directory, budget=budget, progress=progress)
+        with shown_progress(quiet=quiet, is_predicted=False) as progress:  # only measuring shows what fits the budget
+            lines = api.cost(loaded, directory, budget=budget, progress=progress)
         if not quiet:
-            typer.echo("\n".join(told))
+            typer.echo("\n".join(lines))
 
 
 @app.command()
 def check(study: StudyArgument, set_: SetOption = None, debug: DebugOption = False) -> None:
-    """Read a study and say what is wrong with it; compute nothing."""
+    """Check a study and report every mistake in it; compute nothing."""
     with _answering(debug=debug):
         from tradestudy import api
 
@@ -259,15 +259,15 @@ def new(
     plenoptic: Annotated[bool, typer.Option("--plenoptic", help="Compare two plenoptic cameras.")] = False,
     from_: Annotated[
         list[Path] | None,
-        typer.Option("--from", metavar="FILE", help="Calibration file of its camera; repeatable: left, then right."),
+        typer.Option("--from", metavar="FILE", help="Calibration file of the camera; repeatable: left, then right."),
     ] = None,
     set_: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Of that camera, such as length_unit=mm; repeatable."),
+        typer.Option("--set", metavar="KEY=VALUE", help="Value of that camera, such as length_unit=mm; repeatable."),
     ] = None,
     debug: DebugOption = False,
 ) -> None:
-    """Write a commented study to start from, NAME.yaml: by default a plenoptic camera against a stereo rig."""
+    """Write a commented starter study, NAME.yaml: by default a plenoptic camera against a stereo rig."""
     with _answering(debug=debug):
         from tradestudy import api
         from tradestudy.study.starter import starter
@@ -275,11 +275,9 @@ def new(
         name = name.removesuffix(".yaml")
         kinds = [option for option, given in (("--stereo", stereo), ("--plenoptic", plenoptic)) if given]
         if kinds and from_:
-            raise _InputError(
-                "a study of imported cameras has no kind to choose", value=kinds[0], remedy="leave it out"
-            )
+            raise _InputError("the calibration files determine the kind of camera", value=kinds[0], remedy="omit it")
         if set_ and not from_:
-            raise _InputError("--set says something of a camera that comes --from a file", remedy="give --from, too")
+            raise _InputError("--set needs a camera that is imported with --from", remedy="give --from, too")
         said = [_line(one) for one in set_ or ()]
         kind = kinds[0].removeprefix("--") if len(kinds) == 1 else ""
         text = starter(name, kind, calibration_files=from_ or (), said=said)
@@ -288,12 +286,12 @@ def new(
             with path.open("x", encoding="utf-8") as file:
                 file.write(text)
         except FileExistsError:
-            raise _InputError("a file of this name exists already", value=str(path), remedy="choose another") from None
+            raise _InputError("a file of this name already exists", value=str(path), remedy="choose another") from None
         if from_:
             try:
                 _warned(api.load(path))
             except TradestudyError:
-                path.unlink()  # a study that cannot run is none to start from
+                path.unlink()  # nobody can start from a study that cannot run
                 typer.echo(f"{path} was not written; {_SAYING_MORE}. It would have these mistakes:", err=True)
                 raise
         typer.echo(f"{path}\npython -m tradestudy run {path}")
@@ -320,11 +318,11 @@ def compare(
     ],
     html: Annotated[
         Path | None,
-        typer.Option("--html", metavar="FILE", help="Write a page, too, with a figure of the curves that changed."),
+        typer.Option("--html", metavar="FILE", help="Also write a page, with a figure of the curves that changed."),
     ] = None,
     debug: DebugOption = False,
 ) -> None:
-    """Show runs side by side: conclusions that changed, inputs that differ, results that differ beyond their error."""
+    """Show runs side by side: changed conclusions, differing inputs, results that differ by more than their error."""
     with _answering(debug=debug):
         from tradestudy import api
         from tradestudy.results.storage import replace_file
@@ -359,7 +357,7 @@ def _line(said: str) -> str:
 
 
 def _warned(study: Study) -> Study:
-    """The same study, after what was read of calibration files and its warnings have been told."""
+    """Print what was read from calibration files and the study's warnings; return the study."""
     for line in study.imported:
         typer.echo(f"read: {line}", err=True)
     for warning in study.warnings:
@@ -368,12 +366,12 @@ def _warned(study: Study) -> Study:
 
 
 def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Executor | None:
-    """Where to compute; None where nothing is said."""
+    """The executor that the options choose; None if they choose none."""
     given = [name for name, value in (("--jobs", jobs), ("--threads", threads), ("--dask", dask)) if value is not None]
     if not given:
         return None
     if len(given) > 1:
-        raise _InputError("these exclude each other", value=" and ".join(given), remedy="give one of them")
+        raise _InputError("these options exclude each other", value=" and ".join(given), remedy="give one of them")
     from tradestudy.execution import DaskCluster, Processes, Threads
 
     if jobs is not None:
@@ -383,13 +381,13 @@ def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Exe
     assert dask is not None
     cluster = DaskCluster(dask)
     cluster.check()  # before anything is computed or written
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # it would tell of every lost worker; so does the run
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # the run itself reports every lost worker
     return cluster
 
 
 _SAYING_MORE: Final = (
-    "what the files do not state is said by --set, such as --set length_unit=mm or --set 'sensor.pixels=[1280, 720]', "
-    "and the file of a second camera by another --from"
+    "give what the files do not state with --set, such as --set length_unit=mm or --set 'sensor.pixels=[1280, 720]', "
+    "and the file of a second camera with another --from"
 )
 
 
@@ -401,11 +399,11 @@ class _InputError(TradestudyError):
 
 @contextmanager
 def _answering(*, debug: bool) -> Iterator[None]:
-    """Turn every way in which a command can end into its exit status and one line a person can use."""
+    """Turn however a command ends into its exit status and, on failure, one line that helps the user."""
     try:
         yield
     except KeyboardInterrupt:
-        typer.echo("interrupted; what is finished is kept", err=True)
+        typer.echo("interrupted; finished work is kept", err=True)
         raise typer.Exit(INTERRUPTED) from None
     except BrokenPipeError:
         # The reader of our output has gone (`| head`); Python would complain about it again when it flushes at exit.
@@ -419,11 +417,11 @@ def _answering(*, debug: bool) -> Iterator[None]:
     except OSError as error:
         if debug:
             traceback.print_exc()
-        told = place_error(error)
-        if told is None:
+        known = place_error(error)
+        if known is None:
             raise _unexpected(error) from None
-        typer.echo(str(told), err=True)
-        raise typer.Exit(told.exit_status) from None
+        typer.echo(str(known), err=True)
+        raise typer.Exit(known.exit_status) from None
     except Exception as error:
         if debug:
             traceback.print_exc()
@@ -431,7 +429,7 @@ def _answering(*, debug: bool) -> Iterator[None]:
 
 
 def _unexpected(error: Exception) -> typer.Exit:
-    """Tell an error that nobody thought of, and where its details are."""
+    """Report an error that the program did not foresee, and where its details are."""
     text = " ".join(str(error).split())
     typer.echo(f"unexpected {type(error).__name__}{f': {text}' if text else ''}; {_logged()}", err=True)
     return typer.Exit(UNEXPECTED)
@@ -445,5 +443,5 @@ def _logged() -> str:
         ) as file:
             file.write(f"{' '.join(sys.argv)}\nPython {sys.version}\n\n{traceback.format_exc()}")
     except OSError as error:
-        return f"no log could be written ({error.strerror}), --debug shows more"
+        return f"no log could be written ({error.strerror}); --debug shows more"
     return f"details are in {file.name}"

@@ -8,18 +8,18 @@ from typing import ClassVar, Final
 
 
 class TradestudyError(Exception):
-    """The base of every error that a user can be told about in one line.
+    """The base of every error that is reported to the user in one line.
 
     Parameters
     ----------
     what
-        The fact, in words.
+        What is wrong.
     value
         The offending value, as a person would write it.
     limit
-        What is allowed.
+        The allowed values.
     remedy
-        What to do about it.
+        What the user can do about it.
     """
 
     exit_status: ClassVar[int] = 1
@@ -48,7 +48,7 @@ class OutOfRangeError(TradestudyError, ValueError):
 class UnaffordableError(TradestudyError):
     """A computation needs more nodes, bytes or seconds than are allowed.
 
-    It is refused before it starts, with the number needed and the knob to turn; nothing is ever undersampled instead.
+    It is refused before it starts, with the number needed and the setting to change; it is never undersampled instead.
     """
 
     exit_status = 2
@@ -63,7 +63,7 @@ class ResultsError(TradestudyError):
 
 
 class RequirementsNotMetError(TradestudyError):
-    """A requirement of the study is not met and the run was asked to be strict."""
+    """The study does not meet one of its requirements, and the run is strict."""
 
     exit_status = 3
 
@@ -84,7 +84,7 @@ class Problem:
 
 
 class StudyError(TradestudyError):
-    """A study file says something impossible; all its mistakes are listed at once."""
+    """A study file is invalid; all its mistakes are listed at once."""
 
     exit_status = 2
 
@@ -94,34 +94,34 @@ class StudyError(TradestudyError):
 
 
 class PlaceError(TradestudyError):
-    """A file or a folder that was asked for cannot be where it was asked for."""
+    """A file or folder cannot be created or read at the requested path."""
 
     exit_status = 2
 
 
 class DiskError(TradestudyError):
-    """A disk cannot take what is written."""
+    """The disk refuses to be written or read."""
 
 
 _ANOTHER: Final = "give another --out"
 _PLACES: Final = {
-    errno.ENOTDIR: f"a folder is expected where a file stands; {_ANOTHER}",
-    errno.EEXIST: f"a folder is expected where a file stands; {_ANOTHER}",
-    errno.EISDIR: "a file is expected where a folder stands",
+    errno.ENOTDIR: f"a file exists where a folder is expected; {_ANOTHER}",
+    errno.EEXIST: f"a file exists where a folder is expected; {_ANOTHER}",
+    errno.EISDIR: "a folder exists where a file is expected",
     errno.ENAMETOOLONG: f"its name is too long; {_ANOTHER}",
 }
 _DISKS: Final = {
     errno.EROFS: f"its file system is read-only; {_ANOTHER}",
-    errno.EPERM: f"its permissions do not allow that; {_ANOTHER}",
-    errno.EACCES: f"its permissions do not allow that; {_ANOTHER}",
-    errno.ENOSPC: "make room and run again; what is finished is kept",
-    errno.EDQUOT: "make room in the quota and run again; what is finished is kept",
-    errno.EIO: "the disk does not answer",
+    errno.EPERM: f"its permissions do not allow it; {_ANOTHER}",
+    errno.EACCES: f"its permissions do not allow it; {_ANOTHER}",
+    errno.ENOSPC: "free some space and run again; finished work is kept",
+    errno.EDQUOT: "free some of the quota and run again; finished work is kept",
+    errno.EIO: "check the disk, which does not respond",
 }
 
 
 def place_error(error: OSError) -> PlaceError | DiskError | None:
-    """What the operating system says of a place or a disk, in our words; None of anything else."""
+    """Translate an error of the operating system about a path or a disk; None for any other error."""
     what = f"{error.filename or 'a file'} cannot be read or written"
     if error.errno in _PLACES:
         return PlaceError(what, value=error.strerror or "", remedy=_PLACES[error.errno])

@@ -1,4 +1,4 @@
-"""Names of the methods that make pictures of a spot, in words: one for both legs, or ``first-second``."""
+"""Names of the methods that compute pictures of a light spot: one for both legs, or ``first-second``."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _LEGS: Final = {
 
 
 def legs_of(method: str) -> tuple[str, str]:
-    """Names of the laws to the array and behind it.
+    """Names of the laws to the microlens array and behind it.
 
     Raises
     ------
     ValueError
-        For a name that no picture has.
+        If there is no such method.
     """
     if method in _LEGS:
         return method, method
@@ -41,19 +41,19 @@ _MOST_COMPLETE_FIRST: Final = (
 
 
 def most_complete(methods: Iterable[str]) -> str:
-    """The method that leaves out the least: what the others are compared with."""
+    """The method that leaves out the least, with which the others are compared."""
     return min(methods, key=_MOST_COMPLETE_FIRST.index)
 
 
 def short_title(method: str) -> str:
-    """As in ``Kirchhoff + Fresnel``."""
+    """A short title, such as ``Kirchhoff + Fresnel``."""
     first, second = legs_of(method)
     words = _LEGS[first] if first == second else f"{_LEGS[first]} + {_LEGS[second]}"
     return words[0].upper() + words[1:]
 
 
 def long_title(method: str) -> str:
-    """As in ``Kirchhoff to the array, Fresnel behind it``."""
+    """A long title, such as ``Kirchhoff to the array, Fresnel behind it``."""
     first, second = legs_of(method)
     if first != second:
         words = f"{_LEGS[first]} to the array, {_LEGS[second]} behind it"

@@ -1,4 +1,4 @@
-"""The machine: what makes two of them the same where seconds are compared, and how much memory is free."""
+"""The machine: what identifies it when computing times are compared, and its free memory."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def identity() -> dict[str, str | int]:
 
 
 def available_memory() -> float:
-    """Bytes that can be taken without swapping; infinite where the system does not tell."""
+    """Bytes available without swapping; infinite if the system does not say."""
     with contextlib.suppress(OSError, ValueError):
         for line in Path("/proc/meminfo").read_text(encoding="utf-8").splitlines():
             name, _, value = line.partition(":")
@@ -35,7 +35,7 @@ def available_memory() -> float:
 
 @cache
 def _processor() -> str:
-    """Model of the processor in its maker's words, as far as the system tells."""
+    """Model name of the processor, if the system provides one."""
     with contextlib.suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines():
             name, _, value = line.partition(":")

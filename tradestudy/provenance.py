@@ -1,4 +1,4 @@
-"""What a run was made of: study, code, versions, machine. Nothing here reaches the numbers."""
+"""The provenance of a run: study, code, versions, machine. It does not affect any result."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ LIBRARIES = ("numpy", "scipy", "xarray", "h5netcdf", "matplotlib", "pandas", "py
 
 
 def study_hash(tree: Mapping[str, Any]) -> str:
-    """SHA-256 of what a study says, once cameras and overrides are in place."""
+    """SHA-256 of a study's content, with cameras and overrides resolved."""
     return hashlib.sha256(json.dumps(tree, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def file_hash(path: Path) -> str:
-    """SHA-256 of a file's bytes; empty for one that cannot be read, which whoever needs it will say."""
+    """SHA-256 of a file's bytes; empty if it cannot be read, which the code that needs the file reports."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError:
@@ -43,7 +43,7 @@ def values_by_path(tree: Mapping[str, Any]) -> dict[str, str]:
 
 @cache
 def code_hash() -> str:
-    """SHA-256 of the package's own sources: results of other code are not these results."""
+    """SHA-256 of the package's own sources, so that results of other code are recognised."""
     digest = hashlib.sha256()
     folder = Path(__file__).parent
     for path in sorted(folder.rglob("*.py")):
@@ -53,7 +53,7 @@ def code_hash() -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python, of this package and of the libraries that numbers and pictures come from."""
+    """Versions of Python, of this package and of the libraries that results and pictures depend on."""
     return {
         "python": platform.python_version(),
         "tradestudy": importlib.metadata.version("tradestudy"),
@@ -61,7 +61,7 @@ def versions() -> dict[str, str]:
 
 
 def machine() -> dict[str, str | int]:
-    """The machine, as far as it matters to seconds."""
+    """The machine, as far as it affects computing times."""
     return {
         "system": platform.system(),
         "release": platform.release(),

@@ -1,4 +1,4 @@
-"""What a study found: its results tree, figures, tables and files."""
+"""The result of a study: its results tree, figures, tables and files."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """What a study found.
+    """The result of a study.
 
     Parameters
     ----------
     data
-        The results tree, SI units in the attributes.
+        The results tree, with SI units in the attributes.
     run_record
-        Provenance, the content of ``run.json``.
+        Provenance: the content of ``run.json``.
     """
 
     data: xr.DataTree
@@ -35,7 +35,7 @@ class Result:
 
     @property
     def unmet_requirements(self) -> list[str]:
-        """What the study requires and no camera gives, and calibrations that were inferred and did not converge."""
+        """The 'must' requirements that are not met or undecided, and inferred calibrations that did not converge."""
         missed = []
         if "requirements" in self.data.children:
             columns = ["says", "priority", "met", "camera_deciding", "reason"]
@@ -53,7 +53,7 @@ class Result:
         return missed
 
     def lines(self, most: int = 5) -> tuple[str, ...]:
-        """The conclusions as a terminal shows them: the best cameras, requirements, what the answers rest on."""
+        """The conclusions as lines for a terminal: the best cameras, requirements, what the answers rest on."""
         from tradestudy.results.views.conclusions import terminal_lines
 
         return tuple(terminal_lines(self.data, most))
@@ -61,29 +61,29 @@ class Result:
     def conclusions(self, directory: str | Path | None = None) -> dict[str, Any]:
         """The conclusions as ``--json`` prints them, numbers in SI.
 
-        - ``format`` counts up when a key changes its meaning; ``study``, ``title``, ``question`` are the study's own.
-        - ``best``: for each stretch of distance ``near``, ``far`` [m] and ``cameras`` (titles; none where none is
+        - ``format`` increases when a key changes its meaning; ``study``, ``title``, ``question`` are the study's own.
+        - ``best``: for each range of distance ``near``, ``far`` [m] and ``cameras`` (titles; empty where none is
           usable).
         - ``requirements``: ``name``, ``says``, ``priority``, ``met`` (null where undecided), ``camera``, ``margin``
           (share by which the worst value could be worse), ``place`` [m], ``conformity``, ``reason``, ``rests_on``,
-          ``probability`` (share of the combinations of what is not known that meet it; null where nothing is); in a
-          sweep ``designs_met`` and ``designs``; of one swept number ``met_with``: ``parameter``, ``from``, ``to``,
-          ``error``, ``camera``. Where a matcher is declared ``bound_alone``: ``met``, ``camera`` and ``reason`` if
-          matching reached its bound.
+          ``probability`` (share of the combinations of unknown values that meet it; null if the study declares no
+          unknown values); in a sweep ``designs_met`` and ``designs``; for one swept number ``met_with``:
+          ``parameter``, ``from``, ``to``, ``error``, ``camera``. If a matcher is declared, ``bound_alone``: ``met``,
+          ``camera`` and ``reason`` if matching reached its bound.
         - ``designs``, in a sweep with requirements: their ``count``, how many are ``feasible``, and the ``best``:
           ``values`` by path and least ``margin``.
-        - ``questions``: the inverse ones, ``name``, ``says``, ``answer`` in words, first ``value`` with ``error`` in
-          ``units`` (null where there is none) and how many ``solutions``.
+        - ``questions``: the inverse questions with ``name``, ``says``, ``answer`` in words, first ``value`` with
+          ``error`` in ``units`` (null where there is none) and the number of ``solutions``.
         - ``trade_off``: by ``camera`` the share of the possible weights that rank it ``first``, and its ``error``.
         - ``measured``: depth that each ``camera`` measured in pictures ``of`` the ``scene`` or of a ``plane`` (at its
           ``distance`` [m], ``contrast`` and ``electrons``): ``spread`` and ``bias`` with the standard errors
           ``spread_error`` and ``bias_error``, the ``predicted`` spread [m], and the share ``filled`` of the points that
           it could measure.
         - ``rests_on``: the inputs that decide the answers, in words.
-        - ``measure_first``: what to measure next, in words, empty where nothing says so; ``assumptions``: what knowing
-          each is worth, the most valuable first: ``assumption``, ``between``, ``worth`` and its standard ``error``
-          (shares of the distance).
-        - ``report``: where the report is.
+        - ``measure_first``: what to measure next, in words, or empty; ``assumptions``: the value of knowing each, the
+          most valuable first: ``assumption``, ``between``, ``worth`` and its standard ``error`` (shares of the
+          distance).
+        - ``report``: path of the report.
         """
         from tradestudy.results.views.conclusions_json import conclusions_as_json
 
@@ -92,7 +92,7 @@ class Result:
 
     @property
     def figure_names(self) -> list[str]:
-        """Names that `figure` takes."""
+        """Valid names for `figure`."""
         from tradestudy import figures
 
         return list(figures.build(self.data))
@@ -104,7 +104,7 @@ class Result:
         return figures.figure(self.data, name)
 
     def with_cost(self, cost: xr.Dataset) -> Result:
-        """The same with what `Study.cost` measured, for the report to show."""
+        """The same result with the costs measured by `Study.cost`, for the report to show."""
         return replace(self, data=self.data.assign({"cost": type(self.data)(cost)}))
 
     def write(self, directory: str | Path, *, pdf: bool = True, drawer: Drawer | None = None) -> Path:
@@ -113,11 +113,11 @@ class Result:
         Parameters
         ----------
         directory
-            Where to; made if missing.
+            Output folder; created if missing.
         pdf
             Whether to write the PDF too.
         drawer
-            Who draws the figures while the rest is written; None draws them here.
+            Draws the figures in another process while the rest is written; None draws them here.
         """
         from tradestudy import report as renderer
         from tradestudy.results import storage
@@ -149,13 +149,12 @@ class Result:
 
 
 def open_result(directory: str | Path) -> Result:
-    """Read what an earlier run wrote.
+    """Read the result that an earlier run wrote.
 
     Raises
     ------
     ResultsError
-        Where there is nothing, or nothing that can be read; where the results are damaged, or a run was killed between
-        its record and its results.
+        If it is missing, unreadable or damaged, or the run was killed between writing its record and its results.
     """
     from tradestudy.results import storage
 
@@ -164,7 +163,7 @@ def open_result(directory: str | Path) -> Result:
 
 
 def _write_posteriors(tree: xr.DataTree, directory: Path) -> None:
-    """Write every posterior of a run as a file that a camera's ``calibration: {posterior: {file: …}}`` reads."""
+    """Write every posterior of a run as a file for a camera's ``calibration: {posterior: {file: …}}``."""
     if "calibration" not in tree.children:
         return
     from tradestudy.calibration.posterior_file import write_posterior
@@ -177,7 +176,7 @@ def _write_posteriors(tree: xr.DataTree, directory: Path) -> None:
 
 
 def _write_matchers(tree: xr.DataTree, directory: Path) -> None:
-    """Write the matchers that a depth loop has fitted as ``matchers.yaml``, which a study's cameras take."""
+    """Write the matchers fitted by a depth loop as ``matchers.yaml``, for the cameras of a study."""
     if "depth_loop" not in tree.children:
         return
     from tradestudy.results.storage import replace_file

@@ -1,4 +1,4 @@
-"""How a long command shows how far it is: bars in a terminal, lines in a log, or nothing."""
+"""Progress of long commands: bars in a terminal, lines in a log, or nothing."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class ProgressLine:
         self.stream, self.step = stream, ""
 
     def expect(self, predicted: Mapping[str, float]) -> None:
-        """Steps are named as they begin, and nothing is said of those to come."""
+        """Ignore the prediction: steps are named only when they begin."""
 
     def __call__(self, step: str, _share: float) -> None:
         """Print a step once, when it begins."""
@@ -30,7 +30,7 @@ class ProgressLine:
 
 
 class ProgressBar:
-    """Bars with the time left, or gone by; they appear only once the work has taken long enough to be worth a look."""
+    """Bars with the remaining or elapsed time; they appear only when the work takes longer than `WORTH_A_LOOK` [s]."""
 
     WORTH_A_LOOK = 2.0
 
@@ -44,7 +44,7 @@ class ProgressBar:
         self.progress: Progress | None = None
 
     def expect(self, predicted: Mapping[str, float]) -> None:
-        """Predicted seconds of every step."""
+        """Take the predicted time of every step [s]."""
         self.left.expect(predicted)
 
     def __call__(self, step: str, share: float) -> None:
@@ -72,7 +72,7 @@ class ProgressBar:
         self.progress.update(self.tasks[step], completed=share, left=self._words())
 
     def _words(self) -> str:
-        """What is left of the running step and of the run."""
+        """Remaining time of the current step and of the run."""
         step, run = self.left.of_step, self.left.of_run
         words = "" if math.isnan(step) else f"{_minutes(step)} left"
         return f"{words}, {_minutes(run)} in all" if run > step else words
@@ -92,15 +92,15 @@ class Silent:
     """Shows nothing."""
 
     def expect(self, predicted: Mapping[str, float]) -> None:
-        """Hear of predictions."""
+        """Ignore the prediction."""
 
     def __call__(self, step: str, share: float) -> None:
-        """Hear of progress."""
+        """Ignore the progress."""
 
 
 @contextmanager
 def shown_progress(*, quiet: bool, is_predicted: bool = True) -> Iterator[Silent | ProgressLine | ProgressBar]:
-    """Choose how a long command shows how far it is; where nothing is predicted, how long it has run."""
+    """Choose how a long command shows its progress; without a prediction, it shows the elapsed time."""
     if quiet:
         yield Silent()
     elif not sys.stderr.isatty():

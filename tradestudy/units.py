@@ -1,7 +1,7 @@
-"""Units at the edge of the program: "5.5 um" to an SI float, and back to what a person expects to read.
+"""Units at the edge of the program: "5.5 um" to an SI float, and back to readable text.
 
-Inside, every number is SI. Pixels, electrons and waves are dimensions of their own here, so that a length can
-never be taken for a count of pixels, nor an angle for a plain number.
+Inside, every number is SI. Pixels, electrons and waves are separate dimensions here, so that a length can never be
+mistaken for a number of pixels, nor an angle for a plain number.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 DEGREE = math.pi / 180.0
 
-# The whole vocabulary of study files: pint's own registry knows a thousand units more and costs 0.2 s to build.
+# All units of study files; pint's own registry has a thousand more and takes 0.2 s to build.
 _DEFINITIONS = """
 nano- = 1e-9 = n-
 micro- = 1e-6 = u-
@@ -100,11 +100,11 @@ class DisplayUnit:
     Parameters
     ----------
     label
-        What stands behind the number, with its space: " mm", "°".
+        Text after the number, including any space: " mm", "°".
     size
-        One of it, in SI.
+        The unit in SI.
     used_from
-        The smallest SI magnitude that is shown in it.
+        The smallest SI magnitude that is shown in this unit.
     zero
         The SI value shown as 0 (for degrees Celsius).
     """
@@ -117,20 +117,20 @@ class DisplayUnit:
 
 @dataclass(frozen=True, kw_only=True)
 class Dimension:
-    """What a number measures: its name, its SI unit, how a person writes it and how a report shows it.
+    """A dimension: its name, its SI unit, how a study file writes it and how a report shows it.
 
     Parameters
     ----------
     name
-        With its article, as messages say it ("a length").
+        Name with its article, as in messages ("a length").
     unit
-        The SI unit of the float inside, in the notation of study files ("" for a plain number).
+        SI unit, in the notation of study files ("" for a plain number).
     example
-        What a person could have written.
+        A valid value in a study file.
     display
         Units of reports, from the smallest to the largest.
     absolute
-        Whether an offset unit counts from its zero (a temperature) or by its steps (a difference).
+        Whether values in an offset unit are absolute (a temperature) or differences.
     """
 
     name: str
@@ -254,7 +254,7 @@ SOLID_ANGLE = Dimension(
 
 
 class UnitError(TradestudyError, ValueError):
-    """A value does not read as the quantity that belongs here; the message says what would."""
+    """A value is not the expected quantity; the message gives a valid example."""
 
     exit_status = 2
 
@@ -265,10 +265,10 @@ def parse(value: object, dimension: Dimension) -> float:
     Parameters
     ----------
     value
-        Text such as ``"5.5 um"``, or a number as YAML gives it; a bare number is right only for fractions and
-        plain numbers. ``infinity`` reads as infinity of any dimension.
+        Text such as ``"5.5 um"``, or a number from YAML; a bare number is valid only for fractions and plain
+        numbers. ``infinity`` reads as infinity of any dimension.
     dimension
-        What the value must measure.
+        Dimension that the value must have.
 
     Returns
     -------
@@ -278,7 +278,7 @@ def parse(value: object, dimension: Dimension) -> float:
     Raises
     ------
     UnitError
-        For a missing or unknown unit, a wrong dimension, text that is no quantity, NaN, or a number too large
+        For a missing or unknown unit, a wrong dimension, text that is not a quantity, NaN, or a number too large
         for a float.
     """
     if isinstance(value, bool) or not isinstance(value, str | int | float):
@@ -296,7 +296,7 @@ def parse(value: object, dimension: Dimension) -> float:
         raise _mismatch(f"'{text}' has no unit", dimension)
     result = _in_si(number, unit, text, dimension) if unit else float(number)
     if not math.isfinite(result):
-        raise _mismatch(f"'{text}' is too large for a computer's number", dimension)
+        raise _mismatch(f"'{text}' is too large for a floating-point number", dimension)
     return result
 
 
@@ -304,16 +304,16 @@ _SHOWN_ERROR = 5e-4  # of a value
 
 
 def pretty(value: float, dimension: Dimension, digits: int = 3) -> str:
-    """Write an SI value as a person expects to read it: 0.0055 of a length is ``5.5 mm``.
+    """Write an SI value with a readable unit: 0.0055 of a length is ``5.5 mm``.
 
     Parameters
     ----------
     value
-        In the SI unit of the dimension [`dimension.unit`].
+        Value in the SI unit of the dimension [`dimension.unit`].
     dimension
-        What it measures.
+        Dimension of the value.
     digits
-        Significant digits kept; trailing zeros are dropped.
+        Number of significant digits; trailing zeros are dropped.
 
     Returns
     -------
@@ -330,7 +330,7 @@ def pretty(value: float, dimension: Dimension, digits: int = 3) -> str:
 
 
 def pretty_with_error(value: float, error: float, dimension: Dimension) -> str:
-    """Write an SI value and its error in one unit; an error that does not show in three digits is left out."""
+    """Write an SI value and its error in one unit; omit an error that is invisible at three digits."""
     if not error > _SHOWN_ERROR * abs(value):
         return pretty(value, dimension)
     unit = display_unit(value, dimension)
@@ -338,7 +338,7 @@ def pretty_with_error(value: float, error: float, dimension: Dimension) -> str:
 
 
 def display_unit(value: float, dimension: Dimension) -> DisplayUnit:
-    """Choose the unit in which a report shows this SI magnitude; for an axis, pass its typical value."""
+    """Choose the unit for an SI magnitude in a report; for an axis, pass a typical value."""
     units = dimension.display
     if value == 0.0:
         return max((unit for unit in units if unit.used_from <= unit.size <= 1.0), key=lambda unit: unit.size)
@@ -346,7 +346,7 @@ def display_unit(value: float, dimension: Dimension) -> DisplayUnit:
 
 
 def significant(number: float, digits: int = 3) -> str:
-    """Write a number with so many significant digits, no trailing zeros: ``1230``, ``0.00012``, ``4.5×10⁻⁹``, ``∞``."""
+    """Write a number with significant digits and no trailing zeros: ``1230``, ``0.00012``, ``4.5×10⁻⁹``, ``∞``."""
     if math.isinf(number):
         return "∞" if number > 0.0 else "−∞"
     mantissa, _, exponent = f"{number:.{digits - 1}e}".partition("e")
@@ -362,7 +362,7 @@ def significant(number: float, digits: int = 3) -> str:
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """Find the known word most like the one written, or None when nothing is like it."""
+    """Find the known word most similar to the given one, or None if none is similar."""
     by_folded = {candidate.casefold(): candidate for candidate in known}
     folded = word.casefold()
     close = difflib.get_close_matches(folded, by_folded, n=1, cutoff=0.6)
@@ -381,7 +381,7 @@ class _Unit:
 
 
 def _in_si(number: str, unit: str, text: str, dimension: Dimension) -> float:
-    """Convert a number with its unit to SI, or say why it cannot be."""
+    """Convert a number with its unit to SI, or raise an error that says why not."""
     resolved = _resolve(unit, absolute=dimension.absolute)
     if isinstance(resolved, str):
         raise _mismatch(f"'{text}' {resolved}", dimension)
@@ -390,11 +390,11 @@ def _in_si(number: str, unit: str, text: str, dimension: Dimension) -> float:
     written = float(number)
     if written == 0.0 or not math.isfinite(written):
         return written + resolved.offset
-    # In decimals, so that "5.5 um" is the float 5.5e-6 and not its neighbour.
+    # In decimal arithmetic, so that "5.5 um" is the float 5.5e-6 and not its neighbour.
     return float(Decimal(number) * Decimal(repr(resolved.scale)) + Decimal(repr(resolved.offset)))
 
 
-# What most values are written in, as pint resolves it: pint takes longer to import than a study to be read.
+# The most common units, resolved as by pint, because importing pint takes longer than reading a study.
 _USUAL: Mapping[str, _Unit] = {
     unit: _Unit(scale=scale, offset=0.0, dimensions=frozenset({(base.removeprefix("1/"), power)} if base else ()))
     for base, units in {
@@ -419,7 +419,7 @@ _ABSOLUTE: Mapping[str, _Unit] = {"degC": _Unit(scale=1.0, offset=273.15, dimens
 
 
 def _resolve(unit: str, *, absolute: bool) -> _Unit | str:
-    """Look a unit up; a unit that does not exist comes back as the sentence that says so."""
+    """Look a unit up; for an unknown one, return the end of an error message."""
     return (_ABSOLUTE.get(unit) if absolute else None) or _USUAL.get(unit) or _resolve_by_pint(unit, absolute=absolute)
 
 
@@ -449,14 +449,14 @@ def _resolve_by_pint(unit: str, *, absolute: bool) -> _Unit | str:
 
 @functools.cache
 def _registry() -> pint.UnitRegistry[float]:
-    """Build the vocabulary above; pint is imported only here, for only the readers of study files to pay."""
+    """Build the registry of the units above; pint is imported only here, because its import is slow."""
     import pint
 
     return pint.UnitRegistry(_DEFINITIONS.strip().splitlines(), cache_folder=None)
 
 
 def _dimensions(dimension: Dimension) -> frozenset[tuple[str, object]]:
-    """Give the powers of the base dimensions."""
+    """Powers of the base dimensions."""
     if not dimension.unit:
         return frozenset()
     resolved = _resolve(dimension.unit, absolute=False)
@@ -465,7 +465,7 @@ def _dimensions(dimension: Dimension) -> frozenset[tuple[str, object]]:
 
 
 def _name_of(dimensions: frozenset[tuple[str, object]]) -> str:
-    """Say what a person calls a combination of base dimensions."""
+    """Name of a combination of base dimensions."""
     return next((known.name for known in _KNOWN if _dimensions(known) == dimensions), "a quantity of another kind")
 
 
@@ -476,7 +476,7 @@ _KNOWN = (
 
 
 def _suggestion(name: str) -> str:
-    """Name the nearest unit in common use, if there is one."""
+    """The most similar common unit, as the end of a message; empty if there is none."""
     close = nearest(name, _COMMON_UNITS)
     return f" (nearest: '{close}')" if close else ""
 
@@ -486,7 +486,7 @@ def _mismatch(what: str, dimension: Dimension) -> UnitError:
 
 
 def _shown(value: object) -> str:
-    """Quote a foreign value in an error message: short, on one line."""
+    """Quote a value in an error message, shortened, on one line."""
     if value is None:
         return "an empty value"
     if isinstance(value, bool):
@@ -500,7 +500,7 @@ def _shown(value: object) -> str:
 
 
 def _shown_number(value: float) -> str:
-    """Write a number as a person would have: 1000, not 1000.0."""
+    """Write a number as a person would: 1000, not 1000.0."""
     try:
         return f"{value:.15g}"
     except OverflowError:

@@ -1,4 +1,4 @@
-"""How sentences of reports and messages are put together: counts with their words, and stretches of distance."""
+"""Building blocks of sentences in reports and messages: counts with their nouns, and ranges of distance."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ _MOST_DIGITS = 6
 
 
 def counted(number: int, word: str, words: str = "") -> str:
-    """Write a count with its word: "1 reading", "3 readings"; `words` is the plural where an s is not enough."""
+    """Write a count with its noun: "1 reading", "3 readings"; `words` is the plural if it does not end in s alone."""
     return f"{number} {word if number == 1 else words or f'{word}s'}"
 
 
 def listed(items: Sequence[str]) -> str:
-    """Join in a sentence: "a", "a and b", "a, b and c"."""
+    """Join items for a sentence: "a", "a and b", "a, b and c"."""
     return " and ".join(part for part in (", ".join(items[:-1]), *items[-1:]) if part)
 
 
 def distance(value: float, digits: int = 3) -> str:
-    """Write a distance [m] in metres; below 0.1 m in millimetres. Number and unit are not broken apart."""
+    """Write a distance [m] in metres, below 0.1 m in millimetres, with a no-break space before the unit."""
     if 0.1 <= abs(value) < math.inf:
         return f"{significant(value, digits)}\N{NO-BREAK SPACE}m"
     return pretty(value, LENGTH, digits).replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def span(start: float, end: float) -> str:
-    """Write a stretch of distances [m], both ends in one unit and with the digits that tell them apart."""
+    """Write a range of distances [m], both ends in one unit and with enough digits to tell them apart."""
     for digits in range(3, _MOST_DIGITS + 1):
         if 0.1 <= end < math.inf:
             first, last = significant(start, digits), distance(end, digits)

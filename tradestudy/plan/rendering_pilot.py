@@ -34,7 +34,7 @@ _PATTERN: Final = 512  # samples of a texture, whose size hardly matters for the
 
 
 def scene_work(definition: StudyDefinition) -> Iterator[tuple[str, float, str]]:
-    """Steps of rendering the study's scene with the chosen models: name, processor time [s], amount of work in words."""
+    """Steps of rendering the scene with the chosen models: name, processor time [s], amount of work in words."""
     image, picture = declared_image(definition)
     scene, cameras = set_up(definition, rig="as-designed", texture_side=TRIAL_TEXTURE)
     recording = recording_of(image, picture)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import re
 from pathlib import Path
 
 import pytest
@@ -33,7 +34,8 @@ def test_a_study_that_cannot_run_is_not_written(tmp_path: Path, monkeypatch: pyt
     made = CliRunner().invoke(app, ["new", "my-rig", "--from", "stereo.yml"])
     assert made.exit_code == 2
     assert "say length_unit: mm" in made.output
-    assert "my-rig.yaml was not written; what the files do not state is said by --set" in made.output
+    assert "my-rig.yaml was not written" in made.output
+    assert "--set length_unit=mm" in made.output
     assert not (tmp_path / "my-rig.yaml").exists()
 
 
@@ -58,7 +60,8 @@ def test_a_place_that_cannot_be_written_to_is_told_in_a_line(tmp_path: Path, mon
         asked = [command, str(path), *(["rig"] if command == "export" else []), "--out", str(tmp_path / "plain")]
         ended = CliRunner().invoke(app, asked)
         assert ended.exit_code == 2, ended.output
-        assert "a folder is expected where a file stands; give another --out" in ended.output
+        assert re.search(rf"{tmp_path}/plain\S* cannot be read or written", ended.output)
+        assert "give another --out" in ended.output
         assert "unexpected" not in ended.output
 
     def full(*_: object) -> None:
@@ -67,4 +70,4 @@ def test_a_place_that_cannot_be_written_to_is_told_in_a_line(tmp_path: Path, mon
     monkeypatch.setattr("tradestudy.results.storage.replace_file", full)
     ended = CliRunner().invoke(app, ["export", str(path), "rig", "--out", str(tmp_path / "out")])
     assert ended.exit_code == 1
-    assert "x cannot be read or written: No space left on device; make room and run again" in ended.output
+    assert re.search(r"x cannot be read or written: No space left on device; .*run again", ended.output)
