@@ -34,7 +34,8 @@ from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
 if TYPE_CHECKING:  # whoever infers has loaded it
-    from tradestudy.calibration.posteriors import CornersToInfer, TargetToInfer
+    from tradestudy.calibration.posteriors import CornersToInfer
+    from tradestudy.calibration.target.camera_target import TargetToInfer
 
 _JUDGED: Final = 9  # distances of a study at which draws are settled
 

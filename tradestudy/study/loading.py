@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
+from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, Value
@@ -56,8 +57,15 @@ def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
             yield from (place.problem(where, f"{problem.path}: {problem.what}") for problem in error.problems)
             continue
         if where[0] in ("solve", "value_of_information"):
-            for name in definition.posterior_keys.items() - changed.posterior_keys.items():
-                yield place.problem(where, _INFERRED_ANEW.format(name[0]))
+            for name, _ in definition.posterior_keys.items() - changed.posterior_keys.items():
+                if where[0] != "solve" or not _is_planned(changed, name):
+                    yield place.problem(where, _INFERRED_ANEW.format(name))
+
+
+def _is_planned(definition: StudyDefinition, name: str) -> bool:
+    """Whether inverse questions can plan the calibration of a camera: that by a target, for corners are as they are."""
+    part = definition.file.cameras[name]
+    return isinstance(part, DepthCameraDeclaration) and part.calibration.target is not None
 
 
 def _problems_of_questions(definition: StudyDefinition) -> Iterator[Problem]:
