@@ -126,21 +126,16 @@ class _Ratios:
         return Solution(value=float(np.mean(roots)), error=_error_of_mean(roots))
 
     def first_whole(self, logs: tuple[float, float]) -> Solution:
-        """The last whole number on the certain side between two values; its error is that over all scrambles or plans.
-
-        It is the same in all of them where none moves it by a whole number.
-        """
+        """The last whole number on the certain side between two values; its error is over all scrambles or plans."""
         count = max(len(self._all(log)) for log in logs)
         certain, other = sorted(logs, key=self.mean)
-        each = [
-            self._last_whole(partial(self._one, k), (certain, other))
-            for k in range(count)
-            if self._one(k, certain) <= 0.0 < self._one(k, other)
-        ]
+        each = [self._last_whole(partial(self._one, k), (certain, other)) for k in range(count)]
         return Solution(value=self._last_whole(self.mean, (certain, other)), error=_error_of_mean(np.array(each)))
 
     def _last_whole(self, log_ratio: Callable[[float], float], logs: tuple[float, float]) -> float:
         certain, other = (float(round(math.exp(log))) for log in logs)
+        if log_ratio(logs[0]) > 0.0 or log_ratio(logs[1]) <= 0.0:  # beyond an end that others have theirs within
+            return certain if log_ratio(logs[0]) > 0.0 else other
         possible = self._varying.possible
         return bracketed(certain, other, lambda one: log_ratio(math.log(one)) <= 0.0, possible=possible, close=0.0)[0]
 
