@@ -256,7 +256,7 @@ def test_more_samples_lower_the_error(tmp_path: Path) -> None:
         camera="plenoptic",
         exposure=camera.exposures[0],
         scene=scene,
-        recording=pictures.recording_of(image, picture),
+        recording=pictures.recording_of(image, picture, camera.camera.sensor),
         samples=1024,
         seed=0,
         rows=(80, 112),
@@ -280,7 +280,7 @@ def test_the_plan_says_how_long_rendering_takes(tmp_path: Path) -> None:
     settings = picture.settings(550e-9)
     told = sum(rendering_seconds(one, image, 0.15, settings) for one in loaded.definition.case.all_cameras.values())
     scene, cameras = pictures.set_up(loaded.definition)
-    recording = pictures.recording_of(image, picture)
+    recording = pictures.recording_of(image, picture, cameras[0].camera.sensor)
     whole = [
         tiles.Tile(
             camera=one.name,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -31,11 +32,11 @@ _PATTERN: Final = 512  # samples of a texture, whose size hardly matters for the
 
 def rendering_work(definition: StudyDefinition, image: SceneImagePart) -> tuple[float, str]:
     """Processor seconds of all pictures of the study's scene, and what is counted, in words."""
-    settings, distances = _pictured(definition)
-    middle = float(np.median(distances))
     cameras = [
         camera for name, camera in definition.case.all_cameras.items() if image.cameras is None or name in image.cameras
     ]
+    settings, distances = _pictured(definition, cameras)
+    middle = float(np.median(distances))
     pixels = sum(pixels_of(camera, middle, settings) for camera in cameras)
     seconds = math.fsum(rendering_seconds(camera, image, middle, settings) for camera in cameras)
     return seconds, f"{pixels / 1e6:.3g} million pixels of {counted(len(cameras), 'camera')}"
@@ -43,19 +44,19 @@ def rendering_work(definition: StudyDefinition, image: SceneImagePart) -> tuple[
 
 def loop_work(definition: StudyDefinition, part: DepthLoopPart) -> tuple[float, str]:
     """Processor seconds of all planes of the study's depth loop, and what is counted, in words."""
-    settings, _ = _pictured(definition)
     varied = max(1, len(part.contrasts or ())) * max(1, len(part.electrons or ()))
     cameras = [definition.case.cameras[name] for name in part.cameras or definition.case.cameras]
+    settings, _ = _pictured(definition, cameras)
     seconds = varied * math.fsum(loop_seconds(camera, part, settings) for camera in cameras)
     return seconds, counted(varied * len(cameras) * len(part.distances), "plane")
 
 
-def _pictured(definition: StudyDefinition) -> tuple[PictureSettings, tuple[float, ...]]:
-    """Texture, light and sensor of a study that renders something, and the distances of its scene [m]."""
+def _pictured(definition: StudyDefinition, cameras: Sequence[Camera]) -> tuple[PictureSettings, tuple[float, ...]]:
+    """Texture, light and a sensor of a study that renders something, and the distances of its scene [m]."""
     scene = definition.file.scene
     assert scene is not None  # the study was checked
     assert scene.picture is not None
-    return scene.picture.settings(scene.wavelength), tuple(scene.distance_values())
+    return scene.picture.settings(scene.wavelength, cameras[0].sensor), tuple(scene.distance_values())
 
 
 def pixels_of(camera: Camera, distance: float, settings: PictureSettings) -> int:
