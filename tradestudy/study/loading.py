@@ -8,8 +8,9 @@ from pathlib import Path
 
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.errors import Problem, StudyError, TradestudyError
+from tradestudy.study.camera_files.importing import ONE_CAMERA
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import Entry, Value
+from tradestudy.study.document import Document, Entry, Value
 from tradestudy.study.expectations import expectation_bounds, question_ends
 from tradestudy.study.reader import read
 from tradestudy.study.schema.value_of_information import AssumptionPart
@@ -31,7 +32,11 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
     StudyError
         With every mistake found, at its place.
     """
-    definition = StudyDefinition.of(read(path, overrides))
+    document = read(path, overrides)
+    try:
+        definition = StudyDefinition.of(document)
+    except StudyError as error:
+        raise StudyError([*error.problems, *_single_cameras(document, error)]) from None
     problems: list[Problem] = []
     try:
         definition.readings  # noqa: B018 - built here so that `check` sees their mistakes
@@ -45,6 +50,14 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
     if problems:
         raise StudyError(list(dict.fromkeys(problems)))
     return definition
+
+
+def _single_cameras(document: Document, error: StudyError) -> Iterator[Problem]:
+    """Files of one camera, whose study has mistakes: half of a rig may have been taken for the whole."""
+    for line in document.imported:
+        path = ("cameras", line.partition(":")[0])
+        if line.endswith(ONE_CAMERA) and any(one.path.startswith(".".join(path)) for one in error.problems):
+            yield document.locate((*path, "kind")).problem((*path, "from"), f"gives {ONE_CAMERA}")
 
 
 def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
