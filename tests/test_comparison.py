@@ -323,6 +323,24 @@ def test_changes_where_the_camera_can_be_used_are_told_first() -> None:
     assert found.where.endswith("(+10 %)")
 
 
+@pytest.mark.parametrize(
+    ("one", "other", "alike"),
+    [
+        ("['0.0 rad', '0.0 rad', '0.1 rad']", "['1e-19 rad', '-2e-17 rad', '0.1 rad']", True),
+        ("['-0.1 m', '0.0 m', '0.0 m']", "['-100 mm', '3e-18 m', '0 m']", True),
+        ("['-0.1 m', '0.0 m', '0.0 m']", "['-0.1 m', '1e-9 m', '0.0 m']", False),
+        ("['0.0 rad', '0.0 rad', '0.1 rad']", "['1e-9 rad', '0.0 rad', '0.1 rad']", False),
+        ("1e-19 m", "2e-19 m", False),
+        ("infinity", "infinity", True),
+        ("infinity", "1 m", False),
+        ("[1, 2]", "[1, 2, 3]", False),
+    ],
+)
+def test_rounding_makes_no_input_differ(one: str, other: str, alike: bool) -> None:
+    found = compared(tree(), tree(), value=(one, other))
+    assert (len(found.inputs), found.same_inputs) == ((0, 1) if alike else (1, 0))
+
+
 def test_inputs_that_mean_the_same_do_not_differ_and_units_are_those_of_people() -> None:
     found = compared(
         tree(),

@@ -256,7 +256,7 @@ def test_more_samples_lower_the_error(tmp_path: Path) -> None:
         camera="plenoptic",
         exposure=camera.exposures[0],
         scene=scene,
-        recording=pictures.recording_of(image, picture),
+        recording=pictures.recording_of(image, picture, camera.camera.sensor),
         samples=1024,
         seed=0,
         rows=(80, 112),
@@ -278,7 +278,7 @@ def test_the_plan_says_how_long_rendering_takes(tmp_path: Path) -> None:
     assert step.work == "0.0689 million pixels of 2 cameras"
     image, picture = pictures.declared_image(loaded.definition)
     scene, cameras = pictures.set_up(loaded.definition)
-    recording = pictures.recording_of(image, picture)
+    recording = pictures.recording_of(image, picture, cameras[0].camera.sensor)
     whole = [
         one for taken in cameras for one in pictures.whole_pictures(loaded.definition, image, scene, taken, recording)
     ]

@@ -10,7 +10,7 @@ import signal
 import sys
 import tempfile
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -252,8 +252,9 @@ def check(study: StudyArgument, set_: SetOption = None, debug: DebugOption = Fal
         typer.echo(_warned(api.load(study, set_ or ())).check())
 
 
-@app.command()
+@app.command(context_settings={"allow_extra_args": True})
 def new(
+    context: typer.Context,
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the study.", show_default=False)],
     stereo: Annotated[bool, typer.Option("--stereo", help="Compare two stereo rigs.")] = False,
     plenoptic: Annotated[bool, typer.Option("--plenoptic", help="Compare two plenoptic cameras.")] = False,
@@ -272,6 +273,7 @@ def new(
         from tradestudy import api
         from tradestudy.study.starter import starter
 
+        _refuse_joined(from_ or (), context.args)
         name = name.removesuffix(".yaml")
         kinds = [option for option, given in (("--stereo", stereo), ("--plenoptic", plenoptic)) if given]
         if kinds and from_:
@@ -383,6 +385,17 @@ def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Exe
     cluster.check()  # before anything is computed or written
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # the run itself reports every lost worker
     return cluster
+
+
+def _refuse_joined(files: Sequence[Path], further: Sequence[str]) -> None:
+    """Refuse arguments beyond the name, and several files given as one."""
+    joined = [part for one in files if not one.exists() for part in str(one).split()]
+    together = [*map(str, files), *further] if further else joined
+    if further and not files:
+        raise _InputError("new takes one name", value=" ".join(further), remedy="leave the others out")
+    if further or (len(joined) > 1 and all(Path(one).exists() for one in joined)):
+        remedy = "write " + " ".join(f"--from {one}" for one in together)
+        raise _InputError("--from takes one file", value=" ".join(together), remedy=remedy)
 
 
 _SAYING_MORE: Final = (

@@ -58,6 +58,8 @@ bar = 1e5 * pascal
 atmosphere = 101325 * pascal = atm
 pixel = [pixel] = px
 electron = [electron] = e
+photon = [photon]
+digital_number = [digital_number] = DN
 wave = [wave]
 percent = 0.01
 ppm = 1e-6
@@ -80,7 +82,7 @@ _SPELLINGS = str.maketrans(
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _COMMON_UNITS = (
     "nm", "um", "mm", "cm", "m", "km", "in", "ft", "au", "metres", "millimetres",
-    "deg", "rad", "mrad", "arcmin", "arcsec", "px", "pixels", "electrons",
+    "deg", "rad", "mrad", "arcmin", "arcsec", "px", "pixels", "electrons", "photons", "DN",
     "waves", "percent", "ppm", "K", "degC", "Pa", "kPa", "hPa", "bar", "s", "ms", "min", "h",
     "g", "kg", "W", "mW", "MB", "GB",
 )  # fmt: skip
@@ -167,6 +169,10 @@ ANGLE = Dimension(
 PIXELS = Dimension(name="a number of pixels", unit="px", example="0.1 px", display=_shown_in(" px"))
 ELECTRONS = Dimension(
     name="a number of electrons", unit="electron", example="12000 electrons", display=_shown_in(" e⁻")
+)
+PHOTONS = Dimension(name="a number of photons", unit="photon", example="12000 photons", display=_shown_in(" photons"))
+SYSTEM_GAIN = Dimension(
+    name="a system gain", unit="DN/electron", example="0.25 DN/electron", display=_shown_in(" DN/e⁻")
 )
 WAVES = Dimension(name="a number of waves", unit="wave", example="0.25 waves", display=_shown_in(" waves"))
 FRACTION = Dimension(
@@ -470,7 +476,7 @@ def _name_of(dimensions: frozenset[tuple[str, object]]) -> str:
 
 
 _KNOWN = (
-    LENGTH, ANGLE, PIXELS, ELECTRONS, WAVES, FRACTION, DURATION, TEMPERATURE, PRESSURE, EXPANSION,
+    LENGTH, ANGLE, PIXELS, ELECTRONS, PHOTONS, SYSTEM_GAIN, WAVES, FRACTION, DURATION, TEMPERATURE, PRESSURE, EXPANSION,
     MASS, POWER, DATA, SOLID_ANGLE,
 )  # fmt: skip
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.calibration import cameras, plain_cameras, plain_pair
+from tests.calibration.random_poses import tilted_poses
 from tests.calibration.trials import CalibrationTrial, normal_priors
 from tests.data.simulate_corners import NOISE_PX, pictures, true_rig
 from tradestudy.calibration.calibration_file import CalibrationDraws
@@ -24,10 +25,10 @@ from tradestudy.calibration.corners.real_rig import fit_rig
 from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.posterior.laplace import LaplaceFit
 from tradestudy.calibration.posterior_file import posterior_of_file, rig_calibration, write_posterior
-from tradestudy.calibration.posteriors import observer
 from tradestudy.calibration.projection import move
 from tradestudy.calibration.sources import CALIBRATION, group_of_draws
-from tradestudy.calibration.target.synthetic_target import SyntheticTarget, flat_grid, tilted_poses
+from tradestudy.calibration.target.camera_target import observer
+from tradestudy.calibration.target.synthetic_target import SyntheticTarget, flat_grid
 from tradestudy.calibration.target.target_inference import fit_target, sample_target
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.depth_camera import DepthCamera

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.calibration.random_poses import tilted_poses
 from tradestudy.calibration.corners.bundle_adjustment import (
     check_rig,
     fit_camera,
@@ -24,7 +25,7 @@ from tradestudy.calibration.corners.view_blocks import (
 )
 from tradestudy.calibration.posterior.laplace import covariance_from_information
 from tradestudy.calibration.projection import move, project
-from tradestudy.calibration.target.synthetic_target import flat_grid, tilted_poses
+from tradestudy.calibration.target.synthetic_target import flat_grid
 
 FILE = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corners.csv"
 IMAGE_SIZE = (640, 360)

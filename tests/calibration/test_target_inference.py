@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.calibration.random_poses import tilted_poses
 from tests.calibration.rig_draws import depth_of_draws
 from tests.calibration.trials import normal_priors
 from tradestudy.calibration.corners.real_rig import observe_pair
@@ -13,7 +14,6 @@ from tradestudy.calibration.target.synthetic_target import (
     SyntheticTarget,
     flat_grid,
     observe_target,
-    tilted_poses,
 )
 from tradestudy.calibration.target.target_inference import (
     TargetProblem,

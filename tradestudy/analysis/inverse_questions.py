@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
 from scipy.optimize import brentq
 
 from tradestudy.analysis.depth import distribution
+from tradestudy.analysis.halving import bracketed
+from tradestudy.analysis.planned_calibrations import planned, plans, to_be_planned
 from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.errors import NotConvergedError, OutOfRangeError
+from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.expectations import question_ends
@@ -61,7 +64,9 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
 
     The ratio of the uncertainties is computed at nine values between the declared ends. Wherever it passes one between
     two of them, Brent's method finds the crossing on a logarithmic scale, in each scramble of the draws. Two crossings
-    between neighbouring values are not seen.
+    between neighbouring values are not seen. For a whole number, such as a number of views, the answer is the first one
+    on the certain side. If the question varies the target of a calibration, the calibration is planned in eight spreads
+    of the views, and the error is that of their mean.
 
     Raises
     ------
@@ -72,50 +77,92 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     """
     varying = Varying.of(definition, question)
     dimension, low, high = varying.dimension, varying.low, varying.high
-    if varying.is_counted:
-        raise OutOfRangeError(
-            "this inverse question varies a count, but certainty needs a continuous input",
-            value=question.paths[0],
-            remedy="declare a requirement on depth uncertainty, and solve for that requirement",
-        )
-    known: dict[float, FloatArray] = {}
-
-    def log_ratios(log_value: float) -> FloatArray:
-        if log_value not in known:
-            known[log_value] = _log_ratios(definition.with_values(varying.changes(math.exp(log_value))), question)
-        return known[log_value]
-
-    places = np.linspace(math.log(low), math.log(high), _PLACES).tolist()
-    means = np.array([float(np.mean(log_ratios(log))) for log in places])
+    ratios = _Ratios(to_be_planned(definition, varying), question, varying)
+    places = [math.log(varying.possible(math.exp(log))) for log in np.linspace(math.log(low), math.log(high), _PLACES)]
+    places = list(dict.fromkeys(places))
+    means = np.array([ratios.mean(log) for log in places])
     if np.all(np.abs(means) <= _ROUNDING):
-        found = "equal throughout" if question.equal is not None else f"exactly {_goal_words(question)} throughout"
-        answer = f"{found}, from {pretty(low, dimension)} to {pretty(high, dimension)}"
+        throughout = "equal throughout" if question.equal is not None else f"exactly {_goal_words(question)} throughout"
+        answer = f"{throughout}, from {pretty(low, dimension)} to {pretty(high, dimension)}"
         return Solved(solutions=(), dimension=dimension, answer=answer)
-    solutions = []
-    for k in range(_PLACES - 1):
-        if not means[k] * means[k + 1] <= 0.0 or (means[k] == 0.0 and k > 0):  # count a root at a tried value once
-            continue
-        logs = (places[k], places[k + 1])
-        count = max(len(log_ratios(log)) for log in logs)
-        roots = np.exp([_root(_one_scramble(log_ratios, scramble), logs, question.says) for scramble in range(count)])
-        error = float(np.std(roots, ddof=1) / math.sqrt(count)) if count > 1 else 0.0
-        solutions.append(Solution(value=float(np.mean(roots)), error=error))
-    if not solutions and np.isnan(means).any():  # a claim about all values would be unfounded
+    find = ratios.first_whole if varying.is_counted else ratios.crossing
+    found = [
+        find((places[k], places[k + 1]))
+        for k in range(len(places) - 1)
+        if means[k] * means[k + 1] <= 0.0 and (means[k] != 0.0 or k == 0)  # a root on a place counts once
+    ]
+    if not found and np.isnan(means).any():  # a claim about all values would be unfounded
         return Solved(solutions=(), dimension=dimension, answer=_undecided(question))
-    if not solutions:
+    if not found:
         answer = _nowhere(definition, question, (low, high), means)
         return Solved(solutions=(), dimension=dimension, answer=answer)
-    return Solved(solutions=tuple(solutions), dimension=dimension, answer=_answer(definition, question, solutions))
+    answer = _answer(definition, question, found)
+    if ratios.plans > 1:
+        answer += f"; calibration planned, mean over {ratios.plans} spreads of the views"
+    return Solved(solutions=tuple(found), dimension=dimension, answer=answer)
 
 
-def _one_scramble(log_ratios: Callable[[float], FloatArray], scramble: int) -> Callable[[float], float]:
-    """The ratio in one scramble; a linear model has only one, which serves for all."""
+class _Ratios:
+    """Logarithms of the uncertainty over the one that it is to equal, over the logarithm of what is varied."""
 
-    def log_ratio(log_value: float) -> float:
-        ratios = log_ratios(log_value)
-        return float(ratios[min(scramble, len(ratios) - 1)])
+    def __init__(self, definition: StudyDefinition, question: SolvePart, varying: Varying) -> None:
+        self._definition, self._question, self._varying = definition, question, varying
+        self._plans = plans(definition)
+        self._known: dict[tuple[float, int], FloatArray] = {}
 
-    return log_ratio
+    @property
+    def plans(self) -> int:
+        """In how many spreads of its views a calibration is planned; one where none is."""
+        return len(self._plans)
+
+    def mean(self, log_value: float) -> float:
+        """Over all scrambles, or all plans of a calibration."""
+        return float(np.mean(self._all(log_value)))
+
+    def crossing(self, logs: tuple[float, float]) -> Solution:
+        """Where the mean ratio passes one between two values, by that of each scramble or plan."""
+        count = max(len(self._all(log)) for log in logs)
+        roots = np.exp([_root(partial(self._one, k), logs, self._question.says) for k in range(count)])
+        return Solution(value=float(np.mean(roots)), error=_error_of_mean(roots))
+
+    def first_whole(self, logs: tuple[float, float]) -> Solution:
+        """The last whole number on the certain side between two values; its error is over all scrambles or plans."""
+        count = max(len(self._all(log)) for log in logs)
+        certain, other = sorted(logs, key=self.mean)
+        each = [self._last_whole(partial(self._one, k), (certain, other)) for k in range(count)]
+        return Solution(value=self._last_whole(self.mean, (certain, other)), error=_error_of_mean(np.array(each)))
+
+    def _last_whole(self, log_ratio: Callable[[float], float], logs: tuple[float, float]) -> float:
+        certain, other = (float(round(math.exp(log))) for log in logs)
+        if log_ratio(logs[0]) > 0.0 or log_ratio(logs[1]) <= 0.0:  # beyond an end that others have theirs within
+            return certain if log_ratio(logs[0]) > 0.0 else other
+        possible = self._varying.possible
+        return bracketed(certain, other, lambda one: log_ratio(math.log(one)) <= 0.0, possible=possible, close=0.0)[0]
+
+    def _one(self, number: int, log_value: float) -> float:
+        """Of one scramble, or one plan, alone; a linear model stands for all scrambles."""
+        if self.plans > 1:
+            return float(np.mean(self._at(log_value, number)))
+        ratios = self._at(log_value, 0)
+        return float(ratios[min(number, len(ratios) - 1)])
+
+    def _all(self, log_value: float) -> FloatArray:
+        if self.plans > 1:
+            return np.array([self._one(plan, log_value) for plan in self._plans])
+        return self._at(log_value, 0)
+
+    def _at(self, log_value: float, plan: int) -> FloatArray:
+        key = (log_value, plan)
+        if key not in self._known:
+            varying = self._varying
+            value = min(max(math.exp(log_value), varying.low), varying.high)  # rounding may carry it beyond an end
+            changed = self._definition.with_values(varying.changes(value))
+            self._known[key] = _log_ratios(planned(changed, plan), self._question)
+        return self._known[key]
+
+
+def _error_of_mean(values: FloatArray) -> float:
+    return float(np.std(values, ddof=1) / math.sqrt(len(values))) if len(values) > 1 else 0.0
 
 
 def _root(log_ratio: Callable[[float], float], logs: tuple[float, float], says: str) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from tradestudy.analysis.halving import bracketed
 from tradestudy.analysis.held import Held
 from tradestudy.analysis.inverse_questions import Solution, Solved, beside_declared
+from tradestudy.analysis.planned_calibrations import planned, to_be_planned
 from tradestudy.analysis.requirements import Judge
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.questions import SolvePart
@@ -49,10 +50,11 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
     """
     varying, judge = Varying.of(definition, question), Judge()
     requirement, dimension = definition.file.requirements[question.requirement or ""], varying.dimension
+    definition = to_be_planned(definition, varying)
     known: dict[float, Held] = {}
 
     def is_met(value: float) -> bool | None:
-        known[value] = judge.answer(requirement, definition.with_values(varying.changes(value)).case)[0]
+        known[value] = judge.answer(requirement, planned(definition.with_values(varying.changes(value))).case)[0]
         return known[value].met
 
     places = {varying.possible(float(value)) for value in np.geomspace(varying.low, varying.high, _PLACES)}

@@ -10,6 +10,7 @@ from tradestudy.analysis.rendered_scene import pattern_of_scene, scene_of
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.light_cones import Exposure
+from tradestudy.cameras.parts import Sensor
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.errors import Problem, StudyError
 from tradestudy.imaging.models import Texture
@@ -97,9 +98,9 @@ def texture_of(picture: PicturePart) -> Texture:
     return Texture(contrast=picture.texture.contrast, correlation_length=picture.texture.correlation_length)
 
 
-def recording_of(image: SceneImagePart, picture: PicturePart) -> Recording:
-    """How the sensors record light."""
-    settings = picture.settings(1.0)  # rays have no wavelength
+def recording_of(image: SceneImagePart, picture: PicturePart, sensor: Sensor) -> Recording:
+    """What a sensor does with light."""
+    settings = picture.settings(1.0, sensor)  # rays have no wavelength
     mosaic = image.mosaic
     return Recording(
         light=settings.light,

@@ -20,29 +20,17 @@ from tradestudy.calibration.posterior.laplace import LaplaceCheck, LaplaceFit
 from tradestudy.calibration.posterior.sampling import PosteriorSample
 from tradestudy.calibration.posterior_file import rig_calibration
 from tradestudy.calibration.sources import CALIBRATION, declared_groups, group_of_draws
-from tradestudy.calibration.target.synthetic_target import (
-    CameraModel,
-    Priors,
-    SyntheticTarget,
-    flat_grid,
-    observe_target,
-    tilted_poses,
-)
-from tradestudy.calibration.target.target_inference import TargetProblem, fit_target, sample_target
+from tradestudy.calibration.target.camera_target import TargetToInfer, target_problem
+from tradestudy.calibration.target.target_inference import fit_target, sample_target
 from tradestudy.cameras.calibration import Calibration
-from tradestudy.cameras.calibration_declaration import CalibrationPart, CornersPart, TargetPart
+from tradestudy.cameras.calibration_declaration import CalibrationPart, CornersPart
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.pair_geometry import PairGeometry
-from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.uncertainty.distributions import Normal, Uniform
-from tradestudy.uncertainty.error_class import ErrorClass
-from tradestudy.uncertainty.sources import Group, Source
 from tradestudy.uncertainty.streams import point_generator
 
 MOST_DRAWS = 2**13
 """Joint draws of a posterior that are propagated, spread evenly over ensembles, steps and walkers."""
-_FEWEST_CORNERS, _FEWEST_VIEWS = 6, 3
 _CHECKED_DRAWS = 1000
 
 
@@ -83,31 +71,6 @@ class InferredCalibration:
         efficiency = f"{self.check.efficiency:.2f} of the draws survive reweighting to poses settled anew"
         marginal = () if self.check.passed else (efficiency,)
         return (*self.sample.diagnostics.failures, *marginal)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TargetToInfer:
-    """A calibration to be inferred from a synthetic target.
-
-    Parameters
-    ----------
-    name
-        Of the camera; with the seed it says which random numbers are drawn.
-    camera
-        The design.
-    groups
-        The declared errors; those that are drawn per rig are the priors.
-    part
-        The target.
-    seed
-        Of the study.
-    """
-
-    name: str
-    camera: DepthCamera
-    groups: tuple[Group, ...]
-    part: TargetPart
-    seed: int
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -267,85 +230,3 @@ def propagated(names: tuple[str, ...], sample: PosteriorSample) -> CalibrationDr
     columns = [sample.names.index(name) for name in names]
     draws = sample.thinned(min(MOST_DRAWS, len(sample.draws)))[:, columns]
     return CalibrationDraws(names=names, draws=np.ascontiguousarray(draws))
-
-
-def target_problem(asked: TargetToInfer) -> tuple[TargetProblem, np.random.Generator]:
-    """What a camera drawn from the declared errors sees of the target, and the generator that goes on from there."""
-    part, camera = asked.part, asked.camera
-    priors = _priors(asked.name, asked.groups)
-    rng = point_generator(seed=asked.seed, point=f"target/{asked.name}", replicate=0)
-    target = SyntheticTarget(
-        points=flat_grid(part.columns, part.rows, part.spacing),
-        poses=tilted_poses(part.views, (part.distances[0], part.distances[1]), part.half_field, part.tilt, rng),
-        noise=camera.target_noise_px(part.corner_noise),
-        rotation_deviation=part.rotation_known_to or np.inf,
-        translation_deviation=part.position_known_to or np.inf,
-    )
-    model = observer(camera, priors.names)
-    truth = priors.draw(rng, 1)[0]
-    observed, target = _on_sensor(camera, observe_target(target, model, truth, rng), target)
-    return TargetProblem(observed=observed, target=target, model=model, priors=priors), rng
-
-
-def _priors(name: str, groups: tuple[Group, ...]) -> Priors:
-    """Independent priors from the errors that are drawn once per rig."""
-    rows: list[tuple[str, float, float, float, float]] = []
-    for group in groups:
-        if group.error_class is not ErrorClass.RIG:
-            continue
-        distribution = group.distribution if isinstance(group, Source) else None
-        match distribution:
-            case Normal():
-                rows.append((group.name, distribution.mean, distribution.standard_deviation, -np.inf, np.inf))
-            case Uniform():
-                rows.append((group.name, distribution.mean, np.inf, distribution.low, distribution.high))
-            case None:
-                raise OutOfRangeError(
-                    f"{name}: correlated errors are no priors of a target",
-                    value=", ".join(group.parameters),
-                    limit="independent errors",
-                    remedy="leave their correlations out; the target finds them",
-                )
-            case _:
-                raise OutOfRangeError(
-                    f"{name}: the distribution of {group.name} is no prior of a target",
-                    value=type(distribution).__name__,
-                    limit="normal or uniform",
-                    remedy="give a standard_deviation or a half_width alone",
-                )
-    if not rows:
-        raise OutOfRangeError(
-            f"{name}: a target without an error per rig", remedy="declare under errors what it is to determine"
-        )
-    names, *columns = zip(*rows, strict=True)
-    mean, deviation, lower, upper = (np.array(column, dtype=np.float64) for column in columns)
-    return Priors(names=tuple(map(str, names)), mean=mean, standard_deviation=deviation, lower=lower, upper=upper)
-
-
-def _on_sensor(
-    camera: DepthCamera, observed: FloatArray, target: SyntheticTarget
-) -> tuple[FloatArray, SyntheticTarget]:
-    """Corners that fall beside the sensor are not seen, and views with fewer than six are not taken."""
-    seen = camera.seen_on_sensor(observed)
-    taken = np.all(np.sum(seen, axis=1) >= _FEWEST_CORNERS, axis=-1)
-    if taken.sum() < _FEWEST_VIEWS:
-        raise OutOfRangeError(
-            "a synthetic target is seen in too few views",
-            value=str(int(taken.sum())),
-            limit=f"at least {_FEWEST_VIEWS} with {_FEWEST_CORNERS} corners",
-            remedy="show a smaller board, farther away, or nearer to the axis",
-        )
-    return np.where(seen, observed, np.nan)[taken], replace(target, poses=target.poses[taken])
-
-
-def observer(camera: DepthCamera, names: tuple[str, ...]) -> CameraModel:
-    """What a camera with given errors sees of points, as inference takes it: components [px] last."""
-    pixel = camera.sensor.pixel_pitch
-
-    def observe(parameters: FloatArray, points: FloatArray) -> FloatArray:
-        errors = {name: parameters[..., k, None] for k, name in enumerate(names)}
-        x, y, z = points[..., 0], points[..., 1], points[..., 2]
-        seen = camera.observe_target(errors, x, y, z)
-        return np.stack(np.broadcast_arrays(*seen), axis=-1) / pixel
-
-    return observe

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Final, Self
 
@@ -13,6 +12,7 @@ from tradestudy import units
 from tradestudy.cameras.calibration import SourceName
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
+from tradestudy.cameras.target_declaration import MostSteps, TargetPart
 from tradestudy.declarations.distributions import (
     AngleDistribution,
     AnyDistribution,
@@ -24,22 +24,12 @@ from tradestudy.declarations.distributions import (
 )
 from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
-from tradestudy.declarations.quantities import (
-    PositiveAngle,
-    PositiveLength,
-    PositivePixels,
-    Pressure,
-    Temperature,
-    ThermalExpansion,
-    quantity,
-)
-from tradestudy.declarations.words import Span, Text
+from tradestudy.declarations.quantities import Pressure, Temperature, ThermalExpansion, quantity
+from tradestudy.declarations.words import Text
 from tradestudy.uncertainty.error_class import ErrorClass
 
 Correlation = Annotated[float, *quantity(units.NUMBER, at_least=-1.0, at_most=1.0)]
-HalfFieldAngle = Annotated[float, *quantity(units.ANGLE, above=0.0, at_most=80.0 * units.DEGREE)]
 SquareSizeUncertainty = Annotated[float, *quantity(units.FRACTION, at_least=0.0, at_most=0.1)]
-MostSteps = Annotated[int, Field(ge=100, le=1_000_000, strict=True)]
 
 _OF_UNIT: Final = {"m": LengthDistribution, "rad": AngleDistribution, "1": NumberDistribution}
 _SOURCES: Final[tuple[SourceName, ...]] = ("corners", "target", "posterior")
@@ -114,33 +104,6 @@ class StabilityPart(Part):
                 yield MistakeAt(
                     (name,), f"needs stability.{' or stability.'.join(users)}, without which it does nothing"
                 )
-
-
-class TargetPart(Part):
-    """A simulated calibration: a board shown to the camera; the declared errors are its priors."""
-
-    views: Annotated[int, Field(ge=3, le=1000, strict=True)] = Field(
-        description="How many pictures of the board are taken."
-    )
-    columns: Annotated[int, Field(ge=2, le=100, strict=True)] = Field(
-        description="Inner corners of the board along its rows."
-    )
-    rows: Annotated[int, Field(ge=2, le=100, strict=True)] = Field(
-        description="Inner corners of the board along its columns."
-    )
-    spacing: PositiveLength = Field(description="Distance of neighbouring corners.")
-    distances: Span = Field(description="Nearest and farthest distance of the board.")
-    half_field_angle: HalfFieldAngle = Field(description="Largest angle of the board's middle from the optical axis.")
-    tilt: PositiveAngle = Field(description="Standard deviation of each component of the board's rotation.")
-    corner_noise: PositivePixels = Field(description="Standard deviation of one image coordinate of a corner.")
-    rotation_known_to: PositiveAngle | None = Field(default=None, description="Left out: poses are not known.")
-    position_known_to: PositiveLength | None = Field(default=None, description="Left out: poses are not known.")
-    max_steps: MostSteps = Field(default=20_000, description="Most steps of each sampler of the posterior.")
-
-    @property
-    def half_field(self) -> float:
-        """Largest slope of the direction to the board's middle."""
-        return math.tan(self.half_field_angle)
 
 
 class CornersPart(Part):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.optics.depth_of_field import hyperfocal_distance
-from tradestudy.units import ANGLE, LENGTH, Dimension, pretty
+from tradestudy.units import ANGLE, ELECTRONS, LENGTH, PHOTONS, Dimension, pretty
 
 if TYPE_CHECKING:  # pydantic is not needed to compute with a camera
     from tradestudy.cameras.stated_declaration import StatedPart
@@ -29,10 +29,10 @@ class Contradiction:
 
 
 def lens_contradictions(lens: Lens, sensor: Sensor, stated: StatedPart | None) -> list[Contradiction]:
-    """Field of view and hyperfocal distance as stated, against those of focal length, aperture and sensor."""
+    """What is stated of field of view, hyperfocal distance and sensitivity, against focal length, aperture, sensor."""
     if stated is None:
         return []
-    found = []
+    found = _sensitivity_contradictions(sensor, stated.absolute_sensitivity_threshold)
     if stated.field_of_view is not None:
         across, diagonal = lens.field_of_view(sensor.width), lens.field_of_view(sensor.diagonal)
         if not any(math.isclose(stated.field_of_view, angle, rel_tol=_ANGLE_TOLERANCE) for angle in (across, diagonal)):
@@ -56,6 +56,43 @@ def lens_contradictions(lens: Lens, sensor: Sensor, stated: StatedPart | None) -
                 )
             )
     return found
+
+
+def digitiser_contradictions(sensor: Sensor, full_well: float, bits: int) -> list[Contradiction]:
+    """A full well [electrons] that the system gain carries beyond the last digital number."""
+    gain = sensor.system_gain
+    if gain is None or full_well * gain <= 2.0**bits * (1.0 + PRINTED_TOLERANCE):
+        return []
+    return [
+        Contradiction(
+            what="saturation capacity against system gain and bit depth",
+            stated=show(full_well, ELECTRONS),
+            implied=f"{show(2.0**bits / gain, ELECTRONS)} at the last of 2^{bits} digital numbers",
+            used="whichever ends first",
+        )
+    ]
+
+
+def _sensitivity_contradictions(sensor: Sensor, stated: float | None) -> list[Contradiction]:
+    """The threshold ``μ_p.min = (√(σ² + 1/4) + 1/2)/η, σ² = σ_d² + 1/(12 K²)``, or ``(σ + 1/2)/η`` as printed before.
+
+    Source: EMVA 1288, releases 4.0 and 3.1. Without a quantum efficiency and a dark noise nothing is implied.
+    """
+    efficiency, dark = sensor.quantum_efficiency, sensor.temporal_dark_noise
+    if stated is None or efficiency is None or dark is None:
+        return []
+    noise = math.hypot(dark, 0.0 if sensor.system_gain is None else 1.0 / (math.sqrt(12.0) * sensor.system_gain))
+    implied = (math.hypot(noise, 0.5) + 0.5) / efficiency, (noise + 0.5) / efficiency
+    if any(math.isclose(stated, one, rel_tol=PRINTED_TOLERANCE) for one in implied):
+        return []
+    return [
+        Contradiction(
+            what="absolute sensitivity threshold against quantum efficiency, dark noise and system gain",
+            stated=show(stated, PHOTONS),
+            implied=show(implied[0], PHOTONS),
+            used="quantum efficiency, dark noise and system gain",
+        )
+    ]
 
 
 def show(value: float, dimension: Dimension) -> str:

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from tradestudy import units
 from tradestudy.cameras.calibration_declaration import CalibrationPart
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.depth_camera import DepthCamera, DisparityError, DisparityErrorLaw
@@ -24,17 +25,22 @@ from tradestudy.declarations.quantities import (
     FNumber,
     FocalLengthOrPixels,
     InPixels,
+    NonNegativeElectrons,
     PixelPitch,
     PositiveAngle,
     PositiveCount,
+    PositiveElectrons,
     PositiveLength,
     PositivePixels,
     QuantityText,
+    SystemGain,
+    quantity,
 )
 from tradestudy.declarations.words import Text
 from tradestudy.errors import OutOfRangeError
 
 AttributeName = Annotated[str, Field(pattern=r"^[a-z][\w -]*$", max_length=60)]
+QuantumEfficiency = Annotated[float, *quantity(units.FRACTION, above=0.0, at_most=1.0)]
 PixelCount = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 
 
@@ -86,10 +92,30 @@ class SensorPart(Part):
 
     pixels: tuple[PixelCount, PixelCount] = Field(description="Columns and rows.")
     pixel_pitch: PixelPitch = Field(description="Distance of neighbouring pixel centres.")
+    quantum_efficiency: QuantumEfficiency | None = Field(
+        default=None, description="Electrons for a photon (EMVA 1288: η); scene.picture.light.photons needs it."
+    )
+    temporal_dark_noise: NonNegativeElectrons | None = Field(
+        default=None, description="EMVA 1288: σ_d; of this sensor, instead of scene.picture.read_noise."
+    )
+    saturation_capacity: PositiveElectrons | None = Field(
+        default=None, description="EMVA 1288: μ_e.sat; of this sensor, instead of scene.picture.full_well."
+    )
+    system_gain: SystemGain | None = Field(
+        default=None, description="EMVA 1288: K; default: what digitises the full well with all bits."
+    )
 
     def sensor(self) -> Sensor:
         """In SI."""
-        return Sensor(columns=self.pixels[0], rows=self.pixels[1], pixel_pitch=self.pixel_pitch)
+        return Sensor(
+            columns=self.pixels[0],
+            rows=self.pixels[1],
+            pixel_pitch=self.pixel_pitch,
+            quantum_efficiency=self.quantum_efficiency,
+            temporal_dark_noise=self.temporal_dark_noise,
+            saturation_capacity=self.saturation_capacity,
+            system_gain=self.system_gain,
+        )
 
 
 class DisparityPart(Part):
@@ -216,6 +242,7 @@ class DepthCameraDeclaration(CameraDeclaration):
 
     camera: ClassVar[type[DepthCamera]]
 
+    sensor: SensorPart
     depth: DisparityPart
     calibration: CalibrationPart
     """Of its kind, see `calibration_part`."""

@@ -31,11 +31,18 @@ class Sensor:
         Number of pixels across and down.
     pixel_pitch
         Distance of neighbouring pixel centres [m], the same both ways.
+    quantum_efficiency, temporal_dark_noise, saturation_capacity, system_gain
+        As EMVA 1288 measures them: electrons for a photon η [1], σ_d and μ_e.sat [electrons], K [DN/electron]; None
+        where that is not known of this sensor.
     """
 
     columns: int
     rows: int
     pixel_pitch: float
+    quantum_efficiency: float | None = None
+    temporal_dark_noise: float | None = None
+    saturation_capacity: float | None = None
+    system_gain: float | None = None
 
     def __post_init__(self) -> None:
         require_positive("pixel pitch", self.pixel_pitch)

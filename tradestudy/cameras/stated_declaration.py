@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from tradestudy.declarations.part import Part
-from tradestudy.declarations.quantities import Angle, Length, PositiveLength
+from tradestudy.declarations.quantities import Angle, Length, PositiveLength, PositivePhotons
 
 
 class StatedPart(Part):
@@ -20,5 +20,8 @@ class StatedPart(Part):
     )
     hyperfocal_distance: Length | None = Field(
         default=None, description="Hyperfocal distance that the data sheet states."
+    )
+    absolute_sensitivity_threshold: PositivePhotons | None = Field(
+        default=None, description="EMVA 1288: μ_p.min, the photons at which signal and noise are equal."
     )
     depth_of_field: PositiveLength | None = Field(default=None, description="Of one image of a conventional camera.")

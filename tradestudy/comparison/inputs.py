@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
@@ -15,6 +16,7 @@ from tradestudy.results.views.groups import group, has
 from tradestudy.units import ANGLE, DURATION, ELECTRONS, FRACTION, LENGTH, PIXELS, UnitError, parse
 
 NOT_SET: Final = "not set"
+_ROUNDING: Final = 1e-12  # of what files of calibrations are converted to
 _NAMES: Final = ("study", "title", "question")
 _NUMBER: Final = re.compile(r"[+-]?\d+(\.\d*)?(e[+-]?\d+)?")
 _QUANTITY: Final = re.compile(r"([+-]?[\d.]+(?:e[+-]?\d+)?)\s*([^\W\d]+|%)")
@@ -24,7 +26,8 @@ _DIMENSIONS: Final = (LENGTH, ANGLE, FRACTION, PIXELS, ELECTRONS, DURATION)
 def differing_inputs(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], int]:
     """Declared values that differ, for cameras that every run has, and the number of compared values.
 
-    Values that are written differently but mean the same, such as 50mm and 0.05 m, do not differ.
+    Values that read differently and mean the same, such as 50mm and 0.05 m, do not differ; nor do those that rounding
+    alone tells apart, such as a rotation that one file writes as a vector and another one as a matrix.
     """
     shared = set(common_cameras(runs, "cameras"))
     every = [run.record.get("inputs", {}) for run in runs]
@@ -38,10 +41,27 @@ def differing_inputs(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], int]:
     titles, found = titles_of(runs), []
     for path in paths:
         texts = [str(one[path]) if path in one else NOT_SET for one in declared]
-        if len(set(map(_meaning, texts))) > 1:
+        if not all(_are_alike(texts[0], text) for text in texts[1:]):
             what = path_words(runs[0].tree, path) if path.startswith("cameras.") else _words(path, titles)
             found.append(Difference(what=what, values=tuple(_shown(text, titles) for text in texts)))
     return tuple(found), len(paths)
+
+
+def _are_alike(one: str, other: str) -> bool:
+    """Whether two values mean the same, up to the rounding of the largest number of a list, and of 1 rad of angles."""
+    meanings = [[_meaning(part) for part in _parts(text)] for text in (one, other)]
+    if [what for what, _ in meanings[0]] != [what for what, _ in meanings[1]]:
+        return False
+    numbers = [[number for _, number in meaning] for meaning in meanings]
+    largest = max((abs(number) for number in (*numbers[0], *numbers[1]) if math.isfinite(number)), default=0.0)
+    scale = max(largest, 1.0) if meanings[0][0][0] == ANGLE.name else largest
+    return all(a == b or abs(a - b) <= _ROUNDING * scale for a, b in zip(*numbers, strict=True))
+
+
+def _parts(text: str) -> list[str]:
+    """The values of a list, or the only one."""
+    is_list = text.startswith("[") and text.endswith("]")
+    return [one.strip("' ") for one in text[1:-1].split(",")] if is_list else [text]
 
 
 def _meaning(text: str) -> tuple[str, float]:
@@ -63,7 +83,7 @@ def _words(path: str, titles: Mapping[str, str]) -> str:
 def _shown(text: str, titles: Mapping[str, str]) -> str:
     """A value as declared, with a space before its unit; lists without brackets, cameras by their titles."""
     if text.startswith("[") and text.endswith("]"):
-        return ", ".join(_shown(one.strip("' "), titles) for one in text[1:-1].split(","))
+        return ", ".join(_shown(one, titles) for one in _parts(text))
     return titles.get(text, _QUANTITY.sub(r"\1 \2", text) if _QUANTITY.fullmatch(text) else text)
 
 

@@ -166,6 +166,8 @@ Pixels = Annotated[float, *quantity(units.PIXELS)]
 PositivePixels = Annotated[float, *quantity(units.PIXELS, above=0.0)]
 PositiveElectrons = Annotated[float, *quantity(units.ELECTRONS, above=0.0)]
 NonNegativeElectrons = Annotated[float, *quantity(units.ELECTRONS, at_least=0.0)]
+PositivePhotons = Annotated[float, *quantity(units.PHOTONS, above=0.0)]
+SystemGain = Annotated[float, *quantity(units.SYSTEM_GAIN, above=0.0)]
 Waves = Annotated[float, *quantity(units.WAVES)]
 
 Fraction = Annotated[float, *quantity(units.FRACTION)]

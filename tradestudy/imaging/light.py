@@ -66,9 +66,11 @@ class SensorNoise:
     read_noise_electrons
         Standard deviation of one reading.
     full_well_electrons
-        Electrons at which a pixel saturates; also the top of the digitised range.
+        Where a pixel saturates.
     bits
-        Bits of a raw value.
+        Of a raw value.
+    gain
+        Digital numbers for an electron K; None: all numbers over the full well.
 
     Raises
     ------
@@ -79,8 +81,16 @@ class SensorNoise:
     read_noise_electrons: float
     full_well_electrons: float
     bits: int
+    gain: float | None = None
+
+    @property
+    def step_electrons(self) -> float:
+        """One step of the digitiser [electrons]: 1/K, or full well / 2^bits."""
+        return self.full_well_electrons / 2.0**self.bits if self.gain is None else 1.0 / self.gain
 
     def __post_init__(self) -> None:
+        if self.gain is not None:
+            require_positive("system gain", self.gain, "DN/e")
         require_positive("full well", self.full_well_electrons, "e")
         if not (math.isfinite(self.read_noise_electrons) and self.read_noise_electrons >= 0.0):
             raise OutOfRangeError("read noise", value=f"{self.read_noise_electrons:g} e", limit="0 e or more")
@@ -108,14 +118,14 @@ def mean_electrons(light: Light, f_number: ArrayLike, pixel_pitch: float, illumi
 
 
 def noise_variance(electrons: ArrayLike, sensor: SensorNoise, model: SensorNoiseModel) -> FloatArray:
-    """Variance of one pixel [electrons²]: ``n + σ_r² + q²/12``, q = full well / 2^bits, with the terms of the model.
+    """Variance of one pixel [electrons²]: ``n + σ_r² + q²/12``, q the step of the digitiser, as far as the model goes.
 
     Parameters
     ----------
     electrons
         Mean electrons n. Shot noise is evaluated at the mean, which is right on average over the texture.
     sensor
-        Read noise, full well, bits.
+        Read noise and step.
     model
         Which of the three terms count.
 
@@ -126,7 +136,6 @@ def noise_variance(electrons: ArrayLike, sensor: SensorNoise, model: SensorNoise
     """
     n = np.asarray(electrons, dtype=np.float64)
     read = np.full_like(n, sensor.read_noise_electrons**2)
-    step = sensor.full_well_electrons / 2.0**sensor.bits
     match model:
         case "off":
             return np.zeros_like(n)
@@ -135,7 +144,7 @@ def noise_variance(electrons: ArrayLike, sensor: SensorNoise, model: SensorNoise
         case "shot+read":
             return n + read
         case "shot+read+quantisation":
-            return n + read + step**2 / 12.0
+            return n + read + sensor.step_electrons**2 / 12.0
         case _:
             assert_never(model)
 

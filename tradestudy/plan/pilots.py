@@ -20,7 +20,8 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.study import loading
 
 if TYPE_CHECKING:
-    from tradestudy.calibration.posteriors import CornersToInfer, TargetToInfer
+    from tradestudy.calibration.posteriors import CornersToInfer
+    from tradestudy.calibration.target.camera_target import TargetToInfer
     from tradestudy.imaging.kirchhoff import LatticePoint
     from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart, PointSpreadPart
 
@@ -100,7 +101,8 @@ def inference_seconds(asked: TargetToInfer | CornersToInfer) -> float:
     """Time to infer a calibration by sampling, from one fit to its corners."""
     from tradestudy.calibration.corners.corner_file import read_corners
     from tradestudy.calibration.corners.initial_values import first_intrinsics, first_poses
-    from tradestudy.calibration.posteriors import CornersToInfer, target_problem
+    from tradestudy.calibration.posteriors import CornersToInfer
+    from tradestudy.calibration.target.camera_target import target_problem
     from tradestudy.calibration.target.target_inference import fit_target
 
     if isinstance(asked, CornersToInfer):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
@@ -28,11 +28,13 @@ from tradestudy.study.schema.questions import (
 )
 from tradestudy.study.schema.trade_off import TradeOffPart
 from tradestudy.study.schema.wave_optics import listed
-from tradestudy.study.sweep import sweep_axes
+from tradestudy.study.sweep import calibrations_to_infer, sweep_axes
 from tradestudy.wording import counted
 
-if TYPE_CHECKING:  # few studies ask for light
+if TYPE_CHECKING:  # few studies ask for light, or infer
     from tradestudy.analysis.spot_images import SpotModels
+    from tradestudy.calibration.posteriors import CornersToInfer
+    from tradestudy.calibration.target.camera_target import TargetToInfer
 
 # Time of other questions about a camera, in units of its table over all distances: a verdict finds crossovers and
 # switches of the winner in three ways; ranks draw two ways; a claim needs one way, mostly cached already.
@@ -225,11 +227,11 @@ class _Prediction:
 
     def _depth(self) -> Iterator[PredictedStep]:
         definition, file, case = self.definition, self.definition.file, self.definition.case
-        asked = definition.calibrations_to_infer().values()
+        asked = list(calibrations_to_infer(definition).values())
         if asked:
             yield PredictedStep(
                 name="calibration",
-                seconds=math.fsum(map(pilots.inference_seconds, asked)),
+                seconds=_seconds_of_inference(asked),
                 work=counted(len(asked), "posterior"),
             )
         yield from self._pictures()
@@ -423,3 +425,13 @@ class _Prediction:
         )
         readings = _READINGS_OF_A_REPORT + figures * _READINGS_OF_A_FIGURE
         return PredictedStep(name="report", seconds=readings * self.reading, work=f"about {figures} figures, HTML, PDF")
+
+
+def _seconds_of_inference(asked: Sequence[TargetToInfer | CornersToInfer]) -> float:
+    """Of all calibrations; those of one camera, in a sweep, take as long as its first and its last on average."""
+    seconds = 0.0
+    for name in {one.name for one in asked}:
+        own = [one for one in asked if one.name == name]
+        tried = own[:: max(1, len(own) - 1)]
+        seconds += len(own) * math.fsum(map(pilots.inference_seconds, tried)) / len(tried)
+    return seconds

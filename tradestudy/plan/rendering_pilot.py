@@ -37,9 +37,9 @@ def scene_work(definition: StudyDefinition) -> Iterator[tuple[str, float, str]]:
     """Steps of rendering the scene with the chosen models: name, processor time [s], amount of work in words."""
     image, picture = declared_image(definition)
     scene, cameras = set_up(definition, rig="as-designed", texture_side=TRIAL_TEXTURE)
-    recording = recording_of(image, picture)
     rendering, reading, pixels = 0.0, 0.0, 0
     for taken in cameras:
+        recording = recording_of(image, picture, taken.camera.sensor)
         pictures = whole_pictures(definition, image, scene, taken, recording)
         by_rays = len(pictures) * picture_seconds(pictures[0], None)
         models = definition.models.get(name_of(taken.name), {})
@@ -84,19 +84,19 @@ def picture_seconds(whole: Tile, wavelength: float | None) -> float:
 
 def loop_work(definition: StudyDefinition, part: DepthLoopPart) -> tuple[float, str]:
     """Processor time of all planes of the study's depth loop [s], and the amount of work in words."""
-    settings, _ = _pictured(definition)
     varied = max(1, len(part.contrasts or ())) * max(1, len(part.electrons or ()))
     cameras = [definition.case.cameras[name] for name in part.cameras or definition.case.cameras]
+    settings = _settings(definition, cameras[0])
     seconds = varied * math.fsum(loop_seconds(camera, part, settings) for camera in cameras)
     return seconds, counted(varied * len(cameras) * len(part.distances), "plane")
 
 
-def _pictured(definition: StudyDefinition) -> tuple[PictureSettings, tuple[float, ...]]:
-    """Texture, light and sensor of a study that renders something, and the distances of its scene [m]."""
+def _settings(definition: StudyDefinition, camera: DepthCamera) -> PictureSettings:
+    """Texture, light and sensor of a study that renders pictures."""
     scene = definition.file.scene
     assert scene is not None  # the study was checked
     assert scene.picture is not None
-    return scene.picture.settings(scene.wavelength), tuple(scene.distance_values())
+    return scene.picture.settings(scene.wavelength, camera.sensor)
 
 
 def loop_seconds(camera: DepthCamera, part: DepthLoopPart, settings: PictureSettings) -> float:

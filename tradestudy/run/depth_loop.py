@@ -105,7 +105,12 @@ def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[
     scene = definition.file.scene
     assert scene is not None  # the study has been checked
     assert scene.picture is not None
-    picture, declared = scene.picture, scene.picture.settings(scene.wavelength)
+    picture, light = scene.picture, scene.picture.light
+    if light.electrons is None and not part.electrons:
+        raise OutOfRangeError(
+            "a depth loop in light that is given in photons is not the same for all cameras",
+            remedy="give depth_loop.electrons, or scene.picture.light.electrons",
+        )
     names = part.cameras or tuple(definition.case.cameras)
     seed = definition.file.propagation.seed
     found = {}
@@ -113,7 +118,7 @@ def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[
         names,
         enumerate(part.distances),
         part.contrasts or (picture.texture.contrast,),
-        part.electrons or (picture.light.electrons,),
+        part.electrons or (light.electrons or math.nan,),
     ):
         camera, reader = definition.case.cameras[name], definition.file.cameras[name].reader
         if reader is None:
@@ -122,6 +127,7 @@ def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[
             )
         scale = 1.0 if part.texture_scaled_from is None else distance / part.texture_scaled_from
         texture = Texture(contrast=contrast, correlation_length=picture.texture.correlation_length * scale)
+        declared = picture.settings(scene.wavelength, camera.sensor)
         settings = replace(declared, texture=texture, light=replace(declared.light, electrons=electrons))
         found[name, distance, contrast, electrons] = LoopPoint(
             name=name,

@@ -135,9 +135,17 @@ def set_up_readers(definition: StudyDefinition) -> list[CameraReader]:
             "depth maps from pictures taken through a mosaic of colour filters",
             remedy="remove scene.image.mosaic, or request no depth maps",
         )
-    distances, settings = definition.case.distance, picture.settings(definition.case.wavelength)
+    distances, wavelength = definition.case.distance, definition.case.wavelength
     ends = float(distances.min()), float(distances.max())
-    return [reader_of(definition, taken, ends, window_of(settings, taken, sum(extent) / 2.0)) for taken in cameras]
+    return [
+        reader_of(
+            definition,
+            taken,
+            ends,
+            window_of(picture.settings(wavelength, taken.camera.sensor), taken, sum(extent) / 2.0),
+        )
+        for taken in cameras
+    ]
 
 
 def reader_of(definition: StudyDefinition, taken: Taken, ends: tuple[float, float], window_px: float) -> CameraReader:
@@ -176,7 +184,7 @@ def measure_depth(rendering: Rendering, readers: Sequence[CameraReader], steps: 
     points = [
         PicturesToRead(
             reader=one,
-            recording=rendering.recording,
+            recording=next(its.tile.recording for its in rendering.pictures if its.camera == one.taken.name),
             values={its.name: its.values for its in rendering.pictures if its.camera == one.taken.name},
             depths={its.name: its.depth for its in rendering.pictures if its.camera == one.taken.name},
             waves=_waves(rendering, one),

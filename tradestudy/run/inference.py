@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from tradestudy.errors import Problem, StudyError
 from tradestudy.execution import Steps
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.sweep import sweep_axes, sweep_points
+from tradestudy.study.sweep import calibrations_to_infer
 
 if TYPE_CHECKING:
     from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError
@@ -33,10 +32,9 @@ def infer_calibrations(
     TradestudyError
         A calibration cannot be inferred, or contradicts the declared geometry.
     """
-    as_declared = definition.calibrations_to_infer()
-    if not as_declared and not any(reading.calibrations_to_infer() for reading in definition.readings.values()):
+    asked = calibrations_to_infer(definition)
+    if not asked:
         return definition, {}
-    asked = {key: one for variant in _variants(definition) for key, one in variant.calibrations_to_infer().items()}
     from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError
     from tradestudy.calibration.posteriors import infer
 
@@ -46,7 +44,7 @@ def infer_calibrations(
     except GeometryContradictionError as error:
         raise StudyError(_located(definition, error)) from None
     known = definition.with_posteriors({key: one.calibration for key, one in found.items()})
-    return known, {one.name: found[key] for key, one in as_declared.items()}
+    return known, {one.name: found[key] for key, one in definition.calibrations_to_infer().items()}
 
 
 def _located(definition: StudyDefinition, error: GeometryContradictionError) -> list[Problem]:
@@ -57,8 +55,3 @@ def _located(definition: StudyDefinition, error: GeometryContradictionError) -> 
         path = ("cameras", name, "calibration", "corners")
         found.append(definition.document.locate(path).problem(path, line))
     return found
-
-
-def _variants(definition: StudyDefinition) -> Iterator[StudyDefinition]:
-    designs = sweep_points(definition, sweep_axes(definition))
-    return itertools.chain([definition], definition.readings.values(), designs)

@@ -16,7 +16,6 @@ from tradestudy.analysis.scene_pictures import Taken, declared_image, recording_
 from tradestudy.effects.models import OFF
 from tradestudy.errors import UnaffordableError
 from tradestudy.execution import Steps
-from tradestudy.imaging.render.sensor import Recording
 from tradestudy.imaging.render.tiles import WORKER_BYTES, Rendered, Tile, render_tile, tiles_of
 from tradestudy.imaging.render.wave_set_up import waves_of
 from tradestudy.imaging.scenes.pattern import RandomPattern
@@ -76,7 +75,6 @@ class Rendering:
     definition: StudyDefinition
     image: SceneImagePart
     scene: SceneSource
-    recording: Recording
     cameras: Sequence[Taken]
     pictures: Sequence[TakenPicture]
 
@@ -100,9 +98,9 @@ def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
     """
     image, picture = declared_image(definition)
     scene, cameras = set_up(definition)
-    recording = recording_of(image, picture)
     whole, errors = [], []
     for taken, (by_waves, change) in zip(cameras, _models(definition), strict=True):
+        recording = recording_of(image, picture, taken.camera.sensor)
         for one in whole_pictures(definition, image, scene, taken, recording):
             waves = waves_of(one.exposure, scene, definition.case.wavelength) if by_waves else None
             whole.append(replace(one, waves=waves))
@@ -117,9 +115,7 @@ def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
         put_together(one, [(tile, next(rendered)) for tile in some], error)
         for one, some, error in zip(whole, tiles, errors, strict=True)
     ]
-    return Rendering(
-        definition=definition, image=image, scene=scene, recording=recording, cameras=cameras, pictures=pictures
-    )
+    return Rendering(definition=definition, image=image, scene=scene, cameras=cameras, pictures=pictures)
 
 
 def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
@@ -231,9 +227,9 @@ def _picture_facts(one: TakenPicture, path: Path, rendering: Rendering) -> dict[
 
 
 def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any]) -> dict[str, Any]:
-    """Content of ``camera.json``, beside the pictures of a camera."""
-    definition, image, recording = rendering.definition, rendering.image, rendering.recording
-    sensor = taken.camera.sensor
+    """What stands beside the pictures of a camera."""
+    definition, image, sensor = rendering.definition, rendering.image, taken.camera.sensor
+    recording = next(one.tile.recording for one in rendering.pictures if one.camera == taken.name)
     part = definition.file.cameras[taken.name]
     near, far = rendering.scene.extent
     values: dict[str, Any] = (

@@ -8,7 +8,6 @@ from typing import Final
 
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
-from tradestudy.declarations.matcher import MatcherPart
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.matcher import Matcher
 from tradestudy.imaging.models import closed_form_models
@@ -22,6 +21,7 @@ _NOT_CALIBRATED: Final[dict[str, bool | set[str]]] = {
     "attributes": True,
     "depth": {"disparity_error", "error_of", "discrimination_step", "matcher"},
     "calibration": {"stability"},
+    "sensor": {"quantum_efficiency", "temporal_dark_noise", "saturation_capacity", "system_gain"},
 }
 
 
@@ -35,7 +35,7 @@ def camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
     """
     if not isinstance(part, DepthCameraDeclaration):
         return part.design(None)
-    return part.design(_picture_law(scene, part.depth.matcher, microlenses=part.camera.pictured_by_microlenses))
+    return part.design(_picture_law(scene, part))
 
 
 def posterior_key(name: str, part: DepthCameraDeclaration, *, seed: int, folder: Path) -> str:
@@ -56,18 +56,16 @@ def posterior_key(name: str, part: DepthCameraDeclaration, *, seed: int, folder:
     return sha256("\n".join(said).encode()).hexdigest()
 
 
-def _picture_law(
-    scene: ScenePart | None, own: MatcherPart | None, *, microlenses: bool
-) -> PictureDisparityError | None:
-    """The law of a derived disparity error; the camera's matcher overrides the scene's. None without a picture."""
-    if scene is None or scene.picture is None:
+def _picture_law(scene: ScenePart | None, part: DepthCameraDeclaration) -> PictureDisparityError | None:
+    """What a derived disparity error follows, by the camera's own matcher and sensor over those of the scene."""
+    if scene is None or scene.picture is None or part.depth.declared_error_px is not None:
         return None
-    settings = scene.picture.settings(scene.wavelength)
+    own, settings = part.depth.matcher, scene.picture.settings(scene.wavelength, part.sensor.sensor())
     said = {
         key: value for part in (scene.picture.matcher, own) if part is not None for key, value in part.given().items()
     }
     return PictureDisparityError(
         settings=settings,
-        models=closed_form_models(settings, microlenses=microlenses),
+        models=closed_form_models(settings, microlenses=part.camera.pictured_by_microlenses),
         matcher=Matcher(**said),
     )

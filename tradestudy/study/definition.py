@@ -33,8 +33,9 @@ from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
-if TYPE_CHECKING:  # loaded only for inference
-    from tradestudy.calibration.posteriors import CornersToInfer, TargetToInfer
+if TYPE_CHECKING:  # whoever infers has loaded it
+    from tradestudy.calibration.posteriors import CornersToInfer
+    from tradestudy.calibration.target.camera_target import TargetToInfer
 
 _JUDGED: Final = 9  # number of distances of a study at which the draws must converge
 

@@ -6,9 +6,11 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
+from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.errors import Problem, StudyError, TradestudyError
+from tradestudy.study.camera_files.importing import ONE_CAMERA
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import Entry, Value
+from tradestudy.study.document import Document, Entry, Value
 from tradestudy.study.expectations import expectation_bounds, question_ends
 from tradestudy.study.reader import read
 from tradestudy.study.schema.value_of_information import AssumptionPart
@@ -30,7 +32,11 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
     StudyError
         With every mistake found, at its place.
     """
-    definition = StudyDefinition.of(read(path, overrides))
+    document = read(path, overrides)
+    try:
+        definition = StudyDefinition.of(document)
+    except StudyError as error:
+        raise StudyError([*error.problems, *_single_cameras(document, error)]) from None
     problems: list[Problem] = []
     try:
         definition.readings  # noqa: B018 - built here so that `check` sees their mistakes
@@ -46,6 +52,14 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
     return definition
 
 
+def _single_cameras(document: Document, error: StudyError) -> Iterator[Problem]:
+    """Files of one camera, whose study has mistakes: half of a rig may have been taken for the whole."""
+    for line in document.imported:
+        path = ("cameras", line.partition(":")[0])
+        if line.endswith(ONE_CAMERA) and any(one.path.startswith(".".join(path)) for one in error.problems):
+            yield document.locate((*path, "kind")).problem((*path, "from"), f"gives {ONE_CAMERA}")
+
+
 def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
     """Mistakes of the first and last value of each sweep axis and of the ends of each inverse question."""
     for where, values in _changes(definition):
@@ -56,8 +70,15 @@ def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
             yield from (place.problem(where, f"{problem.path}: {problem.what}") for problem in error.problems)
             continue
         if where[0] in ("solve", "value_of_information"):
-            for name in definition.posterior_keys.items() - changed.posterior_keys.items():
-                yield place.problem(where, _INFERRED_ANEW.format(name[0]))
+            for name, _ in definition.posterior_keys.items() - changed.posterior_keys.items():
+                if where[0] != "solve" or not _is_planned(changed, name):
+                    yield place.problem(where, _INFERRED_ANEW.format(name))
+
+
+def _is_planned(definition: StudyDefinition, name: str) -> bool:
+    """Whether inverse questions can plan the calibration of a camera: that by a target, for corners are as they are."""
+    part = definition.file.cameras[name]
+    return isinstance(part, DepthCameraDeclaration) and part.calibration.target is not None
 
 
 def _problems_of_questions(definition: StudyDefinition) -> Iterator[Problem]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,10 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, ScalarEntry, text_of
 from tradestudy.study.schema.questions import SweepRangePart
 from tradestudy.units import Dimension, UnitError, parse
+
+if TYPE_CHECKING:  # only some studies infer
+    from tradestudy.calibration.posteriors import CornersToInfer
+    from tradestudy.calibration.target.camera_target import TargetToInfer
 
 MOST_POINTS = 20_000
 _NO_PART_OF_THE_SCENE = "scene.picture.matcher."  # describes the matching of pictures, not the scene
@@ -71,6 +76,15 @@ def sweep_points(definition: StudyDefinition, axes: tuple[SweepAxis, ...]) -> li
         definition.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
         for values in itertools.product(*(axis.values for axis in axes))
     ]
+
+
+def calibrations_to_infer(definition: StudyDefinition) -> dict[str, TargetToInfer | CornersToInfer]:
+    """What has to be inferred for the study, its readings and the designs of its sweep, by their `posterior_keys`."""
+    declared = [definition, *definition.readings.values()]
+    if not any(one.calibrations_to_infer() for one in declared):
+        return {}
+    variants = [*declared, *sweep_points(definition, sweep_axes(definition))]
+    return {key: one for variant in variants for key, one in variant.calibrations_to_infer().items()}
 
 
 def point_labels(axes: tuple[SweepAxis, ...]) -> list[str]:

@@ -39,6 +39,32 @@ def test_a_study_that_cannot_run_is_not_written(tmp_path: Path, monkeypatch: pyt
     assert not (tmp_path / "my-rig.yaml").exists()
 
 
+def test_two_files_in_one_argument_are_refused_with_how_to_give_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written.camchain(tmp_path / "left.yaml")
+    written.camchain(tmp_path / "right.yaml")
+    monkeypatch.chdir(tmp_path)
+    for files in (["left.yaml", "right.yaml"], ["left.yaml right.yaml"]):
+        made = CliRunner().invoke(app, ["new", "my-rig", "--from", *files])
+        assert made.exit_code == 2
+        assert "--from left.yaml --from right.yaml" in made.output
+        assert not (tmp_path / "my-rig.yaml").exists()
+
+
+def test_one_file_of_two_is_told_as_one_camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    left, _ = written.camera_info_pair(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    asked = ["new", "half", "--from", left.name]
+    refused = CliRunner().invoke(app, asked)
+    assert refused.exit_code == 2
+    assert "cameras.rig.from: " in refused.output
+    assert "from: [LEFT, RIGHT]" in refused.output
+    made = CliRunner().invoke(app, [*asked, "--set", "sensor.pixel_pitch=3 um", "--set", "focus={distance: 1 m}"])
+    assert made.exit_code == 0, made.output
+    assert "from: [LEFT, RIGHT]" in made.output
+
+
 def test_a_size_of_pictures_that_the_file_lacks_is_said_beside_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -156,10 +156,12 @@ class SyntheticTarget:
         return np.repeat([self.rotation_deviation**-2.0, self.translation_deviation**-2.0], 3)
 
 
-def tilted_poses(
+def spread_poses(
     count: int, distances: tuple[float, float], half_field: float, tilt: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Poses of a target held into the field of view: distances spread evenly in 1/Z, sideways and tilted at random.
+    """Poses of a target held into the field of view, spread evenly over 1/Z, field and tilt by a scrambled Halton set.
+
+    The first views of more are those of fewer, so that a view that is added never makes a calibration less certain.
 
     Parameters
     ----------
@@ -172,16 +174,19 @@ def tilted_poses(
     tilt : float
         Standard deviation of each component of the rotation vector [rad].
     rng : numpy.random.Generator
-        Randomness.
+        Randomness of the scrambling.
 
     Returns
     -------
     array (V, 6)
         Rotation vectors [rad] and translations [m].
     """
-    depth = 1.0 / np.linspace(1.0 / distances[0], 1.0 / distances[1], count)
-    slopes = rng.uniform(-half_field, half_field, (count, 2))
-    return np.column_stack([tilt * rng.standard_normal((count, 3)), slopes * depth[:, None], depth])
+    from scipy.stats.qmc import Halton  # scipy.stats takes longer to load than most fits take
+
+    shares = Halton(6, rng=rng).random(count)
+    depth = 1.0 / (1.0 / distances[0] + shares[:, 0] * (1.0 / distances[1] - 1.0 / distances[0]))
+    slopes = half_field * (2.0 * shares[:, 1:3] - 1.0)
+    return np.column_stack([tilt * ndtri(shares[:, 3:]), slopes * depth[:, None], depth])
 
 
 def flat_grid(columns: int, rows: int, spacing: float) -> FloatArray:

@@ -138,6 +138,32 @@ def fit_target(problem: TargetProblem) -> TargetFit:
     )
 
 
+def expected_fit(target: SyntheticTarget, model: CameraModel, priors: Priors) -> LaplaceFit:
+    """What a target is expected to tell of a camera: the normal approximation about the design, no noise drawn.
+
+    The inverse of Fisher's information of all views and of the priors, the poses marginalised; the covariance of a fit
+    to one noisy set of views differs from it by what the fit is off the design.
+
+    Parameters
+    ----------
+    target : SyntheticTarget
+        Points, poses, noise.
+    model : CameraModel
+        The camera; what it does not see there does not count.
+    priors : Priors
+        What is known of its parameters before; their means are the design.
+
+    Raises
+    ------
+    NotConvergedError
+        The target leaves parameters undetermined.
+    """
+    observed = model(priors.mean, move(target.poses, target.points))
+    problem = TargetProblem(observed=observed, target=target, model=model, priors=priors)
+    _, _, covariance, _ = _gauss_newton_step(problem, priors.mean, target.poses)
+    return LaplaceFit(names=priors.names, mean=priors.mean, covariance=covariance)
+
+
 def sample_target(
     problem: TargetProblem,
     fit: TargetFit,

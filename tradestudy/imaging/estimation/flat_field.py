@@ -16,8 +16,9 @@ from tradestudy.imaging.render.waves import Waves
 from tradestudy.optics.arrays import Samples
 
 _ROWS_AT_ONCE: Final = 16
-_LEAST_LIGHT: Final = 0.3  # of the brightest pixels; below it flat-fielding mainly amplifies noise
-_LEAST_SHARE: Final = 0.9  # of the light of a pixel that comes through one lens
+_FULL_WITHIN: Final = 4.0  # standard deviations of a reading
+_LEAST_LIGHT: Final = 0.3  # of the brightest pixels: below it flat-fielding lifts mainly noise
+_LEAST_SHARE: Final = 0.9  # of the light of a pixel through one lens
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,6 +66,8 @@ def flat_picture(values: NDArray[Any], white: WhitePicture, recording: Recording
     if recording.is_digital:
         electrons = values * recording.electrons_per_number - recording.black_level
         full = values >= 2**noise.bits - 1
+        if noise.gain is not None:  # numbers may end beyond the full well, to which a reading adds its noise
+            full |= electrons >= noise.full_well_electrons - _FULL_WITHIN * noise.read_noise_electrons
     else:
         electrons = np.asarray(values, np.float64)
         full = electrons >= noise.full_well_electrons

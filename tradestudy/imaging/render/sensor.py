@@ -80,7 +80,15 @@ class Recording:
     @property
     def electrons_per_number(self) -> float:
         """One step of the digitiser [electrons]."""
-        return self.noise.full_well_electrons / 2.0**self.noise.bits
+        return self.noise.step_electrons
+
+    @property
+    def saturation_electrons(self) -> float:
+        """Mean electrons from which on a pixel is full: its full well, or where digital numbers end before."""
+        if not self.is_digital:
+            return self.noise.full_well_electrons
+        top = 2.0**self.noise.bits * self.electrons_per_number - self.black_level
+        return min(self.noise.full_well_electrons, top)
 
     @property
     def is_digital(self) -> bool:

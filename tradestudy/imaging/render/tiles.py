@@ -102,11 +102,10 @@ def render_tile(tile: Tile) -> Rendered:
     point = f"{tile.camera}/{tile.exposure.name}/{tile.rows[0]}/{tile.columns[0]}"
     recording = tile.recording
     values = recording.record(expected, point_generator(seed=tile.seed, point=point, replicate=0))
-    full = recording.noise.full_well_electrons - (recording.black_level if recording.is_digital else 0.0)
     return Rendered(
         values=values,
         depth=depth,
-        saturated=int(np.count_nonzero(expected >= full)),
+        saturated=int(np.count_nonzero(expected >= recording.saturation_electrons)),
         sampling_error=_sampling_error(tile),
     )
 

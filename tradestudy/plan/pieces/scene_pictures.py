@@ -44,8 +44,8 @@ def picture_pieces(definition: StudyDefinition, forced: Models) -> Iterator[Scen
     """
     image, picture = declared_image(definition)
     scene, cameras = set_up(definition, rig="as-designed", texture_side=TRIAL_TEXTURE)
-    recording = recording_of(image, picture)
     for taken in cameras:
+        recording = recording_of(image, picture, taken.camera.sensor)
         yield ScenePicturesPiece(
             name=name_of(taken.name),
             title=f"Pictures by {definition.file.cameras[taken.name].title}",

@@ -8,7 +8,7 @@ from dataclasses import asdict
 
 import xarray as xr
 
-from tradestudy.cameras.contradictions import Contradiction
+from tradestudy.cameras.contradictions import Contradiction, digitiser_contradictions
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
@@ -121,8 +121,12 @@ def contradictions_group(definition: StudyDefinition) -> xr.Dataset:
 def contradictions(definition: StudyDefinition) -> list[tuple[str, Contradiction]]:
     """Cross-check the inputs of every camera of a study."""
     tolerance = definition.file.accuracy.asked().tolerances["depth_uncertainty"]
-    return [
-        (name, one)
-        for name, camera in definition.case.all_cameras.items()
-        for one in camera.contradictions(definition.file.cameras[name].stated, tolerance)
-    ]
+    picture = None if definition.file.scene is None else definition.file.scene.picture
+    found = []
+    for name, camera in definition.case.all_cameras.items():
+        own = [*camera.contradictions(definition.file.cameras[name].stated, tolerance)]
+        if picture is not None:
+            noise = picture.noise(camera.sensor)
+            own += digitiser_contradictions(camera.sensor, noise.full_well_electrons, noise.bits)
+        found += [(name, one) for one in own]
+    return found

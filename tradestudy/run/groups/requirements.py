@@ -14,6 +14,7 @@ import xarray as xr
 from tradestudy.analysis.causes import largest_cause
 from tradestudy.analysis.halving import bracketed
 from tradestudy.analysis.held import Held
+from tradestudy.analysis.planned_calibrations import planned
 from tradestudy.analysis.requirements import ALL, ANY, Judge
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
@@ -209,8 +210,8 @@ def _root(
 
     def holds(value: float) -> bool | None:
         try:
-            case = definition.with_values(varying.changes(value)).case
-        except StudyError:  # no valid study has this value
+            case = planned(definition.with_values(varying.changes(value))).case
+        except StudyError:  # no study has a value between
             return None
         return _met_by(requirement, judge.answer(requirement, case)[0]) == camera
 

@@ -7,7 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Final
 
-from tradestudy.cameras.imported import Stated, Value
+from tradestudy.cameras.imported import ImportedCamera, Stated, Value
 from tradestudy.cameras.kinds import KINDS
 from tradestudy.study.camera_files import corners, depthai, kalibr, libpleno, mrcal, opencv, ros
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError
@@ -24,6 +24,7 @@ from tradestudy.study.document import (
     scalar_text,
 )
 
+ONE_CAMERA: Final = "one camera alone; a stereo rig takes two, from: [LEFT, RIGHT]"
 FORMATS: Final[tuple[Format, ...]] = (
     corners.FORMAT, mrcal.FORMAT, depthai.FORMAT, libpleno.FORMAT, kalibr.FORMAT, ros.FORMAT, opencv.FORMAT,
 )  # fmt: skip
@@ -85,6 +86,8 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
     names = " and ".join(dict.fromkeys(file.label for file in files))
     said = {one.path[1]: str(one.value) for one in stated if one.path[0] == "read_as"}
     shown = [f"{name} {said[name]}" for name in ("length unit", "order of cameras", "pictures") if name in said]
+    if isinstance(found, ImportedCamera):
+        shown.append(ONE_CAMERA)
     line = f"{names}: {'; '.join([first.name, *shown])}"
     return _tree(stated, {key: place for file in files for key, place in file.places.items()}, files[0]), line
 

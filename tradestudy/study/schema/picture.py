@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, NamedTuple
+from dataclasses import replace
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
-from pydantic import Field, PlainValidator, WithJsonSchema
+from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
 
 from tradestudy import units
+from tradestudy.cameras.parts import Sensor
 from tradestudy.declarations.matcher import MatcherPart
+from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
     DETAIL,
@@ -19,9 +22,11 @@ from tradestudy.declarations.quantities import (
     PositiveElectrons,
     PositiveFraction,
     PositiveNumber,
+    PositivePhotons,
     PositiveWavelength,
     quantity,
 )
+from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.light import Light, SensorNoise
 from tradestudy.imaging.models import PictureSettings, Texture
 from tradestudy.units import UnitError, parse, pretty
@@ -82,11 +87,43 @@ class TexturePart(Part):
 class LightPart(Part):
     """Scene and exposure, the same for all cameras."""
 
-    electrons: PositiveElectrons = Field(description="Mean electrons of a pixel at that f-number, on the axis.")
+    electrons: PositiveElectrons | None = Field(
+        default=None, description="Mean electrons of a pixel at that f-number, on the axis."
+    )
+    photons: PositivePhotons | None = Field(
+        default=None,
+        description="Instead: mean photons on a pixel, of which each sensor's quantum_efficiency makes electrons.",
+    )
     at_f_number: FNumber = Field(description="Working f-number: image distance over pupil diameter.")
     at_pixel_pitch: PixelPitch | None = Field(
         default=None, description="Of such a pixel; left out, every pixel collects that, whatever its size."
     )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.electrons is None) == (self.photons is None):
+            raise MistakeAt((), "give exactly one of electrons and photons (null takes an inherited one back)")
+        return self
+
+    def light(self, sensor: Sensor | None) -> Light:
+        """In SI, as a sensor collects it: ``μ_e = η μ_p``, or the electrons that are given.
+
+        Raises
+        ------
+        OutOfRangeError
+            For photons on a sensor without a quantum efficiency.
+        """
+        electrons = self.electrons
+        if electrons is None:
+            assert self.photons is not None  # one of the two is given
+            if sensor is None or sensor.quantum_efficiency is None:
+                raise OutOfRangeError(
+                    "light in photons falls on a sensor without a quantum efficiency",
+                    value=pretty(self.photons, units.PHOTONS),
+                    remedy="give sensor.quantum_efficiency, or scene.picture.light.electrons",
+                )
+            electrons = self.photons * sensor.quantum_efficiency
+        return Light(electrons=electrons, f_number=self.at_f_number, pixel_pitch=self.at_pixel_pitch)
 
 
 class SpectralLinePart(Part):
@@ -110,8 +147,13 @@ class PicturePart(Part):
         "without either, a derived error is the best that any matcher can reach.",
     )
     light: LightPart
-    read_noise: NonNegativeElectrons = Field(description="Standard deviation of one reading of a pixel.")
-    full_well: PositiveElectrons = Field(description="Where a pixel saturates, and the top of the digitised scale.")
+    read_noise: NonNegativeElectrons = Field(
+        description="Standard deviation of one reading of a pixel; a sensor's own temporal_dark_noise counts before it."
+    )
+    full_well: PositiveElectrons = Field(
+        description="Where a pixel saturates, and the top of the digitised scale; a sensor's own saturation_capacity "
+        "and system_gain count before it."
+    )
     bit_depth: Annotated[int, Field(strict=True, ge=1, le=32)] = Field(description="Of a raw value.")
     field_angle: FieldAngle = Field(
         default=0.0,
@@ -130,15 +172,41 @@ class PicturePart(Part):
         description="Lens of the Kirchhoff model: well corrected, or the parabolic phase of the paper.",
     )
 
-    def settings(self, wavelength: float) -> PictureSettings:
-        """Texture, light, sensor and window in SI; ``wavelength`` [m] is the central one."""
-        texture, light, window = self.texture, self.light, self.matching_window
+    def noise(self, sensor: Sensor | None) -> SensorNoise:
+        """In SI; what a sensor declares of itself counts before what the scene does."""
+        noise = SensorNoise(
+            read_noise_electrons=self.read_noise, full_well_electrons=self.full_well, bits=self.bit_depth
+        )
+        if sensor is None:
+            return noise
+        dark, well = sensor.temporal_dark_noise, sensor.saturation_capacity
+        return replace(
+            noise,
+            read_noise_electrons=self.read_noise if dark is None else dark,
+            full_well_electrons=self.full_well if well is None else well,
+            gain=sensor.system_gain,
+        )
+
+    def settings(self, wavelength: float, sensor: Sensor | None = None) -> PictureSettings:
+        """Texture, light, sensor and window in SI.
+
+        Parameters
+        ----------
+        wavelength
+            The central one [m].
+        sensor
+            That of the camera, whose own values count before those of the scene; None: those of the scene alone.
+
+        Raises
+        ------
+        OutOfRangeError
+            For light in photons on a sensor without a quantum efficiency.
+        """
+        texture, window = self.texture, self.matching_window
         return PictureSettings(
             texture=Texture(contrast=texture.contrast, correlation_length=texture.correlation_length),
-            light=Light(electrons=light.electrons, f_number=light.at_f_number, pixel_pitch=light.at_pixel_pitch),
-            sensor_noise=SensorNoise(
-                read_noise_electrons=self.read_noise, full_well_electrons=self.full_well, bits=self.bit_depth
-            ),
+            light=self.light.light(sensor),
+            sensor_noise=self.noise(sensor),
             wavelength=wavelength,
             window_px=window.size if window.of == "picture" else None,
             window_length=window.size if window.of == "object" else None,

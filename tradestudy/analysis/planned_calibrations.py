@@ -1,0 +1,48 @@
+"""Calibrations by targets under values that a question tries: planned there, not sampled as in the run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.varying import Varying
+
+PLANS: Final = range(8)
+"""Spreads of the views by which the scatter of an answer is told; the first is that of the run."""
+
+
+def planned(definition: StudyDefinition, plan: int = 0) -> StudyDefinition:
+    """The study with what its targets are expected to determine, where nothing has been inferred from them yet.
+
+    Raises
+    ------
+    TradestudyError
+        A target is seen in too few views.
+    """
+    asked = definition.calibrations_to_infer()
+    if not asked:
+        return definition
+    from tradestudy.calibration.target.camera_target import TargetToInfer, planned_calibration
+
+    return definition.with_posteriors(
+        {key: planned_calibration(one, plan) for key, one in asked.items() if isinstance(one, TargetToInfer)}
+    )
+
+
+def to_be_planned(definition: StudyDefinition, varying: Varying) -> StudyDefinition:
+    """The study without what was inferred from targets that a question varies, so that all its values compare."""
+    keys = definition.posterior_keys
+    ends = [definition.with_values(varying.changes(end)).posterior_keys for end in (varying.low, varying.high)]
+    varied = {keys[name] for name in keys if any(end.get(name) != keys[name] for end in ends)}
+    kept = {key: posterior for key, posterior in definition.posteriors.items() if key not in varied}
+    return replace(definition, posteriors=kept, before=definition)
+
+
+def plans(definition: StudyDefinition) -> range:
+    """Spreads of the views to be tried: one where nothing is left to plan, or every pose is given."""
+    from tradestudy.calibration.target.camera_target import TargetToInfer
+
+    asked = definition.calibrations_to_infer().values()
+    is_spread = any(isinstance(one, TargetToInfer) and one.part.poses is None for one in asked)
+    return PLANS if is_spread else PLANS[:1]

@@ -1,0 +1,197 @@
+"""The calibration of a camera by a simulated target: what it sees of it, and what that is expected to tell."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tradestudy.calibration.projection import move
+from tradestudy.calibration.sources import CALIBRATION
+from tradestudy.calibration.target.synthetic_target import (
+    CameraModel,
+    Priors,
+    SyntheticTarget,
+    flat_grid,
+    observe_target,
+    spread_poses,
+)
+from tradestudy.calibration.target.target_inference import TargetProblem, expected_fit
+from tradestudy.cameras.calibration import Calibration
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.target_declaration import TargetPart
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.distributions import Normal, Uniform
+from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.joint import JointNormal
+from tradestudy.uncertainty.sources import Group, Source
+from tradestudy.uncertainty.streams import point_generator
+
+_FEWEST_CORNERS, _FEWEST_VIEWS = 6, 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TargetToInfer:
+    """A calibration to be inferred from a synthetic target.
+
+    Parameters
+    ----------
+    name
+        Of the camera; with the seed it says which random numbers are drawn.
+    camera
+        The design.
+    groups
+        The declared errors; those that are drawn per rig are the priors.
+    part
+        The target.
+    seed
+        Of the study.
+    """
+
+    name: str
+    camera: DepthCamera
+    groups: tuple[Group, ...]
+    part: TargetPart
+    seed: int
+
+
+def target_problem(asked: TargetToInfer) -> tuple[TargetProblem, np.random.Generator]:
+    """What a camera drawn from the declared errors sees of the target, and the generator that goes on from there."""
+    camera, priors = asked.camera, _priors(asked.name, asked.groups)
+    rng = point_generator(seed=asked.seed, point=f"target/{asked.name}", replicate=0)
+    target = _target(asked, rng)
+    model = observer(camera, priors.names)
+    truth = priors.draw(rng, 1)[0]
+    seen, target = _on_sensor(asked.name, camera, observe_target(target, model, truth, rng), target)
+    return TargetProblem(observed=seen, target=target, model=model, priors=priors), rng
+
+
+def planned_calibration(asked: TargetToInfer, plan: int) -> Calibration:
+    """What a target is expected to determine, without sampling: a joint normal about the design.
+
+    A uniform prior counts as a normal one of the same standard deviation: exact where the views say much more than the
+    prior, or nothing.
+
+    Parameters
+    ----------
+    asked
+        The target.
+    plan
+        Which spread of the views over distances, field and tilts; that of the run is 0. Poses that are given have one.
+
+    Raises
+    ------
+    TradestudyError
+        As of `infer_from_target`.
+    """
+    camera, priors = asked.camera, _as_normal(_priors(asked.name, asked.groups))
+    target = _target(asked, point_generator(seed=asked.seed, point=f"target/{asked.name}", replicate=plan))
+    model = observer(camera, priors.names)
+    seen, target = _on_sensor(asked.name, camera, model(priors.mean, move(target.poses, target.points)), target)
+
+    def on_sensor(parameters: FloatArray, points: FloatArray) -> FloatArray:
+        return np.where(np.isnan(seen), np.nan, model(parameters, points))
+
+    fit = expected_fit(target, on_sensor, priors)
+    group = JointNormal(
+        name=CALIBRATION,
+        parameters=fit.names,
+        mean=np.zeros(len(fit.names)),
+        covariance=fit.covariance,
+        error_class=ErrorClass.RIG,
+    )
+    return Calibration(groups=(group,), source="target")
+
+
+def _target(asked: TargetToInfer, rng: np.random.Generator) -> SyntheticTarget:
+    """The board in all its poses: those that are given, or spread by a generator."""
+    part = asked.part
+    if part.poses is not None:
+        poses = np.array([(*pose.rotation, *pose.position) for pose in part.poses])
+    else:
+        assert part.views is not None  # the schema asks for all three where there are no poses
+        assert part.distances is not None
+        assert part.tilt is not None
+        near, far = part.distances
+        poses = spread_poses(part.views, (near, far), part.half_field, part.tilt, rng)
+    return SyntheticTarget(
+        points=flat_grid(part.columns, part.rows, part.spacing),
+        poses=poses,
+        noise=asked.camera.target_noise_px(part.corner_noise),
+        rotation_deviation=part.rotation_known_to or np.inf,
+        translation_deviation=part.position_known_to or np.inf,
+    )
+
+
+def _priors(name: str, groups: tuple[Group, ...]) -> Priors:
+    """Independent priors from the errors that are drawn once per rig."""
+    rows: list[tuple[str, float, float, float, float]] = []
+    for group in groups:
+        if group.error_class is not ErrorClass.RIG:
+            continue
+        distribution = group.distribution if isinstance(group, Source) else None
+        match distribution:
+            case Normal():
+                rows.append((group.name, distribution.mean, distribution.standard_deviation, -np.inf, np.inf))
+            case Uniform():
+                rows.append((group.name, distribution.mean, np.inf, distribution.low, distribution.high))
+            case None:
+                raise OutOfRangeError(
+                    f"{name}: correlated errors are no priors of a target",
+                    value=", ".join(group.parameters),
+                    limit="independent errors",
+                    remedy="leave their correlations out; the target finds them",
+                )
+            case _:
+                raise OutOfRangeError(
+                    f"{name}: the distribution of {group.name} is no prior of a target",
+                    value=type(distribution).__name__,
+                    limit="normal or uniform",
+                    remedy="give a standard_deviation or a half_width alone",
+                )
+    if not rows:
+        raise OutOfRangeError(
+            f"{name}: a target without an error per rig", remedy="declare under errors what it is to determine"
+        )
+    names, *columns = zip(*rows, strict=True)
+    mean, deviation, lower, upper = (np.array(column, dtype=np.float64) for column in columns)
+    return Priors(names=tuple(map(str, names)), mean=mean, standard_deviation=deviation, lower=lower, upper=upper)
+
+
+def _as_normal(priors: Priors) -> Priors:
+    uniform = np.isinf(priors.standard_deviation)
+    with np.errstate(invalid="ignore"):  # inf − inf of an unbounded normal, which is not selected
+        deviation = np.where(uniform, (priors.upper - priors.lower) / math.sqrt(12.0), priors.standard_deviation)
+    unbounded = np.full(len(priors.names), np.inf)
+    return replace(priors, standard_deviation=deviation, lower=-unbounded, upper=unbounded)
+
+
+def _on_sensor(
+    name: str, camera: DepthCamera, observed: FloatArray, target: SyntheticTarget
+) -> tuple[FloatArray, SyntheticTarget]:
+    """Corners that fall beside the sensor are not seen, and views with fewer than six are not taken."""
+    seen = camera.seen_on_sensor(observed)
+    taken = np.all(np.sum(seen, axis=1) >= _FEWEST_CORNERS, axis=-1)
+    if taken.sum() < _FEWEST_VIEWS:
+        raise OutOfRangeError(
+            f"{name}: its target is seen in too few views",
+            value=str(int(taken.sum())),
+            limit=f"at least {_FEWEST_VIEWS} with {_FEWEST_CORNERS} corners",
+            remedy="show a smaller board, farther away, or nearer to the axis",
+        )
+    return np.where(seen, observed, np.nan)[taken], replace(target, poses=target.poses[taken])
+
+
+def observer(camera: DepthCamera, names: tuple[str, ...]) -> CameraModel:
+    """What a camera with given errors sees of points, as inference takes it: components [px] last."""
+    pixel = camera.sensor.pixel_pitch
+
+    def observe(parameters: FloatArray, points: FloatArray) -> FloatArray:
+        errors = {name: parameters[..., k, None] for k, name in enumerate(names)}
+        x, y, z = points[..., 0], points[..., 1], points[..., 2]
+        seen = camera.observe_target(errors, x, y, z)
+        return np.stack(np.broadcast_arrays(*seen), axis=-1) / pixel
+
+    return observe

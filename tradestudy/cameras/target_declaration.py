@@ -1,0 +1,127 @@
+"""What studies declare of a simulated calibration: the board, and how it is held before the camera."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Final, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from tradestudy import units
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import (
+    Angle,
+    Length,
+    ObjectDistance,
+    PositiveAngle,
+    PositiveLength,
+    PositivePixels,
+    quantity,
+)
+from tradestudy.declarations.words import Span
+from tradestudy.units import ANGLE, pretty
+
+HalfFieldAngle = Annotated[float, *quantity(units.ANGLE, above=0.0, at_most=80.0 * units.DEGREE)]
+MostSteps = Annotated[int, Field(ge=100, le=1_000_000, strict=True)]
+MOST_VIEWS: Final = 1000
+LEAST_TILT: Final = 1.0 * units.DEGREE
+"""Between two boards of unknown position. Parallel boards leave open whether all is nearer and the focal length shorter
+in proportion; tilted by less, a board looks foreshortened by less than the noise of its corners."""
+_DRAWN: Final = ("views", "distances", "half_field_angle", "tilt")
+_REMEDY: Final = "tilt it by some 20 deg, differently in each view, or declare position_known_to"
+
+
+class PosePart(Part):
+    """How one view shows the board: turned about its centre, and where that is in the frame of the camera.
+
+    Of a stereo rig the frame begins midway between the cameras; x points right, y down, z along the axis.
+    """
+
+    rotation: tuple[Angle, Angle, Angle] = Field(
+        description="Rotation vector: its direction is the axis, its length the angle; 0 deg faces the camera."
+    )
+    position: tuple[Length, Length, ObjectDistance] = Field(description="Of the board's centre: x, y, z.")
+
+    @property
+    def normal(self) -> tuple[float, float, float]:
+        """Of the board: ``e_z cos θ + (k × e_z) sin θ + k k_z (1 − cos θ)``, θ the angle and k the axis (Rodrigues)."""
+        angle = math.hypot(*self.rotation)
+        x, y, z = (component / (angle or 1.0) for component in self.rotation)
+        sine, cosine = math.sin(angle), math.cos(angle)
+        along = z * (1.0 - cosine)
+        return x * along + y * sine, y * along - x * sine, z * along + cosine
+
+
+class TargetPart(Part):
+    """A simulated calibration: a board shown to the camera; the declared errors are its priors.
+
+    Its views are as many as asked, spread evenly over distances, field and tilts, or those of ``poses``.
+    """
+
+    views: Annotated[int, Field(ge=3, le=MOST_VIEWS, strict=True)] | None = Field(
+        default=None, description="How many pictures of the board are taken."
+    )
+    columns: Annotated[int, Field(ge=2, le=100, strict=True)] = Field(
+        description="Inner corners of the board along its rows."
+    )
+    rows: Annotated[int, Field(ge=2, le=100, strict=True)] = Field(
+        description="Inner corners of the board along its columns."
+    )
+    spacing: PositiveLength = Field(description="Distance of neighbouring corners.")
+    distances: Span | None = Field(default=None, description="Nearest and farthest distance of the board.")
+    half_field_angle: HalfFieldAngle | None = Field(
+        default=None, description="Largest angle of the board's middle from the optical axis."
+    )
+    tilt: PositiveAngle | None = Field(
+        default=None, description="Standard deviation of each component of the board's rotation."
+    )
+    poses: Annotated[tuple[PosePart, ...], Field(min_length=3, max_length=MOST_VIEWS)] | None = Field(
+        default=None, description="Every view by itself, instead of views, distances, half_field_angle and tilt."
+    )
+    corner_noise: PositivePixels = Field(description="Standard deviation of one image coordinate of a corner.")
+    rotation_known_to: PositiveAngle | None = Field(default=None, description="Left out: poses are not known.")
+    position_known_to: PositiveLength | None = Field(default=None, description="Left out: poses are not known.")
+    max_steps: MostSteps = Field(default=20_000, description="Most steps of each sampler of the posterior.")
+
+    @property
+    def half_field(self) -> float:
+        """Largest slope of the direction to the board's middle, where views are spread."""
+        return math.tan(self.half_field_angle or 0.0)
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if mistakes := [*self._mistakes_of_views(), *self._mistakes_of_tilt()]:
+            raise MistakeAt.several(mistakes)
+        return self
+
+    def _mistakes_of_views(self) -> Iterator[MistakeAt]:
+        given = [name for name in _DRAWN if getattr(self, name) is not None]
+        if self.poses is not None:
+            for name in given:
+                yield MistakeAt((name,), "poses gives every view; leave this out (null takes an inherited one back)")
+        elif missing := [name for name in _DRAWN if name not in given]:
+            yield MistakeAt((), f"needs {', '.join(missing)}, or poses instead of {', '.join(_DRAWN)}")
+
+    def _mistakes_of_tilt(self) -> Iterator[MistakeAt]:
+        if self.position_known_to is not None:
+            return
+        least = pretty(LEAST_TILT, ANGLE)
+        if self.tilt is not None and self.tilt < LEAST_TILT:
+            what = f"leaves the focal length open: {pretty(self.tilt, ANGLE)}; at least {least} is expected; {_REMEDY}"
+            yield MistakeAt(("tilt",), what)
+        if self.poses is not None and (angle := _largest_angle(self.poses)) < LEAST_TILT:
+            what = (
+                f"leave the focal length open: no two boards are tilted against each other by more than "
+                f"{pretty(angle, ANGLE)}; at least {least} is expected; {_REMEDY}"
+            )
+            yield MistakeAt(("poses",), what)
+
+
+def _largest_angle(poses: tuple[PosePart, ...]) -> float:
+    """Between the planes of any two boards [rad]."""
+    normals = np.array([pose.normal for pose in poses])
+    sines = np.linalg.norm(np.cross(normals[:, None], normals[None]), axis=-1)
+    return float(np.arcsin(np.clip(sines, 0.0, 1.0)).max())
