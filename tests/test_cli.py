@@ -233,6 +233,11 @@ class TestNew:
         assert result.stdout.splitlines()[0] == "my-study.yaml"
         assert invoke("check", tmp_path / "my-study.yaml").stdout.startswith("my-study: ")
 
+    @pytest.mark.parametrize("program", ["tradestudy", "python -m tradestudy"])
+    def test_names_the_program_as_it_was_started(self, program: str) -> None:
+        result = CliRunner().invoke(cli.app, ["new", "mine"], prog_name=program)
+        assert result.stdout.splitlines()[1] == f"{program} run mine.yaml"
+
     def test_never_writes_over_a_file(self, tmp_path: Path) -> None:
         mine = tmp_path / "mine.yaml"
         mine.write_text("precious")
@@ -287,6 +292,7 @@ def test_both_ways_to_start_the_program_tell_the_version() -> None:
     told = process("--version").stdout.split()
     assert told == ["tradestudy", importlib.metadata.version("tradestudy")]
     assert invoke("--version").stdout.split() == told
+    assert told[1] == tradestudy.__version__
 
 
 @pytest.mark.parametrize("kind", ["--stereo", "--plenoptic"])

@@ -16,13 +16,30 @@ if TYPE_CHECKING:
     from tradestudy.result import Result, open_result
     from tradestudy.study.starter import starter
 
-__all__ = ["Result", "Study", "compare", "load", "open_result", "optics", "schema", "starter", "uncertainty"]
+    __version__: str
+
+__all__ = [
+    "Result",
+    "Study",
+    "__version__",
+    "compare",
+    "load",
+    "open_result",
+    "optics",
+    "schema",
+    "starter",
+    "uncertainty",
+]
 
 _PACKAGES = ("optics", "uncertainty")
 
 
 def __getattr__(name: str) -> Any:
-    # The façade loads the study reader, which users of the physics alone do not need.
+    # The façade loads the study reader; whoever wants the physics alone does not pay for it.
+    if name == "__version__":
+        from importlib.metadata import version  # not above: most programs never ask
+
+        return version("tradestudy")
     if name in _PACKAGES:
         return importlib.import_module(f"tradestudy.{name}")
     if name in __all__:

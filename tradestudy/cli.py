@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import json
 import logging
 import os
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+import tradestudy
 from tradestudy.cost import DEFAULT_BUDGET
 from tradestudy.errors import RequirementsNotMetError, TradestudyError, place_error
 from tradestudy.shown_progress import shown_progress
@@ -70,7 +70,7 @@ DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback o
 def _print_version(asked: bool) -> None:
     """Print the version and exit, if asked to."""
     if asked:
-        typer.echo(f"tradestudy {importlib.metadata.version('tradestudy')}")
+        typer.echo(f"tradestudy {tradestudy.__version__}")
         raise typer.Exit
 
 
@@ -296,7 +296,7 @@ def new(
                 path.unlink()  # nobody can start from a study that cannot run
                 typer.echo(f"{path} was not written; {_SAYING_MORE}. It would have these mistakes:", err=True)
                 raise
-        typer.echo(f"{path}\npython -m tradestudy run {path}")
+        typer.echo(f"{path}\n{context.find_root().info_name} run {path}")
 
 
 @app.command()

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
     from matplotlib.figure import Figure
 
@@ -102,6 +103,25 @@ class Result:
         from tradestudy import figures
 
         return figures.figure(self.data, name)
+
+    @property
+    def table_names(self) -> list[str]:
+        """Names that `table` takes; those of the files in ``tables/``."""
+        from tradestudy.results.views.tables import tables_of
+
+        return list(tables_of(self.data))
+
+    def table(self, name: str) -> pd.DataFrame:
+        """One table of the results, such as ``depth_by_camera_distance``; ``attrs["units"]`` has the SI units.
+
+        Raises
+        ------
+        OutOfRangeError
+            For a name that is not among `table_names`.
+        """
+        from tradestudy.results.views.tables import table_named
+
+        return table_named(self.data, name).frame()
 
     def with_cost(self, cost: xr.Dataset) -> Result:
         """The same result with the costs measured by `Study.cost`, for the report to show."""

@@ -60,7 +60,7 @@ class Comparison:
     overlay: Drawing | None = field(compare=False, repr=False)
     without_overlay: str
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         return "\n".join(self._lines()).replace("\N{NO-BREAK SPACE}", " ")
 
     def _lines(self) -> Iterator[str]:

@@ -50,7 +50,7 @@ class Plan:
         """The plan as text: one line per problem and one for the run; with every decision if verbose."""
         return "\n".join(plan_lines(self.pieces, self.steps, verbose=verbose))
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         return self.text()
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+
+from tradestudy.results.views.tables import Table, tables_of
 
 _FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 
@@ -23,21 +25,11 @@ def tables(tree: xr.DataTree) -> Mapping[str, bytes]:
         File name to content, such as ``depth_by_camera_distance.csv``: one row per combination of the dimensions,
         one column per variable, numbers with all their digits.
     """
-    return dict(_tables(tree))
+    return {f"{name}.csv": _table(table) for name, table in tables_of(tree).items()}
 
 
-def _tables(tree: xr.DataTree) -> Iterator[tuple[str, bytes]]:
-    for group in tree.children.values():
-        data = group.to_dataset()
-        by_dims: dict[tuple[str, ...], list[str]] = {}
-        for name, array in data.data_vars.items():
-            by_dims.setdefault(tuple(map(str, array.dims)), []).append(str(name))
-        for dims, names in by_dims.items():
-            over = "_by_" + "_".join(dims) if dims else ""
-            yield f"{group.name}{over}.csv".replace("/", "_"), _table(data, dims, names)
-
-
-def _table(data: xr.Dataset, dims: tuple[str, ...], names: list[str]) -> bytes:
+def _table(table: Table) -> bytes:
+    data, dims, names = table.data, table.dims, table.variables
     columns = [_cells(data[name].values) for name in names]
     if dims:
         keys = [""]

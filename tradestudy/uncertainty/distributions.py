@@ -328,8 +328,8 @@ class Empirical:
 
     Parameters
     ----------
-    draws : array, shape (n,)
-        Finite values [unit of the error], at least two.
+    draws : array
+        Finite values [unit of the error], shape (n,), at least two.
 
     Raises
     ------

@@ -1,0 +1,57 @@
+"""How the documentation is built: ``python -m sphinx -W docs OUT``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+
+import declared  # noqa: E402 - found beside this file
+import study_keys  # noqa: E402 - as above
+
+import tradestudy  # noqa: E402 - after them, by the order of imports
+
+project = "tradestudy"
+version = release = tradestudy.__version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+exclude_patterns = ["_build"]
+default_role = "py:obj"  # in docstrings single backticks name what Python can import
+myst_enable_extensions = ["deflist"]
+myst_heading_anchors = 3
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
+autodoc_member_order = "groupwise"
+autodoc_preserve_defaults = True
+html_theme = "furo"
+html_title = f"tradestudy {release}"
+html_copy_source = False
+html_show_copyright = False
+
+
+def write_generated(_app: Sphinx) -> None:
+    """Write the pages that are made from the program; leave alone those that would not change, remove those of old."""
+    pages = {f"study/{name}": text for name, text in study_keys.study_pages(HERE.parent).items()}
+    pages |= {"command-line": declared.command_line_page(), "results": declared.results_page()}
+    folder = HERE / "reference" / "generated"
+    for path in set(folder.rglob("*.md")) - {folder / f"{name}.md" for name in pages}:
+        path.unlink()
+    for name, text in pages.items():
+        path = folder / f"{name}.md"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+def keep_bars(_app: Sphinx, _what: str, _name: str, _obj: object, _options: object, lines: list[str]) -> None:
+    """Take |U|² for a magnitude, which reStructuredText would take for a substitution."""
+    lines[:] = [line if line.lstrip().startswith((">>>", "...")) else line.replace("|", r"\|") for line in lines]
+
+
+def setup(app: Sphinx) -> None:
+    """Have the generated pages written before Sphinx looks for sources, and docstrings read as they are meant."""
+    app.connect("builder-inited", write_generated)
+    app.connect("autodoc-process-docstring", keep_bars)

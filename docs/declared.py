@@ -1,0 +1,130 @@
+"""Pages on the command line and on the variables of results, made from where the program declares them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+import typer.main
+
+from tradestudy.cli import app
+from tradestudy.results import GROUPS, Variable
+
+_GROUPS: Final = {
+    "cameras": "Every camera: what it is, how it measures, and what follows from its inputs.",
+    "depth": "Every camera that measures depth, over distance.",
+    "depth_at_places": "As `/depth`, at the distances that `decision.at` names.",
+    "depth_field": "Depth uncertainty off the axis, at the places that `propagation.field_places` names.",
+    "disparity_causes": "Why a derived disparity error is what it is.",
+    "depth_loop": "Depth measured in rendered pictures of planes, against what is predicted.",
+    "depth_of_field": "Where each camera is sharp, by each criterion of sharpness.",
+    "criteria": "What cameras are weighed by besides curves, and their ranks over all possible weights.",
+    "decision": "Which camera is best at which distance, under which reading, and where that changes.",
+    "calibration": "Calibrations fitted to corners or inferred from targets, and how far they can be trusted.",
+    "sensitivity": "Which input decides the depth uncertainty.",
+    "fresnel_validity": "From which f-number Fresnel may stand for Kirchhoff.",
+    "images": "One light spot through both lenses, by each method.",
+    "point_spread": "The image of a point over distance.",
+    "hard_cases": "Cases in which textbook formulas lose their digits, and what this program computes there.",
+    "effects": "Which models were chosen for which effect, and what the others would have changed.",
+    "cost": "Error against seconds of the sets of models that can answer.",
+    "claims": "Published statements, each held against the results.",
+    "datasheet": "The numbers that data sheets of depth cameras state.",
+    "pictures": "Pictures of the scene, and depth measured in them.",
+    "requirements": "What the study requires, and whether it is met.",
+    "value_of_information": "What knowing each assumption would be worth.",
+    "assumptions": "Every value with its basis.",
+    "contradictions": "Inputs that contradict each other, and the one that is used.",
+}
+
+
+def command_line_page() -> str:
+    """Every command with its arguments and options, as the command line itself explains them."""
+    program: Any = typer.main.get_command(app)
+    lines = ["# The command line", "", *_COMMAND_LINE.strip().splitlines(), ""]
+    for name, command in program.commands.items():
+        arguments = " ".join(_argument(one) for one in command.params if one.param_type_name == "argument")
+        lines += [
+            f"(command-{name})=",
+            f"## {name}",
+            "",
+            f"`python -m tradestudy {name} {arguments}`".replace(" `", "`"),
+        ]
+        lines += ["", command.help.replace("\n", " "), ""]
+        for one in command.params:
+            if one.param_type_name == "option" and "--help" not in one.opts:
+                lines += [*_option(one), ""]
+            elif one.param_type_name == "argument":
+                lines += [f"`{_argument(one)}`", f": {one.help}", ""]
+    return "\n".join(lines)
+
+
+def _argument(parameter: Any) -> str:
+    return str(parameter.metavar or parameter.name.upper())
+
+
+def _option(option: Any) -> Iterator[str]:
+    written = option.opts[0] if option.is_flag else f"{option.opts[0]} {option.metavar or option.name.upper()}"
+    default = option.show_default if isinstance(option.show_default, str) else option.default
+    yield f"`{written}`"
+    yield f": {option.help}" + ("" if option.is_flag or default in (None, ()) else f" Default: {default}.")
+
+
+def results_page() -> str:
+    """Every variable of `results.nc`."""
+    lines = ["# Results", "", *_RESULTS.strip().splitlines(), ""]
+    for group, variables in GROUPS.items():
+        lines += [f"(group-{group})=", f"## /{group}", "", _GROUPS[group], ""]
+        for name, one in _own(group, variables).items():
+            lines += [*_variable(name, one), ""]
+    return "\n".join(lines)
+
+
+def _own(group: str, variables: Mapping[str, Variable]) -> Mapping[str, Variable]:
+    return {} if group == "depth_at_places" else variables
+
+
+def _variable(name: str, one: Variable) -> Iterator[str]:
+    dims = f" ({', '.join(one.dims)})" if one.dims else ""
+    unit = f" [{one.units}]" if one.units not in ("", "1") else ""
+    yield f"`{name}`{dims}{unit}"
+    yield f": {_sentence(one.long_name)}"
+    facts = {
+        "Symbol": f"{one.symbol}.",
+        "Source": f"{one.reference}.",
+        "Error": _sentence(one.error) if one.error else ".",
+    }
+    told = " ".join(f"*{title}:* {text}" for title, text in facts.items() if text != ".")
+    if told:
+        yield ""
+        yield f"  {told}"
+
+
+def _sentence(text: str) -> str:
+    """A description as a sentence of Markdown; a name of Python at its beginning stays as it is."""
+    escaped = text.replace("*", "\\*").replace("<", "&lt;")
+    begins_with_name = "_" in text.split(" ", 1)[0]
+    return (escaped if begins_with_name else escaped[:1].upper() + escaped[1:]) + "."
+
+
+_COMMAND_LINE: Final = """
+`tradestudy COMMAND` and `python -m tradestudy COMMAND` are the same program. `--help` after a command prints what
+stands here, and `python -m tradestudy --version` the version.
+
+| exit status | means |
+|---|---|
+| 0 | done |
+| 1 | anything not listed here, with one line on what happened and a log file |
+| 2 | the input is wrong, or asks for an accuracy that cannot be reached |
+| 3 | `--strict` was given, and a requirement that must hold is not met or cannot be decided |
+| 130 | interrupted; what is finished is kept |
+"""
+
+_RESULTS: Final = """
+A run writes `results.nc`, a netCDF4 file whose groups are listed here. It holds `/cameras` and the groups that its
+study asks for. Units are SI; `units`, `long_name`, `symbol`, `reference` and `error` stand in the attributes of each
+variable. A variable also has one dimension for every parameter that the study sweeps, before those listed.
+
+`tradestudy.open_result(folder).data` is the whole file as an xarray `DataTree`, and `.table(name)` one table of it as a
+pandas data frame; see [](/how-to/python.md).
+"""

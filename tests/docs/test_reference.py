@@ -1,0 +1,88 @@
+"""The reference pages hold everything that the program declares, each with its text."""
+
+from __future__ import annotations
+
+import sys
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer.main
+from ruamel.yaml import YAML
+
+import tradestudy
+from tradestudy.cli import app
+from tradestudy.results import GROUPS
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _beside_the_configuration() -> None:
+    sys.path.insert(0, str(ROOT / "docs"))
+
+
+@pytest.fixture(scope="module")
+def pages(_beside_the_configuration: None) -> dict[str, str]:
+    import study_keys
+
+    return study_keys.study_pages(ROOT)
+
+
+def terms(page: str) -> list[str]:
+    """What the definition lists of a page define."""
+    lines = page.splitlines()
+    return [line.split("`")[1] for line, below in pairwise(lines) if below.startswith(": ")]
+
+
+def test_defines_every_key_once(pages: dict[str, str]) -> None:
+    schema = tradestudy.schema()
+    parts = [one for name, one in schema["$defs"].items() if "properties" in one and not name.startswith("value")]
+    declared = sorted(key for part in [schema, *parts] for key in part["properties"])
+    assert sorted(term for page in pages.values() for term in terms(page)) == declared
+
+
+def test_gives_every_key_a_meaning_a_value_a_default_and_an_example(pages: dict[str, str]) -> None:
+    for page in pages.values():
+        entries = page.split("\n: ")[1:]
+        assert all(entry.split("\n")[0].strip() for entry in entries)
+        for fact in ("*Value:* ", "*Default:* ", "*Example:* "):
+            texts = [entry.partition(fact)[2] for entry in entries]
+            assert all(text[:1].strip(". \n") for text in texts), fact
+
+
+def test_examples_are_yaml(pages: dict[str, str]) -> None:
+    reader: Any = YAML(typ="safe", pure=True)
+    for page in pages.values():
+        for line in page.splitlines():
+            example = line.partition("*Example:* `")[2].rpartition("`")[0]
+            if example:
+                assert len(reader.load(example)) == 1
+
+
+def test_links_of_keys_lead_to_parts(pages: dict[str, str]) -> None:
+    whole = "\n".join(pages.values())
+    targets = {line[1:-2] for line in whole.splitlines() if line.startswith("(part-")}
+    assert {one.partition(")")[0] for one in whole.split("](#")[1:]} == targets
+
+
+def test_explains_every_command_and_option() -> None:
+    import declared
+
+    page = declared.command_line_page()
+    program: Any = typer.main.get_command(app)
+    for name, command in program.commands.items():
+        section = page.partition(f"\n## {name}\n")[2].partition("\n## ")[0]
+        assert command.help.split()[0] in section
+        expected = {one.opts[0] for one in command.params if one.param_type_name == "option"} - {"--help"}
+        assert {term.split()[0] for term in terms(section) if term.startswith("--")} == expected
+
+
+def test_defines_every_variable_of_every_group() -> None:
+    import declared
+
+    page = declared.results_page()
+    for group, variables in GROUPS.items():
+        section = page.partition(f"\n## /{group}\n")[2].partition("\n(group-")[0]
+        assert terms(section) == ([] if group == "depth_at_places" else list(variables))

@@ -1,0 +1,70 @@
+"""Results as tables: one for each group and each set of dimensions that its variables have."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tradestudy.errors import OutOfRangeError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """The variables of a group that have the same dimensions.
+
+    Parameters
+    ----------
+    data
+        The group.
+    dims
+        The dimensions; none for single values.
+    variables
+        Names of the variables.
+    """
+
+    data: xr.Dataset
+    dims: tuple[str, ...]
+    variables: tuple[str, ...]
+
+    def frame(self) -> pd.DataFrame:
+        """One row for each combination of the dimensions; ``attrs["units"]`` has the SI unit of each column."""
+        import pandas as pd
+
+        chosen = self.data[list(self.variables)]
+        frame = chosen.to_dataframe(dim_order=list(self.dims)) if self.dims else pd.DataFrame([chosen.to_pandas()])
+        frame = frame[list(self.variables)]
+        frame.attrs["units"] = {name: self.data[name].attrs.get("units", "") for name in self.variables}
+        return frame
+
+
+def tables_of(tree: xr.DataTree) -> Mapping[str, Table]:
+    """All tables of a results tree by name, such as ``depth_by_camera_distance``."""
+    found = {}
+    for group in tree.children.values():
+        data = group.to_dataset()
+        by_dims: dict[tuple[str, ...], list[str]] = {}
+        for name, array in data.data_vars.items():
+            by_dims.setdefault(tuple(map(str, array.dims)), []).append(str(name))
+        for dims, names in by_dims.items():
+            over = "_by_" + "_".join(dims) if dims else ""
+            found[f"{group.name}{over}".replace("/", "_")] = Table(data=data, dims=dims, variables=tuple(names))
+    return found
+
+
+def table_named(tree: xr.DataTree, name: str) -> Table:
+    """One table of a results tree.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the results hold no such table; the names that exist are listed.
+    """
+    found = tables_of(tree)
+    if name not in found:
+        raise OutOfRangeError("these results have no such table", value=name, limit=", ".join(found))
+    return found[name]
