@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from tradestudy.figures.style import (
+    PANEL_TITLE,
     PANELS_IN_A_ROW,
     SOFT,
     CameraTrace,
@@ -86,7 +87,7 @@ def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: list[str])
     for near, far in _not_usable(depth, camera.key, distance):
         axes.axvspan(near, far, color="white", alpha=0.6, linewidth=0, zorder=2)
     distance_axis(axes, (float(distance[0]), float(distance[-1])))
-    axes.set_title(shortened(camera.title, 34), fontsize=7.5)
+    axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
 
 
 def _not_usable(depth: xr.Dataset, camera: str, distance: FloatArray) -> list[tuple[float, float]]:
