@@ -54,21 +54,24 @@ def pages(printed: bytes) -> list[str]:
 
 def test_headings_stand_on_their_pages_in_order(pages: list[str]) -> None:
     assert "1 The answer" in pages[0]
-    body = " ".join(pages[1:]).partition("Assumptions register")[2]  # behind the contents
-    names = [
-        "Method",
-        "What each source of error favours",
-        "Results",
-        "Calibration",
-        "Claims",
-        "Requirements",
-        "Contradictions found",
-        "Provenance",
-    ]
-    places = [re.search(rf"\b{number} {name}", body) for number, name in enumerate(names, start=4)]
-    assert all(places)
-    starts = [place.start() for place in places if place]
-    assert starts == sorted(starts)
+    main, appendices = " ".join(pages[1:]).split(" Appendices ")[-2:]  # behind the contents, which name them too
+    names = ["Cameras", "Which camera each error source favours", "Claims", "Results"]
+    more = {
+        "A": "Assumptions",
+        "B": "Derived properties",
+        "C": "Contradictions found",
+        "D": "Method",
+        "E": "Depth at the declared distances",
+        "F": "The decision under every reading",
+        "G": "Claims under every reading",
+        "H": "Requirements",
+        "I": "Calibration",
+    }
+    for body, numbered in ((main, dict(enumerate(names, start=2))), (appendices, more)):
+        places = [[m.start() for m in re.finditer(rf"\b{number} {name}", body)] for number, name in numbered.items()]
+        assert all(places)
+        starts = [place[-1] for place in places]
+        assert starts == sorted(starts)
     for number, text in enumerate(pages, start=1):
         assert f"{number} of {len(pages)}" in text
 

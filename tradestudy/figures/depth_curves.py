@@ -52,7 +52,7 @@ _GUIDES: Final = ((1e-4, "0.01 %"), (1e-3, "0.1 %"), (1e-2, "1 % of distance"), 
 def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -> StudyFigure:
     """Two panels over distances from `near` to `far` [m]: discriminating power and uncertainty, in millimetres."""
     depth, shown = nominal(tree), traces(tree)
-    figure = new_figure(4.4)
+    figure = new_figure(4.1)
     upper, lower = figure.subplots(2, 1, sharex=True, sharey=True)
     distance = np.asarray(depth["distance"].values, dtype=float)
     # One point more on each side, so that a curve reaches the edge of the panel.
@@ -145,8 +145,8 @@ def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray,
 def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     """Uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below."""
     depth, shown = nominal(tree), traces(tree)
-    figure = new_figure(3.2 + 0.2 * len(shown))
-    curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 0.2 * (len(shown) + 1) + 0.25))
+    figure = new_figure(2.55 + 0.17 * len(shown))
+    curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 0.16 * (len(shown) + 1) + 0.2))
     distance = np.asarray(depth["distance"].values, dtype=float)
     drawn = [of_camera(depth, "depth_uncertainty", camera.key) for camera in shown]
     log_axis(curves, "y", tick=length_tick)

@@ -82,16 +82,16 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
 def _whole_range(tree: xr.DataTree) -> Drawing:
     depth, shown = nominal(tree), traces(tree)
     caption = (
-        "Depth uncertainty (half the central 68.27 % interval of one measurement) from noise and calibration, bold "
-        "where the camera is usable. Grey lines: equal shares of the distance. Bars: usable distances."
+        "Depth uncertainty (half the central 68.27 % interval of one measurement), bold where the camera is usable. "
+        "Grey lines: equal shares of the distance. Bars: usable distances."
     )
     caption += _design_words(tree)
     if has_winners(tree):
         among = [camera.title for camera in shown if camera.key in candidates(tree)]
         caption += (
-            " The last bar is the usable camera with the smallest uncertainty"
-            + (f", of the candidates {listed(among)}" if among else "")
-            + ", with all that differ by less than its error; dotted lines mark where it changes."
+            " Last bar: the least uncertain usable camera"
+            + (f" of the candidates {listed(among)}" if among else "")
+            + ", with those that differ by less than its error."
         )
     return Drawing(
         name="whole_range",

@@ -48,7 +48,7 @@ def draw_variance_shares(tree: xr.DataTree) -> StudyFigure:
     """Shares of the variance of inverse depth, stacked to 1, against distance; paler where the camera is not usable."""
     depth, shown = nominal(tree), traces(tree)
     names = shown_parts(depth)
-    figure = new_figure(0.7 + 1.6 * -(-len(shown) // PANELS_IN_A_ROW))
+    figure = new_figure(0.7 + 1.25 * -(-len(shown) // PANELS_IN_A_ROW))
     panels = camera_panels(figure, len(shown), float(depth["distance"].values[-1]))
     for axes, camera in zip(panels, shown, strict=True):
         _panel(axes, depth, camera, names)

@@ -86,7 +86,7 @@ def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
     """What noise and calibration favour by themselves, and how the verdict on the pair fares under other readings."""
     ways, table = tuple(_ways(tree)), tuple(_stability(tree))
     if table:
-        yield Heading(text="What each source of error favours, and under which readings", anchor="verdicts")
+        yield Heading(text="Which camera each error source favours", anchor="verdicts")
         yield Bullets(ways)
         yield from table
 
