@@ -111,7 +111,7 @@ def test_sections_stand_in_their_order(page: Page) -> None:
     sentences = (
         "Claims were declared",
         "Usable distances",
-        "Every value that does not speak for itself",
+        "Assumptions register",
         "Contradictions between inputs",
         "Depth from a focused plenoptic camera",
         "Requirements of the study",

@@ -147,7 +147,7 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Dr
         name=name,
         caption=f"Depth discriminating power and depth uncertainty from {where}. Discrimination is the "
         "change of depth that moves the disparity by its declared step, without noise or calibration errors; "
-        "uncertainty has both." + _design_words(tree),
+        "uncertainty includes both." + _design_words(tree),
         alt=f"Two charts against distance from {where}, depth on a logarithmic axis: discriminating "
         f"power and uncertainty. Uncertainty {_values_at(tree, shown, far)}.",
         draw=partial(depth_curves.draw_discrimination_and_uncertainty, tree, near, far),
@@ -171,9 +171,9 @@ def _shares(tree: xr.DataTree) -> Drawing:
     silent = listed([name.replace("_", " ") for name, most in every.items() if most >= 0.0 and name not in shown])
     return Drawing(
         name="variance_shares",
-        caption="What decides the uncertainty at which distance: the share of the variance of inverse depth that each "
-        "part of the errors has (Shapley shares; they sum to 100 %, for correlated errors too). Grey: the noise of a "
-        "measurement, which averaging shrinks; coloured: what it leaves."
+        caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: they "
+        "sum to 100 %, for correlated errors too). Grey: measurement noise, which averaging reduces; coloured: what "
+        "averaging leaves."
         + (f" Not drawn, because nowhere above 0.5 %: {silent}." if silent else "")
         + _design_words(tree),
         alt="One chart per camera of stacked shares against distance. " + _largest_shares(tree),

@@ -254,8 +254,8 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
     yield Paragraph(
         say(
             "In the study as declared the two are equally uncertain {own}, usable there or not. Under {count} of the "
-            "{all} other readings they are so somewhere between {low} and {high}; this is a range of assumptions, "
-            "not a confidence interval. Where the answer itself changes hands stands on the first page.",
+            "{all} other readings they are so between {low} and {high}. That is a range of assumptions, not a "
+            "confidence interval. The first page says where the preferred camera switches.",
             own=text,
             count=str(int(np.isfinite(values[1:]).any(axis=1).sum())),
             all=str(len(values) - 1),

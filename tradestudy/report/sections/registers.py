@@ -34,7 +34,7 @@ def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def describe_properties(tree: xr.DataTree) -> Iterator[Block]:
-    """Write what follows from the inputs of the cameras, one table per family."""
+    """Write the properties of the cameras that follow from their inputs, one table per family."""
     families = camera_families(tree) if has(tree, "cameras", "property_camera") else {}
     tables = [
         table
@@ -83,8 +83,8 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
     known = [basis for basis in _BASES if counts[basis]] + sorted(set(counts) - set(_BASES))
     yield Paragraph(
         say(
-            "Every value that does not speak for itself carries its basis: {counts}. What is assumed comes first, "
-            "because a verdict can rest on it{given}.",
+            "The study says where these values come from: {counts}. Assumed values come first, because a verdict can "
+            "rest on them{given}.",
             counts=", ".join(f"{counts[basis]} {basis}" for basis in known),
             given=", after what was set for this run alone, by the command line or from Python"
             if counts[_BASES[0]]
@@ -101,7 +101,7 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
             Column(title="Note", weight=5),
         ),
         rows=tuple(_by_basis(rows, known, tree)),
-        notes=("Values that a camera takes over from another one stand once, with all cameras that share them.",),
+        notes=("A value that several cameras share is listed once.",),
     )
 
 
@@ -135,8 +135,8 @@ def describe_contradictions(tree: xr.DataTree) -> Iterator[Block]:
         return
     yield Heading(text="Contradictions found", anchor="contradictions")
     yield Paragraph(
-        "Inputs that are given more than once were checked against each other. Where they disagree, nothing was "
-        "resolved silently: this is what was stated, what the other inputs imply, and what this study uses."
+        "The program checks inputs that are given more than once against each other. Where they disagree, the table "
+        "shows what was stated, what the other inputs imply, and what this study uses."
     )
     weights = {"Camera": 4, "What": 5, "Stated": 4, "Implied": 7, "Used": 9}
     titles = camera_titles(tree)
