@@ -109,7 +109,8 @@ def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFig
     levels = [level for level in _LEVELS if np.min(least) < level < np.max(least)]
     drawn = axes.contour(x, y, least, levels=levels, colors=SOFT, linewidths=0.7, linestyles="solid")
     axes.contour(x, y, least, levels=[0.0], colors=INK, linewidths=1.6)
-    axes.clabel(drawn, fmt=lambda value: _per_cent(value, 0), fontsize=SMALL, colors=INK)
+    for label in axes.clabel(drawn, fmt=lambda value: _per_cent(value, 0), fontsize=SMALL, colors=INK):
+        label.set(zorder=4, bbox={"facecolor": "white", "linewidth": 0.0, "pad": 0.6})  # over dots and declared values
     across, up = np.meshgrid(x, y)
     color = line_style(0).color
     dots: dict[str, Any] = {
