@@ -42,9 +42,15 @@ def part(tree: xr.DataTree, *groups: str) -> xr.DataTree:
 @pytest.mark.parametrize(
     ("groups", "expected"),
     [
-        (("cameras",), ["Cameras"]),
-        (("cameras", "claims"), ["Cameras", "Claims"]),
-        (("cameras", "contradictions", "requirements"), ["Cameras", "Requirements", "Contradictions found"]),
+        (("cameras",), ["Cameras", "Derived properties of the cameras"]),
+        (
+            ("cameras", "claims"),
+            ["Cameras", "Claims", "Derived properties of the cameras", "Claims under every reading"],
+        ),
+        (
+            ("cameras", "contradictions", "requirements"),
+            ["Cameras", "Derived properties of the cameras", "Contradictions found", "Requirements"],
+        ),
     ],
 )
 def test_sections_follow_from_the_groups(tree: xr.DataTree, groups: tuple[str, ...], expected: list[str]) -> None:

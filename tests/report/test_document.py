@@ -3,6 +3,7 @@ from __future__ import annotations
 import pytest
 
 from tradestudy.report.document import (
+    Appendices,
     Callout,
     Column,
     Heading,
@@ -80,6 +81,23 @@ def test_headings_figures_and_tables_are_numbered_in_reading_order() -> None:
     )
     assert document.numbers == {
         "a": "1", "a-a": "1.1", "p": "Figure 1", "a-b": "1.2", "b": "2", "t": "Table 1", "b-a": "2.1", "q": "Figure 2",
+    }  # fmt: skip
+
+
+def test_appendices_have_letters_and_figures_and_tables_go_on() -> None:
+    table = Table(name="t", caption="", columns=(Column(title="x"),), rows=())
+    blocks = (
+        Heading(text="", anchor="a"),
+        Picture(name="p", caption="", alt=""),
+        Appendices(),
+        Heading(text="", anchor="b"),
+        table,
+        Heading(text="", anchor="b-a", level=2),
+        Heading(text="", anchor="c"),
+        Picture(name="q", caption="", alt=""),
+    )
+    assert Report(title="", subtitle="", blocks=blocks).numbers == {
+        "a": "1", "p": "Figure 1", "b": "A", "t": "Table 1", "b-a": "A.1", "c": "B", "q": "Figure 2",
     }  # fmt: skip
 
 

@@ -54,21 +54,24 @@ def pages(printed: bytes) -> list[str]:
 
 def test_headings_stand_on_their_pages_in_order(pages: list[str]) -> None:
     assert "1 The answer" in pages[0]
-    body = " ".join(pages[1:]).partition("Assumptions register")[2]  # behind the contents
-    names = [
-        "Method",
-        "What each source of error favours",
-        "Results",
-        "Calibration",
-        "Claims",
-        "Requirements",
-        "Contradictions found",
-        "Provenance",
-    ]
-    places = [re.search(rf"\b{number} {name}", body) for number, name in enumerate(names, start=4)]
-    assert all(places)
-    starts = [place.start() for place in places if place]
-    assert starts == sorted(starts)
+    main, appendices = " ".join(pages[1:]).split(" Appendices ")[-2:]  # behind the contents, which name them too
+    names = ["Cameras", "Which camera each error source favours", "Claims", "Results"]
+    more = {
+        "A": "Assumptions",
+        "B": "Derived properties",
+        "C": "Contradictions found",
+        "D": "Method",
+        "E": "Depth at the declared distances",
+        "F": "The decision under every reading",
+        "G": "Claims under every reading",
+        "H": "Requirements",
+        "I": "Calibration",
+    }
+    for body, numbered in ((main, dict(enumerate(names, start=2))), (appendices, more)):
+        places = [[m.start() for m in re.finditer(rf"\b{number} {name}", body)] for number, name in numbered.items()]
+        assert all(places)
+        starts = [place[-1] for place in places]
+        assert starts == sorted(starts)
     for number, text in enumerate(pages, start=1):
         assert f"{number} of {len(pages)}" in text
 
@@ -113,9 +116,11 @@ def test_a_drawn_curve_lies_where_its_numbers_are(tree: xr.DataTree) -> None:
     rows, columns = np.nonzero(blue)
     # The curve is above the bars, which are in the lower part of the figure.
     top, bottom = rows.min(), rows.max()
-    curve = rows < top + 0.55 * (bottom - top)
-    slope = -np.polyfit(columns[curve], rows[curve], 1)[0]
     box = axes.get_position()
+    margin, text_width = (millimetres / 25.4 * 72.0 * 4.0 for millimetres in (19.0, 172.0))
+    # The name of the curve stands right of the panel.
+    curve = (rows < top + 0.55 * (bottom - top)) & (columns < margin + box.x1 * text_width)
+    slope = -np.polyfit(columns[curve], rows[curve], 1)[0]
     size = figure.get_size_inches()
     decades_x, decades_y = (np.log10(b / a) for a, b in (axes.get_xlim(), axes.get_ylim()))
     expected = 2.0 * (box.height * size[1] / decades_y) / (box.width * size[0] / decades_x)

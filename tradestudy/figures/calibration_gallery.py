@@ -11,7 +11,7 @@ import xarray as xr
 from tradestudy.figures import calibration_trust, posterior, ranks, sensitivity
 from tradestudy.figures.drawing import Drawing
 from tradestudy.results.views.depth import largest_source
-from tradestudy.results.views.groups import camera_titles, titles_in
+from tradestudy.results.views.groups import camera_titles, group, titles_in
 from tradestudy.units import LENGTH, pretty, significant
 
 
@@ -31,7 +31,7 @@ def calibration_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
     place = sensitivity.tornado_distance(tree)
     sentences = [
-        f"{title}: {largest.replace('_', ' ')}. "
+        f"{title}: {largest.replace('_', ' ')}, {_source_words(tree, key, largest, place)}. "
         for key, title in titles_in(tree, "sensitivity").items()
         if (largest := largest_source(tree, key, place)) is not None
     ]
@@ -47,9 +47,43 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
         name="sobol-indices",
         caption="Total (lines) and first-order (dotted) Sobol indices of inverse depth on the axis, over independent "
         "sources. They tell interactions and are no parts: where sources interact, total indices sum to more than 1.",
-        alt="One chart per camera of total Sobol indices against distance; first-order indices lie on them where the "
-        "sources do not interact.",
+        alt="One chart per camera of total and first-order Sobol indices against distance. Largest total index at "
+        f"{pretty(place, LENGTH)}: " + _index_words(tree, place),
         draw=partial(sensitivity.draw_indices, tree),
+    )
+
+
+def _source_words(tree: xr.DataTree, camera: str, source: str, place: float) -> str:
+    """The uncertainty of depth from one source alone, on the axis at a distance [m]."""
+    alone = group(tree, "sensitivity")["source_uncertainty"].sel(
+        camera=camera, field=0.0, distance=place, source=source
+    )
+    return pretty(float(alone), LENGTH)
+
+
+def _index_words(tree: xr.DataTree, place: float) -> str:
+    """The largest total index of each camera on the axis at a distance [m]."""
+    there = group(tree, "sensitivity")["total_index"].sel(field=0.0, distance=place)
+    sentences = []
+    for key, title in titles_in(tree, "sensitivity").items():
+        values = np.asarray(there.sel(camera=key).values, dtype=np.float64)
+        if np.isfinite(values).any():
+            first = int(np.nanargmax(values))
+            source = str(there["source"].values[first]).replace("_", " ")
+            sentences.append(f"{title}: {source} {significant(float(values[first]), 2)}. ")
+        else:
+            sentences.append(f"{title}: none is known. ")
+    return "".join(sentences)
+
+
+def _tie_words(tree: xr.DataTree, name: str) -> str:
+    """The two parameters of a posterior that are tied most closely."""
+    if (tie := posterior.closest_tie(tree, name)) is None:
+        return ""
+    first, second, correlation = tie
+    return (
+        f"Tied most closely: {first.replace('_', ' ')} and {second.replace('_', ' ')}, correlation "
+        f"{significant(correlation, 2)}."
     )
 
 
@@ -69,7 +103,8 @@ def _ranks(tree: xr.DataTree) -> Drawing:
         caption="Probability that the depth error of the first camera is smaller than that of the second. Calibration "
         "alone: over rigs, sessions and calibrations, with the noise averaged away. Single readings: noise as well. "
         "Shaded: two Monte Carlo standard errors. What both cameras share (temperature, pressure) is drawn once.",
-        alt="Two charts of probability against distance. Calibration alone: " + "".join(sentences),
+        alt="Probability against distance, one chart for each pair of cameras. Calibration alone: "
+        + "".join(sentences),
         draw=partial(ranks.draw_rank_probability, tree),
     )
 
@@ -86,7 +121,8 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
         name=f"corner-{name}",
         caption=f"Posterior of {titles[name]}: {which}, in standard deviations from the mean. Lines hold 39 and 86 % "
         "of the draws, as one and two standard deviations of a normal in the plane do; dashed: the Laplace fit.",
-        alt=f"Corner plot of the posterior draws of {', '.join(n.replace('_', ' ') for n in shown)}.",
+        alt=f"Corner plot of the posterior draws of {titles[name]}: {', '.join(n.replace('_', ' ') for n in shown)}. "
+        + _tie_words(tree, name),
         draw=partial(posterior.draw_corner, tree, name),
     )
     yield Drawing(
@@ -94,12 +130,13 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
         caption=f"Chains behind the posterior of {titles[name]}: the first walker of each independent ensemble, one "
         f"colour each, after the warm-up. N/τ is {significant(float(data['posterior_lengths']))}, the largest R-hat "
         f"{float(np.nanmax(data['posterior_r_hat'].values)):.4f}.",
-        alt="Trace plot, one row per parameter. "
+        alt=f"Trace plot of the chains of {titles[name]}, one row per parameter. "
         + (
-            "All ensembles cover the same range."
+            "All ensembles cover the same range: "
             if bool(data["posterior_converged"])
-            else "The chains did not converge."
-        ),
+            else "The chains did not converge: "
+        )
+        + f"the largest R-hat is {float(np.nanmax(data['posterior_r_hat'].values)):.4f}.",
         draw=partial(posterior.draw_trace, tree, name),
     )
 
@@ -114,8 +151,11 @@ def _trust(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
         name=f"trust-{name}",
         caption=f"How far to trust the corners of {camera_titles(tree)[name]}. Above: mean residuals of each camera "
         "fitted alone, in cells of its picture; what points the same way in neighbouring cells is left of the lens or "
-        "of the board. Below: depth midway between the axes by random halves of the views.",
-        alt="Two maps of arrows, and a chart in which the halves differ by these times what they claim: "
+        "of the board. Below, for depth midway between the axes: by how much "
+        "random halves of the views differ (root mean square), what these halves claim for that, and what all views "
+        "together claim.",
+        alt=f"Two maps of arrows for {camera_titles(tree)[name]}, and a chart in which the halves differ by these "
+        "times what they claim: "
         + ", ".join(f"{significant(float(one), 2)} at {where}" for one, where in zip(ratio, distances, strict=True))
         + ".",
         draw=partial(calibration_trust.draw_trust, tree, name),

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from tradestudy.figures.style import StudyFigure, legend, length_tick, line_style, log_axis, new_figure, styled
+from tradestudy.figures.curves import Curve, name_ends
+from tradestudy.figures.style import SMALL, StudyFigure, length_tick, line_style, log_axis, new_figure, styled
 
 MM = 1e3
 _ARROW_PX = 0.15  # length of the arrow in the key
@@ -25,23 +26,33 @@ def draw_trust(tree: xr.DataTree, posterior: str) -> StudyFigure:
         x, y = np.meshgrid((np.arange(across) + 0.5) / across * columns, (np.arange(down) + 0.5) / down * rows)
         u, v = residuals[side, ..., 0], residuals[side, ..., 1]
         arrows = axes.quiver(x, y, u, v, angles="xy", scale_units="xy", scale=_ARROW_PX / (columns / across))
-        axes.quiverkey(arrows, 0.85, 1.06, _ARROW_PX, f"{_ARROW_PX:g} px", labelpos="E", fontproperties={"size": 6})
+        axes.quiverkey(arrows, 0.85, 1.06, _ARROW_PX, f"{_ARROW_PX:g} px", labelpos="E", fontproperties={"size": SMALL})
         axes.set(xlim=(0.0, columns), ylim=(rows, 0.0), title=f"{title} picture", aspect="equal")
         axes.set(xlabel="x [px]", ylabel="y [px]" if side == 0 else "")
     axes = figure.add_subplot(grid[1, :])
     distance = np.asarray(data["rig_distance"].values, dtype=np.float64)
     curves = {
-        "difference of random halves, root mean square": "rig_halves_difference",
-        "what the halves claim for it": "rig_halves_claim",
-        "what the whole claims": "rig_claimed",
+        "random halves differ": "rig_halves_difference",
+        "halves claim": "rig_halves_claim",
+        "the whole claims": "rig_claimed",
     }
-    for order, variable in enumerate(curves.values()):
-        style = line_style(order)
-        axes.plot(distance, MM * data[variable].values, color=style.color, linestyle=style.dash, marker=style.marker)
+    drawn = []
+    for order, (name, variable) in enumerate(curves.items()):
+        style, y = line_style(order), MM * np.asarray(data[variable].values, dtype=np.float64)
+        axes.plot(
+            distance,
+            y,
+            color=style.color,
+            linestyle=style.dash,
+            linewidth=2.6 - 0.5 * order,
+            marker=style.marker,
+            label=name,
+        )
+        drawn.append(Curve(name=name, color=style.color, x=distance, y=y))
     axes.set_xscale("log")
     axes.set_xticks(distance, [f"{one:g}" for one in distance])
     axes.minorticks_off()
     log_axis(axes, "y", tick=length_tick)
     axes.set(xlabel="distance [m]", ylabel="standard deviation of depth")
-    legend(figure, [line_style(order).handle() for order in range(len(curves))], list(curves), columns=1)
+    name_ends(axes, drawn)
     return figure

@@ -13,7 +13,18 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.figures.style import FAINT, INK, SOFT, StudyFigure, legend, log_axis, new_figure, shortened, styled
+from tradestudy.figures.style import (
+    FAINT,
+    INK,
+    SMALL,
+    SOFT,
+    StudyFigure,
+    legend,
+    log_axis,
+    new_figure,
+    shortened,
+    styled,
+)
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.units import DURATION, pretty
 
@@ -93,7 +104,7 @@ def _panel(axes: Axes, piece: xr.Dataset) -> None:
     _frame(axes, "y", np.append(error, floor))
     for took in seconds[star]:  # slow and far from exact is where there are the fewest marks
         price = f"★ 10× as exact: {pretty(float(took), DURATION, digits=2)}"
-        axes.text(0.985, 0.97, price, transform=axes.transAxes, ha="right", va="top", fontsize=7.5)
+        axes.text(0.985, 0.97, price, transform=axes.transAxes, ha="right", va="top", fontsize=SMALL)
     axes.set_title(shortened(str(piece["title"].item()), _TITLE))
     axes.set(xlabel="seconds", ylabel="error [%]")
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Final
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -9,9 +12,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 
+from tradestudy.figures.curves import Curve, beneath, name_ends, name_places
+from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     FAINT,
     INK,
+    PANEL_TITLE,
+    SMALL,
     SOFT,
     CameraTrace,
     StudyFigure,
@@ -20,49 +27,59 @@ from tradestudy.figures.style import (
     distance_tick,
     legend,
     length_tick,
+    letters_on,
     log_axis,
     named_rows,
     new_figure,
+    panel_size,
     shortened,
     styled,
     traces,
 )
-from tradestudy.results.views.decision import answer_title, has_winners, tied, told_winners, winners
+from tradestudy.results.views.decision import has_winners, tied, told_winners, winners
 from tradestudy.results.views.depth import nominal, of_camera, where_usable
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.wording import distance as distance_words
 
 MM = 1e3
-_UNUSABLE_WIDTH, _USABLE_WIDTH = 0.7, 1.9
-_LETTERS_ACROSS, _SHORTEST_NAME = 78, 9  # of a name written into the bar of the best camera
-_ROOM_OF_GUIDE = 0.13  # of the width, for the name of a line of equal relative uncertainty
+_UNUSABLE_WIDTH, _USABLE_WIDTH, _WIDER = 0.8, 1.7, 1.2  # points; wider by so much for each curve that lies on it
+_LETTERS_ACROSS: Final = 62  # of a name written into the bar of the best camera
+_LETTER: Final = 0.62  # mean width of a letter, of its size
+_GUIDES: Final = ((1e-4, "0.01 %"), (1e-3, "0.1 %"), (1e-2, "1 % of distance"), (1e-1, "10 %"), (1.0, "100 %"))
 
 
 @styled()
 def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -> StudyFigure:
     """Two panels over distances from `near` to `far` [m]: discriminating power and uncertainty, in millimetres."""
     depth, shown = nominal(tree), traces(tree)
-    figure = new_figure(3.3)
-    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+    figure = new_figure(4.1)
+    upper, lower = figure.subplots(2, 1, sharex=True, sharey=True)
     distance = np.asarray(depth["distance"].values, dtype=float)
     # One point more on each side, so that a curve reaches the edge of the panel.
     inside = np.flatnonzero((distance >= near) & (distance <= far))
     view = depth.isel(distance=slice(max(inside[0] - 1, 0), inside[-1] + 2))
-    drawn: list[FloatArray] = []
-    for camera in shown:
-        nearer = of_camera(view, "depth_discrimination", camera.key, side="nearer")
-        farther = of_camera(view, "depth_discrimination", camera.key, side="farther")
-        uncertainty = of_camera(view, "depth_uncertainty", camera.key)
-        draw_curve(left, view, camera, nearer)
-        _band(left, view, camera, nearer, farther)
-        draw_curve(right, view, camera, uncertainty)
-        drawn += [nearer, uncertainty]
-    for axes, title in ((left, "Discriminating power"), (right, "Uncertainty (68 %)")):
+    nearer, farther = (
+        [of_camera(view, "depth_discrimination", camera.key, side=side) for camera in shown]
+        for side in ("nearer", "farther")
+    )
+    uncertainty = [of_camera(view, "depth_uncertainty", camera.key) for camera in shown]
+    limits = depth_limits([*nearer, *uncertainty], view["distance"].values, near, far)
+    for axes, title in ((upper, "Discriminating power"), (lower, "Uncertainty (68 %)")):
         log_axis(axes, "y", tick=length_tick)
-        axes.set(xlim=(near, far), xlabel=distance_label(far), title=title)
+        axes.set(xlim=(near, far), ylim=limits, title=title, ylabel="depth")
         axes.xaxis.set_major_formatter(FuncFormatter(distance_tick(far)))
-    left.set(ylabel="depth", ylim=depth_limits(drawn, view["distance"].values, near, far))
-    _camera_legend(figure, shown)
+    for camera, first, last in zip(shown, nearer, farther, strict=True):
+        _band(upper, view, camera, first, last)
+    draw_curves(upper, view, shown, nearer)
+    draw_curves(lower, view, shown, uncertainty)
+    lower.set_xlabel(distance_label(far))
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=SOFT, linewidth=_USABLE_WIDTH),
+        Line2D([], [], color=SOFT, linewidth=_UNUSABLE_WIDTH),
+        Patch(color=SOFT, alpha=0.2, linewidth=0),
+    ]
+    labels = ["usable", "not usable", "from the step nearer to the step farther"]
+    legend(figure, handles, labels, columns=len(labels))
     return figure
 
 
@@ -77,14 +94,37 @@ def depth_limits(curves: list[FloatArray], distance: FloatArray, near: float, fa
     return float(np.percentile(values, 2.0)) / 1.5, min(float(values.max()) * 1.5, 2.0 * far * MM)
 
 
-def draw_curve(axes: Axes, view: xr.Dataset, camera: CameraTrace, metres: FloatArray) -> None:
-    """A curve over all distances, bold where the camera is usable."""
+def draw_curves(
+    axes: Axes, view: xr.Dataset, shown: Sequence[CameraTrace], metres: Sequence[FloatArray], *, names: bool = True
+) -> None:
+    """Draw the curve of every camera, named at its end, into axes whose scales and limits stand."""
+    distance = np.asarray(view["distance"].values, dtype=float)
+    for camera, curve, under in zip(shown, metres, covered_by(metres, axes.get_ylim()), strict=True):
+        draw_curve(axes, view, camera, curve, under)
+    if names:
+        name_ends(
+            axes,
+            [
+                Curve(name=camera.title, color=camera.style.color, x=distance, y=curve * MM)
+                for camera, curve in zip(shown, metres, strict=True)
+            ],
+        )
+
+
+def covered_by(metres: Sequence[FloatArray], limits: tuple[float, float]) -> list[int]:
+    """For each curve of depths [m] how many later ones lie on it, between limits in millimetres."""
+    return beneath([curve * MM for curve in metres], limits)
+
+
+def draw_curve(axes: Axes, view: xr.Dataset, camera: CameraTrace, metres: FloatArray, under: int = 0) -> None:
+    """A curve over all distances, bold where the camera is usable; wider where it lies `under` others."""
     distance = np.asarray(view["distance"].values, dtype=float)
     y = np.where(np.isfinite(metres) & (metres > 0), metres * MM, np.nan)
-    line = {"color": camera.style.color, "linestyle": camera.style.dash}
-    axes.plot(distance, y, linewidth=_UNUSABLE_WIDTH, alpha=0.55, **line)
+    line = {"color": camera.style.color, "linestyle": camera.style.dash, "zorder": 2.0 - 0.01 * under}
+    wider = _WIDER * under
+    axes.plot(distance, y, linewidth=_UNUSABLE_WIDTH + 0.7 * wider, alpha=0.6, label=printable(camera.title), **line)
     bold = np.where(view["usable"].sel(camera=camera.key).values.astype(bool), y, np.nan)
-    axes.plot(distance, bold, linewidth=_USABLE_WIDTH, **line)
+    axes.plot(distance, bold, linewidth=_USABLE_WIDTH + wider, **line)
 
 
 def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray, farther: FloatArray) -> None:
@@ -105,55 +145,103 @@ def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray,
 def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     """Uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below."""
     depth, shown = nominal(tree), traces(tree)
-    figure = new_figure(2.4 + 0.16 * len(shown))
-    curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.5, 0.17 * (len(shown) + 1) + 0.25))
+    figure = new_figure(2.55 + 0.17 * len(shown))
+    curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 0.16 * (len(shown) + 1) + 0.2))
     distance = np.asarray(depth["distance"].values, dtype=float)
     drawn = [of_camera(depth, "depth_uncertainty", camera.key) for camera in shown]
-    for camera, uncertainty in zip(shown, drawn, strict=True):
-        draw_curve(curves, depth, camera, uncertainty)
     log_axis(curves, "y", tick=length_tick)
     distance_axis(curves, (float(distance[0]), float(distance[-1])), dense=True)
     limits = depth_limits(drawn, distance, float(distance[0]), float(distance[-1]))
     curves.set(ylim=limits, ylabel="depth uncertainty (68 %)")
-    draw_relative_guides(curves, distance)
+    draw_curves(curves, depth, shown, drawn)
+    edges = [edge for _, edge, _ in list(told_winners(tree))[:-1]] if has_winners(tree) else []
+    draw_relative_guides(curves, distance, drawn, edges)
     _bars(bars, depth, shown)
     if has_winners(tree):
         _best_camera_bar(bars, tree, shown)
-        _crossovers((curves, bars), tree)
+        _crossovers((curves, bars), edges)
     bars.set_xlabel(distance_label(float(distance[-1])))
     return figure
 
 
-def draw_relative_guides(axes: Axes, distance: FloatArray) -> None:
-    """Lines of equal relative uncertainty, named inside the panel at its right edge."""
-    bottom, top = axes.get_ylim()
-    room = float(distance[0] * (distance[-1] / distance[0]) ** _ROOM_OF_GUIDE)
-    for share, name in ((1e-4, "0.01 %"), (1e-3, "0.1 %"), (1e-2, "1 %"), (1e-1, "10 %"), (1.0, "100 %")):
-        y = share * distance * MM
-        axes.plot(distance, y, color=FAINT, linewidth=0.9, zorder=0.5)
-        # The name stands where the line leaves the panel: at its right end, or at its top.
-        x_end = min(float(distance[-1]), top / (share * MM)) * 0.93
-        if bottom < share * x_end * MM < top and x_end > room:
+def draw_relative_guides(
+    axes: Axes, distance: FloatArray, drawn: Sequence[FloatArray], edges: Sequence[float] = ()
+) -> None:
+    """Lines of equal relative uncertainty, each named where its name is farthest from every curve and every edge.
+
+    Parameters
+    ----------
+    axes
+        Logarithmic, with limits, in metres across and millimetres up.
+    distance
+        Of the curves [m].
+    drawn
+        Uncertainties [m] over `distance`.
+    edges
+        Distances [m] of vertical lines.
+    """
+    (left, right), (bottom, top) = np.log(axes.get_xlim()), np.log(axes.get_ylim())
+    wide, tall = panel_size(axes)
+    x = (np.log(distance) - left) / (right - left)
+    known = [np.log(np.where(np.isfinite(curve) & (curve > 0.0), curve, np.nan) * MM) for curve in drawn]
+    levels = [(curve - bottom) / (top - bottom) for curve in known]
+    uprights = [(np.log(edge) - left) / (right - left) for edge in edges]
+    for share, name in _GUIDES:
+        guide = (np.log(share * distance * MM) - bottom) / (top - bottom)
+        axes.plot(distance, share * distance * MM, color=FAINT, linewidth=0.9, zorder=0.5)
+        width, height = _LETTER * SMALL * len(name) / wide, 1.6 * SMALL / tall
+        place = _free_place(x, guide, levels, uprights, (width, height))
+        if place is not None:
             axes.annotate(
-                f"{name} of distance" if name == "1 %" else name,
-                (x_end, share * x_end * MM),
-                color=SOFT,
-                fontsize=6,
-                ha="right",
-                va="bottom",
-            )
+                name, (place, float(np.interp(place, x, guide))), xycoords="axes fraction", color=SOFT, fontsize=SMALL,
+                ha="center", va="bottom",
+            )  # fmt: skip
+
+
+def _free_place(
+    x: FloatArray,
+    guide: FloatArray,
+    levels: Sequence[FloatArray],
+    uprights: Sequence[float],
+    size: tuple[float, float],
+) -> float | None:
+    """The middle of a text of this size on a guide, all in shares of the panel; None where it fits nowhere."""
+    width, height = size
+    best, room = None, 0.0
+    for middle in np.arange(1.0 - 0.6 * width, 0.6 * width, -0.02):
+        here = np.abs(x - middle) <= 0.6 * width
+        foot = float(np.interp(middle, x, guide))
+        if not here.any() or foot < 0.01 or foot + height > 0.99:
+            continue
+        if any(abs(upright - middle) <= 0.6 * width for upright in uprights):
+            continue
+        apart = [np.abs(level[here] - (foot + height / 2.0)) for level in levels]
+        nearest = min((float(np.nanmin(one)) for one in apart if np.isfinite(one).any()), default=1.0)
+        if nearest > height:
+            return float(middle)
+        if nearest > max(room, 0.6 * height):
+            best, room = float(middle), nearest
+    return best
 
 
 def _bars(axes: Axes, depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> None:
     """One line of bars per camera: the distances at which it is usable."""
     last = float(depth["distance"].values[-1])
     for row, camera in enumerate(shown):
-        for near, far in where_usable(depth, camera.key):
+        where = list(where_usable(depth, camera.key))
+        for near, far in where:
             axes.barh(row, min(far, last) - near, left=near, height=0.62, color=camera.style.color, linewidth=0)
             # The camera's line style runs through its bar, for readers without colours.
             axes.plot([near, min(far, last)], [row, row], color="white", linestyle=camera.style.dash, linewidth=0.9)
+        if not where:
+            axes.text(
+                0.01, row, "usable nowhere", transform=axes.get_yaxis_transform(), va="center", fontsize=SMALL,
+                color=SOFT,
+            )  # fmt: skip
     named_rows(axes, [shortened(camera.title) for camera in shown])
-    axes.set_title("Usable", fontsize=7.5)
+    axes.yaxis.tick_right()
+    axes.tick_params(axis="y", length=0)
+    axes.set_title("Usable", fontsize=PANEL_TITLE)
 
 
 def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> None:
@@ -167,44 +255,19 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ..
             height = 0.9 / len(best)
             middle = row - 0.45 + (order + 0.5) * height
             axes.barh(middle, end - start, left=start, height=height, color=by_key[key].style.color, linewidth=0)
-        if best:
-            letters = int(_LETTERS_ACROSS * np.log(end / start) / np.log(distance[-1] / distance[0]))
-            if letters >= _SHORTEST_NAME:
-                name = shortened(answer_title(titles, answer), letters)
-                axes.text(np.sqrt(start * end), row, name, color="white", ha="center", va="center", fontsize=6.5)
+        if len(best) == 1:
+            name = shortened(titles[best[0]])
+            if len(name) <= _LETTERS_ACROSS * np.log(end / start) / np.log(distance[-1] / distance[0]):
+                color = letters_on(by_key[best[0]].style.color)
+                axes.text(np.sqrt(start * end), row, name, color=color, ha="center", va="center", fontsize=SMALL)
     names = [*(shortened(camera.title) for camera in shown), "best camera"]
     axes.set(yticks=[*range(len(shown)), row], yticklabels=names, ylim=(row + 0.6, -0.6))
     axes.get_yticklabels()[-1].set_fontweight("bold")
 
 
-def _crossovers(panels: tuple[Axes, ...], tree: xr.DataTree) -> None:
-    """A vertical line wherever the best camera changes, with its distance."""
-    stretches = list(told_winners(tree))
-    for _, edge, _ in stretches[:-1]:
+def _crossovers(panels: tuple[Axes, Axes], edges: Sequence[float]) -> None:
+    """A vertical line wherever the best camera changes, with its distance above the panels."""
+    for edge in edges:
         for axes in panels:
             axes.axvline(edge, color=INK, linewidth=0.6, linestyle=(0, (2, 2)), zorder=0.8)
-        panels[0].annotate(
-            distance_words(edge),
-            (edge, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(-1, -2),
-            textcoords="offset points",
-            fontsize=6.5,
-            rotation=90,
-            ha="right",
-            va="top",
-        )
-
-
-def _camera_legend(figure: StudyFigure, shown: tuple[CameraTrace, ...]) -> None:
-    handles: list[Line2D | Patch] = [
-        *(camera.style.handle(linewidth=_USABLE_WIDTH) for camera in shown),
-        Line2D([], [], color=SOFT, linewidth=_UNUSABLE_WIDTH),
-        Patch(color=SOFT, alpha=0.2, linewidth=0),
-    ]
-    labels = [
-        *(camera.title for camera in shown),
-        "thin: outside the usable range",
-        "from the step nearer to the step farther",
-    ]
-    legend(figure, handles, labels, columns=2)
+    name_places(panels[0], edges, [distance_words(edge) for edge in edges])

@@ -22,6 +22,7 @@ from tradestudy.figures.style import (
     styled,
 )
 from tradestudy.results.views.groups import camera_titles, group, has
+from tradestudy.units import significant
 from tradestudy.wording import listed, span
 
 _TOLERANCE = 0.1  # of the spread that a fitted matcher should tell at other distances
@@ -43,9 +44,21 @@ def depth_loop_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         "Third: standard deviation over what the matcher gives that was fitted at the distances with filled dots; "
         "grey: 10 % to either side. Fourth: bias as an error of disparity; grey: 0.05 px.",
         alt=f"For {names}, from {span(float(distance[0]), float(distance[-1]))}: achieved against predicted spread, "
-        "the same over noise and over the fitted matcher, and bias.",
+        f"the same over noise and over the fitted matcher, and bias. Spread over that by noise: {_noise_words(tree)}.",
         draw=lambda: draw_loop(tree),
     )
+
+
+def _noise_words(tree: xr.DataTree) -> str:
+    """Least and largest spread of each camera over what noise alone gives."""
+    data, titles = group(tree, "depth_loop"), camera_titles(tree)
+    words = []
+    for key in data["camera"].values:
+        values = np.asarray(data["depth_over_bound"].sel(camera=key).values, dtype=np.float64)
+        known = values[np.isfinite(values)]
+        told = f"{significant(known.min())} to {significant(known.max())}" if known.size else "not measured"
+        words.append(f"{titles[str(key)]} {told}")
+    return "; ".join(words)
 
 
 @styled()

@@ -13,6 +13,7 @@ from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.pictures import bare, cropped, ends_of_depth
 from tradestudy.figures.style import FAINT, INK, SOFT, StudyFigure, line_style, new_figure, shortened, styled
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
+from tradestudy.units import LENGTH, pretty
 from tradestudy.wording import listed
 
 _MOST = 6  # cameras
@@ -32,7 +33,8 @@ def depth_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         "estimator has no second picture of, such as behind edges and beyond the overlap. Each block is the median of "
         "its points; hatched where none has a depth. At the left what the camera makes with the map, sharp throughout, "
         "where it makes anything.",
-        alt=f"For {names}: measured depth, its error, and the hidden share of the surface, as pictures.",
+        alt="Measured depth, its error, and the hidden share of the surface, as pictures. Median error and half the "
+        "central 68.27 % interval of the errors: " + _error_words(tree),
         draw=lambda: draw_depth_maps(tree),
     )
     yield Drawing(
@@ -40,9 +42,21 @@ def depth_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         caption="Errors of measured depth against true depth: dots are the median with its standard error, thin bars "
         "half the central 68.27 % interval to either side. The band is the predicted depth uncertainty.",
         alt=f"For {names}: the median and the spread of the errors of measured depth in classes of true depth, with "
-        "the predicted uncertainty as a band around zero.",
+        "the predicted uncertainty as a band around zero. Over all depths: " + _error_words(tree),
         draw=lambda: draw_achieved(tree),
     )
+
+
+def _error_words(tree: xr.DataTree) -> str:
+    """Bias and spread of the measured depth of each camera."""
+    data, titles = group(tree, "pictures"), camera_titles(tree)
+    words = []
+    for k in range(min(_MOST, data.sizes["mapped_camera"])):
+        one = data.isel(mapped_camera=k)
+        bias, spread = float(one["depth_bias"]), float(one["depth_spread"])
+        told = f"{pretty(bias, LENGTH)} ± {pretty(spread, LENGTH)}" if np.isfinite(spread) else "measured nothing"
+        words.append(f"{titles[str(one['mapped_camera'].item())]} {told}")
+    return "; ".join(words) + "."
 
 
 @styled()

@@ -12,16 +12,20 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from tradestudy.figures.curves import Curve, beneath, name_ends
 from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     FAINT,
     INK,
+    SMALL,
     SOFT,
     CameraTrace,
     StudyFigure,
     all_traces,
     legend,
     length_tick,
+    letters_on,
     log_axis,
     named_rows,
     new_figure,
@@ -112,7 +116,7 @@ def draw_depth_of_field(tree: xr.DataTree) -> StudyFigure:
     for row, camera in enumerate(shown):
         one = data.sel(camera=camera.key)
         _slices(axes, sharp_stretches(one, "slice"), row, camera)
-        _far_end(axes, sharp_stretches(one, "sharp"), row)
+        _far_end(axes, sharp_stretches(one, "sharp"), row, camera)
         _lines(axes, sharp_stretches(one, "gap"), row - 0.08, linewidth=0.6, linestyle=(0, (1, 1)))
         if equal:
             _lines(axes, sharp_stretches(one, "resolved"), row + 0.27, linewidth=1.4, solid_capstyle="butt")
@@ -149,7 +153,7 @@ def _slices(axes: Axes, slices: tuple[tuple[float, float], ...], row: int, camer
             axes.barh(row - 0.08, far - near, 0.44, near, color=camera.style.color, alpha=shade, linewidth=0)
 
 
-def _far_end(axes: Axes, sharp: tuple[tuple[float, float], ...], row: int) -> None:
+def _far_end(axes: Axes, sharp: tuple[tuple[float, float], ...], row: int, camera: CameraTrace) -> None:
     """Name the far end of what is sharp where it lies beyond the panel."""
     last = axes.get_xlim()[1]
     for near, far in sharp:
@@ -161,8 +165,8 @@ def _far_end(axes: Axes, sharp: tuple[tuple[float, float], ...], row: int) -> No
                 textcoords="offset points",
                 ha="right",
                 va="center",
-                color="white",
-                fontsize=6.5,
+                color=letters_on(camera.style.color),
+                fontsize=SMALL,
                 fontweight="bold",
             )
 
@@ -187,7 +191,7 @@ def _resolution_beside(axes: Axes, data: xr.Dataset, shown: tuple[CameraTrace, .
             textcoords="offset points",
             ha="right",
             va="center",
-            fontsize=7,
+            fontsize=SMALL,
             color=INK if share >= 1.0 else SOFT,
             annotation_clip=False,
         )
@@ -199,7 +203,7 @@ def _resolution_beside(axes: Axes, data: xr.Dataset, shown: tuple[CameraTrace, .
         textcoords="offset points",
         ha="right",
         va="bottom",
-        fontsize=6.5,
+        fontsize=SMALL,
         color=SOFT,
         annotation_clip=False,
     )
@@ -216,26 +220,30 @@ def draw_lateral_resolution(tree: xr.DataTree) -> StudyFigure:
     log_axis(axes, "y", dense=True, tick=length_tick)
     axes.set_xlim(distance[0] * MM, distance[-1] * MM)
     _scene_band(axes, data)
-    for camera in shown:
-        size = np.asarray(data["lateral_resolution"].sel(camera=camera.key).values, dtype=np.float64) * MM
+    sizes = [np.asarray(data["lateral_resolution"].sel(camera=c.key).values, dtype=np.float64) * MM for c in shown]
+    limits = _size_limits(np.concatenate(sizes))
+    axes.set(ylim=limits, xlabel="distance from the lens [mm]", ylabel="detail resolved on the object")
+    for camera, size, under in zip(shown, sizes, beneath(sizes, limits), strict=True):
         sharp = _inside(distance, sharp_stretches(data.sel(camera=camera.key), "sharp"))
-        line = {"color": camera.style.color, "linestyle": camera.style.dash}
-        axes.plot(distance * MM, size, linewidth=0.8, alpha=0.55, **line)
-        axes.plot(distance * MM, np.where(sharp, size, np.nan), linewidth=2.0, **line)
-    if "equal_resolution" in data.attrs:
-        axes.axhline(float(data.attrs["equal_resolution"]) * MM, color=INK, linewidth=0.9)
-    axes.set(
-        ylim=_size_limits(np.asarray(data["lateral_resolution"].values, dtype=np.float64) * MM),
-        xlabel="distance from the lens [mm]",
-        ylabel="detail resolved on the object",
+        line = {"color": camera.style.color, "linestyle": camera.style.dash, "zorder": 2.0 - 0.01 * under}
+        axes.plot(distance * MM, size, linewidth=0.8 + 0.8 * under, alpha=0.6, label=printable(camera.title), **line)
+        axes.plot(distance * MM, np.where(sharp, size, np.nan), linewidth=1.8 + 1.2 * under, **line)
+    name_ends(
+        axes,
+        [
+            Curve(name=c.title, color=c.style.color, x=distance * MM, y=size)
+            for c, size in zip(shown, sizes, strict=True)
+        ],
     )
-    handles: list[Any] = [camera.style.handle(linewidth=2.0) for camera in shown]
-    handles += [Line2D([], [], color=SOFT, linewidth=0.8), Patch(color=_SCENE, linewidth=0)]
-    labels = [*(camera.title for camera in shown), "thin: not sharp", "the scene"]
+    handles: list[Any] = [Line2D([], [], color=SOFT, linewidth=width) for width in (1.8, 0.8)]
+    handles.append(Patch(color=_SCENE, linewidth=0))
+    labels = ["sharp", "not sharp", "the scene"]
     if "equal_resolution" in data.attrs:
+        equal = float(data.attrs["equal_resolution"])
+        axes.axhline(equal * MM, color=INK, linewidth=0.9)
         handles.append(Line2D([], [], color=INK, linewidth=0.9))
-        labels.append("equal resolution")
-    legend(figure, handles, labels, columns=3)
+        labels.append(f"equal resolution, {pretty(equal, LENGTH)}")
+    legend(figure, handles, labels, columns=4)
     axes.grid(visible=True, color=FAINT)
     return figure
 

@@ -12,10 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from tradestudy.figures.curves import beneath
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import (
     FAINT,
     INK,
+    SMALL,
     SOFT,
     StudyFigure,
     legend,
@@ -130,20 +132,30 @@ def _error_panel(axes: Axes, data: xr.Dataset, element: str, error: xr.DataArray
     axes.yaxis.set_major_locator(FixedLocator(_PERCENT))
     axes.yaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _position: f"{plain_number(value)} %"))
-    for order, phase in enumerate(data["lens_phase"].values):
+    phases = [str(name) for name in data["lens_phase"].values]
+    every = [100 * np.asarray(error.sel(lens_phase=phase).values, dtype=float) for phase in phases]
+    middle = [lines[(len(lines) - 1) // 2] if lines.ndim == 2 else lines for lines in every]
+    known = [values[np.isfinite(values) & (values > 0.0)] for values in middle]
+    ends = min(float(values.min()) for values in known), max(float(values.max()) for values in known)
+    for order, (phase, lines, under) in enumerate(zip(phases, every, beneath(middle, ends), strict=True)):
         style = line_style(order)
-        lines = 100 * np.asarray(error.sel(lens_phase=phase).values, dtype=float)
         if lines.ndim == 2:
             axes.fill_between(
                 f_number, lines.min(axis=0), lines.max(axis=0), color=style.color, alpha=0.18, linewidth=0
             )
-            lines = lines[(len(lines) - 1) // 2]
-        axes.plot(f_number, lines, color=style.color, linestyle=style.dash)
+        axes.plot(
+            f_number,
+            middle[order],
+            color=style.color,
+            linestyle=style.dash,
+            linewidth=1.6 + 1.2 * under,
+            label=phase,
+        )
     limit = 100 * float(data.attrs["error_limit"])
     axes.axhline(limit, color=INK, linewidth=0.7)
     axes.annotate(
         f"{plain_number(limit)} %", (f_number[-1], limit), xytext=(-2, 2), textcoords="offset points", ha="right",
-        fontsize=6.5, color=INK,
+        fontsize=SMALL, color=INK,
     )  # fmt: skip
     axes.axvline(
         float(data["camera_f_number"].sel(element=element)), color=SOFT, linewidth=0.9, linestyle=(0, (1, 1.5))
@@ -281,13 +293,13 @@ def draw_paper_eq27(tree: xr.DataTree) -> StudyFigure:
             axes.axhline(printed, color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
             axes.annotate(
                 f"printed: {plain_number(printed)}", (2, printed), xytext=(-2, 2), textcoords="offset points",
-                ha="right", fontsize=6.5,
+                ha="right", fontsize=SMALL,
             )  # fmt: skip
         axes.set(
             xlim=(0, 2),
             ylim=(0, top),
             title=shortened(element_title(data, element)),
-            xlabel="growth of object and image distance, in quarter waves",
+            xlabel="longer path, in quarter waves",
         )
     panels[0].set_ylabel("minimal f-number of eq. 27")
     handles = [line_style(order).handle() for order in range(2)]

@@ -32,6 +32,7 @@ from tradestudy.figures.style import CameraTrace, traces
 from tradestudy.figures.worths import worths_drawing
 from tradestudy.results.views.decision import answer_title, candidates, has_winners, told_winners
 from tradestudy.results.views.depth import field_words, largest_part, nominal, of_camera, swept, where_usable
+from tradestudy.results.views.designs import path_words
 from tradestudy.results.views.groups import camera_titles
 from tradestudy.units import LENGTH, pretty, significant
 from tradestudy.wording import counted, distance, listed, span
@@ -81,16 +82,16 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
 def _whole_range(tree: xr.DataTree) -> Drawing:
     depth, shown = nominal(tree), traces(tree)
     caption = (
-        "Depth uncertainty (half the central 68.27 % interval of one measurement) from noise and calibration, bold "
-        "where the camera is usable. Grey lines: equal shares of the distance. Bars: usable distances."
+        "Depth uncertainty (half the central 68.27 % interval of one measurement), bold where the camera is usable. "
+        "Grey lines: equal shares of the distance. Bars: usable distances."
     )
     caption += _design_words(tree)
     if has_winners(tree):
         among = [camera.title for camera in shown if camera.key in candidates(tree)]
         caption += (
-            " The last bar is the usable camera with the smallest uncertainty"
-            + (f", of the candidates {listed(among)}" if among else "")
-            + ", with all that differ by less than its error; dotted lines mark where it changes."
+            " Last bar: the least uncertain usable camera"
+            + (f" of the candidates {listed(among)}" if among else "")
+            + ", with those that differ by less than its error."
         )
     return Drawing(
         name="whole_range",
@@ -146,7 +147,7 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Dr
         name=name,
         caption=f"Depth discriminating power and depth uncertainty from {where}. Discrimination is the "
         "change of depth that moves the disparity by its declared step, without noise or calibration errors; "
-        "uncertainty has both." + _design_words(tree),
+        "uncertainty includes both." + _design_words(tree),
         alt=f"Two charts against distance from {where}, depth on a logarithmic axis: discriminating "
         f"power and uncertainty. Uncertainty {_values_at(tree, shown, far)}.",
         draw=partial(depth_curves.draw_discrimination_and_uncertainty, tree, near, far),
@@ -170,9 +171,9 @@ def _shares(tree: xr.DataTree) -> Drawing:
     silent = listed([name.replace("_", " ") for name, most in every.items() if most >= 0.0 and name not in shown])
     return Drawing(
         name="variance_shares",
-        caption="What decides the uncertainty at which distance: the share of the variance of inverse depth that each "
-        "part of the errors has (Shapley shares; they sum to 100 %, for correlated errors too). Grey: the noise of a "
-        "measurement, which averaging shrinks; coloured: what it leaves."
+        caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: they "
+        "sum to 100 %, for correlated errors too). Grey: measurement noise, which averaging reduces; coloured: what "
+        "averaging leaves."
         + (f" Not drawn, because nowhere above 0.5 %: {silent}." if silent else "")
         + _design_words(tree),
         alt="One chart per camera of stacked shares against distance. " + _largest_shares(tree),
@@ -231,7 +232,9 @@ def _readings(tree: xr.DataTree) -> Drawing:
     for place in ratio["place"].values:
         values = np.asarray(ratio.sel(place=place, way="both").values, dtype=float)
         known = values[~np.isnan(values)]
-        if known.size:
+        if known.size == values.size == 1:
+            sentences.append(f"At {distance(float(place))} the ratio is {significant(float(known[0]))}. ")
+        elif known.size:
             sentences.append(
                 f"At {distance(float(place))} the ratio runs from {significant(float(known.min()))} to "
                 f"{significant(float(known.max()))} and is above 1 in {int((known > 1).sum())} of "
@@ -242,29 +245,52 @@ def _readings(tree: xr.DataTree) -> Drawing:
         name="readings",
         caption=f"Which assumption flips the verdict: uncertainty of {numerator} over that of {denominator}, under "
         f"every reading of what the sources leave open. Left of 1 (shaded) {numerator} is better, right of it "
-        f"{denominator}."
+        f"{denominator}; open marks: not the one that is better as declared."
         + (f" {listed(signs)} at the edge: one of the two uncertainties has no bound." if signs else ""),
-        alt="Dot chart of the ratio of uncertainties, one row per reading, one mark per distance, three panels: "
-        "noise and calibration, noise only, calibration only. " + "".join(sentences),
+        alt=f"Dot chart of the uncertainty of {numerator} over that of {denominator}, one row per reading, one mark "
+        "per distance, three panels: noise and calibration, noise only, calibration only. " + "".join(sentences),
         draw=partial(readings.draw_readings, tree),
     )
 
 
 def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
-    names = ", ".join(swept(tree["depth"].to_dataset()))
+    names = listed([path_words(tree, name) for name in swept(tree["depth"].to_dataset())])
     place = distance(sweeps.reference_distance(tree))
-    if titles := ", ".join(camera.title for camera in sweeps.moved_cameras(tree)):
+    if moved := sweeps.moved_cameras(tree):
         yield Drawing(
             name="sweep_map",
-            caption=f"Depth uncertainty at {place} over the swept values of {names}.",
-            alt=f"Depth uncertainty at {place} against {names}, for {titles}.",
+            caption=f"Depth uncertainty at {place}, numbers in mm, over the swept {names}.",
+            alt=f"Depth uncertainty at {place} over the swept {names}. "
+            + "".join(f"{camera.title}: {_swept_words(tree, camera.key)}. " for camera in moved),
             draw=partial(sweeps.draw_sweep_map, tree),
         )
     yield Drawing(
         name="pareto",
         caption=f"All designs that are usable at {place}: nearest usable distance against depth uncertainty at "
         f"{place}. The line joins the designs that no other beats in both.",
-        alt=f"Scatter chart of nearest usable distance against depth uncertainty at {place}, with the frontier of "
-        "best designs.",
+        alt=f"Scatter chart of nearest usable distance against depth uncertainty at {place}. {_frontier_words(tree)}",
         draw=partial(sweeps.draw_pareto, tree),
+    )
+
+
+def _swept_words(tree: xr.DataTree, camera: str) -> str:
+    """The least and the largest uncertainty of a camera over the designs, at the distance of the map."""
+    there = tree["depth"].to_dataset().sel(distance=sweeps.reference_distance(tree), method="nearest")
+    values = there["depth_uncertainty"].sel(camera=camera).values
+    finite = values[np.isfinite(values)]
+    return f"{pretty(float(finite.min()), LENGTH)} to {pretty(float(finite.max()), LENGTH)}" if finite.size else "none"
+
+
+def _frontier_words(tree: xr.DataTree) -> str:
+    """How many designs of each camera take part, and the ends of the frontier."""
+    clouds = sweeps.usable_designs(tree)
+    titles = camera_titles(tree)
+    counts = ", ".join(f"{titles[key]} {counted(len(points), 'design')}" for key, points in clouds.items())
+    front = sweeps.frontier(np.concatenate(list(clouds.values())))
+    if not len(front):
+        return f"{counts}. No design is usable there."
+    (first, least), (last, best) = ((float(near), float(sigma)) for near, sigma in (front[0], front[-1]))
+    return (
+        f"{counts}. The frontier runs from {pretty(least, LENGTH)} with a near end of {distance(first)} to "
+        f"{pretty(best, LENGTH)} with one of {distance(last)}."
     )

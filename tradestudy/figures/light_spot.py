@@ -12,8 +12,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.image import AxesImage
 
+from tradestudy.figures.curves import beneath
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import (
+    PANEL_TITLE,
+    SMALL,
     SOFT,
     StudyFigure,
     legend,
@@ -40,7 +43,7 @@ _VARIED = {
     "f_number": "f-number",
     "wavelength": "wavelength (nm)",
     "field_angle": "field angle (°)",
-    "defocus": "defocus (waves at the rim)",
+    "defocus": "defocus (waves)",
 }
 _SHOWN_IN = {"f_number": 1.0, "wavelength": 1e9, "field_angle": 180.0 / np.pi, "defocus": 1.0}
 
@@ -64,7 +67,8 @@ def light_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
             name="point_spread",
             caption="How far a point spreads behind each lens, one thing varied at a time: radii about the thin-lens "
             "image that hold half and 80 % of the light, root-mean-square distance within "
-            f"{plain_number(float(spread.attrs['rms_radius']))} Airy radii, full width at half maximum. Solid: "
+            f"{plain_number(float(spread.attrs['rms_radius']))} Airy radii, full width at half maximum. Defocus "
+            "is in waves at the rim of the pupil. Solid: "
             "Kirchhoff; pale and dotted: Fresnel. Grey: one pixel.",
             alt="Line charts of widths, one row per lens, one column per varied quantity. " + _spread_words(spread),
             draw=partial(draw_point_spread, tree),
@@ -98,7 +102,7 @@ def draw_light_spot(tree: xr.DataTree) -> StudyFigure:
     for column, method in enumerate(methods):
         axes = figure.add_subplot(grid[0, column])
         shown = _picture(axes, data, np.asarray(image.sel(propagator=method)) / brightest, "inferno", 0.0, 1.0)
-        axes.set_title(short_title(method).replace(" + ", " +\n"), fontsize=7.5)
+        axes.set_title(short_title(method).replace(" + ", " +\n"), fontsize=PANEL_TITLE)
     _scale(figure, shown, grid[0, -1], "light on a pixel")
     if others:
         changes = {
@@ -108,7 +112,7 @@ def draw_light_spot(tree: xr.DataTree) -> StudyFigure:
         for column, method in enumerate(others):
             axes = figure.add_subplot(grid[1, column])
             changed = _picture(axes, data, changes[method], "RdBu_r", -span, span)
-            axes.set_title(f"less {short_title(reference)}".replace(" + ", " +\n"), fontsize=7, fontweight="normal")
+            axes.set_title(f"less {short_title(reference)}".replace(" + ", " +\n"), fontsize=SMALL, fontweight="normal")
         _scale(figure, changed, grid[1, len(others)].subgridspec(1, 12)[0], "% of the brightest pixel")
     _cut(figure.add_subplot(grid[-1, :]), data, methods)
     return figure
@@ -116,8 +120,8 @@ def draw_light_spot(tree: xr.DataTree) -> StudyFigure:
 
 def _scale(figure: StudyFigure, shown: AxesImage, place: SubplotSpec, label: str) -> None:
     bar = figure.colorbar(shown, cax=figure.add_subplot(place))
-    bar.set_label(label, fontsize=6.5)
-    bar.ax.tick_params(labelsize=6)
+    bar.set_label(label, fontsize=SMALL)
+    bar.ax.tick_params(labelsize=SMALL)
     bar.outline.set_visible(False)
 
 
@@ -152,10 +156,17 @@ def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
     middle = data.sizes["row"] // 2
     top = float(data["image"].sel(propagator=methods[-1]).max())
     names = [str(name) for name in data["propagator"].values]
-    for method in methods:
+    cuts = [
+        np.maximum(
+            np.asarray(data["image"].sel(propagator=method).isel(row=middle).values, dtype=float) / top, _DARKEST
+        )
+        for method in methods
+    ]
+    for method, cut, under in zip(methods, cuts, beneath(cuts, (_DARKEST, 2.0)), strict=True):
         style = line_style(names.index(method))
-        cut = np.asarray(data["image"].sel(propagator=method).isel(row=middle).values, dtype=float) / top
-        axes.plot(x, np.maximum(cut, _DARKEST), color=style.color, linestyle=style.dash, linewidth=1.2)
+        axes.plot(
+            x, cut, color=style.color, linestyle=style.dash, linewidth=1.2 + 1.2 * under, label=short_title(method)
+        )
     log_axis(axes, "y")
     axes.set(
         ylim=(_DARKEST, 2),

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 
 from tradestudy.figures.style import (
     INK,
+    PANEL_TITLE,
     PANELS_IN_A_ROW,
     CameraTrace,
     StudyFigure,
@@ -40,7 +41,7 @@ def draw_off_axis(tree: xr.DataTree) -> StudyFigure:
     log_axis(panels[0], "y", tick=length_tick)
     panels[0].set_ylim(*_limits(depth))
     for axes in panels[::PANELS_IN_A_ROW]:
-        axes.set_ylabel("depth uncertainty (68 %)")
+        axes.set_ylabel("uncertainty (68 %)")
     handles = [line_style(0).handle(color=INK, linestyle="-", linewidth=2.0)]
     handles += [line_style(order + 1).handle() for order in range(len(fields))]
     legend(figure, handles, [field_words(field) for field in (0.0, *fields)], columns=3)
@@ -58,13 +59,26 @@ def _limits(depth: xr.Dataset) -> tuple[float, float]:
 
 def _panel(axes: Axes, depth: xr.Dataset, off: xr.Dataset, camera: CameraTrace) -> None:
     distance = np.asarray(depth["distance"].values, dtype=np.float64)
-    axes.plot(distance, _drawn(of_camera(depth, "depth_uncertainty", camera.key)), color=INK, linewidth=2.0)
+    axes.plot(
+        distance,
+        _drawn(of_camera(depth, "depth_uncertainty", camera.key)),
+        color=INK,
+        linewidth=2.0,
+        label=field_words(0.0),
+    )
     for order, field in enumerate(off["field"].values):
         style = line_style(order + 1)
         there = of_camera(off.sel(field=field), "depth_uncertainty", camera.key)
-        axes.plot(off["distance"].values, _drawn(there), color=style.color, linestyle=style.dash, linewidth=1.3)
+        axes.plot(
+            off["distance"].values,
+            _drawn(there),
+            color=style.color,
+            linestyle=style.dash,
+            linewidth=1.3,
+            label=field_words(float(field)),
+        )
     distance_axis(axes, (float(distance[0]), float(distance[-1])))
-    axes.set_title(shortened(camera.title, 34), fontsize=7.5)
+    axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
 
 
 def _drawn(metres: FloatArray) -> FloatArray:

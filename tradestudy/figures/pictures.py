@@ -7,7 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.figures.style import StudyFigure, new_figure, shortened, styled
+from tradestudy.figures.style import PANEL_TITLE, StudyFigure, new_figure, shortened, styled
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
 from tradestudy.wording import distance, listed
 
@@ -76,7 +76,7 @@ def ends_of_depth(depth: FloatArray) -> tuple[float, float]:
 
 def bare(axes: Axes, title: str) -> None:
     """A panel that shows a picture: a title, no ticks."""
-    axes.set_title(title, fontsize=7.5)
+    axes.set_title(title, fontsize=PANEL_TITLE)
     axes.set_xticks([])
     axes.set_yticks([])
     axes.grid(visible=False)

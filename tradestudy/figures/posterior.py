@@ -7,22 +7,37 @@ import xarray as xr
 from matplotlib.axes import Axes
 from scipy.ndimage import gaussian_filter
 
-from tradestudy.figures.style import INK, SOFT, StudyFigure, line_style, new_figure, styled
+from tradestudy.figures.style import INK, SMALL, SOFT, StudyFigure, line_style, new_figure, styled
 from tradestudy.results.views.groups import FloatArray
 
-MOST_PARAMETERS = 8
+MOST_PARAMETERS = 6
 _BINS = 30
 _CONTENTS = (0.865, 0.393)  # of a normal distribution in the plane within two and one standard deviations
 
 
 def shown_parameters(tree: xr.DataTree, posterior: str) -> tuple[str, ...]:
     """Parameters of a posterior that are drawn: of those propagated the most correlated ones, in their order."""
+    names, correlation = _correlations(tree, posterior)
+    chosen = np.sort(np.argsort(-np.abs(correlation).max(axis=0), kind="stable")[:MOST_PARAMETERS])
+    return tuple(names[k] for k in chosen)
+
+
+def closest_tie(tree: xr.DataTree, posterior: str) -> tuple[str, str, float] | None:
+    """The two parameters of a posterior with the largest correlation, and that; None where there is one alone."""
+    names, correlation = _correlations(tree, posterior)
+    if len(names) < 2:
+        return None
+    first, second = np.unravel_index(int(np.argmax(np.abs(correlation))), correlation.shape)
+    return names[first], names[second], float(correlation[first, second])
+
+
+def _correlations(tree: xr.DataTree, posterior: str) -> tuple[tuple[str, ...], FloatArray]:
+    """Names of the parameters that have draws, and the correlations of these, 0 of each with itself."""
     data = tree["calibration"].to_dataset().sel(posterior=posterior)
     known = np.flatnonzero(np.isfinite(data["posterior_draw"].values).any(axis=0))
     draws = _present(data["posterior_draw"].values[:, known])
-    correlation = np.abs(np.corrcoef(draws.T) - np.eye(len(known)))
-    chosen = np.sort(np.argsort(-correlation.max(axis=0), kind="stable")[:MOST_PARAMETERS])
-    return tuple(str(name) for name in data["parameter"].values[known[chosen]])
+    correlation = np.atleast_2d(np.corrcoef(draws.T)) - np.eye(len(known))
+    return tuple(str(name) for name in data["parameter"].values[known]), correlation
 
 
 @styled()
@@ -35,7 +50,7 @@ def draw_corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
     scores = (draws - np.asarray(data["posterior_mean"].values)) / deviation
     laplace = np.asarray(data["laplace_deviation"].values, dtype=np.float64) / deviation
     size = len(names)
-    figure = new_figure(0.6 * size + 0.8)
+    figure = new_figure(0.8 * size + 0.7)
     # Without shared axes, of which each would ask all others for its limits again and again.
     grid = figure.add_gridspec(size, size)
     for row in range(size):
@@ -43,17 +58,17 @@ def draw_corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
             axes = figure.add_subplot(grid[row, column])
             axes.grid(visible=False)
             axes.set(xlim=(-3.5, 3.5), xticks=[-2, 0, 2])
-            axes.tick_params(labelsize=5, length=2, labelbottom=row == size - 1)
+            axes.tick_params(labelsize=SMALL, length=2, labelbottom=row == size - 1)
             if column == row:
                 _marginal(axes, scores[:, row], float(laplace[row]))
             else:
                 _plane(axes, scores[:, column], scores[:, row])
             if column == 0:
-                axes.set_ylabel(_lines(names[row]), fontsize=5, rotation=0, ha="right", va="center")
+                axes.set_ylabel(_lines(names[row]), fontsize=SMALL, rotation=0, ha="right", va="center")
             if column > 0 or row == 0:
                 axes.tick_params(labelleft=False)
             if row == size - 1:
-                axes.set_xlabel(_lines(names[column]), fontsize=5)
+                axes.set_xlabel(_lines(names[column]), fontsize=SMALL)
     return figure
 
 
@@ -101,14 +116,14 @@ def draw_trace(tree: xr.DataTree, posterior: str) -> StudyFigure:
     data = tree["calibration"].to_dataset().sel(posterior=posterior, parameter=list(names))
     walks = np.asarray(data["posterior_trace"].values, dtype=np.float64)
     scores = (walks - np.asarray(data["posterior_mean"].values)) / np.asarray(data["posterior_deviation"].values)
-    figure = new_figure(0.4 + 0.45 * len(names))
+    figure = new_figure(0.5 + 0.55 * len(names))
     panels = figure.subplots(len(names), 1, sharex=True, sharey=True, squeeze=False).ravel()
     share = np.linspace(0.0, 1.0, scores.shape[1])
     for number, axes in enumerate(panels):
         for ensemble in range(scores.shape[0]):
             axes.plot(share, scores[ensemble, :, number], color=line_style(ensemble).color, linewidth=0.4)
-        axes.set(ylim=(-4.0, 4.0), yticks=[-3, 0, 3])
-        axes.tick_params(labelsize=5)
-        axes.set_ylabel(_lines(names[number]), fontsize=5, rotation=0, ha="right", va="center")
+        axes.set(ylim=(-4.0, 4.0), yticks=[-2, 0, 2])
+        axes.tick_params(labelsize=SMALL)
+        axes.set_ylabel(_lines(names[number]), fontsize=SMALL, rotation=0, ha="right", va="center")
     panels[-1].set(xlim=(0.0, 1.0), xlabel="share of the kept chain")
     return figure

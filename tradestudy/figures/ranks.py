@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from textwrap import wrap
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
+from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
-    FAINT,
+    PANEL_TITLE,
+    PANELS_IN_A_ROW,
+    SOFT,
     StudyFigure,
+    camera_panels,
     distance_axis,
-    distance_label,
     legend,
     line_style,
     new_figure,
@@ -19,25 +24,30 @@ from tradestudy.figures.style import (
 from tradestudy.results.views.groups import FloatArray, camera_titles, group
 
 WAY_WORDS = {"calibration": "calibration alone", "both": "single readings"}
+_LETTERS = 27  # in a line of the title of a panel, of the third of a page
 
 
 @styled()
 def draw_rank_probability(tree: xr.DataTree) -> StudyFigure:
-    """Probability that the first camera of each pair errs less, against distance; calibration alone, and with noise."""
+    """Probability that the first camera of a pair errs less, against distance: a panel for each pair."""
     data, titles = group(tree, "decision"), camera_titles(tree)
-    figure = new_figure(2.3 + 0.12 * data.sizes["pair"])
-    panels = figure.subplots(1, data.sizes["rank_way"], sharex=True, sharey=True, squeeze=False)[0]
     distance = np.asarray(data["rank_distance"].values, dtype=np.float64)
-    for axes, way in zip(panels, data["rank_way"].values, strict=True):
-        for order, pair in enumerate(data["pair"].values):
+    pairs = list(zip(data["pair_first"].values, data["pair_second"].values, strict=True))
+    figure = new_figure(0.7 + 1.7 * -(-len(pairs) // PANELS_IN_A_ROW))
+    panels = camera_panels(figure, len(pairs), float(distance[-1]))
+    letters = _LETTERS * PANELS_IN_A_ROW // min(PANELS_IN_A_ROW, len(pairs))
+    for axes, pair, (first, second) in zip(panels, data["pair"].values, pairs, strict=True):
+        for order, way in enumerate(data["rank_way"].values):
             _line(axes, distance, data.sel(pair=pair, rank_way=way), order)
-        axes.axhline(0.5, color=FAINT, linewidth=0.8, zorder=0)
+        axes.axhline(0.5, color=SOFT, linewidth=0.8, zorder=0)
         distance_axis(axes, (float(distance[0]), float(distance[-1])))
-        axes.set(title=WAY_WORDS[str(way)], ylim=(0.0, 1.0), xlabel=distance_label(float(distance[-1])))
-    panels[0].set_ylabel("P(first errs less)")
-    pairs = zip(data["pair_first"].values, data["pair_second"].values, strict=True)
-    labels = [f"{titles[str(first)]} before {titles[str(second)]}" for first, second in pairs]
-    legend(figure, [line_style(order).handle() for order in range(len(labels))], labels, columns=2, longest=70)
+        words = printable(f"{titles[str(first)]} before {titles[str(second)]}")
+        axes.set_title("\n".join(wrap(words, letters)), fontsize=PANEL_TITLE)
+    panels[0].set(ylim=(0.0, 1.0), yticks=[0.0, 0.5, 1.0], yticklabels=["0", "50 %", "100 %"])
+    for axes in panels[::PANELS_IN_A_ROW]:
+        axes.set_ylabel("probability")
+    handles = [line_style(order).handle() for order in range(data.sizes["rank_way"])]
+    legend(figure, handles, [WAY_WORDS[str(way)] for way in data["rank_way"].values], columns=2)
     return figure
 
 
@@ -47,4 +57,4 @@ def _line(axes: Axes, distance: FloatArray, there: xr.Dataset, order: int) -> No
     first = np.where(seen, np.asarray(there["rank_first"].values, dtype=np.float64), np.nan)
     error = 2.0 * np.asarray(there["rank_first_error"].values, dtype=np.float64)
     axes.fill_between(distance, first - error, first + error, color=style.color, alpha=0.2, linewidth=0)
-    axes.plot(distance, first, color=style.color, linestyle=style.dash, linewidth=1.3)
+    axes.plot(distance, first, color=style.color, linestyle=style.dash, label=WAY_WORDS[str(there["rank_way"].item())])

@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from tradestudy.figures.style import (
     FAINT,
     INK,
+    PANEL_TITLE,
     SOFT,
     StudyFigure,
     legend,
@@ -27,7 +28,8 @@ from tradestudy.results.views.groups import FloatArray, camera_titles
 from tradestudy.wording import distance
 
 WAY_TITLES = {"both": "noise and calibration", "noise": "noise only", "calibration": "calibration only"}
-_ROW = 0.21  # inches
+_ROW = 0.27  # inches
+_STEP = 0.12  # of a row, from one place to the next, so that marks of like ratios stay apart
 
 
 @styled()
@@ -38,7 +40,7 @@ def draw_readings(tree: xr.DataTree) -> StudyFigure:
     titles = {key: shortened(title, 28) for key, title in camera_titles(tree).items()}
     names = [str(name) for name in ratio["reading"].values]
     places = np.asarray(ratio["place"].values, dtype=np.float64)
-    figure = new_figure(1.15 + _ROW * len(names))
+    figure = new_figure(1.35 + _ROW * len(names))
     panels = figure.subplots(1, len(WAY_TITLES), sharey=True, width_ratios=(2.2, 1.0, 1.0))
     for axes, (way, title) in zip(panels, WAY_TITLES.items(), strict=True):
         _panel(
@@ -46,7 +48,7 @@ def draw_readings(tree: xr.DataTree) -> StudyFigure:
             np.asarray(ratio.sel(way=way).values, dtype=np.float64),
             decision["certainty_flips"].sel(way=way).values,
         )
-        axes.set_title(title, fontsize=7.5)
+        axes.set_title(title, fontsize=PANEL_TITLE)
     first, second = titles[decision.attrs["first"]], titles[decision.attrs["second"]]
     panels[0].set(
         yticks=range(len(names)),
@@ -61,7 +63,7 @@ def draw_readings(tree: xr.DataTree) -> StudyFigure:
     handles.append(_mark(0, 1, filled=False))
     labels = [
         *(f"at {distance(place)}" for place in places),
-        "open: not who is more certain as declared",
+        "open: flipped",
     ]
     legend(figure, handles, labels, columns=min(len(labels), 4))
     return figure
@@ -97,12 +99,12 @@ def _panel(axes: Axes, ratio: FloatArray, flips: npt.NDArray[np.bool_]) -> None:
     axes.axvline(1, color=INK, linewidth=0.9, zorder=0.9)
     axes.grid(visible=True, axis="y", linewidth=0.4)
     rows, places = ratio.shape
+    shift = _STEP * (np.arange(places) - (places - 1) / 2.0)
     for row in range(rows):
-        inside = ratio[row][np.isfinite(ratio[row])]
-        if inside.size:
-            axes.plot([inside.min(), inside.max()], [row, row], color=SOFT, linewidth=0.6, zorder=1)
-    y = np.arange(rows)
+        known = np.isfinite(ratio[row]) & (ratio[row] > 0.0)
+        axes.plot(ratio[row][known], row + shift[known], color=SOFT, linewidth=0.6, zorder=1)
     for place in range(places):
+        y = np.arange(rows) + shift[place]
         for filled in (True, False):
             keep = np.isfinite(ratio[:, place]) & (flips[:, place].astype(bool) != filled)
             if keep.any():

@@ -13,6 +13,7 @@ from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     INK,
+    SMALL,
     SOFT,
     StudyFigure,
     legend,
@@ -22,7 +23,7 @@ from tradestudy.figures.style import (
     plain_number,
     styled,
 )
-from tradestudy.figures.sweeps import AXIS_UNITS, axis_values
+from tradestudy.figures.sweeps import axis_label, axis_unit, axis_values
 from tradestudy.results.views.designs import common_stretches, must_hold, path_words
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
@@ -69,11 +70,11 @@ def _swept(data: xr.Dataset) -> list[str]:
 
 
 def _curves(tree: xr.DataTree, data: xr.Dataset, dim: str) -> StudyFigure:
-    x, names, _ = axis_values(data[dim])
+    x, names = axis_values(data[dim])
     figure = new_figure(2.8)
     axes = figure.subplots()
     if "met_from" in data:
-        factor = _factor(data[dim])
+        factor = axis_unit(data[dim])[0]
         for low, high in common_stretches(data, must_hold(data)):
             axes.axvspan(low * factor, high * factor, color=SOFT, alpha=0.3, linewidth=0)
     axes.axhline(0.0, color=INK, linewidth=0.8)
@@ -81,15 +82,17 @@ def _curves(tree: xr.DataTree, data: xr.Dataset, dim: str) -> StudyFigure:
     for number, says in enumerate(data["says"].values):
         style = line_style(number)
         margins = np.asarray(data["design_margin_percent"].values[:, number], dtype=np.float64)
-        axes.plot(x, margins, color=style.color, linestyle=style.dash, marker=style.marker, markersize=4, clip_on=False)
-        handles.append((style.handle(marker=style.marker, markersize=4), printable(str(says))))
+        look: dict[str, Any] = {"marker": style.marker, "markersize": 4}
+        words = printable(str(says))
+        axes.plot(x, margins, color=style.color, linestyle=style.dash, clip_on=False, label=words, **look)
+        handles.append((style.handle(**look), words))
     if data[dim].dtype.kind in "fiu":
         _mark_declared(axes, data[dim])
     else:
         axes.set_xticks(x, names)
     axes.set_yscale("symlog", linthresh=_LINEAR_WITHIN)
     axes.yaxis.set_major_formatter(FuncFormatter(_per_cent))
-    axes.set(xlabel=_label(tree, data[dim]), ylabel="margin of the worst value")
+    axes.set(xlabel=axis_label(tree, data[dim]), ylabel="margin of the worst value")
     legend(figure, [one for one, _ in handles], [words for _, words in handles], columns=1)
     return figure
 
@@ -100,13 +103,14 @@ def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFig
     arranged = data.transpose("requirement", dims[1], dims[0], ...)
     least = np.min(arranged["design_margin_percent"].values[must], axis=0)
     met = np.all(arranged["design_met"].values[must] == 1, axis=0)
-    (x, _, _), (y, _, _) = (axis_values(data[dim]) for dim in dims)
+    (x, _), (y, _) = (axis_values(data[dim]) for dim in dims)
     figure = new_figure(2.9)
     axes = figure.subplots()
     levels = [level for level in _LEVELS if np.min(least) < level < np.max(least)]
     drawn = axes.contour(x, y, least, levels=levels, colors=SOFT, linewidths=0.7, linestyles="solid")
     axes.contour(x, y, least, levels=[0.0], colors=INK, linewidths=1.6)
-    axes.clabel(drawn, fmt=lambda value: _per_cent(value, 0), fontsize=7, colors=INK)
+    for label in axes.clabel(drawn, fmt=lambda value: _per_cent(value, 0), fontsize=SMALL, colors=INK):
+        label.set(zorder=4, bbox={"facecolor": "white", "linewidth": 0.0, "pad": 0.6})  # over dots and declared values
     across, up = np.meshgrid(x, y)
     color = line_style(0).color
     dots: dict[str, Any] = {
@@ -124,7 +128,7 @@ def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFig
     for name, values in (("x", x), ("y", y)):
         if _is_geometric(values):
             log_axis(axes, name, dense=True, tick=lambda value, _: plain_number(value))
-    axes.set(xlabel=_label(tree, data[dims[0]]), ylabel=_label(tree, data[dims[1]]))
+    axes.set(xlabel=axis_label(tree, data[dims[0]]), ylabel=axis_label(tree, data[dims[1]]))
     return figure
 
 
@@ -141,17 +145,7 @@ def _mark_declared(axes: Axes, coordinate: xr.DataArray, *, upright: bool = True
     if isinstance(declared, str):
         return
     mark = axes.axvline if upright else axes.axhline
-    mark(declared * _factor(coordinate), color=INK, linewidth=0.8, linestyle=(0, (3, 2)))
-
-
-def _label(tree: xr.DataTree, coordinate: xr.DataArray) -> str:
-    _, unit = AXIS_UNITS.get(str(coordinate.attrs.get("units", "")), (1.0, ""))
-    words = printable(path_words(tree, str(coordinate.name)))
-    return f"{words} [{unit}]" if unit else words
-
-
-def _factor(coordinate: xr.DataArray) -> float:
-    return AXIS_UNITS.get(str(coordinate.attrs.get("units", "")), (1.0, ""))[0]
+    mark(declared * axis_unit(coordinate)[0], color=INK, linewidth=0.8, linestyle=(0, (3, 2)))
 
 
 def _per_cent(value: float, _position: float | FloatArray) -> str:

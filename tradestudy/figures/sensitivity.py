@@ -7,9 +7,12 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import LogLocator
 
 from tradestudy.figures.style import (
+    PANEL_TITLE,
     PANELS_IN_A_ROW,
+    SMALL,
     SOFT,
     CameraTrace,
     StudyFigure,
@@ -46,9 +49,10 @@ def draw_tornado(tree: xr.DataTree) -> StudyFigure:
     shown = traces_in(tree, "sensitivity")
     place = tornado_distance(tree)
     data = tree["sensitivity"].to_dataset().sel(distance=place)
-    rows = -(-len(shown) // 2)
+    columns = min(2, len(shown))
+    rows = -(-len(shown) // columns)
     figure = new_figure(0.6 + 1.75 * rows)
-    grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
+    grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
     finite = data["source_uncertainty"].where(np.isfinite(data["source_uncertainty"])).fillna(0.0)
     largest = max(float(finite.max()) * MM, np.finfo(float).tiny)  # nothing is measured at a distance that none sees
     bars = [_bars(axes, data.sel(camera=c.key), c) for axes, c in zip(grid.flat, shown, strict=False)]
@@ -57,7 +61,7 @@ def draw_tornado(tree: xr.DataTree) -> StudyFigure:
     for axes in list(grid.flat)[len(shown) :]:
         axes.set_visible(False)
     for axes in grid[-1]:
-        axes.set_xlabel("depth uncertainty from one source alone")
+        axes.set_xlabel("uncertainty from one source")
     fields = [float(field) for field in data["field"].values]
     handles = [Patch(color=SOFT, alpha=_alpha(order), linewidth=0) for order in range(len(fields))]
     legend(figure, handles, [field_words(field) for field in fields], columns=2)
@@ -74,18 +78,19 @@ def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> int:
     values = data["source_uncertainty"].transpose("field", "source").values * MM
     size = np.max(np.where(np.isfinite(values), values, 0.0), axis=0)
     order = [k for k in np.argsort(-size) if size[k] > 0.0][:_MOST_BARS]
-    names = [shortened(str(data["source"].values[k]).replace("_", " "), 26) for k in order]
+    names = [shortened(str(data["source"].values[k]).replace("_", " "), 30) for k in order]
     rows = np.arange(len(order))
     height = 0.78 / len(values)
     for field, there in enumerate(values):
         widths = np.where(np.isfinite(there[order]), there[order], 0.0)
         middle = rows + (field + 0.5) * height - 0.39
         axes.barh(middle, widths, height=height, color=camera.style.color, alpha=_alpha(field), linewidth=0)
-    axes.set_yticks(rows, names, fontsize=6)
+    axes.set_yticks(rows, names, fontsize=SMALL)
     log_axis(axes, "x", tick=length_tick)
-    axes.tick_params(axis="x", labelsize=5.5)
+    axes.xaxis.set_major_locator(LogLocator(base=100.0, numticks=20))
+    axes.tick_params(axis="x", labelsize=SMALL)
     axes.grid(visible=False, axis="y")
-    axes.set_title(shortened(camera.title, 34), fontsize=7.5)
+    axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
     return len(order)
 
 
@@ -112,11 +117,19 @@ def draw_indices(tree: xr.DataTree) -> StudyFigure:
                 linewidth=1.3,
                 marker=style.marker,
                 markersize=3,
+                label=name.replace("_", " "),
             )
-            axes.plot(distance, first, color=style.color, linestyle=(0, (1, 1.5)), linewidth=0.8)
+            axes.plot(
+                distance,
+                first,
+                color=style.color,
+                linestyle=(0, (1, 1.5)),
+                linewidth=0.8,
+                label=f"{name.replace('_', ' ')}, first order",
+            )
         distance_axis(axes, (float(distance[0]), float(distance[-1])))
         axes.set_ylim(0.0, 1.05)
-        axes.set_title(shortened(camera.title, 34), fontsize=7.5)
+        axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
     for axes in panels[::PANELS_IN_A_ROW]:
         axes.set_ylabel("Sobol index")
     handles = [line_style(order).handle() for order in range(len(names))]

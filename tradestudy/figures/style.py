@@ -10,9 +10,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import matplotlib
+import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
@@ -20,7 +22,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from tradestudy.figures.fonts import printable
-from tradestudy.results.views.groups import camera_titles, titles_in
+from tradestudy.results.views.groups import FloatArray, camera_titles, titles_in
 
 PAGE_WIDTH = 6.8  # inches: the text width of an A4 page
 INK, SOFT, FAINT = "#1c1f24", "#5b626c", "#d9dde2"
@@ -29,6 +31,7 @@ INK, SOFT, FAINT = "#1c1f24", "#5b626c", "#d9dde2"
 _COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 # The second channel; their number has no common divisor with that of the colours, so that pairs repeat after 35.
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (6, 1.4, 1.2, 1.4)), (0, (9, 2.5)))
+SMALL, PANEL_TITLE = 7.0, 8.0  # points: the smallest letters, and the title of one of many panels
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")
 
 _LENGTH_UNITS = ((1e6, "km"), (1e3, "m"), (1.0, "mm"), (1e-3, "µm"), (1e-6, "nm"))  # sizes in millimetres
@@ -39,11 +42,11 @@ _RC: dict[Any, Any] = {
     "text.parse_math": False,  # a "$" in a camera's name is a dollar
     "text.usetex": False,
     "font.family": ["DejaVu Sans"],
-    "font.size": 7.5,
-    "axes.titlesize": 8.5,
+    "font.size": 8.5,
+    "axes.titlesize": 9.0,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
-    "axes.labelsize": 7.5,
+    "axes.labelsize": 8.5,
     "axes.labelcolor": INK,
     "axes.edgecolor": SOFT,
     "axes.linewidth": 0.7,
@@ -57,15 +60,15 @@ _RC: dict[Any, Any] = {
     "ytick.color": SOFT,
     "xtick.labelcolor": INK,
     "ytick.labelcolor": INK,
-    "xtick.labelsize": 7,
-    "ytick.labelsize": 7,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
     "xtick.minor.width": 0.4,
     "ytick.minor.width": 0.4,
     "text.color": INK,
     "lines.linewidth": 1.6,
     "lines.dash_capstyle": "butt",
     "legend.frameon": False,
-    "legend.fontsize": 7,
+    "legend.fontsize": 8,
     "legend.handlelength": 3.4,
     "figure.facecolor": "white",
     "figure.constrained_layout.use": True,
@@ -97,6 +100,28 @@ def line_style(order: int) -> LineStyle:
     )
 
 
+def readable(color: str) -> str:
+    """A colour for letters on white: as it is, or darker until its contrast with white is 4.5 (WCAG 2, level AA)."""
+    rgb = np.array(to_rgb(color))
+    while 1.05 / (_luminance(rgb) + 0.05) < _CONTRAST:
+        rgb = 0.95 * rgb
+    return to_hex(tuple(rgb.tolist()))
+
+
+def letters_on(color: str) -> str:
+    """The colour of letters on a filled area: ink or white, whichever differs more."""
+    light = _luminance(np.array(to_rgb(color))) + 0.05
+    return "white" if 1.05 / light > light / (_luminance(np.array(to_rgb(INK))) + 0.05) else INK
+
+
+def _luminance(rgb: FloatArray) -> float:
+    """Relative luminance of an sRGB colour."""
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
+_CONTRAST: Final = 4.5
+_HANDLE, _LETTER = 6.5, 0.58  # of a legend, in the size of its letters: line with gaps, and the mean letter
 LONGEST_LABEL: Final = 44  # characters
 PANELS_IN_A_ROW: Final = 3  # of cameras
 
@@ -133,6 +158,14 @@ class StudyFigure(Figure):
 def new_figure(height: float, width: float = PAGE_WIDTH) -> StudyFigure:
     """An empty figure, sizes in inches; call it and everything that fills it inside :func:`styled`."""
     return StudyFigure(figsize=(width, height), layout="constrained")
+
+
+def panel_size(axes: Axes) -> tuple[float, float]:
+    """Width and height of a panel in points, as planned; the layout found while drawing changes them a little."""
+    figure, box = axes.get_figure(root=True), axes.get_position()
+    assert figure is not None
+    width, height = figure.get_size_inches()
+    return 72.0 * box.width * float(width), 72.0 * box.height * float(height)
 
 
 def shortened(text: str, longest: int = LONGEST_LABEL) -> str:
@@ -211,13 +244,27 @@ def legend(
     *,
     longest: int = LONGEST_LABEL,
 ) -> Legend:
-    """A legend under the figure; labels, cut where too long, are literal, also one that starts with an underscore."""
+    """A legend under the figure, in as many of the wanted columns as fit.
+
+    Labels, cut where too long, are literal, also one that starts with an underscore.
+    """
+    shown = [shortened(label, longest) for label in labels]
+    size = float(matplotlib.rcParams["legend.fontsize"])
+    widths = [size * (_HANDLE + _LETTER * len(label)) for label in shown]
+    while columns > 1 and _widest_row(widths, columns) > 72.0 * figure.get_figwidth():
+        columns -= 1
     drawn = figure.legend(
         handles, [f"{number}" for number in range(len(labels))], loc="outside lower center", ncols=columns
     )
-    for text, label in zip(drawn.get_texts(), labels, strict=True):
-        text.set_text(shortened(label, longest))
+    for text, label in zip(drawn.get_texts(), shown, strict=True):
+        text.set_text(label)
     return drawn
+
+
+def _widest_row(widths: Sequence[float], columns: int) -> float:
+    """Width of a legend whose entries fill one column after the other."""
+    rows = -(-len(widths) // columns)
+    return sum(max(widths[first : first + rows]) for first in range(0, len(widths), rows))
 
 
 def camera_panels(figure: StudyFigure, count: int, farthest: float) -> list[Axes]:

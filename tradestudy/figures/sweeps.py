@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,12 @@ from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
+from tradestudy.figures.curves import Curve, name_ends
 from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     INK,
+    PANEL_TITLE,
+    SMALL,
     SOFT,
     CameraTrace,
     StudyFigure,
@@ -30,6 +34,7 @@ from tradestudy.figures.style import (
     traces,
 )
 from tradestudy.results.views.depth import swept
+from tradestudy.results.views.designs import path_words
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.wording import distance
 
@@ -60,21 +65,30 @@ def moved_cameras(tree: xr.DataTree) -> tuple[CameraTrace, ...]:
 AXIS_UNITS = {"m": (MM, "mm"), "rad": (180.0 / np.pi, "°"), "px": (1.0, "px")}
 
 
-def axis_values(coordinate: xr.DataArray) -> tuple[FloatArray, list[str], str]:
-    """Places of the values of a swept coordinate on an axis, their names, and the label; choices stand side by side."""
-    name = printable(str(coordinate.attrs.get("long_name", coordinate.name)))
+def axis_values(coordinate: xr.DataArray) -> tuple[FloatArray, list[str]]:
+    """Places of the values of a swept coordinate on an axis, and their names; choices stand side by side."""
     if coordinate.dtype.kind not in "fiu":
-        return np.arange(coordinate.size, dtype=np.float64), [shortened(str(v), 20) for v in coordinate.values], name
-    factor, unit = AXIS_UNITS.get(str(coordinate.attrs.get("units", "")), (1.0, ""))
-    values = np.asarray(coordinate.values, dtype=np.float64) * factor
-    return values, [plain_number(value) for value in values], f"{name} [{unit}]" if unit else name
+        return np.arange(coordinate.size, dtype=np.float64), [shortened(str(v), 20) for v in coordinate.values]
+    values = np.asarray(coordinate.values, dtype=np.float64) * axis_unit(coordinate)[0]
+    return values, [plain_number(value) for value in values]
+
+
+def axis_unit(coordinate: xr.DataArray) -> tuple[float, str]:
+    """Factor from SI and unit of a swept coordinate on axes."""
+    return AXIS_UNITS.get(str(coordinate.attrs.get("units", "")), (1.0, ""))
+
+
+def axis_label(tree: xr.DataTree, coordinate: xr.DataArray) -> str:
+    """Name of a swept coordinate in words, with its unit."""
+    words, unit = printable(path_words(tree, str(coordinate.name))), axis_unit(coordinate)[1]
+    return f"{words} [{unit}]" if unit else words
 
 
 def shown_value(coordinate: xr.DataArray, value: float | str) -> str:
     """One value of a swept coordinate with its unit."""
     if isinstance(value, str):
         return value
-    factor, unit = AXIS_UNITS.get(str(coordinate.attrs.get("units", "")), (1.0, ""))
+    factor, unit = axis_unit(coordinate)
     return f"{plain_number(value * factor)} {unit}".rstrip()
 
 
@@ -89,30 +103,32 @@ def draw_sweep_map(tree: xr.DataTree) -> StudyFigure:
     dims = sorted(swept(tree["depth"].to_dataset()), key=lambda d: (-depth.sizes[d], d))
     uncertainty = depth["depth_uncertainty"].isel(dict.fromkeys(dims[2:], 0))
     if len(dims) == 1:
-        return _curves(uncertainty, moved, dims[0], place)
-    return _maps(uncertainty, moved, (dims[0], dims[1]), place)
+        return _curves(tree, uncertainty, moved, dims[0])
+    return _maps(tree, uncertainty, moved, (dims[0], dims[1]))
 
 
-def _curves(uncertainty: xr.DataArray, moved: tuple[CameraTrace, ...], dim: str, place: float) -> StudyFigure:
+def _curves(tree: xr.DataTree, uncertainty: xr.DataArray, moved: tuple[CameraTrace, ...], dim: str) -> StudyFigure:
     figure = new_figure(3.0)
     axes = figure.subplots()
-    x, names, label = axis_values(uncertainty[dim])
+    x, names = axis_values(uncertainty[dim])
+    drawn = []
     for camera in moved:
         y = np.asarray(uncertainty.sel(camera=camera.key).values, dtype=float) * MM
         style = camera.style
         y = np.where(np.isfinite(y), y, np.nan)
-        axes.plot(x, y, color=style.color, linestyle=style.dash, marker=style.marker, markersize=4)
+        name = printable(camera.title)
+        axes.plot(x, y, color=style.color, linestyle=style.dash, marker=style.marker, markersize=4, label=name)
+        drawn.append(Curve(name=name, color=style.color, x=x, y=y))
     log_axis(axes, "y", dense=True, tick=length_tick)
     if uncertainty[dim].dtype.kind not in "fiu":
         axes.set_xticks(x, names)
-    axes.set(xlabel=label, ylabel=f"depth uncertainty at {distance(place)}")
-    handles = [camera.style.handle(marker=camera.style.marker, markersize=4) for camera in moved]
-    legend(figure, handles, [camera.title for camera in moved], columns=2)
+    axes.set(xlabel=axis_label(tree, uncertainty[dim]), ylabel=_uncertainty_label(tree))
+    name_ends(axes, drawn)
     return figure
 
 
 def _maps(
-    uncertainty: xr.DataArray, moved: tuple[CameraTrace, ...], dims: tuple[str, str], place: float
+    tree: xr.DataTree, uncertainty: xr.DataArray, moved: tuple[CameraTrace, ...], dims: tuple[str, str]
 ) -> StudyFigure:
     columns = min(_COLUMNS, max(len(moved), 1))
     rows = -(-len(moved) // columns)
@@ -123,22 +139,26 @@ def _maps(
     finite = everything[np.isfinite(everything) & (everything > 0)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (1.0, 10.0)
     norm = LogNorm(vmin=low, vmax=max(high, 1.01 * low))
-    (x, x_names, x_label), (y, y_names, y_label) = (axis_values(uncertainty[dim]) for dim in dims)
+    (x, x_names), (y, y_names) = (axis_values(uncertainty[dim]) for dim in dims)
     for axes, camera in zip(panels.flat, moved, strict=False):
         _map(axes, arrays[camera.key], norm)
         axes.set_xticks(np.arange(len(x)) + 0.5, x_names)
         axes.set_yticks(np.arange(len(y)) + 0.5, y_names)
-        axes.set_title(shortened(camera.title, 34), fontsize=7.5)
+        axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
     for axes in panels.flat[len(moved) :]:
         axes.set_visible(False)
-    figure.supxlabel(x_label, fontsize=7.5)
-    figure.supylabel(y_label, fontsize=7.5)
+    figure.supxlabel(axis_label(tree, uncertainty[dims[0]]), fontsize="medium")
+    figure.supylabel(axis_label(tree, uncertainty[dims[1]]), fontsize="medium")
     bar = figure.colorbar(
         ScalarMappable(norm=norm, cmap="cividis"), ax=panels.ravel().tolist(), format=FuncFormatter(length_tick)
     )
     bar.ax.minorticks_off()
-    bar.set_label(f"depth uncertainty at {distance(place)} (numbers in mm)")
+    bar.set_label(_uncertainty_label(tree))
     return figure
+
+
+def _uncertainty_label(tree: xr.DataTree) -> str:
+    return f"uncertainty at {distance(reference_distance(tree))}"
 
 
 def _map(axes: Axes, values: FloatArray, norm: LogNorm) -> None:
@@ -155,30 +175,25 @@ def _map(axes: Axes, values: FloatArray, norm: LogNorm) -> None:
             ha="center",
             va="center",
             color="white" if dark else INK,
-            fontsize=6,
+            fontsize=SMALL,
         )
 
 
 @styled()
 def draw_pareto(tree: xr.DataTree) -> StudyFigure:
     """Nearest usable distance against uncertainty at the reference distance, for designs usable there; the frontier."""
-    depth, place = tree["depth"].to_dataset(), reference_distance(tree)
+    place = reference_distance(tree)
     figure = new_figure(3.4)
     axes = figure.subplots()
     shown = traces(tree)
-    clouds: list[FloatArray] = []
+    clouds = usable_designs(tree)
     handles = []
     for camera in shown:
-        near = depth["usable_near"].sel(camera=camera.key).min("interval")
-        there = depth.sel(camera=camera.key).sel(distance=place, method="nearest")
-        sigma = there["depth_uncertainty"].where(there["usable"])
-        points = np.stack([array.values.ravel() for array in xr.broadcast(near, sigma)], axis=1)
-        points = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
-        clouds.append(points)
         mark: dict[str, Any] = {"linestyle": "", "marker": camera.style.marker, "markersize": 5}
-        axes.plot(points[:, 0], points[:, 1] * MM, color=camera.style.color, **mark)
+        points = clouds[camera.key]
+        axes.plot(points[:, 0], points[:, 1] * MM, color=camera.style.color, label=printable(camera.title), **mark)
         handles.append(camera.style.handle(**mark))
-    designs = np.concatenate(clouds)
+    designs = np.concatenate(list(clouds.values()))
     front = frontier(designs)
     axes.step(front[:, 0], front[:, 1] * MM, where="post", color=SOFT, linewidth=1.0, zorder=0.9)
     farthest = float(np.max(designs[:, 0], initial=0.0))
@@ -188,6 +203,19 @@ def draw_pareto(tree: xr.DataTree) -> StudyFigure:
     handles.append(Line2D([], [], color=SOFT, linewidth=1.0))
     legend(figure, handles, [*(camera.title for camera in shown), "no design is better in both"], columns=2)
     return figure
+
+
+def usable_designs(tree: xr.DataTree) -> Mapping[str, FloatArray]:
+    """Of each camera the designs usable at the reference distance: near end and uncertainty there [m], one per row."""
+    depth, place = tree["depth"].to_dataset(), reference_distance(tree)
+    found = {}
+    for camera in traces(tree):
+        near = depth["usable_near"].sel(camera=camera.key).min("interval")
+        there = depth.sel(camera=camera.key).sel(distance=place, method="nearest")
+        sigma = there["depth_uncertainty"].where(there["usable"])
+        points = np.stack([array.values.ravel() for array in xr.broadcast(near, sigma)], axis=1)
+        found[camera.key] = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
+    return found
 
 
 def frontier(points: FloatArray) -> FloatArray:

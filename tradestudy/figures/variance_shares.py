@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from tradestudy.figures.style import (
+    PANEL_TITLE,
     PANELS_IN_A_ROW,
     SOFT,
     CameraTrace,
@@ -47,7 +48,7 @@ def draw_variance_shares(tree: xr.DataTree) -> StudyFigure:
     """Shares of the variance of inverse depth, stacked to 1, against distance; paler where the camera is not usable."""
     depth, shown = nominal(tree), traces(tree)
     names = shown_parts(depth)
-    figure = new_figure(0.7 + 1.6 * -(-len(shown) // PANELS_IN_A_ROW))
+    figure = new_figure(0.7 + 1.25 * -(-len(shown) // PANELS_IN_A_ROW))
     panels = camera_panels(figure, len(shown), float(depth["distance"].values[-1]))
     for axes, camera in zip(panels, shown, strict=True):
         _panel(axes, depth, camera, names)
@@ -86,7 +87,7 @@ def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: list[str])
     for near, far in _not_usable(depth, camera.key, distance):
         axes.axvspan(near, far, color="white", alpha=0.6, linewidth=0, zorder=2)
     distance_axis(axes, (float(distance[0]), float(distance[-1])))
-    axes.set_title(shortened(camera.title, 34), fontsize=7.5)
+    axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
 
 
 def _not_usable(depth: xr.Dataset, camera: str, distance: FloatArray) -> list[tuple[float, float]]:

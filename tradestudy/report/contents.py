@@ -1,4 +1,4 @@
-"""The report of a study: which sections it has, in which order."""
+"""The report of a study: which sections it has, in which order; what only specialists look up stands in appendices."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from typing import Any
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Contents, PageBreak, Report
+from tradestudy.report.document import Appendices, Contents, PageBreak, Report
 from tradestudy.report.sections.answer import describe_answer, describe_verdicts
 from tradestudy.report.sections.calibration import describe_calibration
 from tradestudy.report.sections.cost import describe_cost
 from tradestudy.report.sections.datasheet import describe_datasheet
 from tradestudy.report.sections.depth_loop import describe_depth_loop
 from tradestudy.report.sections.depth_maps import describe_depth_maps
+from tradestudy.report.sections.depth_numbers import describe_decision, list_depths
 from tradestudy.report.sections.depth_of_field import describe_depth_of_field, describe_sharp_answer
 from tradestudy.report.sections.effects import describe_effects, list_decisions
 from tradestudy.report.sections.fresnel_validity import describe_fresnel_answer, describe_fresnel_validity
@@ -28,8 +29,10 @@ from tradestudy.report.sections.registers import (
     describe_claims,
     describe_contradictions,
     describe_criteria,
+    describe_properties,
     describe_provenance,
     describe_requirements,
+    list_claim_values,
 )
 from tradestudy.report.sections.results import describe_results
 from tradestudy.report.sections.trade_off import describe_trade_off
@@ -54,35 +57,45 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_fresnel_answer(tree, drawings),
         *describe_light_spot_answer(tree, run, drawings),
     )
+    inferred = "calibration" in tree.children  # then it is a result, not an input
+    calibration = tuple(describe_calibration(tree, run, drawings))
     sections = (
         Contents(),
         *describe_cameras(tree),
-        *describe_assumptions(tree),
-        *describe_method(tree),
-        *describe_effects(tree),
+        *describe_verdicts(tree),
+        *describe_claims(tree),
         *describe_pictures(tree, drawings),
         *describe_depth_maps(tree, drawings),
         *describe_depth_loop(tree, drawings),
-        *describe_verdicts(tree),
         *describe_value_of_information(tree, drawings),
         *describe_trade_off(tree, drawings),
         *describe_results(tree, drawings),
-        *describe_calibration(tree, run, drawings),
+        *(calibration if inferred else ()),
         *describe_depth_of_field(tree, drawings),
         *describe_criteria(tree),
         *describe_fresnel_validity(tree, drawings),
         *describe_light_spot(tree, run, drawings),
         *describe_hard_cases(tree, drawings),
-        *describe_cost(tree, drawings),
-        *describe_claims(tree),
-        *describe_requirements(tree),
+    )
+    appendices = (
+        *describe_assumptions(tree),
+        *describe_properties(tree),
         *describe_contradictions(tree),
+        *describe_method(tree),
+        *describe_effects(tree),
+        *list_depths(tree),
+        *describe_decision(tree, drawings),
+        *list_claim_values(tree),
+        *describe_requirements(tree),
+        *(() if inferred else calibration),
         *describe_datasheet(tree),
+        *describe_cost(tree, drawings),
         *list_decisions(tree),
         *describe_provenance(run),
     )
+    body = (*sections, Appendices(), *appendices) if appendices else sections
     return Report(
         title=str(tree.attrs.get("title", "")),
         subtitle=str(tree.attrs.get("question", "")),
-        blocks=(*first_page, PageBreak(), *sections) if first_page else sections,
+        blocks=(*first_page, PageBreak(), *body) if first_page else body,
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from string import ascii_uppercase
 from typing import Literal, LiteralString
 
 from tradestudy.figures.drawing import Drawing
@@ -185,7 +186,12 @@ class PageBreak:
     """A new page in print."""
 
 
-Block = Heading | Paragraph | Bullets | Callout | Table | Picture | Equation | Contents | PageBreak
+@dataclass(frozen=True)
+class Appendices:
+    """The sections after this are for specialists: they begin on a new page in print and have letters for numbers."""
+
+
+Block = Heading | Paragraph | Bullets | Callout | Table | Picture | Equation | Contents | PageBreak | Appendices
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,18 +220,23 @@ def _numbered(blocks: tuple[Block, ...]) -> dict[str, str]:
     numbers: dict[str, str] = {}
     section = [0, 0, 0]
     figures = tables = 0
+    lettered = False
     for block in all_blocks(blocks):
         match block:
             case Heading():
                 section[block.level - 1] += 1
                 section[block.level :] = [0] * (len(section) - block.level)
-                name, number = block.anchor, ".".join(map(str, section[: block.level]))
+                first = ascii_uppercase[section[0] - 1] if lettered else str(section[0])
+                name, number = block.anchor, ".".join([first, *map(str, section[1 : block.level])])
             case Picture():
                 figures += 1
                 name, number = block.name, f"Figure {figures}"
             case Table():
                 tables += 1
                 name, number = block.name, f"Table {tables}"
+            case Appendices():
+                section, lettered = [0, 0, 0], True
+                continue
             case _:
                 continue
         if name in numbers:

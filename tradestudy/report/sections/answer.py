@@ -86,7 +86,7 @@ def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
     """What noise and calibration favour by themselves, and how the verdict on the pair fares under other readings."""
     ways, table = tuple(_ways(tree)), tuple(_stability(tree))
     if table:
-        yield Heading(text="What each source of error favours, and under which readings", anchor="verdicts")
+        yield Heading(text="Which camera each error source favours", anchor="verdicts")
         yield Bullets(ways)
         yield from table
 
@@ -251,7 +251,7 @@ def _how_sure(depth: xr.Dataset, camera: str, start: float, end: float) -> str:
 
 
 def _changes(tree: xr.DataTree) -> Iterator[Spans]:
-    """Where the verdict on the headline pair changes hands, and how far other readings move that."""
+    """Where the preferred camera of the headline pair switches, and how far other readings move that."""
     if not has(tree, "decision", "change_distance"):
         return
     decision, titles = group(tree, "decision").sel(way="both"), camera_titles(tree)
@@ -315,9 +315,8 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
     titles, decision = camera_titles(tree), group(tree, "decision")
     yield Table(
         name="verdict-table",
-        caption=f"{titles[decision.attrs['first']]} against {titles[decision.attrs['second']]}: which of the two is "
-        "usable and better, and under which other readings of the open questions another answer comes out. Beside it, "
-        "which is more certain whether it is usable or not.",
+        caption=f"{titles[decision.attrs['first']]} against {titles[decision.attrs['second']]}: the better usable "
+        "camera, the other readings that change it, and the camera with the smaller uncertainty, usable or not.",
         columns=(
             Column(title="At", align="right"),
             Column(title="Better usable"),

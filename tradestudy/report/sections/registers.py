@@ -20,7 +20,7 @@ _BASES = ("set for this run", "assumed", "derived", "datasheet", "measured", "pa
 
 
 def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
-    """Write one line per camera and a table of their derived properties, one per family."""
+    """Write one line per camera."""
     rows = records(tree, "cameras", "camera")
     if not rows:
         return
@@ -31,15 +31,23 @@ def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
             for r in rows
         )
     )
-    families = camera_families(tree)
-    for family in dict.fromkeys(families.values()):
-        yield from _properties(tree, family, [key for key, other in families.items() if other == family])
 
 
-def _properties(tree: xr.DataTree, family: str, keys: list[str]) -> Iterator[Block]:
+def describe_properties(tree: xr.DataTree) -> Iterator[Block]:
+    """Write the properties of the cameras that follow from their inputs, one table per family."""
+    families = camera_families(tree) if has(tree, "cameras", "property_camera") else {}
+    tables = [
+        table
+        for family in dict.fromkeys(families.values())
+        for table in _properties(tree, family, [key for key, other in families.items() if other == family])
+    ]
+    if tables:
+        yield Heading(text="Derived properties of the cameras", anchor="properties")
+        yield from tables
+
+
+def _properties(tree: xr.DataTree, family: str, keys: list[str]) -> Iterator[Table]:
     """Write the derived properties of the cameras of one family side by side."""
-    if not has(tree, "cameras", "property_camera", "property_name", "property_value"):
-        return
     data, titles = group(tree, "cameras"), camera_titles(tree)
     values = {
         (str(camera), str(name)): str(value)
@@ -51,7 +59,7 @@ def _properties(tree: xr.DataTree, family: str, keys: list[str]) -> Iterator[Blo
     if names:
         yield Table(
             name=f"properties-{family}",
-            caption=f"What follows from the inputs of the {family} cameras.",
+            caption=f"Derived properties: {family}.",
             columns=(Column(title="Property", weight=3), *(Column(title=titles[key], weight=2) for key in keys)),
             rows=tuple((name, *(values.get((key, name), "—") for key in keys)) for name in names),
         )
@@ -75,8 +83,8 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
     known = [basis for basis in _BASES if counts[basis]] + sorted(set(counts) - set(_BASES))
     yield Paragraph(
         say(
-            "Every value that does not speak for itself carries its basis: {counts}. What is assumed comes first, "
-            "because a verdict can rest on it{given}.",
+            "The study says where these values come from: {counts}. Assumed values come first, because a verdict can "
+            "rest on them{given}.",
             counts=", ".join(f"{counts[basis]} {basis}" for basis in known),
             given=", after what was set for this run alone, by the command line or from Python"
             if counts[_BASES[0]]
@@ -93,7 +101,7 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
             Column(title="Note", weight=5),
         ),
         rows=tuple(_by_basis(rows, known, tree)),
-        notes=("Values that a camera takes over from another one stand once, with all cameras that share them.",),
+        notes=("A value that several cameras share is listed once.",),
     )
 
 
@@ -127,8 +135,8 @@ def describe_contradictions(tree: xr.DataTree) -> Iterator[Block]:
         return
     yield Heading(text="Contradictions found", anchor="contradictions")
     yield Paragraph(
-        "Inputs that are given more than once were checked against each other. Where they disagree, nothing was "
-        "resolved silently: this is what was stated, what the other inputs imply, and what this study uses."
+        "The program checks inputs that are given more than once against each other. Where they disagree, the table "
+        "shows what was stated, what the other inputs imply, and what this study uses."
     )
     weights = {"Camera": 4, "What": 5, "Stated": 4, "Implied": 7, "Used": 9}
     titles = camera_titles(tree)
@@ -176,19 +184,15 @@ def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
             )
             for r in rows
         ),
-        notes=tuple(
-            say("**{claim}** is expected so because: {why}.", claim=str(r["claim"]), why=str(r["tolerance_reason"]))
-            for r in rows
-        ),
     )
-    yield from _claim_values(tree, rows)
 
 
-def _claim_values(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[Block]:
-    """Write the value of every claim under every reading that it was tried under."""
-    data = group(tree, "claims")
-    if not {"value_text", "met"} <= set(map(str, data.data_vars)):
+def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
+    """Write the value of every claim under every reading that it was tried under, and where its tolerance is from."""
+    rows = records(tree, "claims", "claim")
+    if not rows or not has(tree, "claims", "value_text", "met"):
         return
+    data = group(tree, "claims")
 
     def cell(claim: Any, reading: Any) -> Text:
         one = data.sel(claim=claim, reading=reading)
@@ -197,6 +201,7 @@ def _claim_values(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[Blo
         return f"{text} {'✓' if met == 1 else '✗'}{near}" if met >= 0 else text
 
     tried = [name for name in data["reading"].values if any(cell(row["claim"], name) for row in rows)]
+    yield Heading(text="Claims under every reading", anchor="claim-readings")
     yield Table(
         name="claim-values",
         caption="The value found for each claim under each reading that it was tried under: ✓ met, ✗ not met, "
@@ -206,7 +211,15 @@ def _claim_values(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[Blo
             *(Column(title=str(row["claim"]), align="right", weight=1) for row in rows),
         ),
         rows=tuple((str(name), *(cell(row["claim"], name) for row in rows)) for name in tried),
-        notes=tuple(say("**{claim}**: {quantity}.", claim=str(r["claim"]), quantity=str(r["quantity"])) for r in rows),
+        notes=tuple(
+            say(
+                "**{claim}**: {quantity}. Tolerance: {why}.",
+                claim=str(r["claim"]),
+                quantity=str(r["quantity"]),
+                why=str(r["tolerance_reason"]),
+            )
+            for r in rows
+        ),
     )
 
 

@@ -1,0 +1,159 @@
+"""Curves that need no legend: each is named where it ends, and those that lie on one another stay visible."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from textwrap import wrap
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from tradestudy.figures.fonts import printable
+from tradestudy.figures.style import panel_size, readable, shortened
+from tradestudy.results.views.groups import FloatArray
+
+SMALLEST: Final = 7.5  # points, of the names
+_LETTERS, _LINES = 24, 2  # of a name
+_LINE_HEIGHT: Final = 1.3  # times the size of the letters
+_BESIDE: Final = 12.0  # points between a panel and the names
+_TOGETHER: Final = 0.007  # of the height of a panel: two curves nearer than this cannot be told apart
+_LONG_TOGETHER: Final = 0.1  # of the points that both curves have
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """A curve as it is drawn, in the units of its axes."""
+
+    name: str
+    color: str
+    x: FloatArray
+    y: FloatArray
+
+
+def name_ends(axes: Axes, curves: Sequence[Curve]) -> None:
+    """Write the name of every curve right of the panel, level with the end of what is visible of it.
+
+    Names keep the order of the ends and move apart where they would touch; a thin line joins each to its curve. Scales
+    and limits of the axes must stand; a curve without a visible point gets no name.
+    """
+    ends = [(curve, end) for curve in curves if (end := _end(axes, curve)) is not None]
+    if not ends:
+        return
+    names = [_lines(curve.name) for curve, _ in ends]
+    width, height = panel_size(axes)
+    sizes = np.array([_LINE_HEIGHT * SMALLEST * (1 + name.count("\n")) for name in names]) / height
+    levels = np.array([_fraction(axes, "y", end[1]) for _, end in ends])
+    # Of curves that leave over the top edge, the one that leaves first stands highest.
+    levels -= 1e-6 * np.array([_fraction(axes, "x", end[0]) for _, end in ends])
+    for (curve, end), name, level in zip(ends, names, spread(levels, sizes), strict=True):
+        color = readable(curve.color)
+        axes.annotate(
+            name,
+            end,
+            xytext=(1.0 + _BESIDE / width, level),
+            textcoords="axes fraction",
+            color=color,
+            fontsize=SMALLEST,
+            linespacing=1.0,
+            va="center",
+            annotation_clip=False,
+            arrowprops={
+                "arrowstyle": "-", "color": color, "linewidth": 0.6, "linestyle": (0, (1, 1.5)),
+                "relpos": (0.0, 0.5), "shrinkA": 1.0, "shrinkB": 1.0,
+            },
+        )  # fmt: skip
+
+
+def name_places(axes: Axes, places: Sequence[float], names: Sequence[str]) -> None:
+    """Write a name above the panel, upright, for each place on its axis across; names that would touch move apart."""
+    if not places:
+        return
+    width, height = panel_size(axes)
+    room = np.full(len(places), _LINE_HEIGHT * SMALLEST / width)
+    wanted = np.array([_fraction(axes, "x", place) for place in places])
+    for place, name, across in zip(wanted, names, spread(wanted, room), strict=True):
+        axes.annotate(
+            printable(name),
+            (place, 1.0),
+            xycoords="axes fraction",
+            xytext=(across, 1.0 + _BESIDE / height),
+            textcoords="axes fraction",
+            fontsize=SMALLEST,
+            rotation=90,
+            ha="center",
+            va="bottom",
+            arrowprops={"arrowstyle": "-", "linewidth": 0.5, "relpos": (0.5, 0.0), "shrinkA": 0.5, "shrinkB": 0.0},
+        )
+
+
+def _lines(name: str) -> str:
+    """A name on at most two lines."""
+    lines = wrap(printable(name), _LETTERS) or [""]
+    return "\n".join([*lines[: _LINES - 1], shortened(" ".join(lines[_LINES - 1 :]), _LETTERS)]).strip()
+
+
+def _end(axes: Axes, curve: Curve) -> tuple[float, float] | None:
+    """Where a curve ends in the panel: at its last point there, or at the edge over which it leaves."""
+    (left, right), (bottom, top) = sorted(axes.get_xlim()), sorted(axes.get_ylim())
+    known = ~(np.isnan(curve.x) | np.isnan(curve.y))
+    inside = np.flatnonzero(known & (curve.x >= left) & (curve.x <= right) & (curve.y >= bottom) & (curve.y <= top))
+    if not inside.size:
+        return None
+    last = int(inside[-1])
+    beyond = min(last + 1, len(curve.x) - 1)
+    if known[beyond] and left <= curve.x[beyond] <= right:
+        last = beyond
+    return float(curve.x[last]), float(np.clip(curve.y[last], bottom, top))
+
+
+def _fraction(axes: Axes, which: str, value: float) -> float:
+    """Where a value stands between the limits of an axis."""
+    axis, limits = (axes.xaxis, axes.get_xlim()) if which == "x" else (axes.yaxis, axes.get_ylim())
+    low, high, here = axis.get_transform().transform(np.array([*limits, value]))
+    return float((here - low) / (high - low))
+
+
+def spread(wanted: FloatArray, sizes: FloatArray) -> FloatArray:
+    """Centres for things of these sizes side by side from 0 to 1, in the order of the wanted ones and near to them.
+
+    Least squares: neighbours that would overlap form a block about their mean. Things that need more room than there
+    is stand about the middle.
+    """
+    order = np.argsort(wanted, kind="stable")
+    blocks: list[tuple[float, float, list[int]]] = []  # centre, size, members
+    for one in order:
+        block = (_kept(float(wanted[one]), float(sizes[one])), float(sizes[one]), [int(one)])
+        while blocks and blocks[-1][0] + blocks[-1][1] / 2.0 > block[0] - block[1] / 2.0:
+            centre, size, members = blocks.pop()
+            together = [*members, *block[2]]
+            offsets = np.cumsum(sizes[together]) - sizes[together] / 2.0
+            whole = size + block[1]
+            block = (_kept(float(np.mean(wanted[together] - offsets)) + whole / 2.0, whole), whole, together)
+        blocks.append(block)
+    placed = np.empty(len(wanted))
+    for centre, size, members in blocks:
+        placed[members] = centre - size / 2.0 + np.cumsum(sizes[members]) - sizes[members] / 2.0
+    return placed
+
+
+def _kept(centre: float, size: float) -> float:
+    """The centre of a block moved into the panel, the middle where it does not fit."""
+    return 0.5 if size >= 1.0 else min(max(centre, size / 2.0), 1.0 - size / 2.0)
+
+
+def beneath(curves: Sequence[FloatArray], limits: tuple[float, float]) -> list[int]:
+    """For each of the curves over the same points, on a logarithmic axis: how many later ones cover it somewhere.
+
+    A curve under n others is drawn wider by n steps, so that its colour shows at both sides of theirs.
+    """
+    low, high = np.log(limits)
+    levels = [np.log(np.where(np.isfinite(curve) & (curve > 0.0), curve, np.nan)) for curve in curves]
+    return [sum(_cover(one, other, high - low) for other in levels[k + 1 :]) for k, one in enumerate(levels)]
+
+
+def _cover(one: FloatArray, other: FloatArray, height: float) -> bool:
+    apart = np.abs(one - other)
+    both = apart[np.isfinite(apart)]
+    return bool(both.size and np.mean(both < _TOGETHER * height) > _LONG_TOGETHER)

@@ -1,0 +1,265 @@
+"""The numbers behind the curves of depth at the declared distances, and the decision under every reading."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.figures.drawing import Drawing
+from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
+from tradestudy.report.words import in_words, interval, length, or_dash, share, with_error
+from tradestudy.results.views.depth import nominal, shares_at, told_depth, told_places
+from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, titles_in
+from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, false_matches_declared
+from tradestudy.wording import distance
+
+_NEGLIGIBLE_SHARE = 1e-6  # the error of the computed share
+WAYS = {"noise": "noise", "calibration": "calibration", "both": "both"}
+
+
+def list_depths(tree: xr.DataTree) -> Iterator[Block]:
+    """Write discrimination, uncertainty, its largest part, equivalent baselines and failed measurements as tables."""
+    if has(tree, "depth"):
+        yield Heading(text="Depth at the declared distances", anchor="depth-numbers")
+        yield _values_at_places(tree)
+        yield _decisive_parts(tree)
+        yield from _over_places(tree)
+
+
+def _values_at_places(tree: xr.DataTree) -> Table:
+    """Numbers behind the curves at the declared distances."""
+    depth = told_depth(tree)
+    rows: list[tuple[Text, ...]] = []
+    quantiles = depth["quantile"].values
+    content = share(float(quantiles[-1] - quantiles[0]))
+    for place in told_places(tree):
+        there = depth.sel(distance=place, method="nearest")
+        rows.append((f"At {distance(float(place))}",))
+        for key, title in titles_in(tree, "depth").items():
+            camera = there.sel(camera=key)
+            known = [camera[name] for name in ("depth_uncertainty_way", "depth_uncertainty_way_error")]
+            u = {way: tuple(float(one.sel(way=way)) for one in known) for way in WAYS}
+            nearer, farther = (float(camera["depth_discrimination"].sel(side=side)) for side in ("nearer", "farther"))
+            low, high = camera["depth_quantile"].sel(way="both").values[[0, -1]]
+            rows.append(
+                (
+                    title,
+                    "yes" if bool(camera["usable"]) else "no",
+                    _step(nearer, farther),
+                    *(with_error(value, error) for value, error in u.values()),
+                    share(u["both"][0] / float(place)),
+                    interval(float(low), float(high)) + ("" if bool(camera["converged"]) else " *"),
+                )
+            )
+    return Table(
+        name="depth-table",
+        caption="Depth discrimination and uncertainty at the distances that the study asks about.",
+        columns=(
+            Column(title="Camera", weight=1),
+            Column(title="Usable"),
+            Column(title="Discrim­ination", align="right"),
+            *(Column(title=f"u {title}", align="right") for title in WAYS.values()),
+            Column(title="relative", align="right"),
+            Column(title=f"{content} interval", align="right"),
+        ),
+        rows=tuple(rows),
+        notes=(
+            "Discrimination: the change of depth per declared step of disparity (nearer / farther where they "
+            "differ). u: half the central 68.27 % interval of one measurement, for noise only, calibration only, "
+            "and both; ± its error, where that exceeds 1 %. ∞: the interval has no far end. *: not "
+            "converged, sampling left more than the tolerance."
+            + _numerical_error(tree)
+            + _noise_is_coarse(tree)
+            + "".join(f" {sentence}" for sentence in (best_of_any_matcher(at_the_bound(tree)),) if sentence),
+        ),
+    )
+
+
+def _noise_is_coarse(tree: xr.DataTree) -> str:
+    """Say where noise by itself was not asked for and what was left out moves it by more than the whole."""
+    if not has(tree, "effects", "joint_change", "tolerance"):
+        return ""
+    effects = group(tree, "effects")
+    noise, whole = (effects.sel(quantity=name) for name in ("depth_noise", "depth_uncertainty"))
+    coarse = noise["joint_change"].values > np.nan_to_num(whole["tolerance"].values, nan=np.inf)
+    if not np.any(coarse & np.isnan(noise["tolerance"].values)):
+        return ""
+    largest = share(float(np.nanmax(np.where(coarse, noise["joint_change"].values, np.nan))))
+    return (
+        f" Noise only was not asked for: what was left out changes it by up to {largest} "
+        "(accuracy.depth_noise asks for it)."
+    )
+
+
+def _numerical_error(tree: xr.DataTree) -> str:
+    """How far the computed uncertainty may be from that of the exact camera model, where cameras are usable."""
+    depth = nominal(tree)
+    relative = (depth["depth_uncertainty_error"] / depth["depth_uncertainty"]).where(depth["usable"])
+    values = relative.values[np.isfinite(relative.values)]
+    return f" Error of u where cameras are usable: at most {share(float(values.max()))}." if values.size else ""
+
+
+def _decisive_parts(tree: xr.DataTree) -> Table:
+    """The part with the largest share at the declared distances."""
+    depth, places = told_depth(tree), told_places(tree)
+
+    def cell(key: str, place: float) -> str:
+        shares = shares_at(depth, key, place)
+        values = np.asarray(shares.values, dtype=np.float64)
+        if not np.isfinite(values).any():
+            return "—"
+        largest = int(np.nanargmax(values))
+        return f"{in_words(str(shares['part'].values[largest]))}, {share(float(values[largest]))}"
+
+    return Table(
+        name="parts-table",
+        caption="What decides the uncertainty: the part with the largest share of the variance of inverse depth.",
+        columns=(
+            Column(title="Camera", weight=1),
+            *(Column(title=distance(float(place)), weight=1) for place in places),
+        ),
+        rows=tuple(
+            (title, *(cell(key, float(place)) for place in places)) for key, title in titles_in(tree, "depth").items()
+        ),
+    )
+
+
+def _over_places(tree: xr.DataTree) -> Iterator[Table]:
+    """Equivalent baselines and failed measurements, one column per declared distance."""
+    depth, places = told_depth(tree), told_places(tree)
+
+    def table(
+        name: str, variable: str, caption: str, write: Callable[[float], str], notes: tuple[Text, ...] = ()
+    ) -> Table:
+        data = depth[variable].sel(way="both") if "way" in depth[variable].dims else depth[variable]
+        return Table(
+            name=name,
+            caption=caption,
+            columns=(
+                Column(title="Camera", weight=1),
+                *(Column(title=distance(float(place)), align="right") for place in places),
+            ),
+            rows=tuple(
+                (title, *(write(float(data.sel(camera=key).sel(distance=p, method="nearest"))) for p in places))
+                for key, title in titles_in(tree, "depth").items()
+            ),
+            notes=notes,
+        )
+
+    if "equivalent_baseline" in depth:
+        yield table(
+            "baseline-table",
+            "equivalent_baseline",
+            "Equivalent baseline: that of the stereo rig which, with the same focal length and disparity error, "
+            "measures as well.",
+            length,
+            _baseline_note(tree, depth),
+        )
+    yield table(
+        "failed-table",
+        "failed_fraction",
+        "Share of measurements that end beyond infinity"
+        f"{' or are false matches' * false_matches_declared(tree)}, noise and calibration together.",
+        lambda value: share(value) if value >= _NEGLIGIBLE_SHARE else "< 1 ppm",
+    )
+
+
+def _baseline_note(tree: xr.DataTree, depth: xr.Dataset) -> tuple[Text, ...]:
+    """Why a camera is not equivalent to its own baseline, for studies in which that of one changes with distance."""
+    notes: dict[str, None] = {}
+    for key, method in depth_methods(tree).items():
+        if note := method["baseline_note"]:
+            values = depth["equivalent_baseline"].sel(camera=key)
+            spread = values.max("distance") - values.min("distance")
+            if bool((spread > _NEGLIGIBLE_SHARE * values.max("distance")).any()):
+                notes[note] = None
+    return tuple(say(note) for note in notes)
+
+
+def _step(nearer: float, farther: float) -> str:
+    """Write the steps nearer and farther; one number where three digits do not tell them apart."""
+    near, far = length(nearer), length(farther)
+    if near == far:
+        return near
+    (number, _, unit), (_, _, other) = near.partition("\N{NO-BREAK SPACE}"), far.partition("\N{NO-BREAK SPACE}")
+    return f"{number} / {far}" if unit == other else f"{near} / {far}"
+
+
+def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Write the verdict on the headline pair under every reading, and where the two are equally uncertain."""
+    if not has(tree, "decision", "uncertainty_ratio", "certainty_flips", "reading_says"):
+        return
+    decision, titles = group(tree, "decision"), camera_titles(tree)
+    pair = {end: titles[decision.attrs[end]] for end in ("first", "second")}
+    yield Heading(text="The decision under every reading", anchor="decision")
+    yield Paragraph(
+        say(
+            "{open} The pair compared is {first} and {second}.",
+            open="The sources leave questions open. Each reading answers one of them differently from the study as "
+            "declared; everything else stays."
+            if decision.sizes["reading"] > 1
+            else "The study declares no other reading.",
+            **pair,
+        )
+    )
+    yield _ratio_table(decision, pair)
+    yield from pictures_of(drawings, "readings")
+    yield from _crossovers(decision)
+
+
+def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
+    """The ratio of uncertainties, noise and calibration together, for every reading and place."""
+    both = decision.sel(way="both")
+
+    def cell(reading: Any, place: Any) -> Text:
+        at = both.sel(reading=reading, place=place)
+        text = or_dash(float(at["uncertainty_ratio"]))
+        return say("**{text}**", text=text) if bool(at["certainty_flips"]) else text
+
+    places = decision["place"].values
+    return Table(
+        name="reading-table",
+        caption=f"Uncertainty of {pair['first']} over that of {pair['second']}, noise and calibration together, under "
+        "every reading; bold where another camera is more certain than as declared.",
+        columns=(
+            Column(title="Reading"),
+            Column(title="assumes that", weight=1),
+            *(Column(title=distance(float(place)), align="right") for place in places),
+        ),
+        rows=tuple(
+            (str(reading), str(both["reading_says"].sel(reading=reading).item()), *(cell(reading, p) for p in places))
+            for reading in decision["reading"].values
+        ),
+        notes=(
+            f"Below 1 {pair['first']} is more certain, above 1 {pair['second']}, whether or not they are usable there.",
+        ),
+    )
+
+
+def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
+    """Where the uncertainties of the pair are equal, and how far readings move that."""
+    if "crossover_distance" not in decision:
+        return
+    values = np.asarray(decision["crossover_distance"].sel(way="both").values, dtype=np.float64)
+    errors = decision["crossover_error"].sel(way="both").values[0]
+    own = [with_error(float(v), float(e), distance) for v, e in zip(values[0], errors, strict=True) if np.isfinite(v)]
+    others = values[1:][np.isfinite(values[1:])]
+    text = f"at {' and '.join(own)}" if own else "nowhere in the range of the study"
+    if not others.size:
+        yield Paragraph(say("In the study as declared the two are equally uncertain {own}.", own=text))
+        return
+    yield Paragraph(
+        say(
+            "In the study as declared the two are equally uncertain {own}, usable there or not. Under {count} of the "
+            "{all} other readings they are so between {low} and {high}. That is a range of assumptions, not a "
+            "confidence interval. The first page says where the preferred camera switches.",
+            own=text,
+            count=str(int(np.isfinite(values[1:]).any(axis=1).sum())),
+            all=str(len(values) - 1),
+            low=distance(float(others.min())),
+            high=distance(float(others.max())),
+        )
+    )
