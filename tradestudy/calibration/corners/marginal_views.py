@@ -1,13 +1,13 @@
 """Views of a pair with a left–right term, board poses and terms integrated out view by view (Laplace).
 
 The board moves a little between the two exposures of a view (or anything else does that looks like it): the right
-camera sees each corner displaced by a small rigid motion, normal with one scale τ: translations N(0, τ²) per axis,
-rotations N(0, (τ/lever)²) with the board's radius of gyration as lever, so that both displace the corners alike.
+camera sees each corner displaced by a small rigid motion: translations N(0, τ²) per axis, rotations N(0, (τ/lever)²).
+With the board's radius of gyration as lever, both displace the corners alike.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -51,6 +51,8 @@ class CompressedViews:
         Rows in which the motion shows: derivatives by the shared parameters, then the residual.
     motion_gains : array (V, 6)
         Variance that a unit motion scale gives each of these rows [px²/m²].
+    motion_columns : array (V, 6, 6)
+        Derivatives of these rows by the motion [px/m].
     view_rests : array (V, 19, 19)
         Triangular factor of all the other rows of each view, columns likewise.
     view_counts : int array (V,)
@@ -60,6 +62,7 @@ class CompressedViews:
     centre: FloatArray
     motion_rows: FloatArray
     motion_gains: FloatArray
+    motion_columns: FloatArray
     view_rests: FloatArray
     view_counts: IndexArray
 
@@ -80,9 +83,17 @@ class CompressedViews:
             centre=self.centre,
             motion_rows=self.motion_rows[views],
             motion_gains=self.motion_gains[views],
+            motion_columns=self.motion_columns[views],
             view_rests=self.view_rests[views],
             view_counts=self.view_counts[views],
         )
+
+    def with_lever(self, factor: float) -> CompressedViews:
+        """The same views where the lever is larger by a factor: at one motion scale, they turn less."""
+        columns = self.motion_columns / np.array([*[factor] * 3, *[1.0] * 3])
+        left, gains, _ = np.linalg.svd(columns)
+        back = np.swapaxes(left, -1, -2)
+        return replace(self, motion_rows=back @ self.motion_rows, motion_gains=gains**2, motion_columns=back @ columns)
 
     def log_likelihood(self, shared: FloatArray, noise_px: FloatArray, motion_scale: FloatArray) -> FloatArray:
         """Logarithm of the marginal likelihood, up to a constant.
@@ -177,10 +188,12 @@ def compress_views(
     triangle = np.linalg.qr(table)[1]
     motion, rows = triangle[:, 6:12, 6:12], triangle[:, 6:12, 12:]
     left, gains, _ = np.linalg.svd(motion)
+    back = np.swapaxes(left, -1, -2)
     return CompressedViews(
         centre=shared,
-        motion_rows=np.swapaxes(left, -1, -2) @ rows,
+        motion_rows=back @ rows,
         motion_gains=gains**2,
+        motion_columns=back @ motion,
         view_rests=triangle[:, 12:, 12:],
         view_counts=4 * corners.present.sum(axis=1) - 12,
     )

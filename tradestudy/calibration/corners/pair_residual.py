@@ -34,7 +34,9 @@ from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 
 _MOST_LINEARISATIONS = 20
+_LEVER_DEVIATION = 1.0  # of the logarithm of the lever over the radius of gyration, beforehand
 POSTERIOR_NAMES = (*SHARED_NAMES, "log_noise_px", "motion_scale")
+_FIRST_STEPS = (0.05, 0.3, 0.3)  # of the logarithms of noise, motion scale and lever
 _WALKERS = 2 * len(POSTERIOR_NAMES) + 2
 
 
@@ -68,9 +70,9 @@ class PairResidualFit:
     noise_px : float
         Standard deviation of one coordinate [px]; root mean square over the views where these differ.
     motion_scale : float
-        Standard deviation of the motion between the exposures, as displacement of corners per axis [m].
+        Standard deviation of the translation between the exposures, per axis [m].
     lever : float
-        Radius of gyration of the board that turns rotations into displacements [m].
+        That of the translation over that of the rotation [m].
     states : ViewStates
         Most probable poses and motions.
     log_likelihood_gain : float
@@ -126,7 +128,8 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
     -------
     PairResidualFit
         Scales by restricted maximum likelihood (D. Harville, J. Am. Stat. Assoc. 72 (1977) 320), so that 18 + 6 V
-        fitted parameters do not make the noise look small.
+        fitted parameters do not make the noise look small. Boards may shift more than they turn, or less: the lever
+        is found with them, under a log-normal prior about the radius of gyration of the board.
 
     Raises
     ------
@@ -134,7 +137,7 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
         The linearisation does not settle.
     """
     begin = time.perf_counter()
-    lever = gyration_radius(corners)
+    radius = lever = gyration_radius(corners)
     shared = fit.shared
     states = ViewStates(poses=fit.poses, motions=np.zeros_like(fit.poses))
     compressed = compress_views(shared, states, corners, lever)
@@ -143,10 +146,12 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
     scale = float(np.sqrt(np.mean(compressed.motion_rows[..., -1] ** 2 / compressed.motion_gains)))
     noise = fit.noise_px
     for _ in range(_MOST_LINEARISATIONS):
-        noise, scale = _best_scales(compressed, noise, scale)
+        noise, scale, factor = _best_scales(compressed, noise, scale, lever / radius)
+        compressed, lever = compressed.with_lever(factor), factor * lever
         information, gradient = compressed.information(noise, scale)
         step = np.linalg.solve(information, gradient)
         shared = shared + step
+        states = replace(states, motions=states.motions * np.array([*[factor] * 3, *[1.0] * 3]))
         states = settle_views(shared, states, corners, lever, noise_px=noise, motion_scale=scale)
         compressed = compress_views(shared, states, corners, lever)
         if step @ information @ step < 1e-8:
@@ -227,21 +232,34 @@ def _restricted(compressed: CompressedViews, noise_px: float, motion_scale: floa
     return float(peak) - 0.5 * float(np.linalg.slogdet(information)[1])
 
 
-def _best_scales(compressed: CompressedViews, noise_px: float, motion_scale: float) -> tuple[float, float]:
-    """Noise and motion scale of highest restricted likelihood."""
+def _best_scales(
+    compressed: CompressedViews, noise_px: float, motion_scale: float, stretch: float
+) -> tuple[float, float, float]:
+    """Noise and motion scale of highest restricted likelihood, and the factor by which the lever grows for it.
+
+    The stretch is that of the lever against the radius of gyration, as it is now.
+    """
     from scipy.optimize import minimize  # it takes long to import, and only corners need it
 
     def cost(logs: FloatArray) -> float:
-        return -_restricted(compressed, float(np.exp(logs[0])), float(np.exp(logs[1])))
+        noise, scale, factor = np.exp(logs)
+        unusual = (np.log(stretch) + logs[2]) / _LEVER_DEVIATION
+        return 0.5 * float(unusual**2) - _restricted(compressed.with_lever(factor), float(noise), float(scale))
 
+    start = np.array([np.log(noise_px), np.log(motion_scale), 0.0])
     found = minimize(
         cost,
-        np.array([np.log(noise_px), np.log(motion_scale)]),
+        start,
         method="Nelder-Mead",
-        options={"xatol": 1e-6, "fatol": 1e-8, "maxiter": 1000},
+        options={
+            "initial_simplex": np.concatenate([start[None], start + np.diag(_FIRST_STEPS)]),
+            "xatol": 1e-6,
+            "fatol": 1e-8,
+            "maxiter": 1000,
+        },
     )
-    noise, scale = np.exp(found.x)
-    return float(noise), float(scale)
+    noise, scale, factor = np.exp(found.x)
+    return float(noise), float(scale), float(factor)
 
 
 def log_posterior(compressed: CompressedViews, parameters: FloatArray, *, largest_motion: float) -> FloatArray:

@@ -15,6 +15,7 @@ from tradestudy.calibration.corners.bundle_adjustment import (
 )
 from tradestudy.calibration.corners.corner_file import MINIMUM_CORNERS, CornerFileError, StereoCorners
 from tradestudy.calibration.corners.corner_noise import CornerNoise, equal_noise, estimate_noise, outlier_weights
+from tradestudy.calibration.corners.marginal_views import gyration_radius
 from tradestudy.calibration.corners.model_columns import warp_columns, warp_shapes
 from tradestudy.calibration.corners.pair_residual import (
     PairResidualFit,
@@ -162,14 +163,14 @@ def fit_rig(corners: StereoCorners) -> RigFit:
     check_rig(pair)
     means = view_means(pair, corners)
     explained = fit_pair_residual(pair, corners)
-    warp, deviations = np.zeros(3), np.zeros(3)
+    radius, warp, deviations = gyration_radius(corners), np.zeros(3), np.zeros(3)
     for _ in range(_ROUNDS):
         corners = replace(corners, noise=_noise_of(corners, explained, weights))
         explained = fit_pair_residual(replace(pair, shared=explained.shared, poses=explained.states.poses), corners)
-        columns = warp_columns(explained.shared, explained.states.poses, corners, explained.lever)
+        columns = warp_columns(explained.shared, explained.states.poses, corners, radius)
         step, covariance = extended_step(explained, corners, columns)
         warp, deviations = warp + step[-3:], np.sqrt(np.diag(covariance)[-3:])
-        corners = replace(corners, heights=warp_shapes(corners, explained.lever) @ warp)
+        corners = replace(corners, heights=warp_shapes(corners, radius) @ warp)
     corners = replace(corners, noise=_noise_of(corners, explained, weights))
     return RigFit(
         corners=corners,
