@@ -146,7 +146,7 @@ class DepthCamera(Camera):
         """The calibrated pair that depth is read with; None: the design."""
         return None
 
-    def exported(self, fitted: FloatArray | None = None) -> ImportedRig | None:  # noqa: ARG002 - of a pair
+    def exported(self, fitted: CalibratedPair | None = None) -> ImportedRig | None:  # noqa: ARG002 - of a pair
         """The camera as calibration files state cameras, or what a fit found of it; None where they have no form."""
         return None
 

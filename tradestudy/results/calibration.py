@@ -71,6 +71,12 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
         long_name="parameters about which a rig calibrated from corners reads; NaN for others",
         error="posterior_deviation",
     ),
+    "posterior_lens_model": Variable(
+        dims=("posterior",),
+        units="",
+        long_name="lens model of both cameras, where it is none but k1 and k2 of a pinhole: its name, the coefficients "
+        "that are parameters, and what the fit started from",
+    ),
     "posterior_pixels": Variable(
         dims=("posterior", "side"), units="px", long_name="columns and rows of the pictures of corners; 0 for others"
     ),

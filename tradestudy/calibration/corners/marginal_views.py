@@ -45,15 +45,15 @@ class CompressedViews:
 
     Parameters
     ----------
-    centre : array (18,)
+    centre : array (P,)
         Shared parameters at which the views were linearised.
-    motion_rows : array (V, 6, 19)
+    motion_rows : array (V, 6, P + 1)
         Rows in which the motion shows: derivatives by the shared parameters, then the residual.
     motion_gains : array (V, 6)
         Variance that a unit motion scale gives each of these rows [px²/m²].
     motion_columns : array (V, 6, 6)
         Derivatives of these rows by the motion [px/m].
-    view_rests : array (V, 19, 19)
+    view_rests : array (V, P + 1, P + 1)
         Triangular factor of all the other rows of each view, columns likewise.
     view_counts : int array (V,)
         How many other rows each view has.
@@ -68,7 +68,7 @@ class CompressedViews:
 
     @cached_property
     def rest(self) -> FloatArray:
-        """Triangular factor of the other rows of all views, shape (19, 19)."""
+        """Triangular factor of the other rows of all views, shape (P + 1, P + 1)."""
         triangle: FloatArray = np.linalg.qr(self.view_rests.reshape(-1, self.view_rests.shape[-1]))[1]
         return triangle
 
@@ -100,7 +100,7 @@ class CompressedViews:
 
         Parameters
         ----------
-        shared : array (..., 18)
+        shared : array (..., P)
             Shared parameters.
         noise_px : array (...)
             Standard deviation of one coordinate [px].
@@ -131,9 +131,9 @@ class CompressedViews:
 
         Returns
         -------
-        information : array (18, 18)
+        information : array (P, P)
             Inverse covariance of the shared parameters, given both scales.
-        gradient : array (18,)
+        gradient : array (P,)
             Solve ``information @ step = gradient`` for the step from ``centre`` to the optimum.
         """
         weight = 1.0 / (noise_px**2 + motion_scale**2 * self.motion_gains)
@@ -161,8 +161,8 @@ def compress_views(
 
     Parameters
     ----------
-    shared : array (18,)
-        Where to linearise, in the order of ``view_blocks.SHARED_NAMES``.
+    shared : array (P,)
+        Where to linearise, in the order of ``view_blocks.shared_names``.
     states : ViewStates
         Poses and motions at which to linearise (see ``settle_views``).
     corners : StereoCorners
@@ -212,7 +212,7 @@ def settle_views(
 
     Parameters
     ----------
-    shared : array (18,)
+    shared : array (P,)
         Shared parameters.
     states : ViewStates
         Where to start.

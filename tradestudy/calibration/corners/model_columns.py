@@ -8,10 +8,9 @@ from typing import Final
 import numpy as np
 
 from tradestudy.calibration.corners.corner_file import StereoCorners
-from tradestudy.calibration.corners.view_blocks import LEFT, RELATIVE, RIGHT
+from tradestudy.calibration.corners.view_blocks import RELATIVE, ROTATION, cameras_of
 from tradestudy.calibration.projection import move, project_with_jacobians, rotation_matrix
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.rational import Rational
 
 LENS_EXTENSIONS: Final[Mapping[str, tuple[str, ...]]] = {
     "k3": ("k3",),
@@ -50,29 +49,29 @@ def warp_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, 
     normal = rotation_matrix(poses[:, :3])[..., 2]
     seen_left = move(poses, corners.points)
     seen_right = move(shared[RELATIVE], seen_left)
-    by_left = project_with_jacobians(shared[LEFT], seen_left)[2]
-    by_right = project_with_jacobians(shared[RIGHT], seen_right)[2] @ rotation_matrix(shared[12:15])
+    lens, (left, right) = corners.lens, cameras_of(shared)
+    by_left = project_with_jacobians(left, seen_left, lens.model, lens.free)[2]
+    by_right = project_with_jacobians(right, seen_right, lens.model, lens.free)[2] @ rotation_matrix(shared[ROTATION])
     shapes = warp_shapes(corners, lever)
     rows = [np.einsum("vnij,vj,vne->vnie", by, normal, shapes) for by in (by_left, by_right)]
     return _laid_out(rows[0], rows[1], corners)
 
 
 def lens_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, names: tuple[str, ...]) -> FloatArray:
-    """Derivatives by more coefficients of the left, then of the right lens, at zero; shape (V, 4 N, 2 n).
+    """Derivatives by more coefficients of the left, then of the right lens, at zero; shape (V, 4 N, 2 E).
 
     Parameters
     ----------
     shared, poses, corners
         As for ``view_blocks.pair_blocks``.
     names
-        Coefficients of `Rational`.
+        Coefficients of the lens model that are no parameters yet.
     """
     seen_left = move(poses, corners.points)
     seen = (seen_left, move(shared[RELATIVE], seen_left))
     rows = []
-    for side, points in zip((LEFT, RIGHT), seen, strict=True):
-        focal, radial = shared[side][:2, None], shared[side][4:]
-        rows.append(focal * Rational(k1=float(radial[0]), k2=float(radial[1])).derivatives(points, names)[1])
+    for camera, points in zip(cameras_of(shared), seen, strict=True):
+        rows.append(camera[:2, None] * corners.lens.at(camera[4:]).derivatives(points, names)[1])
     none = np.zeros_like(rows[0])
     left, right = np.concatenate([rows[0], none], axis=-1), np.concatenate([none, rows[1]], axis=-1)
     return _laid_out(left, right, corners)

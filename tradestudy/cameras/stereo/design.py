@@ -213,9 +213,9 @@ class StereoRig(DepthCamera):
             distortion=self.distortion,
         )
 
-    def exported(self, fitted: FloatArray | None = None) -> ImportedRig:
-        """The pair of 18 fitted parameters, else the calibrated one, else that of the design."""
-        found = self.calibrated_pair if fitted is None else CalibratedPair(parameters=tuple(fitted))
+    def exported(self, fitted: CalibratedPair | None = None) -> ImportedRig:
+        """The fitted pair, else the calibrated one, else that of the design."""
+        found = self.calibrated_pair if fitted is None else fitted
         if found is not None:
             return rig_of_calibration(found, (self.sensor.columns, self.sensor.rows))
         return rig_of_design(self.pair, self.sensor)

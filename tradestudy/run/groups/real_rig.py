@@ -8,8 +8,9 @@ import numpy as np
 
 from tradestudy.calibration.corners.real_rig import RigFit
 from tradestudy.calibration.corners.trust import CalibrationTrust
+from tradestudy.calibration.corners.view_blocks import TRANSLATION
 from tradestudy.calibration.posteriors import InferredCalibration
-from tradestudy.calibration.projection import INTRINSIC_NAMES
+from tradestudy.calibration.projection import intrinsic_names
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.units import ANGLE, LENGTH, PIXELS, pretty, significant
 
@@ -50,7 +51,7 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     yield "views and corners", f"{len(fit.corners.views)} views, {fit.corners.corner_count} corners"
     for side, camera in (("left", fit.left), ("right", fit.right)):
         yield f"residual of the {side} camera alone", pretty(camera.corner_rms_px, PIXELS)
-        for k, name in enumerate(INTRINSIC_NAMES):
+        for k, name in enumerate(intrinsic_names(fit.corners.lens.free)):
             deviation = float(np.sqrt(camera.covariance[k, k]))
             unit = " px" if name.endswith("_px") else ""
             words = name.removesuffix("_px").replace("_", " ")
@@ -65,11 +66,11 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     yield "noise of one corner coordinate", pretty(fit.explained.noise_px, PIXELS)
     yield "gain in log likelihood by it", significant(fit.explained.log_likelihood_gain)
     shared, covariance = fit.explained.shared, fit.explained.covariance
-    baseline = float(np.linalg.norm(shared[15:18]))
-    direction = shared[15:18] / baseline
-    deviation = float(np.sqrt(direction @ covariance[15:18, 15:18] @ direction))
+    baseline = float(np.linalg.norm(shared[TRANSLATION]))
+    direction = shared[TRANSLATION] / baseline
+    deviation = float(np.sqrt(direction @ covariance[TRANSLATION, TRANSLATION] @ direction))
     yield "baseline", f"{pretty(baseline, LENGTH, digits=5)} ± {pretty(deviation, LENGTH)}"
-    for name, k in (("pitch", 12), ("yaw", 13), ("roll", 14)):
+    for name, k in (("pitch", -6), ("yaw", -5), ("roll", -4)):
         spread = float(np.sqrt(covariance[k, k]))
         yield f"relative {name}", f"{pretty(float(shared[k]), ANGLE)} ± {pretty(spread, ANGLE)}"
 
