@@ -243,7 +243,7 @@ def infer_from_corners(asked: CornersToInfer) -> InferredCalibration:
         laplace_seconds=fit.explained.seconds,
         prior_deviation=np.full(len(found.sample.names), np.inf),
         fit=fit,
-        trust=examine(fit, (rig.sensor.columns, rig.sensor.rows)),
+        trust=examine(fit, (rig.sensor.columns, rig.sensor.rows), others=[*map(lens_of, asked.part.compared_with)]),
     )
 
 

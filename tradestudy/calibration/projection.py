@@ -141,8 +141,9 @@ def project_with_jacobians(
         Derivatives by the points [px/m].
     """
     lens = _lens(intrinsics, lens, free)
-    u, v = lens.image(points[..., 0], points[..., 1], points[..., 2])
-    by_points, by_coefficients = lens.derivatives(points, free)
+    with np.errstate(all="ignore"):  # what the law is not made for ends as NaN
+        u, v = lens.image(points[..., 0], points[..., 1], points[..., 2])
+        by_points, by_coefficients = lens.derivatives(points, free)
     focal = np.stack([intrinsics[..., 0, None], intrinsics[..., 1, None]], axis=-1)[..., None]
     zero, one = np.zeros_like(u), np.where(np.isnan(u), np.nan, 1.0)
     by_camera = np.stack([np.stack([u, zero, one, zero], axis=-1), np.stack([zero, v, zero, one], axis=-1)], axis=-2)

@@ -151,6 +151,9 @@ class CornersPart(Part):
     lens_model: FittedLensModel | None = Field(
         default=None, description="Lens model of both cameras; left out: radial distortion with k1 and k2."
     )
+    compared_with: Annotated[tuple[FittedLensModel, ...], Field(max_length=10)] = Field(
+        default=(), description="Other lens models to fit: whether the corners support them, what they change in depth."
+    )
     square_size_uncertainty: SquareSizeUncertainty = Field(
         default=0.0, description="Relative standard deviation of the size of the squares, which no corner reveals."
     )

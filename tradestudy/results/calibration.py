@@ -107,6 +107,31 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
         long_name="what the halves state for that difference",
         symbol="√(C_A + C_B)",
     ),
+    "rig_lens_support": Variable(
+        dims=("posterior", "lens_model"),
+        units="1",
+        long_name="log likelihood of views left out in turn by another lens model, above that by the one in use; "
+        "NaN where that was not compared",
+        error="rig_lens_support_deviation",
+    ),
+    "rig_lens_support_deviation": Variable(
+        dims=("posterior", "lens_model"),
+        units="1",
+        long_name="standard error of rig_lens_support over views",
+        error=_ESTIMATE,
+    ),
+    "rig_lens_change": Variable(
+        dims=("posterior", "lens_model", "rig_distance"),
+        units="m",
+        long_name="depth that another lens model reads in the same pictures, less that of the one in use",
+        error="rig_lens_change_deviation",
+    ),
+    "rig_lens_change_deviation": Variable(
+        dims=("posterior", "lens_model", "rig_distance"),
+        units="m",
+        long_name="standard error of rig_lens_change by the jackknife over views",
+        error=_ESTIMATE,
+    ),
     "rig_residual": Variable(
         dims=("posterior", "rig_side", "rig_cell_row", "rig_cell_column", "rig_axis"),
         units="px",

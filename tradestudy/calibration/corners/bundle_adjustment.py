@@ -29,7 +29,7 @@ from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 RESIDUAL_LIMIT_PX = 2.0  # a corner detector is ten times better; more means wrong correspondences
-_MOST_EVALUATIONS = 200
+_MOST_EVALUATIONS = 400  # curved valleys of many coefficients are followed in small steps
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-14, 1e12
 _ROUNDING = 1e-13  # of the square sum: a promised decrease of less cannot be told from rounding
 _NO_NOISE = 1e-11  # px
@@ -258,7 +258,7 @@ def _minimise(
         "the bundle adjustment did not settle",
         value=f"{_MOST_EVALUATIONS} evaluations",
         limit="a step that changes the residuals by no more than rounding",
-        remedy="check the order of the corners, or add views with the board tilted differently",
+        remedy="check the order of the corners, add views with the board tilted differently, or fit fewer coefficients",
     )
 
 

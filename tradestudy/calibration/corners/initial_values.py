@@ -14,7 +14,6 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.lens_models.rational import IDEAL
 
 _FOCALS: Final = 12
-_FEWEST: Final = 4  # corners of a homography
 _UNIT: Final = np.array([1.0, 1.0, 0.0, 0.0])
 
 
@@ -91,7 +90,7 @@ def first_values(
         intrinsics = np.concatenate([camera, lens.start])
         seen = ray_slopes(intrinsics, image, lens.model, lens.free)
         there = present & np.all(np.isfinite(seen), axis=-1)
-        if np.min(there.sum(axis=1)) < _FEWEST:
+        if np.any(2 * there.sum(axis=1) < present.sum(axis=1)):
             continue
         poses = first_poses(_UNIT, board, seen, there)
         residuals = camera_blocks(intrinsics, poses, board, image, present, lens).residuals

@@ -1,9 +1,6 @@
-"""What corners would change by, were the board bent or the lenses of a model with more coefficients."""
+"""What corners would change by, were the board bent."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
-from typing import Final
 
 import numpy as np
 
@@ -11,14 +8,6 @@ from tradestudy.calibration.corners.corner_file import StereoCorners
 from tradestudy.calibration.corners.view_blocks import RELATIVE, ROTATION, cameras_of
 from tradestudy.calibration.projection import move, project_with_jacobians, rotation_matrix
 from tradestudy.optics.arrays import FloatArray
-
-LENS_EXTENSIONS: Final[Mapping[str, tuple[str, ...]]] = {
-    "k3": ("k3",),
-    "p1 p2": ("p1", "p2"),
-    "k3 p1 p2": ("k3", "p1", "p2"),
-    "thin prism": ("s1", "s2", "s3", "s4"),
-}
-"""Coefficients beside k₁ and k₂ that the projection is linear in about zero."""
 
 
 def warp_shapes(corners: StereoCorners, lever: float) -> FloatArray:
@@ -55,26 +44,6 @@ def warp_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, 
     shapes = warp_shapes(corners, lever)
     rows = [np.einsum("vnij,vj,vne->vnie", by, normal, shapes) for by in (by_left, by_right)]
     return _laid_out(rows[0], rows[1], corners)
-
-
-def lens_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, names: tuple[str, ...]) -> FloatArray:
-    """Derivatives by more coefficients of the left, then of the right lens, at zero; shape (V, 4 N, 2 E).
-
-    Parameters
-    ----------
-    shared, poses, corners
-        As for ``view_blocks.pair_blocks``.
-    names
-        Coefficients of the lens model that are no parameters yet.
-    """
-    seen_left = move(poses, corners.points)
-    seen = (seen_left, move(shared[RELATIVE], seen_left))
-    rows = []
-    for camera, points in zip(cameras_of(shared), seen, strict=True):
-        rows.append(camera[:2, None] * corners.lens.at(camera[4:]).derivatives(points, names)[1])
-    none = np.zeros_like(rows[0])
-    left, right = np.concatenate([rows[0], none], axis=-1), np.concatenate([none, rows[1]], axis=-1)
-    return _laid_out(left, right, corners)
 
 
 def _laid_out(left: FloatArray, right: FloatArray, corners: StereoCorners) -> FloatArray:

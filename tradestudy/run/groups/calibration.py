@@ -14,7 +14,7 @@ from tradestudy.calibration.posteriors import InferredCalibration
 from tradestudy.calibration.projection import lens_of_text, text_of_lens
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
-from tradestudy.run.groups.real_rig import rig_rows, rig_trust
+from tradestudy.run.groups.real_rig import rig_lenses, rig_rows, rig_trust
 
 _SHOWN_STEPS = 300
 
@@ -22,9 +22,11 @@ _SHOWN_STEPS = 300
 def calibration_group(inferred: Mapping[str, InferredCalibration]) -> xr.Dataset:
     """/calibration: the posterior of every camera whose calibration was inferred, and what the fits found."""
     posterior, names = _posteriors(inferred)
-    values = posterior | rig_rows(inferred) | rig_trust(inferred)
-    distances = {"rig_distance": list(DISTANCES)} if "rig_claimed" in values else {}
-    return dataset("calibration", values, {"posterior": list(inferred), "parameter": names, **distances})
+    lenses, lens_names = rig_lenses(inferred)
+    values = posterior | rig_rows(inferred) | rig_trust(inferred) | lenses
+    distances: dict[str, Any] = {"rig_distance": list(DISTANCES)} if "rig_claimed" in values else {}
+    models = {"lens_model": lens_names} if lenses else {}
+    return dataset("calibration", values, {"posterior": list(inferred), "parameter": names, **distances, **models})
 
 
 def _posteriors(calibrations: Mapping[str, InferredCalibration]) -> tuple[dict[str, Any], list[str]]:

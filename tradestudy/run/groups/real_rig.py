@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
+from tradestudy.calibration.corners.lens_comparison import ComparedLens
 from tradestudy.calibration.corners.real_rig import RigFit
 from tradestudy.calibration.corners.trust import CalibrationTrust
 from tradestudy.calibration.corners.view_blocks import TRANSLATION
@@ -45,6 +46,25 @@ def rig_trust(inferred: Mapping[str, InferredCalibration]) -> dict[str, FloatArr
         "rig_halves_claim": of_each(lambda one: one.halves_claim),
         "rig_residual": of_each(lambda one: one.residual_map),
     }
+
+
+def rig_lenses(inferred: Mapping[str, InferredCalibration]) -> tuple[dict[str, FloatArray], list[str]]:
+    """What other lens models would change, over calibrations and the models; NaN where none was compared."""
+    known = [one.trust.lenses if one.trust is not None else {} for one in inferred.values()]
+    names = list(dict.fromkeys(name for lenses in known for name in lenses))
+    if not names:
+        return {}, []
+
+    def of_each(get: Callable[[ComparedLens], FloatArray | float]) -> FloatArray:
+        nothing = np.full_like(get(next(lenses[names[0]] for lenses in known if names[0] in lenses)), np.nan)
+        return np.array([[get(lenses[name]) if name in lenses else nothing for name in names] for lenses in known])
+
+    return {
+        "rig_lens_support": of_each(lambda one: one.support),
+        "rig_lens_support_deviation": of_each(lambda one: one.support_deviation),
+        "rig_lens_change": of_each(lambda one: one.depth_change),
+        "rig_lens_change_deviation": of_each(lambda one: one.depth_change_deviation),
+    }, names
 
 
 def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
@@ -104,14 +124,6 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
         "synchrony of the cameras",
         f"views differ as if the board moved {pretty(fit.explained.motion_scale, LENGTH)} between the exposures",
     )
-    for name, other in trust.lenses.items():
-        change = float(other.depth_change[0]), float(other.depth_change[-1])
-        yield (
-            f"lens model with {name} too: change of depth at {pretty(float(trust.distances[0]), LENGTH)} and "
-            f"{pretty(float(trust.distances[-1]), LENGTH)}",
-            f"{pretty(change[0], LENGTH)}, {pretty(change[1], LENGTH)} "
-            f"(χ² {other.chi_square:.2g} of {other.values.size})",
-        )
 
 
 def _outlier_rows(fit: RigFit) -> Iterator[tuple[str, str]]:
