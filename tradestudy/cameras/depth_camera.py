@@ -170,6 +170,11 @@ class DepthCamera(Camera):
         It falls with disparity; +infinity at and beyond the disparity of infinity.
         """
 
+    @property
+    def mapped(self) -> bool:
+        """Whether depth uncertainty is mapped over the picture: `read` then takes `PicturePlaces` too."""
+        return False
+
     @abstractmethod
     def field_angle(self, field: float) -> float:
         """Of the chief ray against the axis [rad], at a place in the field as of `read`."""

@@ -26,7 +26,7 @@ from tradestudy.calibration.projection import (
 from tradestudy.cameras.calibrated_pair import PINHOLES, RADIAL, CalibratedPair, Lenses
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import INTERIOR, PIXEL_NOISE, ErrorParameter, ErrorVocabulary, Unit
-from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
+from tradestudy.cameras.reading import Errors, Field, InverseDepthReading, require_known, shares_of, value_of
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_models.families import ANGLES
 from tradestudy.optics.lens_models.lens_model import slopes
@@ -102,7 +102,7 @@ class RigReading:
     free: tuple[str, ...] = RADIAL
 
     def __call__(
-        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
+        self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None = None
     ) -> InverseDepthReading:
         """Inverse depths by disparity in the frame of the left camera; arguments as of `DepthCamera.read`.
 
@@ -111,7 +111,6 @@ class RigReading:
         the housing; pressure and colour move the focus of a lens, not its principal distance.
         """
         require_known(errors, self.vocabulary, "a rig calibrated from corners")
-        require_field(field)
         rigs = [np.shape(error) for name, error in errors.items() if name != PIXEL_NOISE]
         if any(len(shape) == 2 and shape[1] > 1 for shape in rigs):
             return self._at_each(distance, field, errors, environment)
@@ -127,7 +126,7 @@ class RigReading:
         )
 
     def _at_each(
-        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None
+        self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None
     ) -> InverseDepthReading:
         """Rigs that differ from distance to distance, errors of shape (draws, distances): one distance at a time."""
         found = []
@@ -146,11 +145,13 @@ class RigReading:
             ),
         )
 
-    def _points(self, z: FloatArray, field: float) -> FloatArray:
+    def _points(self, z: FloatArray, field: Field) -> FloatArray:
         """Points at distances z [m] in the left camera's frame, shape (distances, 3)."""
-        across, down = (field * self.pixels[axis] / 2.0 / self.best[axis] for axis in (0, 1))
+        across, down = (
+            share * self.pixels[axis] / 2.0 / self.best[axis] for axis, share in enumerate(shares_of(field))
+        )
         points = points_midway(self.best, z)
-        points[:, :2] += z[:, None] * np.stack(slopes(*self.lenses[0].ray(across, down)))
+        points[:, :2] += z[:, None] * np.stack(slopes(*self.lenses[0].ray(across, down)), axis=-1)
         return points
 
     def _grown(self, errors: Errors, environment: Environment | None) -> FloatArray:

@@ -37,6 +37,7 @@ def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iter
         yield from pictures_of(drawings, "variance_shares")
         yield _decisive_parts(tree)
         yield from _pictured(drawings, "Off the axis", "off-axis", "off_axis")
+        yield from _over_the_picture(tree, drawings)
         yield from describe_disparity_causes(tree)
         yield from _decision(tree, drawings)
         yield from _pictured(drawings, "Swept designs", "sweeps", "sweep_map", "pareto")
@@ -47,6 +48,17 @@ def _pictured(drawings: Mapping[str, Drawing], title: str, anchor: str, *names: 
     if pictures := tuple(pictures_of(drawings, *names)):
         yield Heading(text=title, anchor=anchor, level=2)
         yield from pictures
+
+
+def _over_the_picture(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Maps of depth uncertainty, one for each rig that has any."""
+    if not has(tree, "depth_map"):
+        return
+    yield Heading(text="Over the picture", anchor="depth-map", level=2)
+    for key in map(str, group(tree, "depth_map")["camera"].values):
+        drawing = drawings[f"depth-map-{key}"]
+        yield Paragraph(drawing.alt)
+        yield from pictures_of(drawings, drawing.name)
 
 
 def _usable_range(tree: xr.DataTree) -> Iterator[Block]:

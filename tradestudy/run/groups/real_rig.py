@@ -9,7 +9,7 @@ import numpy as np
 from tradestudy.calibration.corners.lens_comparison import ComparedLens
 from tradestudy.calibration.corners.real_rig import RigFit
 from tradestudy.calibration.corners.trust import CalibrationTrust
-from tradestudy.calibration.corners.view_blocks import TRANSLATION
+from tradestudy.calibration.corners.view_blocks import TRANSLATION, cameras_of
 from tradestudy.calibration.posteriors import InferredCalibration
 from tradestudy.calibration.projection import intrinsic_names
 from tradestudy.optics.arrays import FloatArray
@@ -76,6 +76,9 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
             unit = " px" if name.endswith("_px") else ""
             words = name.removesuffix("_px").replace("_", " ")
             yield f"{side} {words}", f"{_digits(float(camera.intrinsics[k]), deviation)}{unit}"
+    lens, cameras = fit.corners.lens, cameras_of(fit.explained.shared)
+    for side, values in zip(("left", "right"), cameras, strict=True):
+        yield f"valid field of the {side} lens, from the axis", pretty(float(lens.at(values[4:]).valid_field), ANGLE)
     yield "residual of the pair with one relative pose", pretty(fit.pair.corner_rms_px, PIXELS)
     yield "correlation of the view means, left with right", f"{fit.means.correlation:.4f}"
     yield "left–right motion of the board that explains it", pretty(fit.explained.motion_scale, LENGTH)
