@@ -8,7 +8,6 @@ With the board's radius of gyration as lever, both displace the corners alike.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -55,6 +54,8 @@ class CompressedViews:
         Derivatives of these rows by the motion [px/m].
     view_rests : array (V, P + 1, P + 1)
         Triangular factor of all the other rows of each view, columns likewise.
+    rest : array (P + 1, P + 1)
+        The same of all views together.
     view_counts : int array (V,)
         How many other rows each view has.
     """
@@ -64,15 +65,10 @@ class CompressedViews:
     motion_gains: FloatArray
     motion_columns: FloatArray
     view_rests: FloatArray
+    rest: FloatArray
     view_counts: IndexArray
 
-    @cached_property
-    def rest(self) -> FloatArray:
-        """Triangular factor of the other rows of all views, shape (P + 1, P + 1)."""
-        triangle: FloatArray = np.linalg.qr(self.view_rests.reshape(-1, self.view_rests.shape[-1]))[1]
-        return triangle
-
-    @cached_property
+    @property
     def rest_count(self) -> int:
         """How many other rows all views have."""
         return int(self.view_counts.sum())
@@ -85,6 +81,7 @@ class CompressedViews:
             motion_gains=self.motion_gains[views],
             motion_columns=self.motion_columns[views],
             view_rests=self.view_rests[views],
+            rest=_stacked(self.view_rests[views]),
             view_counts=self.view_counts[views],
         )
 
@@ -195,8 +192,15 @@ def compress_views(
         motion_gains=gains**2,
         motion_columns=back @ motion,
         view_rests=triangle[:, 12:, 12:],
+        rest=_stacked(triangle[:, 12:, 12:]),
         view_counts=4 * corners.present.sum(axis=1) - 12,
     )
+
+
+def _stacked(triangles: FloatArray) -> FloatArray:
+    """Triangular factor of the rows of several."""
+    triangle: FloatArray = np.linalg.qr(triangles.reshape(-1, triangles.shape[-1]))[1]
+    return triangle
 
 
 def settle_views(

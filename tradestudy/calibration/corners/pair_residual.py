@@ -261,8 +261,8 @@ def _best_scales(
         method="Nelder-Mead",
         options={
             "initial_simplex": np.concatenate([start[None], start + np.diag(_FIRST_STEPS)]),
-            "xatol": 1e-6,
-            "fatol": 1e-8,
+            "xatol": 1e-4,
+            "fatol": 1e-6,
             "maxiter": 1000,
         },
     )
