@@ -1,11 +1,13 @@
 """The left–right term: likelihood against dense normal densities, scale against injected motions, the measured rig."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_normal
 
+from tests.calibration import noisy_corners
 from tests.calibration.random_poses import tilted_poses
 from tests.calibration.rig_draws import depth_of_draws
 from tradestudy.calibration.corners.corner_file import StereoCorners, read_corners
@@ -63,9 +65,23 @@ def test_the_measured_pair_is_explained(rig):
     assert 0.1e-3 < explained.motion_scale < 0.5e-3  # a hand's tremor between two exposures
 
 
+def spread_over_views(rig):
+    """Standard deviations by the jackknife over views of the fit without the term, over those that it claims."""
+    blocks = pair_blocks(rig.pair.shared, rig.pair.poses, replace(rig.corners, noise=None, heights=None))
+    basis = np.linalg.qr(blocks.by_pose)[0]
+    free = blocks.by_shared - basis @ (np.swapaxes(basis, -1, -2) @ blocks.by_shared)
+    squares = np.einsum("vmi,vmj->vij", free, free)
+    gradients = np.einsum("vmi,vm->vi", free, blocks.residuals)
+    steps = np.linalg.solve(squares.sum(axis=0) - squares, (gradients.sum(axis=0) - gradients)[..., None])[..., 0]
+    variance = (len(steps) - 1) * np.var(steps, axis=0)
+    return np.sqrt(variance / np.diag(rig.pair.covariance))
+
+
 def test_ignoring_the_term_is_overconfident(rig):
     yaw, roll, baseline = 13, 14, 15
-    assert np.all(rig.explained.overconfidence[[yaw, roll, baseline]] > [1.1, 5.0, 3.0])
+    assert np.all(rig.explained.overconfidence[[yaw, roll, baseline]] > [1.1, 3.0, 3.0])
+    # Leaving out views in turn, which knows nothing of motions, says the same of the roll.
+    assert rig.explained.overconfidence[roll] == pytest.approx(spread_over_views(rig)[roll], rel=0.15)
     rng = np.random.default_rng(0)
     distances = np.array([0.3, 1.0, 3.0])
 
@@ -139,6 +155,14 @@ def test_injected_motion_is_found_and_its_errors_are_honest():
     low, high = chi2.ppf([1e-3, 1 - 1e-3], 4 * 18)
     assert low < np.sum(scores_with) < high
     assert np.sum(scores_without) > 3.0 * high
+
+
+def test_a_board_that_shifts_without_turning_is_known():
+    """With one scale for both, shifts would be taken for 0.6 of what they are, and depth for that much more certain."""
+    fit = fit_rig(noisy_corners.corners(25, np.random.default_rng(2), white=True, motion=2e-4)).explained
+    # 75 shifts: known to 1/√150
+    assert fit.motion_scale == pytest.approx(2e-4, rel=0.25)
+    assert fit.motion_scale / fit.lever < 1e-3
 
 
 def test_no_motion_is_not_invented():

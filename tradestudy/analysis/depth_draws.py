@@ -7,14 +7,17 @@ from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import lru_cache
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tradestudy.analysis.control_line import Drivers, missed
 from tradestudy.analysis.depth_distribution import DepthDistribution
+from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
+from tradestudy.cameras.reading import InverseDepthReading
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
@@ -41,27 +44,52 @@ _WORTH_THREADS: Final = 2**18  # readings; fewer are done before a thread has st
 _OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances in focal lengths, used when none is judged
 
 
+class ReadsDepth(Protocol):
+    """What propagation asks of a camera."""
+
+    def __hash__(self) -> int:
+        """Of the camera as it is: what is drawn of it is remembered."""
+
+    @property
+    def calibration(self) -> Calibration:
+        """All that is uncertain about it, except noise."""
+
+    @property
+    def propagation(self) -> Propagation:
+        """How that is propagated."""
+
+    @property
+    def sample_pitch(self) -> float:
+        """[m]."""
+
+    def noise(self, distance: ArrayLike, field: float = 0.0) -> FloatArray:
+        """See `DepthCamera.noise`."""
+
+    def reading(self, distance: FloatArray, field: float, values: Mapping[str, FloatArray]) -> InverseDepthReading:
+        """See `DepthCamera.reading`."""
+
+
 def noise_group() -> Source:
     """The noise of one measurement, as a standard normal score in units of the camera's own noise."""
     score = Normal(mean=0.0, standard_deviation=1.0)
     return Source(name=PIXEL_NOISE, distribution=score, error_class=ErrorClass.MEASUREMENT)
 
 
-def uncertain_groups(camera: DepthCamera, way: str) -> tuple[Group, ...]:
-    """The groups to draw: noise, calibration, or both; errors of calibration and its ageing never average out."""
+def uncertain_groups(camera: ReadsDepth, way: str) -> tuple[Group, ...]:
+    """What is drawn: noise, calibration, or both; calibrations and their ageing never average."""
     noise = (noise_group(),) if ErrorClass.MEASUREMENT in CLASSES[way] else ()
     return (*noise, *(camera.calibration.groups if way != "noise" else ()))
 
 
-def fixed_errors(camera: DepthCamera, way: str) -> dict[str, FloatArray]:
-    """Constant errors: those that are not drawn but have a non-zero mean."""
+def fixed_errors(camera: ReadsDepth, way: str) -> dict[str, FloatArray]:
+    """The errors that are not drawn but have a mean other than zero."""
     held = camera.calibration.groups if way == "noise" else ()
     means = {name: mean for group in held for name, mean in zip(group.parameters, group.nominal, strict=True)}
     return {name: np.full((1, 1), mean) for name, mean in means.items() if mean != 0.0}
 
 
 def read_draws(
-    camera: DepthCamera, values: Mapping[str, FloatArray], distance: FloatArray, field: float, noise: FloatArray
+    camera: ReadsDepth, values: Mapping[str, FloatArray], distance: FloatArray, field: float, noise: FloatArray
 ) -> FloatArray:
     """Inverse depths [1/m] measured at distances [m] with drawn errors (draws, 1); NaN where a draw has no rank.
 

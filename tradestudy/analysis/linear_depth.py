@@ -9,8 +9,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.depth_distribution import DepthDistribution
-from tradestudy.analysis.depth_draws import fixed_errors, read_draws, uncertain_groups
-from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.analysis.depth_draws import ReadsDepth, fixed_errors, read_draws, uncertain_groups
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
@@ -54,8 +53,8 @@ class LinearReading:
 
 
 @lru_cache(maxsize=128)
-def _covariance(camera: DepthCamera, way: str) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
-    """Names, means and covariance of the drawn parameters."""
+def _covariance(camera: ReadsDepth, way: str) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
+    """Names, means and covariance of what is drawn."""
     sources = Sources(groups=uncertain_groups(camera, way))
     covariance = sources.covariance()
     if covariance is None:
@@ -71,12 +70,12 @@ def _covariance(camera: DepthCamera, way: str) -> tuple[tuple[str, ...], FloatAr
 
 
 @lru_cache(maxsize=128)
-def has_covariance(camera: DepthCamera) -> bool:
-    """Whether every uncertain parameter of a camera has a variance, as the linear model requires."""
+def has_covariance(camera: ReadsDepth) -> bool:
+    """Whether everything uncertain about a camera has a variance, so that a line can be drawn."""
     return all(group.covariance is not None for group in camera.calibration.groups)
 
 
-def linear_reading(camera: DepthCamera, distance: FloatArray, field: float, way: str = "both") -> LinearReading:
+def linear_reading(camera: ReadsDepth, distance: FloatArray, field: float, way: str = "both") -> LinearReading:
     """Linearise the reading of a camera at distances [m] about the means of its errors.
 
     Raises
@@ -102,8 +101,8 @@ def linear_reading(camera: DepthCamera, distance: FloatArray, field: float, way:
     return LinearReading(parameters=names, covariance=covariance, sensitivity=sensitivity)
 
 
-def linear_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
-    """The distribution of depth in which all errors together act like noise with a larger standard deviation.
+def linear_distribution(camera: ReadsDepth, distance: FloatArray, field: float, way: str) -> DepthDistribution:
+    """The distribution of depth where every error acts as so many deviations of the noise.
 
     Inverse depth is linear in all errors. The ratio of its standard deviation to that from noise alone scales the
     noise at which the ends of intervals are read, so that noise alone is treated exactly.
@@ -116,13 +115,13 @@ def linear_distribution(camera: DepthCamera, distance: FloatArray, field: float,
     return scaled_noise(camera, distance, field, line.standard_deviation / noise)
 
 
-def noise_distribution(camera: DepthCamera, distance: FloatArray, field: float) -> DepthDistribution:
-    """The exact distribution of depth under noise alone: depth falls with disparity, so quantiles map to quantiles."""
+def noise_distribution(camera: ReadsDepth, distance: FloatArray, field: float) -> DepthDistribution:
+    """The exact distribution of depth under noise alone: depth falls with disparity, so that quantiles map."""
     return scaled_noise(camera, distance, field, np.ones(distance.shape))
 
 
-def scaled_noise(camera: DepthCamera, distance: FloatArray, field: float, scale: FloatArray) -> DepthDistribution:
-    """The distribution of depth under noise enlarged by a scale (distances,)."""
+def scaled_noise(camera: ReadsDepth, distance: FloatArray, field: float, scale: FloatArray) -> DepthDistribution:
+    """The distribution of depth under noise that is larger by a scale (distances,)."""
     from scipy.special import ndtr, ndtri
 
     probabilities = camera.propagation.probabilities
@@ -141,14 +140,14 @@ def scaled_noise(camera: DepthCamera, distance: FloatArray, field: float, scale:
     )
 
 
-def _under_noise(camera: DepthCamera, distance: FloatArray, field: float, scores: FloatArray) -> FloatArray:
-    """Inverse depth [1/m] for noise of so many standard deviations, (scores, distances)."""
+def _under_noise(camera: ReadsDepth, distance: FloatArray, field: float, scores: FloatArray) -> FloatArray:
+    """Inverse depth [1/m] read where the noise has so many of its standard deviations, (scores, distances)."""
     errors = {**fixed_errors(camera, "noise"), PIXEL_NOISE: scores}
     return read_draws(camera, errors, distance, field, camera.noise(distance, field))
 
 
-def _score_of_infinity(camera: DepthCamera, distance: FloatArray, field: float, reach: FloatArray) -> FloatArray:
-    """The noise score that reads infinity, by repeated division; ∓reach (distances,) where it lies beyond."""
+def _score_of_infinity(camera: ReadsDepth, distance: FloatArray, field: float, reach: FloatArray) -> FloatArray:
+    """The score of the noise at which infinity is read, by division; ∓reach (distances,) where it lies beyond."""
     beyond = _under_noise(camera, distance, field, np.stack([-reach, reach])) <= 0.0
     found = np.where(beyond[1], reach, -reach)
     open_ = np.flatnonzero(beyond[0] & ~beyond[1])

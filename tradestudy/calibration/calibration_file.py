@@ -4,7 +4,8 @@ CSV with draws: the first line names the parameters, every further line is one j
 first line is ``parameter,mean,NAME,NAME…``, then one line per parameter with its name, its mean and its row of the
 covariance. NetCDF: ``draws(draw, parameter)``, or ``mean(parameter)`` and ``covariance(parameter, parameter_)``, with
 the names in a text variable ``parameter``. Numbers are in SI units, and in pixels where the name ends in ``_px``. The
-posterior of a rig calibrated from corners has ``best(parameter)`` and ``pixels(side)`` too: its reading needs them.
+posterior of a rig calibrated from corners has ``best(parameter)`` and ``pixels(side)`` too, and the attribute
+``lens_model`` where its lenses are none but pinholes with k1 and k2: its reading needs them.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from tradestudy.errors import TradestudyError
+from tradestudy.calibration.projection import RADIAL_LENS, FreeLens, lens_of_text
+from tradestudy.errors import OutOfRangeError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
 
 MINIMUM_DRAWS = 100  # fewer do not carry a 95 % interval
@@ -64,12 +66,15 @@ class CalibrationDraws:
         Best parameters of a rig calibrated from corners, about which it reads.
     pixels : tuple of int, optional
         Columns and rows of its pictures.
+    lens
+        Of both cameras of a rig.
     """
 
     names: tuple[str, ...]
     draws: FloatArray
     best: FloatArray | None = None
     pixels: tuple[int, int] | None = None
+    lens: FreeLens = RADIAL_LENS
 
 
 def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDraws:
@@ -176,7 +181,7 @@ def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
             name.decode() if isinstance(name, bytes) else str(name) for name in file.variables["parameter"][...]
         )
         if "draws" in file.variables:
-            return _netcdf_draws(names, file.variables)
+            return _netcdf_draws(names, file.variables, str(file.attrs.get("lens_model", "")))
         if "mean" not in file.variables:
             raise CalibrationFileError(
                 f"{path.name} has a covariance without its mean",
@@ -189,7 +194,7 @@ def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
         return CalibrationCovariance(names=names, mean=mean, covariance=covariance)
 
 
-def _netcdf_draws(names: tuple[str, ...], variables: Mapping[str, Any]) -> CalibrationDraws:
+def _netcdf_draws(names: tuple[str, ...], variables: Mapping[str, Any], lens: str) -> CalibrationDraws:
     """Draws, and what the reading of a rig calibrated from corners takes."""
     draws = np.asarray(variables["draws"][...], dtype=np.float64)
     if "best" not in variables:
@@ -203,7 +208,12 @@ def _netcdf_draws(names: tuple[str, ...], variables: Mapping[str, Any]) -> Calib
             remedy="take the file as a run wrote it",
         )
     columns, rows = (int(count) for count in size)
-    return CalibrationDraws(names=names, draws=draws, best=best, pixels=(columns, rows))
+    try:
+        return CalibrationDraws(names=names, draws=draws, best=best, pixels=(columns, rows), lens=lens_of_text(lens))
+    except (ValueError, LookupError, TypeError, OutOfRangeError) as error:
+        raise CalibrationFileError(
+            "the lens model of the posterior of a rig", value=str(error), remedy="take the file as a run wrote it"
+        ) from None
 
 
 _READERS: Final[Mapping[str, Callable[[Path], CalibrationCovariance | CalibrationDraws]]] = {

@@ -16,8 +16,9 @@ from tradestudy.calibration.calibration_file import (
     read_calibration,
 )
 from tradestudy.calibration.corners.rig_geometry import check_geometry
-from tradestudy.calibration.corners.rig_reading import RIG_PARAMETERS, RigReading
-from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
+from tradestudy.calibration.corners.rig_reading import RigReading, pair_found, rig_parameters
+from tradestudy.calibration.corners.view_blocks import shared_names
+from tradestudy.calibration.projection import text_of_lens
 from tradestudy.calibration.sources import CALIBRATION, group_of_draws
 from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.calibration import Calibration, SourceName
@@ -49,6 +50,8 @@ def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
             file.dimensions["side"] = 2
             file.create_variable("best", ("parameter",), data=posterior.best)
             file.create_variable("pixels", ("side",), data=np.array(posterior.pixels, dtype=np.int64))
+            if said := text_of_lens(posterior.lens):
+                file.attrs["lens_model"] = said
 
 
 def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration:
@@ -78,20 +81,20 @@ def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration
 
 
 def rig_calibration(camera: PairGeometry, posterior: CalibrationDraws, *, source: SourceName) -> Calibration:
-    """The calibration of a rig by the posterior of its 18 parameters, which brings its own reading.
+    """The calibration of a rig by the posterior of its parameters, which brings its own reading.
 
     Parameters
     ----------
     camera
         The design.
     posterior
-        Draws of the 18 parameters, the best of them, and the size of the pictures.
+        Draws of the parameters, the best of them, their lens, and the size of the pictures.
     source
         Where it comes from.
     """
     assert posterior.best is not None
     assert posterior.pixels is not None
-    reading = reading_of_rig(camera, CalibratedPair(parameters=tuple(posterior.best)), posterior.pixels)
+    reading = reading_of_rig(camera, pair_found(posterior.best, posterior.lens), posterior.pixels)
     group = group_of_draws(CALIBRATION, posterior.names, posterior.draws)
     return Calibration(groups=(group,), source=source, reading=reading, vocabulary=reading.vocabulary)
 
@@ -111,9 +114,10 @@ def reading_of_rig(camera: PairGeometry, pair: CalibratedPair, pixels: tuple[int
     return RigReading(
         best=np.array(pair.parameters),
         lenses=pair.lenses,
+        free=pair.free,
         pixels=pixels,
         pixel_pitch=camera.sensor.pixel_pitch,
-        vocabulary={**RIG_PARAMETERS, **camera.error_vocabulary},
+        vocabulary={**rig_parameters(pair.free), **camera.error_vocabulary},
     )
 
 
@@ -138,22 +142,23 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws)
             limit="the posterior of a camera of the same kind",
             remedy="take the file that a run wrote for such a camera",
         )
-    _require_known(path, found.names, RIG_PARAMETERS)
-    if lacking := [name for name in SHARED_NAMES if name not in found.names]:
+    names = shared_names(found.lens.free)
+    _require_known(path, found.names, names)
+    if lacking := [name for name in names if name not in found.names]:
         raise CalibrationFileError(
             f"{path.name} lacks parameters of a rig",
             value=", ".join(lacking),
-            limit=f"all {len(SHARED_NAMES)}",
+            limit=f"all {len(names)}",
             remedy="take the file as a run wrote it",
         )
     assert found.best is not None
-    if found.names != SHARED_NAMES:  # the reading takes them by place
-        order = [found.names.index(name) for name in SHARED_NAMES]
+    if found.names != names:  # the reading takes them by place
+        order = [found.names.index(name) for name in names]
         draws = np.ascontiguousarray(found.draws[:, order])
-        found = replace(found, names=SHARED_NAMES, draws=draws, best=found.best[order])
+        found = replace(found, names=names, draws=draws, best=found.best[order])
     assert found.best is not None
     pair = cast(PairGeometry, camera)
-    check_geometry(name, pair, found.best, found.draws, says="the posterior says")
+    check_geometry(name, pair, found.best, found.draws, says="the posterior says", lens=found.lens)
     return rig_calibration(pair, found, source="posterior")
 
 

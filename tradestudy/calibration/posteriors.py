@@ -15,10 +15,11 @@ from tradestudy.calibration.corners.pair_residual import sample_relative_pose
 from tradestudy.calibration.corners.real_rig import RigFit, fit_rig
 from tradestudy.calibration.corners.rig_geometry import check_geometry, check_inside
 from tradestudy.calibration.corners.trust import CalibrationTrust, examine
-from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
+from tradestudy.calibration.corners.view_blocks import TRANSLATION, shared_names
 from tradestudy.calibration.posterior.laplace import LaplaceCheck, LaplaceFit
 from tradestudy.calibration.posterior.sampling import PosteriorSample
 from tradestudy.calibration.posterior_file import rig_calibration
+from tradestudy.calibration.projection import RADIAL_LENS, FreeLens
 from tradestudy.calibration.sources import CALIBRATION, declared_groups, group_of_draws
 from tradestudy.calibration.target.camera_target import TargetToInfer, target_problem
 from tradestudy.calibration.target.target_inference import fit_target, sample_target
@@ -26,6 +27,7 @@ from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.calibration_declaration import CalibrationPart, CornersPart
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.pair_geometry import PairGeometry
+from tradestudy.declarations.lens_models import FittedLensModel
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.streams import point_generator
 
@@ -180,17 +182,19 @@ def infer_from_corners(asked: CornersToInfer) -> InferredCalibration:
     rig = cast(PairGeometry, asked.camera)  # the schema lets no other kind in
     corners = read_corners(asked.folder / asked.part.file)
     check_inside(asked.name, rig, np.concatenate([corners.left[corners.present], corners.right[corners.present]]))
-    fit = fit_rig(corners)
-    normal = LaplaceFit(names=SHARED_NAMES, mean=fit.explained.shared, covariance=fit.explained.covariance)
+    lens = lens_of(asked.part.lens_model)
+    fit, names = fit_rig(replace(corners, lens=lens)), shared_names(lens.free)
+    normal = LaplaceFit(names=names, mean=fit.explained.shared, covariance=fit.explained.covariance)
     draws = normal.draw(np.random.default_rng(0), _CHECKED_DRAWS)
-    check_geometry(asked.name, rig, normal.mean, draws, says="corners say")
+    check_geometry(asked.name, rig, normal.mean, draws, says="corners say", lens=lens)
     rng = point_generator(seed=asked.seed, point=f"corners/{asked.name}", replicate=0)
     found = sample_relative_pose(fit.explained, fit.corners, rng=rng, maximum_steps=asked.part.max_steps)
-    draws_kept = propagated(SHARED_NAMES, found.sample)
+    draws_kept = propagated(names, found.sample)
     posterior = replace(
         draws_kept,
         draws=with_square_size(draws_kept.draws, asked.part.square_size_uncertainty, rng),
-        best=found.sample.draws[:, : len(SHARED_NAMES)].mean(axis=0),
+        best=found.sample.draws[:, : len(names)].mean(axis=0),
+        lens=lens,
         pixels=(rig.sensor.columns, rig.sensor.rows),
     )
     return InferredCalibration(
@@ -202,17 +206,22 @@ def infer_from_corners(asked: CornersToInfer) -> InferredCalibration:
         laplace_seconds=fit.explained.seconds,
         prior_deviation=np.full(len(found.sample.names), np.inf),
         fit=fit,
-        trust=examine(fit, (rig.sensor.columns, rig.sensor.rows)),
+        trust=examine(fit, (rig.sensor.columns, rig.sensor.rows), others=[*map(lens_of, asked.part.compared_with)]),
     )
 
 
+def lens_of(part: FittedLensModel | None) -> FreeLens:
+    """What both lenses are fitted with."""
+    return RADIAL_LENS if part is None else FreeLens(model=part.lens_model(), free=part.fitted)
+
+
 def with_square_size(draws: FloatArray, uncertainty: float, rng: np.random.Generator) -> FloatArray:
-    """Draws of a rig, shape (n, 18), whose lengths all share the relative error of the board's squares.
+    """Draws of a rig, shape (n, P), whose lengths all share the relative error of the board's squares.
 
     Parameters
     ----------
     draws
-        In the order of ``SHARED_NAMES``.
+        In the order of ``shared_names``.
     uncertainty
         Relative standard deviation of the size of the squares: no corner reveals it.
     rng
@@ -221,7 +230,7 @@ def with_square_size(draws: FloatArray, uncertainty: float, rng: np.random.Gener
     if uncertainty == 0.0:
         return draws
     scaled = draws.copy()
-    scaled[:, 15:18] *= 1.0 + uncertainty * rng.standard_normal((len(draws), 1))
+    scaled[:, TRANSLATION] *= 1.0 + uncertainty * rng.standard_normal((len(draws), 1))
     return scaled
 
 

@@ -1,39 +1,105 @@
-"""Cameras with two radial distortion terms beyond a lens model, and rigid motions, with analytic derivatives.
+"""Cameras with lenses of any model, some of whose coefficients are parameters, and rigid motions, with derivatives.
 
-Intrinsic parameters travel as the last axis of an array, in the order of ``INTRINSIC_NAMES``; rotations as rotation
-vectors (axis times angle). Everything broadcasts over leading axes. A lens model that has k1 and k2 itself is changed
-by those of the parameters; the one that corners are fitted with is a pinhole.
+Intrinsic parameters travel as the last axis of an array, in the order of ``intrinsic_names``; rotations as rotation
+vectors (axis times angle). Everything broadcasts over leading axes. Coefficients among the parameters take the place of
+those of the lens model.
 """
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
 import numpy as np
 
+from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.lens_models.families import FAMILIES
 from tradestudy.optics.lens_models.lens_model import LensModel, slopes
 from tradestudy.optics.lens_models.rational import IDEAL
 
-INTRINSIC_NAMES = (
-    "focal_length_x_px",
-    "focal_length_y_px",
-    "principal_point_x_px",
-    "principal_point_y_px",
-    "radial_distortion_k1",
-    "radial_distortion_k2",
-)
+_COEFFICIENT = "distortion_"
 
 
-def project(intrinsics: FloatArray, points: FloatArray, lens: LensModel = IDEAL) -> FloatArray:
+def intrinsic_names(free: Sequence[str]) -> tuple[str, ...]:
+    """Names of the parameters of a camera with these coefficients."""
+    return (
+        "focal_length_x_px",
+        "focal_length_y_px",
+        "principal_point_x_px",
+        "principal_point_y_px",
+        *(f"{'radial_' if name.startswith('k') else ''}{_COEFFICIENT}{name}" for name in free),
+    )
+
+
+def coefficient_of(name: str) -> str | None:
+    """The coefficient that a parameter stands for; None of one that is none."""
+    return name.rpartition(_COEFFICIENT)[2] if _COEFFICIENT in name else None
+
+
+INTRINSIC_NAMES = intrinsic_names(RADIAL)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FreeLens:
+    """A lens model that a fit may change.
+
+    Parameters
+    ----------
+    model
+        Where the fit starts, and the coefficients that stay as they are.
+    free
+        Names of the others, which are parameters.
+    """
+
+    model: LensModel = IDEAL
+    free: tuple[str, ...] = RADIAL
+
+    def at(self, coefficients: FloatArray) -> LensModel:
+        """The lens with these values (n,) of the parameters."""
+        return replace(self.model, **dict(zip(self.free, map(float, coefficients), strict=True)))
+
+    @property
+    def start(self) -> FloatArray:
+        """Values of the parameters to start from, shape (n,)."""
+        return np.array([getattr(self.model, name) for name in self.free], dtype=np.float64)
+
+
+def text_of_lens(lens: FreeLens) -> str:
+    """A lens as text, for files; empty for `RADIAL_LENS`."""
+    if lens == RADIAL_LENS:
+        return ""
+    return json.dumps({"model": lens.model.name, "free": lens.free, "from": lens.model.coefficients()})
+
+
+def lens_of_text(text: str) -> FreeLens:
+    """The lens that `text_of_lens` has written."""
+    if not text:
+        return RADIAL_LENS
+    said = json.loads(text)
+    return FreeLens(model=FAMILIES[said["model"]](**said["from"]), free=tuple(said["free"]))
+
+
+RADIAL_LENS = FreeLens()
+"""A pinhole with two terms of radial distortion, which corners are fitted with unless another is asked for."""
+
+
+def project(
+    intrinsics: FloatArray, points: FloatArray, lens: LensModel = IDEAL, free: Sequence[str] = RADIAL
+) -> FloatArray:
     """Image of points: u = f x (1 + k1 r² + k2 r⁴) + c, with x = X/Z, r² = x² + y², unless a lens model is given.
 
     Parameters
     ----------
-    intrinsics : array (..., 6)
-        Focal lengths and principal point [px], distortion [1], in the order of ``INTRINSIC_NAMES``.
+    intrinsics : array (..., 4 + n)
+        Focal lengths and principal point [px], coefficients [1, rad], in the order of ``intrinsic_names``.
     points : array (..., N, 3)
         Points in the camera's frame: x right, y down, z along the optical axis [m].
     lens
-        Lens model that the distortion of the parameters adds to.
+        Lens model, of which the coefficients of the parameters take the place.
+    free
+        Names of these n coefficients.
 
     Returns
     -------
@@ -43,7 +109,7 @@ def project(intrinsics: FloatArray, points: FloatArray, lens: LensModel = IDEAL)
     Raises
     ------
     OutOfRangeError
-        The parameters have distortion, and the lens model has no k1 and k2.
+        A coefficient lies outside its range.
 
     Notes
     -----
@@ -51,32 +117,33 @@ def project(intrinsics: FloatArray, points: FloatArray, lens: LensModel = IDEAL)
     """
     x, y, z = points[..., 0], points[..., 1], points[..., 2]
     with np.errstate(all="ignore"):  # what the law is not made for ends as NaN
-        u, v = _lens(intrinsics, lens).image(x, y, z)
+        u, v = _lens(intrinsics, lens, free).image(x, y, z)
     return np.where(lens.sees(x, y, z)[..., None], _pixels(intrinsics, u, v), np.nan)
 
 
-def project_with_jacobians(intrinsics: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def project_with_jacobians(
+    intrinsics: FloatArray, points: FloatArray, lens: LensModel = IDEAL, free: Sequence[str] = RADIAL
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Image of points with its derivatives by the intrinsic parameters and by the points.
 
     Parameters
     ----------
-    intrinsics : array (..., 6)
-        As for ``project`` [px, 1].
-    points : array (..., N, 3)
-        Points in the camera's frame [m].
+    intrinsics, points, lens, free
+        As for ``project``.
 
     Returns
     -------
     image : array (..., N, 2)
-        Image coordinates [px]; NaN at or behind the camera, as are the derivatives there.
-    by_intrinsics : array (..., N, 2, 6)
+        Image coordinates [px]; by the bare law, NaN where that has none, as are the derivatives there.
+    by_intrinsics : array (..., N, 2, 4 + n)
         Derivatives by the intrinsic parameters.
     by_points : array (..., N, 2, 3)
         Derivatives by the points [px/m].
     """
-    lens = _lens(intrinsics)
-    u, v = lens.image(points[..., 0], points[..., 1], points[..., 2])
-    by_points, by_coefficients = lens.derivatives(points, ("k1", "k2"))
+    lens = _lens(intrinsics, lens, free)
+    with np.errstate(all="ignore"):  # what the law is not made for ends as NaN
+        u, v = lens.image(points[..., 0], points[..., 1], points[..., 2])
+        by_points, by_coefficients = lens.derivatives(points, free)
     focal = np.stack([intrinsics[..., 0, None], intrinsics[..., 1, None]], axis=-1)[..., None]
     zero, one = np.zeros_like(u), np.where(np.isnan(u), np.nan, 1.0)
     by_camera = np.stack([np.stack([u, zero, one, zero], axis=-1), np.stack([zero, v, zero, one], axis=-1)], axis=-2)
@@ -84,16 +151,18 @@ def project_with_jacobians(intrinsics: FloatArray, points: FloatArray) -> tuple[
     return _pixels(intrinsics, u, v), by_intrinsics, focal * by_points
 
 
-def ray_slopes(intrinsics: FloatArray, image: FloatArray, lens: LensModel = IDEAL) -> FloatArray:
+def ray_slopes(
+    intrinsics: FloatArray, image: FloatArray, lens: LensModel = IDEAL, free: Sequence[str] = RADIAL
+) -> FloatArray:
     """Slopes (X/Z, Y/Z) of the ray that a camera images at a place: the inverse of ``project``.
 
     Parameters
     ----------
-    intrinsics : array (..., 6)
+    intrinsics : array (..., 4 + n)
         As for ``project``.
     image : array (..., N, 2)
         Image coordinates [px].
-    lens
+    lens, free
         As for ``project``.
 
     Returns
@@ -105,7 +174,7 @@ def ray_slopes(intrinsics: FloatArray, image: FloatArray, lens: LensModel = IDEA
     """
     x = (image[..., 0] - intrinsics[..., 2, None]) / intrinsics[..., 0, None]
     y = (image[..., 1] - intrinsics[..., 3, None]) / intrinsics[..., 1, None]
-    return np.stack(slopes(*_lens(intrinsics, lens).ray(x, y)), axis=-1)
+    return np.stack(slopes(*_lens(intrinsics, lens, free).ray(x, y)), axis=-1)
 
 
 def cross_matrix(vector: FloatArray) -> FloatArray:
@@ -192,9 +261,12 @@ def move_jacobian(pose: FloatArray, points: FloatArray) -> FloatArray:
     return np.concatenate([by_rotation, identity], axis=-1)
 
 
-def _lens(intrinsics: FloatArray, lens: LensModel = IDEAL) -> LensModel:
+def _lens(intrinsics: FloatArray, lens: LensModel, free: Sequence[str]) -> LensModel:
     """The lens model of intrinsic parameters, which broadcasts with points."""
-    return lens.with_radial_error(intrinsics[..., 4, None], intrinsics[..., 5, None])
+    changed = {name: intrinsics[..., 4 + k, None] for k, name in enumerate(free)}
+    if all(np.all(value == getattr(lens, name)) for name, value in changed.items()):
+        return lens  # whose inverse and field hold for single numbers
+    return replace(lens, **changed)
 
 
 def _pixels(intrinsics: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:

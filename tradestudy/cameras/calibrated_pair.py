@@ -11,6 +11,8 @@ from tradestudy.optics.lens_models.rational import IDEAL
 Lenses = tuple[LensModel, LensModel]
 """Of the left camera and of the right one."""
 PINHOLES: Final[Lenses] = (IDEAL, IDEAL)
+RADIAL: Final = ("k1", "k2")
+"""The coefficients that are parameters of a camera unless others are named."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,12 +22,15 @@ class CalibratedPair:
     Parameters
     ----------
     parameters
-        Of the left camera and of the right one: focal lengths and principal point [px], radial distortion k1 and k2
-        beyond that of its lens model [1]. Then the rotation vector [rad] and the translation [m] from the left
-        camera's frame to the right one's: 18 in all, as `calibration.projection` takes them.
+        Of the left camera and of the right one: focal lengths and principal point [px], and coefficients of its lens
+        model [1, rad]. Then the rotation vector [rad] and the translation [m] from the left camera's frame to the right
+        one's, as `calibration.projection` takes them.
     lenses
         Lens models of both cameras.
+    free
+        Which coefficients are among the parameters, and can be in error: those of these names in both cameras.
     """
 
     parameters: tuple[float, ...]
     lenses: Lenses = PINHOLES
+    free: tuple[str, ...] = RADIAL

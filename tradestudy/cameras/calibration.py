@@ -10,13 +10,13 @@ import numpy as np
 
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import AGEING, ErrorVocabulary
-from tradestudy.cameras.reading import Errors, InverseDepthReading
+from tradestudy.cameras.reading import Errors, Field, InverseDepthReading
 from tradestudy.optics.arrays import FloatArray
 
 if TYPE_CHECKING:  # whoever draws errors has loaded it
     from tradestudy.uncertainty.sources import Group
 
-Reading = Callable[[FloatArray, float, Errors, Environment | None], InverseDepthReading]
+Reading = Callable[[FloatArray, Field, Errors, Environment | None], InverseDepthReading]
 """Inverse depths that a camera reads at true distances [m], at a place in the field, under given errors."""
 PropagationModel = Literal["off", "linear", "exact"]
 SourceName = Literal["errors", "target", "corners", "posterior"]

@@ -22,6 +22,7 @@ from tradestudy.declarations.distributions import (
     TemperatureDistribution,
     lowest,
 )
+from tradestudy.declarations.lens_models import FittedLensModel
 from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import Pressure, Temperature, ThermalExpansion, quantity
@@ -110,6 +111,12 @@ class CornersPart(Part):
     """A measured calibration: corners of a board that both cameras of the rig saw."""
 
     file: Text = Field(description="CSV of corners, beside the file that holds this.")
+    lens_model: FittedLensModel | None = Field(
+        default=None, description="Lens model of both cameras; left out: radial distortion with k1 and k2."
+    )
+    compared_with: Annotated[tuple[FittedLensModel, ...], Field(max_length=10)] = Field(
+        default=(), description="Other lens models to fit: whether the corners support them, what they change in depth."
+    )
     square_size_uncertainty: SquareSizeUncertainty = Field(
         default=0.0, description="Relative standard deviation of the size of the squares, which no corner reveals."
     )

@@ -146,7 +146,7 @@ class DepthCamera(Camera):
         """The calibrated pair that depth is read with; None: the design."""
         return None
 
-    def exported(self, fitted: FloatArray | None = None) -> ImportedRig | None:  # noqa: ARG002 - of a pair
+    def exported(self, fitted: CalibratedPair | None = None) -> ImportedRig | None:  # noqa: ARG002 - of a pair
         """The camera as calibration files state cameras, or what a fit found of it; None where they have no form."""
         return None
 
@@ -169,6 +169,11 @@ class DepthCamera(Camera):
 
         It falls with disparity; +infinity at and beyond the disparity of infinity.
         """
+
+    @property
+    def mapped(self) -> bool:
+        """Whether depth uncertainty is mapped over the picture: `read` then takes `PicturePlaces` too."""
+        return False
 
     @abstractmethod
     def field_angle(self, field: float) -> float:

@@ -6,6 +6,7 @@ from typing import ClassVar, Protocol
 
 from tradestudy.cameras.error_vocabulary import ErrorVocabulary
 from tradestudy.cameras.parts import Sensor
+from tradestudy.optics.lens_models.lens_model import LensModel
 
 
 class PairGeometry(Protocol):
@@ -24,6 +25,10 @@ class PairGeometry(Protocol):
     @property
     def principal_distance(self) -> float:
         """From the centre of projection to the sensor [m]."""
+
+    @property
+    def distortion(self) -> LensModel:
+        """Lens model of both cameras."""
 
     @property
     def convergence_angle(self) -> float:

@@ -17,6 +17,24 @@ Errors = Mapping[str, ArrayLike]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class PicturePlaces:
+    """Places anywhere in the picture, one for each distance that is read.
+
+    Parameters
+    ----------
+    across, down : array (distances,)
+        Shares of half the sensor from its middle, −1 to 1.
+    """
+
+    across: FloatArray
+    down: FloatArray
+
+
+Field = float | PicturePlaces
+"""Where points lie: the share of the way from the axis to the corner of the sensor, or any places in the picture."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class InverseDepthReading:
     """Inverse depths that were read.
 
@@ -44,6 +62,14 @@ def require_known(errors: Errors, known: Collection[str], camera: str) -> None:
             limit=", ".join(sorted({*known, *SESSION_PARAMETERS})),
             remedy="use one of the names of its error model",
         )
+
+
+def shares_of(field: Field) -> tuple[FloatArray, FloatArray]:
+    """Shares of half the sensor across and down; refused beyond its edge."""
+    if isinstance(field, PicturePlaces):
+        return field.across, field.down
+    require_field(field)
+    return np.asarray(field), np.asarray(field)
 
 
 def require_field(field: float) -> None:

@@ -13,8 +13,9 @@ from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import quantity
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.lens_models.families import ANGLES, FAMILIES
+from tradestudy.optics.lens_models.families import ANGLES, FAMILIES, STARTS
 from tradestudy.optics.lens_models.lens_model import LensModel
+from tradestudy.optics.lens_models.rational import Rational
 
 
 class LensModelPart(Part):
@@ -36,6 +37,53 @@ class LensModelPart(Part):
         return self.family(**{name: getattr(self, name) for name in self.family.coefficient_names()})
 
 
+class FittedLensModelPart(Part):
+    """A lens model that a fit finds; coefficients that are given and not fitted stay as they are given."""
+
+    family: ClassVar[type[LensModel]]
+    model: str
+    fitted: tuple[str, ...]
+
+    @model_validator(mode="after")
+    def _possible(self) -> FittedLensModelPart:
+        if repeated := sorted({name for name in self.fitted if self.fitted.count(name) > 1}):
+            raise MistakeAt(("fitted",), f"names {', '.join(repeated)} more than once")
+        try:
+            self.lens_model()
+        except OutOfRangeError as error:
+            raise MistakeAt((), str(error)) from None
+        return self
+
+    def lens_model(self) -> LensModel:
+        """Where the fit starts, in SI: as given, else as `STARTS` says, else zero."""
+        given = {name: getattr(self, name) for name in self.family.coefficient_names()}
+        start = {name: value for name, value in given.items() if value is not None}
+        return self.family(**{**STARTS.get(self.family.name, {}), **start})
+
+
+def _fitted_part_of(family: type[LensModel]) -> type[FittedLensModelPart]:
+    """Every coefficient in its dimension, and which of them are fitted."""
+    names = family.coefficient_names()
+    one_of: Any = Literal[names]
+    usual = names if family is not Rational else ("k1", "k2", "p1", "p2", "k3")
+    fields: dict[str, Any] = {
+        "model": (Literal[family.name], ...),
+        "fitted": (
+            tuple[one_of, ...],
+            Field(default=usual, description="Coefficients that the corners determine."),
+        ),
+    }
+    for name in names:
+        unit = units.ANGLE if name in ANGLES else units.NUMBER
+        what = Field(default=None, description="Where the fit starts, or what stays where it is not fitted.")
+        fields[name] = (Annotated[float, *quantity(unit)] | None, what)
+    made = create_model(
+        f"Fitted{family.__name__}Part", __base__=FittedLensModelPart, __doc__=FittedLensModelPart.__doc__, **fields
+    )
+    made.family = family
+    return made
+
+
 def _part_of(family: type[LensModel]) -> type[LensModelPart]:
     """The part of a family, with every coefficient in its dimension; those that have no default must be given."""
     fields: dict[str, Any] = {"model": (Literal[family.name], ...)}
@@ -50,5 +98,7 @@ def _part_of(family: type[LensModel]) -> type[LensModelPart]:
 
 if TYPE_CHECKING:
     AnyLensModel = LensModelPart
+    FittedLensModel = FittedLensModelPart
 else:
+    FittedLensModel = Annotated[reduce(or_, map(_fitted_part_of, FAMILIES.values())), Field(discriminator="model")]
     AnyLensModel = Annotated[reduce(or_, map(_part_of, FAMILIES.values())), Field(discriminator="model")]

@@ -29,6 +29,7 @@ from tradestudy.figures.pictures import pictures_drawing
 from tradestudy.figures.rank_acceptability import rank_drawing
 from tradestudy.figures.requirement_margins import margins_drawing
 from tradestudy.figures.style import CameraTrace, traces
+from tradestudy.figures.uncertainty_map import uncertainty_map_drawings
 from tradestudy.figures.worths import worths_drawing
 from tradestudy.results.views.decision import answer_title, candidates, has_winners, told_winners
 from tradestudy.results.views.depth import field_words, largest_part, nominal, of_camera, swept, where_usable
@@ -55,6 +56,7 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
         yield _shares(tree)
         if "depth_field" in tree.children:
             yield _off_axis(tree)
+        yield from uncertainty_map_drawings(tree)
         if swept(tree["depth"].to_dataset()):
             if (margins := margins_drawing(tree)) is not None:
                 yield margins

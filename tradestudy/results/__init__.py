@@ -13,7 +13,7 @@ import numpy as np
 from tradestudy.results.calibration import CALIBRATION, RANKS, SENSITIVITY
 from tradestudy.results.cost import COST
 from tradestudy.results.datasheet import DATASHEET
-from tradestudy.results.depth import DEPTH, DEPTH_FIELD, DISPARITY_CAUSES
+from tradestudy.results.depth import DEPTH, DEPTH_FIELD, DEPTH_MAP, DISPARITY_CAUSES
 from tradestudy.results.depth_loop import DEPTH_LOOP
 from tradestudy.results.depth_maps import DEPTH_MAPS
 from tradestudy.results.depth_of_field import DEPTH_OF_FIELD
@@ -39,6 +39,7 @@ GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "depth": DEPTH,
     "depth_at_places": DEPTH,
     "depth_field": DEPTH_FIELD,
+    "depth_map": DEPTH_MAP,
     "disparity_causes": DISPARITY_CAUSES,
     "depth_loop": DEPTH_LOOP,
     "depth_of_field": DEPTH_OF_FIELD,

@@ -71,6 +71,12 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
         long_name="parameter values with which a rig calibrated from corners measures depth; NaN for other cameras",
         error="posterior_deviation",
     ),
+    "posterior_lens_model": Variable(
+        dims=("posterior",),
+        units="",
+        long_name="lens model of both cameras, where it is none but k1 and k2 of a pinhole: its name, the coefficients "
+        "that are parameters, and what the fit started from",
+    ),
     "posterior_pixels": Variable(
         dims=("posterior", "side"), units="px", long_name="columns and rows of the calibration pictures; 0 if none"
     ),
@@ -100,6 +106,31 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
         units="m",
         long_name="that difference as predicted from the covariances of the two halves",
         symbol="√(C_A + C_B)",
+    ),
+    "rig_lens_support": Variable(
+        dims=("posterior", "lens_model"),
+        units="1",
+        long_name="log likelihood of views left out in turn by another lens model, above that by the one in use; "
+        "NaN where that was not compared",
+        error="rig_lens_support_deviation",
+    ),
+    "rig_lens_support_deviation": Variable(
+        dims=("posterior", "lens_model"),
+        units="1",
+        long_name="standard error of rig_lens_support over views",
+        error=_ESTIMATE,
+    ),
+    "rig_lens_change": Variable(
+        dims=("posterior", "lens_model", "rig_distance"),
+        units="m",
+        long_name="depth that another lens model reads in the same pictures, less that of the one in use",
+        error="rig_lens_change_deviation",
+    ),
+    "rig_lens_change_deviation": Variable(
+        dims=("posterior", "lens_model", "rig_distance"),
+        units="m",
+        long_name="standard error of rig_lens_change by the jackknife over views",
+        error=_ESTIMATE,
     ),
     "rig_residual": Variable(
         dims=("posterior", "rig_side", "rig_cell_row", "rig_cell_column", "rig_axis"),

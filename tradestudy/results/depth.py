@@ -196,6 +196,26 @@ DEPTH_FIELD: Final[Mapping[str, Variable]] = {
 }
 """/depth_field: the same variables off the axis, at declared places in the field."""
 
+DEPTH_MAP: Final[Mapping[str, Variable]] = {
+    "depth_uncertainty": Variable(
+        dims=("camera", "distance", "down", "across"),
+        units="m",
+        long_name="half the central 68.27 % interval of one measured depth over the picture, down and across as shares "
+        "of half the sensor from its middle: noise exactly, calibration as a line in inverse depth; infinite where the "
+        "interval has no far end, NaN where not both cameras see the point",
+        symbol="u(a)",
+        error=SEE_ERROR,
+    ),
+    "depth_uncertainty_error": Variable(
+        dims=("camera", "distance", "down", "across"),
+        units="m",
+        long_name="of depth_uncertainty: the largest departure of the line that is measured at this distance on the "
+        "axis, half way to the corner and in the corner",
+        error="an estimate of an error; NaN where none is measured",
+    ),
+}
+"""/depth_map: depth uncertainty over the pictures of rigs with lens models."""
+
 DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "matched_window_px": Variable(
         dims=("camera", "distance"),

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.calibration.calibration_file import CalibrationDraws
+from tradestudy.calibration.corners.rig_reading import pair_found
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.imported import ImportedCamera, ImportedRig
 from tradestudy.errors import TradestudyError
@@ -86,7 +87,8 @@ def export(definition: StudyDefinition, name: str, words: Sequence[str], *, loss
     left_out: list[str] = []
     refused: list[str] = []
     formats = [one for one in FORMATS if one.word in asked and one.write is not None]
-    rig = camera.exported(None if posterior is None else posterior.best) if formats else None
+    fitted = None if posterior is None or posterior.best is None else pair_found(posterior.best, posterior.lens)
+    rig = camera.exported(fitted) if formats else None
     if formats and rig is None:
         listed_formats = listed([one.name for one in formats])
         refused.append(f"{listed_formats} cannot describe a camera of family {camera.family}")

@@ -28,12 +28,10 @@ ERRORS = "calibration: {errors: {yaw: {standard_deviation: 0.02 deg}, baseline: 
 def shared(path: Path, name: str = "rig") -> np.ndarray:
     """The 18 parameters of a pair without distortion beyond k1 and k2."""
     pair = calibrated(path, name)
-    found = np.array(pair.parameters)
-    for side, lens in zip((slice(4, 6), slice(10, 12)), pair.lenses, strict=True):
+    for lens in pair.lenses:
         coefficients = lens.coefficients()
-        found[side] += [coefficients.pop("k1"), coefficients.pop("k2")]
-        assert not any(coefficients.values())
-    return found
+        assert not any(value for key, value in coefficients.items() if key not in pair.free)
+    return np.array(pair.parameters)
 
 
 def calibrated(path: Path, name: str = "rig") -> CalibratedPair:

@@ -8,20 +8,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.calibration.corners.corner_file import CornerFileError, StereoCorners
-from tradestudy.calibration.corners.initial_values import first_intrinsics, first_poses
+from tradestudy.calibration.corners.initial_values import first_values
 from tradestudy.calibration.corners.view_blocks import (
-    SHARED_NAMES,
+    ROTATION,
+    TRANSLATION,
     ViewBlocks,
     camera_blocks,
     pair_blocks,
+    shared_names,
 )
 from tradestudy.calibration.posterior.laplace import covariance_from_information
-from tradestudy.calibration.projection import INTRINSIC_NAMES, rotation_matrix, rotation_vector
+from tradestudy.calibration.projection import (
+    RADIAL_LENS,
+    FreeLens,
+    intrinsic_names,
+    rotation_matrix,
+    rotation_vector,
+)
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 RESIDUAL_LIMIT_PX = 2.0  # a corner detector is ten times better; more means wrong correspondences
-_MOST_EVALUATIONS = 200
+_MOST_EVALUATIONS = 400  # curved valleys of many coefficients are followed in small steps
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-14, 1e12
 _ROUNDING = 1e-13  # of the square sum: a promised decrease of less cannot be told from rounding
 _NO_NOISE = 1e-11  # px
@@ -45,11 +53,11 @@ class CameraFit(_Fit):
 
     Parameters
     ----------
-    intrinsics : array (6,)
-        In the order of ``projection.INTRINSIC_NAMES`` [px, 1].
+    intrinsics : array (4 + n,)
+        In the order of ``projection.intrinsic_names`` [px, 1, rad].
     poses : array (V, 6)
         Board to camera [rad, m].
-    covariance : array (6, 6)
+    covariance : array (4 + n, 4 + n)
         Of the intrinsic parameters, poses marginalised, with the noise estimated from the residuals.
     noise_px : float
         Standard deviation of one coordinate, freed of the fitted parameters [px].
@@ -68,11 +76,11 @@ class PairFit(_Fit):
 
     Parameters
     ----------
-    shared : array (18,)
-        In the order of ``view_blocks.SHARED_NAMES`` [px, 1, rad, m].
+    shared : array (P,)
+        In the order of ``view_blocks.shared_names`` [px, 1, rad, m].
     poses : array (V, 6)
         Board to left camera [rad, m].
-    covariance : array (18, 18)
+    covariance : array (P, P)
         Of the shared parameters, poses marginalised, independent corner noise supposed.
     noise_px : float
         Standard deviation of one coordinate, freed of the fitted parameters [px].
@@ -87,17 +95,21 @@ class PairFit(_Fit):
     @property
     def right_centre(self) -> FloatArray:
         """Centre of the right camera in the left camera's frame, −Rᵀ t [m], shape (3,)."""
-        centre: FloatArray = -rotation_matrix(self.shared[12:15]).T @ self.shared[15:18]
+        centre: FloatArray = -rotation_matrix(self.shared[ROTATION]).T @ self.shared[TRANSLATION]
         return centre
 
     @property
     def baseline(self) -> float:
         """Distance between the camera centres [m]."""
-        return float(np.linalg.norm(self.shared[15:18]))
+        return float(np.linalg.norm(self.shared[TRANSLATION]))
 
 
 def fit_camera(
-    board: FloatArray, image: FloatArray, present: BoolArray, weights: FloatArray | None = None
+    board: FloatArray,
+    image: FloatArray,
+    present: BoolArray,
+    weights: FloatArray | None = None,
+    lens: FreeLens = RADIAL_LENS,
 ) -> CameraFit:
     """Fit one camera to a flat board seen in several poses.
 
@@ -109,6 +121,8 @@ def fit_camera(
         Which corners exist.
     weights : array (V, N)
         Of the corners, to keep outliers down; None: all alike.
+    lens
+        What the lens is fitted with.
 
     Returns
     -------
@@ -123,18 +137,17 @@ def fit_camera(
         The corners are off by more than ``RESIDUAL_LIMIT_PX``.
     """
     roots = present if weights is None else np.sqrt(weights)
-    start = first_intrinsics(board, image, present)
-    poses = first_poses(start, board, image, present)
+    start, poses = first_values(board, image, present, lens)
     intrinsics, poses, blocks = _minimise(
-        lambda shared, poses: camera_blocks(shared, poses, board, image, roots), start, poses
+        lambda shared, poses: camera_blocks(shared, poses, board, image, roots, lens), start, poses
     )
     corner_rms, noise = _residual_sizes(blocks, int(np.count_nonzero(roots)))
     return CameraFit(
         intrinsics=intrinsics,
         poses=poses,
-        covariance=noise**2 * covariance_from_information(marginal_information(blocks), INTRINSIC_NAMES),
+        covariance=noise**2 * covariance_from_information(marginal_information(blocks), intrinsic_names(lens.free)),
         noise_px=noise,
-        residuals_px=camera_blocks(intrinsics, poses, board, image, present).residuals,
+        residuals_px=camera_blocks(intrinsics, poses, board, image, present, lens).residuals,
         corner_rms_px=corner_rms,
     )
 
@@ -169,7 +182,8 @@ def fit_pair(corners: StereoCorners, left: CameraFit, right: CameraFit) -> PairF
     return PairFit(
         shared=shared,
         poses=poses,
-        covariance=noise**2 * covariance_from_information(marginal_information(blocks), SHARED_NAMES),
+        covariance=noise**2
+        * covariance_from_information(marginal_information(blocks), shared_names(corners.lens.free)),
         noise_px=noise,
         residuals_px=blocks.residuals,
         corner_rms_px=corner_rms,
@@ -226,8 +240,11 @@ def _minimise(
     cost = float(np.sum(blocks.residuals**2))
     for _ in range(_MOST_EVALUATIONS):
         step, pose_step, expected = _damped_step(blocks, damping)
-        tried = evaluate(shared + step, poses + pose_step)
-        tried_cost = float(np.sum(tried.residuals**2))
+        try:
+            tried = evaluate(shared + step, poses + pose_step)
+            tried_cost = float(np.sum(tried.residuals**2))
+        except OutOfRangeError:  # a coefficient beyond the range of its law
+            tried_cost = np.inf
         if tried_cost <= cost:  # NaN, of a board behind the camera, is not
             shared, poses, blocks = shared + step, poses + pose_step, tried
         if expected <= _ROUNDING * cost + _NO_NOISE**2 * blocks.residuals.size:
@@ -241,7 +258,7 @@ def _minimise(
         "the bundle adjustment did not settle",
         value=f"{_MOST_EVALUATIONS} evaluations",
         limit="a step that changes the residuals by no more than rounding",
-        remedy="check the order of the corners, or add views with the board tilted differently",
+        remedy="check the order of the corners, add views with the board tilted differently, or fit fewer coefficients",
     )
 
 

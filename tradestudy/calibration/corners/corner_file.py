@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from tradestudy.calibration.corners.corner_noise import CornerNoise
+from tradestudy.calibration.projection import RADIAL_LENS, FreeLens
 from tradestudy.errors import TradestudyError, UnaffordableError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
@@ -48,6 +49,8 @@ class StereoCorners:
         How far the corners lie behind the board's plane, away from who looks at it [m]; None: it is flat.
     noise
         How the noise of the corners varies and correlates, by which residuals are whitened; None: independent, equal.
+    lens
+        What both lenses are fitted with.
     """
 
     views: tuple[int, ...]
@@ -57,6 +60,7 @@ class StereoCorners:
     present: BoolArray
     heights: FloatArray | None = None
     noise: CornerNoise | None = None
+    lens: FreeLens = RADIAL_LENS
 
     @property
     def points(self) -> FloatArray:

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from typing import Final
+
 import numpy as np
 
-from tradestudy.calibration.projection import rotation_vector
+from tradestudy.calibration.corners.view_blocks import camera_blocks
+from tradestudy.calibration.projection import FreeLens, ray_slopes, rotation_vector
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.lens_models.rational import IDEAL
+
+_FOCALS: Final = 12
+_UNIT: Final = np.array([1.0, 1.0, 0.0, 0.0])
 
 
 def homography(board: FloatArray, image: FloatArray) -> FloatArray:
@@ -44,8 +52,62 @@ def homography(board: FloatArray, image: FloatArray) -> FloatArray:
     return scaled
 
 
+def first_values(
+    board: FloatArray, image: FloatArray, present: BoolArray, lens: FreeLens
+) -> tuple[FloatArray, FloatArray]:
+    """Intrinsic parameters of a lens with the coefficients of its model, and board poses.
+
+    Those of a pinhole in closed form. Lenses of other models see lines bent, so focal lengths are tried besides, from a
+    fifth to four times the extent of the corners; the one counts by which poses explain the corners best.
+
+    Parameters
+    ----------
+    board, image, present
+        As for `first_intrinsics`.
+    lens
+        Its model is where the fit starts.
+
+    Returns
+    -------
+    intrinsics : array (4 + n,)
+    poses : array (V, 6)
+
+    Raises
+    ------
+    NotConvergedError
+        The views do not determine the intrinsic parameters.
+    """
+    if lens.model == IDEAL:
+        closed = first_intrinsics(board, image, present)
+        return np.concatenate([closed, lens.start]), first_poses(closed, board, image, present)
+    low, high = (end(image[present], axis=0) for end in (np.min, np.max))
+    focals = float(np.max(high - low)) * np.geomspace(0.2, 4.0, _FOCALS)
+    tried = [np.array([focal, focal, *((low + high) / 2.0)]) for focal in focals]
+    with suppress(NotConvergedError):
+        tried.append(first_intrinsics(board, image, present))
+    best, values = np.inf, (np.concatenate([tried[0], lens.start]), np.zeros((len(board), 6)))
+    for camera in tried:
+        intrinsics = np.concatenate([camera, lens.start])
+        seen = ray_slopes(intrinsics, image, lens.model, lens.free)
+        there = present & np.all(np.isfinite(seen), axis=-1)
+        if np.any(2 * there.sum(axis=1) < present.sum(axis=1)):
+            continue
+        poses = first_poses(_UNIT, board, seen, there)
+        residuals = camera_blocks(intrinsics, poses, board, image, present, lens).residuals
+        if (cost := float(np.sum(residuals**2))) < best:
+            best, values = cost, (intrinsics, poses)
+    if not np.isfinite(best):
+        raise NotConvergedError(
+            "no focal length lets the lens model explain the corners",
+            value=f"{lens.model.name}, focal lengths of {focals[0]:.0f} to {focals[-1]:.0f} px",
+            limit="poses of the board in front of the camera in every view",
+            remedy="check the order of the corners, or give coefficients nearer to those of the lens",
+        )
+    return values
+
+
 def first_intrinsics(board: FloatArray, image: FloatArray, present: BoolArray) -> FloatArray:
-    """Intrinsic parameters without skew and distortion from the image of the absolute conic.
+    """Intrinsic parameters without skew and distortion from the image of the absolute conic, as of a pinhole.
 
     Parameters
     ----------
@@ -56,8 +118,8 @@ def first_intrinsics(board: FloatArray, image: FloatArray, present: BoolArray) -
 
     Returns
     -------
-    array (6,)
-        Focal lengths and principal point [px], zero distortion.
+    array (4,)
+        Focal lengths and principal point [px].
 
     Raises
     ------
@@ -91,7 +153,7 @@ def first_intrinsics(board: FloatArray, image: FloatArray, present: BoolArray) -
         )
     zoom = normalise[0, 0]
     centre = (centre - normalise[:2, 2]) / zoom
-    return np.array([*(focal / zoom), *centre, 0.0, 0.0])
+    return np.array([*(focal / zoom), *centre])
 
 
 def first_poses(intrinsics: FloatArray, board: FloatArray, image: FloatArray, present: BoolArray) -> FloatArray:
@@ -99,7 +161,7 @@ def first_poses(intrinsics: FloatArray, board: FloatArray, image: FloatArray, pr
 
     Parameters
     ----------
-    intrinsics : array (6,)
+    intrinsics : array (4,)
         Focal lengths and principal point [px].
     board, image : array (V, N, 2)
         Corners on the board [m] and in the image [px].

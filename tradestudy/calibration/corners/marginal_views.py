@@ -1,14 +1,13 @@
 """Views of a pair with a left–right term, board poses and terms integrated out view by view (Laplace).
 
 The board moves a little between the two exposures of a view (or anything else does that looks like it): the right
-camera sees each corner displaced by a small rigid motion, normal with one scale τ: translations N(0, τ²) per axis,
-rotations N(0, (τ/lever)²) with the board's radius of gyration as lever, so that both displace the corners alike.
+camera sees each corner displaced by a small rigid motion: translations N(0, τ²) per axis, rotations N(0, (τ/lever)²).
+With the board's radius of gyration as lever, both displace the corners alike.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,14 +44,18 @@ class CompressedViews:
 
     Parameters
     ----------
-    centre : array (18,)
+    centre : array (P,)
         Shared parameters at which the views were linearised.
-    motion_rows : array (V, 6, 19)
+    motion_rows : array (V, 6, P + 1)
         Rows in which the motion shows: derivatives by the shared parameters, then the residual.
     motion_gains : array (V, 6)
         Variance that a unit motion scale gives each of these rows [px²/m²].
-    view_rests : array (V, 19, 19)
+    motion_columns : array (V, 6, 6)
+        Derivatives of these rows by the motion [px/m].
+    view_rests : array (V, P + 1, P + 1)
         Triangular factor of all the other rows of each view, columns likewise.
+    rest : array (P + 1, P + 1)
+        The same of all views together.
     view_counts : int array (V,)
         How many other rows each view has.
     """
@@ -60,16 +63,12 @@ class CompressedViews:
     centre: FloatArray
     motion_rows: FloatArray
     motion_gains: FloatArray
+    motion_columns: FloatArray
     view_rests: FloatArray
+    rest: FloatArray
     view_counts: IndexArray
 
-    @cached_property
-    def rest(self) -> FloatArray:
-        """Triangular factor of the other rows of all views, shape (19, 19)."""
-        triangle: FloatArray = np.linalg.qr(self.view_rests.reshape(-1, self.view_rests.shape[-1]))[1]
-        return triangle
-
-    @cached_property
+    @property
     def rest_count(self) -> int:
         """How many other rows all views have."""
         return int(self.view_counts.sum())
@@ -80,16 +79,25 @@ class CompressedViews:
             centre=self.centre,
             motion_rows=self.motion_rows[views],
             motion_gains=self.motion_gains[views],
+            motion_columns=self.motion_columns[views],
             view_rests=self.view_rests[views],
+            rest=_stacked(self.view_rests[views]),
             view_counts=self.view_counts[views],
         )
+
+    def with_lever(self, factor: float) -> CompressedViews:
+        """The same views where the lever is larger by a factor: at one motion scale, they turn less."""
+        columns = self.motion_columns / np.array([*[factor] * 3, *[1.0] * 3])
+        left, gains, _ = np.linalg.svd(columns)
+        back = np.swapaxes(left, -1, -2)
+        return replace(self, motion_rows=back @ self.motion_rows, motion_gains=gains**2, motion_columns=back @ columns)
 
     def log_likelihood(self, shared: FloatArray, noise_px: FloatArray, motion_scale: FloatArray) -> FloatArray:
         """Logarithm of the marginal likelihood, up to a constant.
 
         Parameters
         ----------
-        shared : array (..., 18)
+        shared : array (..., P)
             Shared parameters.
         noise_px : array (...)
             Standard deviation of one coordinate [px].
@@ -120,9 +128,9 @@ class CompressedViews:
 
         Returns
         -------
-        information : array (18, 18)
+        information : array (P, P)
             Inverse covariance of the shared parameters, given both scales.
-        gradient : array (18,)
+        gradient : array (P,)
             Solve ``information @ step = gradient`` for the step from ``centre`` to the optimum.
         """
         weight = 1.0 / (noise_px**2 + motion_scale**2 * self.motion_gains)
@@ -150,8 +158,8 @@ def compress_views(
 
     Parameters
     ----------
-    shared : array (18,)
-        Where to linearise, in the order of ``view_blocks.SHARED_NAMES``.
+    shared : array (P,)
+        Where to linearise, in the order of ``view_blocks.shared_names``.
     states : ViewStates
         Poses and motions at which to linearise (see ``settle_views``).
     corners : StereoCorners
@@ -177,13 +185,22 @@ def compress_views(
     triangle = np.linalg.qr(table)[1]
     motion, rows = triangle[:, 6:12, 6:12], triangle[:, 6:12, 12:]
     left, gains, _ = np.linalg.svd(motion)
+    back = np.swapaxes(left, -1, -2)
     return CompressedViews(
         centre=shared,
-        motion_rows=np.swapaxes(left, -1, -2) @ rows,
+        motion_rows=back @ rows,
         motion_gains=gains**2,
+        motion_columns=back @ motion,
         view_rests=triangle[:, 12:, 12:],
+        rest=_stacked(triangle[:, 12:, 12:]),
         view_counts=4 * corners.present.sum(axis=1) - 12,
     )
+
+
+def _stacked(triangles: FloatArray) -> FloatArray:
+    """Triangular factor of the rows of several."""
+    triangle: FloatArray = np.linalg.qr(triangles.reshape(-1, triangles.shape[-1]))[1]
+    return triangle
 
 
 def settle_views(
@@ -199,7 +216,7 @@ def settle_views(
 
     Parameters
     ----------
-    shared : array (18,)
+    shared : array (P,)
         Shared parameters.
     states : ViewStates
         Where to start.

@@ -1,25 +1,13 @@
-"""What corners would change by, were the board bent or the lenses of a model with more coefficients."""
+"""What corners would change by, were the board bent."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
-from typing import Final
 
 import numpy as np
 
 from tradestudy.calibration.corners.corner_file import StereoCorners
-from tradestudy.calibration.corners.view_blocks import LEFT, RELATIVE, RIGHT
+from tradestudy.calibration.corners.view_blocks import RELATIVE, ROTATION, cameras_of
 from tradestudy.calibration.projection import move, project_with_jacobians, rotation_matrix
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.rational import Rational
-
-LENS_EXTENSIONS: Final[Mapping[str, tuple[str, ...]]] = {
-    "k3": ("k3",),
-    "p1 p2": ("p1", "p2"),
-    "k3 p1 p2": ("k3", "p1", "p2"),
-    "thin prism": ("s1", "s2", "s3", "s4"),
-}
-"""Coefficients beside k₁ and k₂ that the projection is linear in about zero."""
 
 
 def warp_shapes(corners: StereoCorners, lever: float) -> FloatArray:
@@ -50,32 +38,12 @@ def warp_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, 
     normal = rotation_matrix(poses[:, :3])[..., 2]
     seen_left = move(poses, corners.points)
     seen_right = move(shared[RELATIVE], seen_left)
-    by_left = project_with_jacobians(shared[LEFT], seen_left)[2]
-    by_right = project_with_jacobians(shared[RIGHT], seen_right)[2] @ rotation_matrix(shared[12:15])
+    lens, (left, right) = corners.lens, cameras_of(shared)
+    by_left = project_with_jacobians(left, seen_left, lens.model, lens.free)[2]
+    by_right = project_with_jacobians(right, seen_right, lens.model, lens.free)[2] @ rotation_matrix(shared[ROTATION])
     shapes = warp_shapes(corners, lever)
     rows = [np.einsum("vnij,vj,vne->vnie", by, normal, shapes) for by in (by_left, by_right)]
     return _laid_out(rows[0], rows[1], corners)
-
-
-def lens_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, names: tuple[str, ...]) -> FloatArray:
-    """Derivatives by more coefficients of the left, then of the right lens, at zero; shape (V, 4 N, 2 n).
-
-    Parameters
-    ----------
-    shared, poses, corners
-        As for ``view_blocks.pair_blocks``.
-    names
-        Coefficients of `Rational`.
-    """
-    seen_left = move(poses, corners.points)
-    seen = (seen_left, move(shared[RELATIVE], seen_left))
-    rows = []
-    for side, points in zip((LEFT, RIGHT), seen, strict=True):
-        focal, radial = shared[side][:2, None], shared[side][4:]
-        rows.append(focal * Rational(k1=float(radial[0]), k2=float(radial[1])).derivatives(points, names)[1])
-    none = np.zeros_like(rows[0])
-    left, right = np.concatenate([rows[0], none], axis=-1), np.concatenate([none, rows[1]], axis=-1)
-    return _laid_out(left, right, corners)
 
 
 def _laid_out(left: FloatArray, right: FloatArray, corners: StereoCorners) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,9 +19,9 @@ from tradestudy.calibration.corners.marginal_views import (
     settle_views,
 )
 from tradestudy.calibration.corners.view_blocks import (
-    SHARED_NAMES,
     motion_columns,
     pair_blocks,
+    shared_names,
 )
 from tradestudy.calibration.posterior.laplace import (
     CHECKED_POINTS,
@@ -30,12 +31,21 @@ from tradestudy.calibration.posterior.laplace import (
     covariance_from_information,
 )
 from tradestudy.calibration.posterior.sampling import MINIMUM_ENSEMBLES, CheckedPosterior, sample_posterior
+from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 
 _MOST_LINEARISATIONS = 20
-POSTERIOR_NAMES = (*SHARED_NAMES, "log_noise_px", "motion_scale")
-_WALKERS = 2 * len(POSTERIOR_NAMES) + 2
+_LEVER_DEVIATION = 1.0  # of the logarithm of the lever over the radius of gyration, beforehand
+_FIRST_STEPS = (0.05, 0.3, 0.3)  # of the logarithms of noise, motion scale and lever
+
+
+def posterior_names(free: Sequence[str]) -> tuple[str, ...]:
+    """What is sampled of a pair of lenses with these coefficients."""
+    return (*shared_names(free), "log_noise_px", "motion_scale")
+
+
+POSTERIOR_NAMES = posterior_names(RADIAL)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,23 +71,23 @@ class PairResidualFit:
 
     Parameters
     ----------
-    shared : array (18,)
-        In the order of ``view_blocks.SHARED_NAMES``.
-    covariance : array (18, 18)
+    shared : array (P,)
+        In the order of ``view_blocks.shared_names``.
+    covariance : array (P, P)
         Of the shared parameters, poses and motions marginalised, given both scales.
     noise_px : float
         Standard deviation of one coordinate [px]; root mean square over the views where these differ.
     motion_scale : float
-        Standard deviation of the motion between the exposures, as displacement of corners per axis [m].
+        Standard deviation of the translation between the exposures, per axis [m].
     lever : float
-        Radius of gyration of the board that turns rotations into displacements [m].
+        That of the translation over that of the rotation [m].
     states : ViewStates
         Most probable poses and motions.
     log_likelihood_gain : float
         Restricted log likelihood above that of the fit without the term.
     left_rms_px, right_rms_px : float
         Root mean square length per corner of what the term leaves unexplained [px].
-    overconfidence : array (18,)
+    overconfidence : array (P,)
         Standard deviation with the term over that claimed without it.
     seconds : float
         Wall time.
@@ -125,8 +135,9 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
     Returns
     -------
     PairResidualFit
-        Scales by restricted maximum likelihood (D. Harville, J. Am. Stat. Assoc. 72 (1977) 320), so that 18 + 6 V
-        fitted parameters do not make the noise look small.
+        Scales by restricted maximum likelihood (D. Harville, J. Am. Stat. Assoc. 72 (1977) 320), so that P + 6 V
+        fitted parameters do not make the noise look small. Boards may shift more than they turn, or less: the lever
+        is found with them, under a log-normal prior about the radius of gyration of the board.
 
     Raises
     ------
@@ -134,7 +145,7 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
         The linearisation does not settle.
     """
     begin = time.perf_counter()
-    lever = gyration_radius(corners)
+    radius = lever = gyration_radius(corners)
     shared = fit.shared
     states = ViewStates(poses=fit.poses, motions=np.zeros_like(fit.poses))
     compressed = compress_views(shared, states, corners, lever)
@@ -143,10 +154,12 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
     scale = float(np.sqrt(np.mean(compressed.motion_rows[..., -1] ** 2 / compressed.motion_gains)))
     noise = fit.noise_px
     for _ in range(_MOST_LINEARISATIONS):
-        noise, scale = _best_scales(compressed, noise, scale)
+        noise, scale, factor = _best_scales(compressed, noise, scale, lever / radius)
+        compressed, lever = compressed.with_lever(factor), factor * lever
         information, gradient = compressed.information(noise, scale)
         step = np.linalg.solve(information, gradient)
         shared = shared + step
+        states = replace(states, motions=states.motions * np.array([*[factor] * 3, *[1.0] * 3]))
         states = settle_views(shared, states, corners, lever, noise_px=noise, motion_scale=scale)
         compressed = compress_views(shared, states, corners, lever)
         if step @ information @ step < 1e-8:
@@ -171,8 +184,8 @@ def extended_step(fit: PairResidualFit, corners: StereoCorners, columns: FloatAr
 
     Returns
     -------
-    step : array (18 + E,)
-    covariance : array (18 + E, 18 + E)
+    step : array (P + E,)
+    covariance : array (P + E, P + E)
     """
     extended = compress_views(fit.shared, fit.states, corners, fit.lever, extra=columns)
     information, gradient = extended.information(fit.noise_px, fit.motion_scale)
@@ -198,7 +211,7 @@ def _result(
     begin: float,
 ) -> PairResidualFit:
     """Gather the fit and what it leaves unexplained."""
-    covariance = covariance_from_information(compressed.information(noise, scale)[0], SHARED_NAMES)
+    covariance = covariance_from_information(compressed.information(noise, scale)[0], shared_names(corners.lens.free))
     as_seen = replace(corners, noise=None)
     motion = motion_columns(compressed.centre, states.poses, as_seen, lever)
     left_over = pair_blocks(compressed.centre, states.poses, as_seen).residuals
@@ -227,21 +240,34 @@ def _restricted(compressed: CompressedViews, noise_px: float, motion_scale: floa
     return float(peak) - 0.5 * float(np.linalg.slogdet(information)[1])
 
 
-def _best_scales(compressed: CompressedViews, noise_px: float, motion_scale: float) -> tuple[float, float]:
-    """Noise and motion scale of highest restricted likelihood."""
+def _best_scales(
+    compressed: CompressedViews, noise_px: float, motion_scale: float, stretch: float
+) -> tuple[float, float, float]:
+    """Noise and motion scale of highest restricted likelihood, and the factor by which the lever grows for it.
+
+    The stretch is that of the lever against the radius of gyration, as it is now.
+    """
     from scipy.optimize import minimize  # it takes long to import, and only corners need it
 
     def cost(logs: FloatArray) -> float:
-        return -_restricted(compressed, float(np.exp(logs[0])), float(np.exp(logs[1])))
+        noise, scale, factor = np.exp(logs)
+        unusual = (np.log(stretch) + logs[2]) / _LEVER_DEVIATION
+        return 0.5 * float(unusual**2) - _restricted(compressed.with_lever(factor), float(noise), float(scale))
 
+    start = np.array([np.log(noise_px), np.log(motion_scale), 0.0])
     found = minimize(
         cost,
-        np.array([np.log(noise_px), np.log(motion_scale)]),
+        start,
         method="Nelder-Mead",
-        options={"xatol": 1e-6, "fatol": 1e-8, "maxiter": 1000},
+        options={
+            "initial_simplex": np.concatenate([start[None], start + np.diag(_FIRST_STEPS)]),
+            "xatol": 1e-4,
+            "fatol": 1e-6,
+            "maxiter": 1000,
+        },
     )
-    noise, scale = np.exp(found.x)
-    return float(noise), float(scale)
+    noise, scale, factor = np.exp(found.x)
+    return float(noise), float(scale), float(factor)
 
 
 def log_posterior(compressed: CompressedViews, parameters: FloatArray, *, largest_motion: float) -> FloatArray:
@@ -251,8 +277,8 @@ def log_posterior(compressed: CompressedViews, parameters: FloatArray, *, larges
     ----------
     compressed : CompressedViews
         The views, reduced.
-    parameters : array (..., 20)
-        In the order of ``POSTERIOR_NAMES``.
+    parameters : array (..., P + 2)
+        In the order of ``posterior_names``.
     largest_motion : float
         Upper end of the uniform prior of the motion scale [m].
 
@@ -263,9 +289,9 @@ def log_posterior(compressed: CompressedViews, parameters: FloatArray, *, larges
         flat in the motion scale (A. Gelman, Bayesian Analysis 1 (2006) 515), which is sampled itself: views that do not
         move leave it free down to zero.
     """
-    scale = parameters[..., 19]
+    scale = parameters[..., -1]
     allowed = (scale > 0.0) & (scale <= largest_motion)
-    likelihood = compressed.log_likelihood(parameters[..., :18], np.exp(parameters[..., 18]), np.abs(scale))
+    likelihood = compressed.log_likelihood(parameters[..., :-2], np.exp(parameters[..., -2]), np.abs(scale))
     return np.where(allowed, likelihood, -np.inf)
 
 
@@ -296,12 +322,13 @@ def sample_relative_pose(
     """
     compressed = compress_views(fit.shared, fit.states, corners, fit.lever)
     laplace = _joint_laplace(fit, compressed, corners)
-    starts = laplace.draw(rng, MINIMUM_ENSEMBLES * _WALKERS)
-    starts[:, 19] = np.minimum(np.abs(starts[:, 19]), fit.lever)
+    walkers = 2 * len(laplace.names) + 2
+    starts = laplace.draw(rng, MINIMUM_ENSEMBLES * walkers)
+    starts[:, -1] = np.minimum(np.abs(starts[:, -1]), fit.lever)
     sample = sample_posterior(
         lambda parameters: log_posterior(compressed, parameters, largest_motion=fit.lever),
-        starts.reshape(MINIMUM_ENSEMBLES, _WALKERS, -1),
-        names=POSTERIOR_NAMES,
+        starts.reshape(MINIMUM_ENSEMBLES, walkers, -1),
+        names=laplace.names,
         rng=rng,
         proposal=laplace,
         maximum_steps=maximum_steps,
@@ -318,7 +345,7 @@ def check_marginalisation(
 
     Parameters
     ----------
-    draws : array (K, 20)
+    draws : array (K, P + 2)
         Posterior draws.
     compressed : CompressedViews
         The views, reduced.
@@ -332,27 +359,28 @@ def check_marginalisation(
     LaplaceCheck
         Of the log ratios.
     """
-    noises, scales = np.exp(draws[:, 18]), draws[:, 19]
+    noises, scales = np.exp(draws[:, -2]), draws[:, -1]
     exact = np.array(
         [
             exact_log_likelihood(
-                draw[:18], fit.states, corners, fit.lever, noise_px=float(noise), motion_scale=float(scale)
+                draw[:-2], fit.states, corners, fit.lever, noise_px=float(noise), motion_scale=float(scale)
             )
             for draw, noise, scale in zip(draws, noises, scales, strict=True)
         ]
     )
-    approximate = compressed.log_likelihood(draws[:, :18], noises, scales)
+    approximate = compressed.log_likelihood(draws[:, :-2], noises, scales)
     return compare_log_posteriors(exact, approximate)
 
 
 def _joint_laplace(fit: PairResidualFit, compressed: CompressedViews, corners: StereoCorners) -> LaplaceFit:
     """Normal approximation of all parameters: the noise by the number of coordinates, the motion by its likelihood."""
-    covariance = np.zeros((20, 20))
-    covariance[:18, :18] = fit.covariance
-    covariance[18, 18] = 1.0 / (8.0 * corners.corner_count)
-    covariance[19, 19] = _motion_deviation(fit, compressed) ** 2
+    names = posterior_names(corners.lens.free)
+    covariance = np.zeros((len(names), len(names)))
+    covariance[:-2, :-2] = fit.covariance
+    covariance[-2, -2] = 1.0 / (8.0 * corners.corner_count)
+    covariance[-1, -1] = _motion_deviation(fit, compressed) ** 2
     mean = np.concatenate([fit.shared, [np.log(fit.noise_px), fit.motion_scale]])
-    return LaplaceFit(names=POSTERIOR_NAMES, mean=mean, covariance=covariance)
+    return LaplaceFit(names=names, mean=mean, covariance=covariance)
 
 
 def _motion_deviation(fit: PairResidualFit, compressed: CompressedViews) -> float:

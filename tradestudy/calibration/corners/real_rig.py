@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from tradestudy.calibration.corners.bundle_adjustment import (
 )
 from tradestudy.calibration.corners.corner_file import MINIMUM_CORNERS, CornerFileError, StereoCorners
 from tradestudy.calibration.corners.corner_noise import CornerNoise, equal_noise, estimate_noise, outlier_weights
+from tradestudy.calibration.corners.marginal_views import gyration_radius
 from tradestudy.calibration.corners.model_columns import warp_columns, warp_shapes
 from tradestudy.calibration.corners.pair_residual import (
     PairResidualFit,
@@ -23,9 +25,16 @@ from tradestudy.calibration.corners.pair_residual import (
     fit_pair_residual,
     view_means,
 )
-from tradestudy.calibration.corners.view_blocks import LEFT, RELATIVE, RIGHT, motion_columns, pair_blocks
+from tradestudy.calibration.corners.view_blocks import (
+    RELATIVE,
+    ROTATION,
+    TRANSLATION,
+    cameras_of,
+    motion_columns,
+    pair_blocks,
+)
 from tradestudy.calibration.projection import move, project, ray_slopes, rotation_matrix
-from tradestudy.cameras.calibrated_pair import PINHOLES, Lenses
+from tradestudy.cameras.calibrated_pair import PINHOLES, RADIAL, Lenses
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.triangulation import inverse_depth_on_ray
@@ -36,36 +45,41 @@ _ROUNDS = 2  # of noise, fit and warp: each knows of the others
 _BETTER = 0.9  # an exchange of columns must lower the residuals by a tenth to be believed
 
 
-def observe_pair(shared: FloatArray, points: FloatArray, lenses: Lenses = PINHOLES) -> FloatArray:
+def observe_pair(
+    shared: FloatArray, points: FloatArray, lenses: Lenses = PINHOLES, free: Sequence[str] = RADIAL
+) -> FloatArray:
     """Image coordinates of points in both cameras.
 
     Parameters
     ----------
-    shared : array (..., 18)
-        In the order of ``view_blocks.SHARED_NAMES`` [px, 1, rad, m].
+    shared : array (..., P)
+        In the order of ``view_blocks.shared_names`` [px, 1, rad, m].
     points : array (..., N, 3)
         Points in the left camera's frame [m].
-    lenses
-        Lens models that the distortion of the parameters adds to.
+    lenses, free
+        Lens models, and names of the coefficients that are among the parameters.
 
     Returns
     -------
     array (..., N, 4)
         Left x, y and right x, y [px]; NaN for points outside the field of the camera concerned.
     """
-    left = project(shared[..., LEFT], points, lenses[0])
-    right = project(shared[..., RIGHT], move(shared[..., RELATIVE], points), lenses[1])
+    of_left, of_right = cameras_of(shared)
+    left = project(of_left, points, lenses[0], free)
+    right = project(of_right, move(shared[..., RELATIVE], points), lenses[1], free)
     return np.concatenate(np.broadcast_arrays(left, right), axis=-1)
 
 
 def points_midway(shared: FloatArray, z: FloatArray) -> FloatArray:
     """Points at distances z [m] in the left camera's frame, midway between the cameras and their axes, (D, 3)."""
-    axis = rotation_matrix(shared[12:15])[2] + np.array([0.0, 0.0, 1.0])  # of the right camera, and of the left one
-    centre = -rotation_matrix(shared[12:15]).T @ shared[15:18]
+    axis = rotation_matrix(shared[ROTATION])[2] + np.array([0.0, 0.0, 1.0])  # of the right camera, and of the left one
+    centre = -rotation_matrix(shared[ROTATION]).T @ shared[TRANSLATION]
     return np.concatenate([0.5 * centre[:2] + z[:, None] * axis[:2] / axis[2], z[:, None]], axis=-1)
 
 
-def inverse_depth(shared: FloatArray, seen: FloatArray, lenses: Lenses = PINHOLES) -> FloatArray:
+def inverse_depth(
+    shared: FloatArray, seen: FloatArray, lenses: Lenses = PINHOLES, free: Sequence[str] = RADIAL
+) -> FloatArray:
     """Inverse depth of points from their coordinates in both images, by disparity only.
 
     The left ray Z d is Z R d in the axes of the right camera; see `inverse_depth_on_ray`. The right y coordinate takes
@@ -73,12 +87,12 @@ def inverse_depth(shared: FloatArray, seen: FloatArray, lenses: Lenses = PINHOLE
 
     Parameters
     ----------
-    shared : array (..., 18)
-        In the order of ``view_blocks.SHARED_NAMES``; draws of a calibration as leading axes.
+    shared : array (..., P)
+        In the order of ``view_blocks.shared_names``; draws of a calibration as leading axes.
     seen : array (..., N, 4)
         Left x, y and right x, y [px].
-    lenses
-        Lens models that the distortion of the parameters adds to.
+    lenses, free
+        Lens models, and names of the coefficients that are among the parameters.
 
     Returns
     -------
@@ -86,11 +100,12 @@ def inverse_depth(shared: FloatArray, seen: FloatArray, lenses: Lenses = PINHOLE
         1/Z in the left camera's frame [1/m]; zero or negative where the rays do not meet in front of the pair, which
         stands for infinity.
     """
-    left = ray_slopes(shared[..., LEFT], seen[..., :2], lenses[0])
-    right = ray_slopes(shared[..., RIGHT], seen[..., 2:], lenses[1])[..., 0]
+    of_left, of_right = cameras_of(shared)
+    left = ray_slopes(of_left, seen[..., :2], lenses[0], free)
+    right = ray_slopes(of_right, seen[..., 2:], lenses[1], free)[..., 0]
     ray = np.concatenate([left, np.ones_like(left[..., :1])], axis=-1)
-    turned = ray @ np.swapaxes(rotation_matrix(shared[..., 12:15]), -1, -2)
-    moved_x, moved_z = shared[..., 15, None], shared[..., 17, None]
+    turned = ray @ np.swapaxes(rotation_matrix(shared[..., ROTATION]), -1, -2)
+    moved_x, moved_z = shared[..., -3, None], shared[..., -1, None]
     return inverse_depth_on_ray(turned[..., 0], turned[..., 2], right, moved_x, moved_z)
 
 
@@ -153,8 +168,8 @@ def fit_rig(corners: StereoCorners) -> RigFit:
     NotConvergedError
         The views do not determine the parameters.
     """
-    left = fit_camera(corners.board, corners.left, corners.present)
-    right = fit_camera(corners.board, corners.right, corners.present)
+    left = fit_camera(corners.board, corners.left, corners.present, lens=corners.lens)
+    right = fit_camera(corners.board, corners.right, corners.present, lens=corners.lens)
     _check_columns(corners, left, right)
     left, right, weights = _weighted(corners, left, right)
     present, corners = corners.present, _without_outliers(corners, weights)
@@ -162,14 +177,14 @@ def fit_rig(corners: StereoCorners) -> RigFit:
     check_rig(pair)
     means = view_means(pair, corners)
     explained = fit_pair_residual(pair, corners)
-    warp, deviations = np.zeros(3), np.zeros(3)
+    radius, warp, deviations = gyration_radius(corners), np.zeros(3), np.zeros(3)
     for _ in range(_ROUNDS):
         corners = replace(corners, noise=_noise_of(corners, explained, weights))
         explained = fit_pair_residual(replace(pair, shared=explained.shared, poses=explained.states.poses), corners)
-        columns = warp_columns(explained.shared, explained.states.poses, corners, explained.lever)
+        columns = warp_columns(explained.shared, explained.states.poses, corners, radius)
         step, covariance = extended_step(explained, corners, columns)
         warp, deviations = warp + step[-3:], np.sqrt(np.diag(covariance)[-3:])
-        corners = replace(corners, heights=warp_shapes(corners, explained.lever) @ warp)
+        corners = replace(corners, heights=warp_shapes(corners, radius) @ warp)
     corners = replace(corners, noise=_noise_of(corners, explained, weights))
     return RigFit(
         corners=corners,
@@ -202,8 +217,8 @@ def _weighted(corners: StereoCorners, left: CameraFit, right: CameraFit) -> tupl
         if np.max(np.abs(found - weights)) < _WEIGHTS_SETTLED:
             break
         weights = found
-        left = fit_camera(corners.board, corners.left, corners.present, weights[:, 0])
-        right = fit_camera(corners.board, corners.right, corners.present, weights[:, 1])
+        left = fit_camera(corners.board, corners.left, corners.present, weights[:, 0], corners.lens)
+        right = fit_camera(corners.board, corners.right, corners.present, weights[:, 1], corners.lens)
     return left, right, weights
 
 
@@ -242,7 +257,7 @@ def _rms_or_none(corners: StereoCorners) -> float | None:
     """Root sum square of both cameras' residuals [px]; None where no camera fits these columns."""
     try:
         sides: list[FloatArray] = [corners.left, corners.right]
-        fits = [fit_camera(corners.board, side, corners.present) for side in sides]
+        fits = [fit_camera(corners.board, side, corners.present, lens=corners.lens) for side in sides]
     except TradestudyError:  # then the columns as given are the better ones
         return None
     return float(np.hypot(fits[0].corner_rms_px, fits[1].corner_rms_px))

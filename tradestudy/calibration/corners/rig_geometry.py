@@ -7,10 +7,12 @@ from typing import Literal
 
 import numpy as np
 
-from tradestudy.calibration.projection import rotation_matrix
+from tradestudy.calibration.corners.view_blocks import ROTATION, TRANSLATION, cameras_of
+from tradestudy.calibration.projection import RADIAL_LENS, FreeLens, rotation_matrix
 from tradestudy.cameras.pair_geometry import PairGeometry
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.lens_models.lens_model import LensModel
 from tradestudy.units import significant
 
 LENGTH_LIMIT = 0.05  # of a declared focal length or baseline
@@ -26,7 +28,9 @@ class GeometryContradictionError(TradestudyError):
     exit_status = 2
 
 
-def check_geometry(name: str, rig: PairGeometry, best: FloatArray, draws: FloatArray, *, says: Says) -> None:
+def check_geometry(
+    name: str, rig: PairGeometry, best: FloatArray, draws: FloatArray, *, says: Says, lens: FreeLens = RADIAL_LENS
+) -> None:
     """Refuse a declared pair that contradicts the fitted one, with all contradictions at once.
 
     Parameters
@@ -35,12 +39,14 @@ def check_geometry(name: str, rig: PairGeometry, best: FloatArray, draws: FloatA
         Of the camera in its study.
     rig
         As declared.
-    best : array (18,)
-        Best parameters, in the order of ``view_blocks.SHARED_NAMES``.
-    draws : array (K, 18)
+    best : array (P,)
+        Best parameters, in the order of ``view_blocks.shared_names``.
+    draws : array (K, P)
         Joint draws about them, which say how well they are known.
     says
         Where they come from.
+    lens
+        What the coefficients of the parameters belong to.
 
     Raises
     ------
@@ -49,7 +55,7 @@ def check_geometry(name: str, rig: PairGeometry, best: FloatArray, draws: FloatA
         view, or the principal point lies farther from the middle of the sensor than 15 % of it; five standard
         deviations where these are larger.
     """
-    if found := tuple(_contradictions(name, rig, best, draws, says)):
+    if found := tuple(_contradictions(name, rig, best, draws, says, lens)):
         raise GeometryContradictionError("\n".join(found))
 
 
@@ -71,12 +77,17 @@ def check_inside(name: str, rig: PairGeometry, seen: FloatArray) -> None:
     )
 
 
-def _contradictions(name: str, rig: PairGeometry, best: FloatArray, draws: FloatArray, says: Says) -> Iterator[str]:
+def _contradictions(
+    name: str, rig: PairGeometry, best: FloatArray, draws: FloatArray, says: Says, lens: FreeLens
+) -> Iterator[str]:
     """One line for each quantity that is off by more than is allowed."""
     focal, baseline, angle = _geometry(best)
     deviation = np.std(np.stack(_geometry(draws)), axis=-1)
     instead = "another corner file" if says == "corners say" else "another posterior"
-    declared = rig.principal_distance / rig.sensor.pixel_pitch
+    # Focal lengths of lens models are comparable as they image the middle.
+    fitted = np.mean([_scale_on_axis(lens.at(camera[4:])) for camera in cameras_of(best)])
+    focal, deviation[0] = focal * fitted, deviation[0] * fitted
+    declared = rig.principal_distance / rig.sensor.pixel_pitch * _scale_on_axis(rig.distortion)
     rows = (
         ("focal length", "lenses", "px", 1.0, declared, focal, LENGTH_LIMIT * declared),
         ("baseline", "baseline", "mm", 1e3, rig.baseline, baseline, LENGTH_LIMIT * rig.baseline),
@@ -98,9 +109,9 @@ def _contradictions(name: str, rig: PairGeometry, best: FloatArray, draws: Float
                 f"{_with_spread(float(found) * per_unit, float(spread) * per_unit)}{label}; "
                 f"correct cameras.{name}.{key} or take {instead}"
             )
-    for side, first in (("left", 0), ("right", 6)):
+    for side, own, drawn in zip(("left", "right"), cameras_of(best), cameras_of(draws), strict=True):
         size = np.array([rig.sensor.columns, rig.sensor.rows])
-        centre, spread = best[first + 2 : first + 4], draws[:, first + 2 : first + 4].std(axis=0)
+        centre, spread = own[2:4], drawn[:, 2:4].std(axis=0)
         if np.any(np.abs(centre - (size - 1) / 2.0) > np.maximum(CENTRE_LIMIT * size, _DEVIATIONS * spread)):
             yield (
                 f"declared sensor {size[0]} × {size[1]} px, {says} that the {side} axis meets it at "
@@ -110,12 +121,17 @@ def _contradictions(name: str, rig: PairGeometry, best: FloatArray, draws: Float
 
 def _geometry(shared: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Mean focal length [px], baseline [m], and angle by which the axes converge [rad], each (...,)."""
-    right_axis = rotation_matrix(shared[..., 12:15])[..., 2, :]  # of the right camera, in the left frame
+    right_axis = rotation_matrix(shared[..., ROTATION])[..., 2, :]  # of the right camera, in the left frame
     return (
-        shared[..., [0, 1, 6, 7]].mean(axis=-1),
-        np.linalg.norm(shared[..., 15:18], axis=-1),
+        np.concatenate([camera[..., :2] for camera in cameras_of(shared)], axis=-1).mean(axis=-1),
+        np.linalg.norm(shared[..., TRANSLATION], axis=-1),
         np.arctan2(-right_axis[..., 0], right_axis[..., 2]),
     )
+
+
+def _scale_on_axis(lens: LensModel) -> float:
+    """How far places in the picture move with slopes about the axis: 1 for most models."""
+    return float(lens.derivatives(np.array([0.0, 0.0, 1.0]), ())[0][0, 0])
 
 
 def _with_spread(value: float, spread: float) -> str:

@@ -1,54 +1,79 @@
-"""Depth read by a calibrated pair: all 18 of its parameters can be in error."""
+"""Depth read by a calibrated pair: all of its parameters can be in error."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from tradestudy.calibration.corners.real_rig import inverse_depth, observe_pair, points_midway
-from tradestudy.calibration.corners.view_blocks import RELATIVE_POSE_NAMES, SHARED_NAMES
-from tradestudy.calibration.projection import INTRINSIC_NAMES, rotation_matrix, rotation_vector
-from tradestudy.cameras.calibrated_pair import PINHOLES, Lenses
+from tradestudy.calibration.corners.view_blocks import (
+    RELATIVE_POSE_NAMES,
+    ROTATION,
+    TRANSLATION,
+    cameras_of,
+    shared_names,
+)
+from tradestudy.calibration.projection import (
+    FreeLens,
+    coefficient_of,
+    intrinsic_names,
+    rotation_matrix,
+    rotation_vector,
+)
+from tradestudy.cameras.calibrated_pair import PINHOLES, RADIAL, CalibratedPair, Lenses
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import INTERIOR, PIXEL_NOISE, ErrorParameter, ErrorVocabulary, Unit
-from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
+from tradestudy.cameras.reading import Errors, Field, InverseDepthReading, require_known, shares_of, value_of
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.lens_models.families import ANGLES
 from tradestudy.optics.lens_models.lens_model import slopes
 
 SIDES: Final = ("left", "right")
 _BOTH: Final = {"left": -0.5, "right": 0.5}
-_LENGTHS: Final = np.array(["focal_length" in name or "translation" in name for name in SHARED_NAMES])
 _POSE: Final = ("yaw", "pitch", "roll", "baseline", "baseline_direction_y", "baseline_direction_z")
 
 
 def _unit_of(name: str) -> Unit:
     if name.endswith("_px"):
         return "px"
-    return "1" if "distortion" in name else "rad" if "rotation" in name else "m"
+    if (coefficient := coefficient_of(name)) is not None:
+        return "rad" if coefficient in ANGLES else "1"
+    return "rad" if "rotation" in name else "m"
 
 
-RIG_PARAMETERS: Final[ErrorVocabulary] = {
-    **{
-        f"{side}_{name}": ErrorParameter(
-            unit=_unit_of(name),
-            part=INTERIOR,
-            meaning=f"The {side} camera's {name.replace('_', ' ')}, by the fit.",
-        )
-        for side in SIDES
-        for name in INTRINSIC_NAMES
-    },
-    **{
-        name: ErrorParameter(
-            unit=_unit_of(name),
-            part="relative rotation" if "rotation" in name else "relative position",
-            meaning=f"The right camera's {name.replace('_', ' ')} against the left one, by the fit.",
-        )
-        for name in RELATIVE_POSE_NAMES
-    },
-}
-"""The parameters that corners determine, in the order of ``SHARED_NAMES``."""
+def rig_parameters(free: Sequence[str]) -> ErrorVocabulary:
+    """The parameters that corners determine of lenses with these coefficients, in the order of ``shared_names``."""
+    return {
+        **{
+            f"{side}_{name}": ErrorParameter(
+                unit=_unit_of(name),
+                part=INTERIOR,
+                meaning=f"The {side} camera's {name.replace('_', ' ')}, by the fit.",
+            )
+            for side in SIDES
+            for name in intrinsic_names(free)
+        },
+        **{
+            name: ErrorParameter(
+                unit=_unit_of(name),
+                part="relative rotation" if "rotation" in name else "relative position",
+                meaning=f"The right camera's {name.replace('_', ' ')} against the left one, by the fit.",
+            )
+            for name in RELATIVE_POSE_NAMES
+        },
+    }
+
+
+RIG_PARAMETERS: Final[ErrorVocabulary] = rig_parameters(RADIAL)
+
+
+def pair_found(best: FloatArray, lens: FreeLens) -> CalibratedPair:
+    """The pair that a fit found."""
+    left, right = (lens.at(camera[4:]) for camera in cameras_of(best))
+    return CalibratedPair(parameters=tuple(best), lenses=(left, right), free=lens.free)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,16 +82,16 @@ class RigReading:
 
     Parameters
     ----------
-    best : array (18,)
-        Best parameters, in the order of ``SHARED_NAMES`` [px, 1, rad, m].
+    best : array (P,)
+        Best parameters, in the order of ``shared_names`` [px, 1, rad, m].
     pixels
         Columns and rows of each picture.
     pixel_pitch
         [m], which turns errors on the sensor into pixels.
     vocabulary
-        Everything that can be in error: `RIG_PARAMETERS`, and those of a stereo rig, which can have aged.
-    lenses
-        Lens models that the distortion of the parameters adds to.
+        Everything that can be in error: `rig_parameters`, and those of a stereo rig, which can have aged.
+    lenses, free
+        Lens models, and names of the coefficients that are among the parameters.
     """
 
     best: FloatArray
@@ -74,9 +99,10 @@ class RigReading:
     pixel_pitch: float
     vocabulary: ErrorVocabulary
     lenses: Lenses = PINHOLES
+    free: tuple[str, ...] = RADIAL
 
     def __call__(
-        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
+        self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None = None
     ) -> InverseDepthReading:
         """Inverse depths by disparity in the frame of the left camera; arguments as of `DepthCamera.read`.
 
@@ -85,23 +111,22 @@ class RigReading:
         the housing; pressure and colour move the focus of a lens, not its principal distance.
         """
         require_known(errors, self.vocabulary, "a rig calibrated from corners")
-        require_field(field)
         rigs = [np.shape(error) for name, error in errors.items() if name != PIXEL_NOISE]
         if any(len(shape) == 2 and shape[1] > 1 for shape in rigs):
             return self._at_each(distance, field, errors, environment)
         points = self._points(np.asarray(distance, dtype=np.float64), field)
-        seen = observe_pair(self._grown(errors, environment), points, self.lenses)
+        seen = observe_pair(self._grown(errors, environment), points, self.lenses, self.free)
         size = np.array([*self.pixels, *self.pixels], dtype=np.float64)
         inside = np.all((seen >= -0.5) & (seen <= size - 0.5), axis=-1)  # NaN, outside a field, is not inside
         half = value_of(errors, PIXEL_NOISE)[..., None] / (2.0 * self.pixel_pitch)
         measured = np.where(inside[..., None], seen, size / 2.0) + half * np.array([1.0, 0.0, -1.0, 0.0])
-        inverse = inverse_depth(self._believed(errors), measured, self.lenses)
+        inverse = inverse_depth(self._believed(errors), measured, self.lenses, self.free)
         return InverseDepthReading(
             inverse_depth=inverse, no_overlap=np.atleast_2d(~inside), out_of_range=inside & np.isnan(inverse)
         )
 
     def _at_each(
-        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None
+        self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None
     ) -> InverseDepthReading:
         """Rigs that differ from distance to distance, errors of shape (draws, distances): one distance at a time."""
         found = []
@@ -120,30 +145,34 @@ class RigReading:
             ),
         )
 
-    def _points(self, z: FloatArray, field: float) -> FloatArray:
+    def _points(self, z: FloatArray, field: Field) -> FloatArray:
         """Points at distances z [m] in the left camera's frame, shape (distances, 3)."""
-        across, down = (field * self.pixels[axis] / 2.0 / self.best[axis] for axis in (0, 1))
+        across, down = (
+            share * self.pixels[axis] / 2.0 / self.best[axis] for axis, share in enumerate(shares_of(field))
+        )
         points = points_midway(self.best, z)
-        points[:, :2] += z[:, None] * np.stack(slopes(*self.lenses[0].ray(across, down)))
+        points[:, :2] += z[:, None] * np.stack(slopes(*self.lenses[0].ray(across, down)), axis=-1)
         return points
 
     def _grown(self, errors: Errors, environment: Environment | None) -> FloatArray:
-        """The rig as it is at the temperature of the reading, shape (18,) or (draws, 18)."""
+        """The rig as it is at the temperature of the reading, shape (P,) or (draws, P)."""
         if environment is None or "temperature_change" not in errors:
             return self.best
         growth = environment.length_factor(errors).reshape(-1, 1)
-        return np.where(_LENGTHS, self.best * growth, self.best)
+        lengths = ["focal_length" in name or "translation" in name for name in shared_names(self.free)]
+        return np.where(lengths, self.best * growth, self.best)
 
     def _believed(self, errors: Errors) -> FloatArray:
-        """The rigs that calibrations in error believe in, shape (draws, 18)."""
-        own = np.broadcast_arrays(*(_of_draws(errors, name) for name in SHARED_NAMES))
+        """The rigs that calibrations in error believe in, shape (draws, P)."""
+        names = shared_names(self.free)
+        own = np.broadcast_arrays(*(_of_draws(errors, name) for name in names))
         rigs: FloatArray = self.best + np.stack(own, axis=-1)
-        if aged := {name for name in errors if name not in RIG_PARAMETERS and name in self.vocabulary} - {PIXEL_NOISE}:
+        if aged := {name for name in errors if name not in names and name in self.vocabulary} - {PIXEL_NOISE}:
             rigs = rigs + self._interior(errors)
         return _posed(rigs, errors) if aged & set(_POSE) else rigs
 
     def _interior(self, errors: Errors) -> FloatArray:
-        """Errors of the cameras by the names of a stereo rig, shape (draws, 18)."""
+        """Errors of the cameras by the names of a stereo rig, shape (draws, P)."""
         pitch, columns = self.pixel_pitch, []
         for side in SIDES:
             focal = (_of_draws(errors, "focal_length") + _of_draws(errors, f"{side}_focal_length")) / pitch
@@ -153,8 +182,7 @@ class RigReading:
                 focal,
                 (apart + _of_draws(errors, f"{side}_principal_point_x")) / pitch,
                 _of_draws(errors, f"{side}_principal_point_y") / pitch,
-                _of_draws(errors, f"{side}_distortion_k1"),
-                _of_draws(errors, f"{side}_distortion_k2"),
+                *(_of_draws(errors, f"{side}_distortion_{name}") for name in self.free),
             ]
         return np.stack(np.broadcast_arrays(*columns, *[np.zeros(1)] * len(RELATIVE_POSE_NAMES)), axis=-1)
 
@@ -166,7 +194,7 @@ def _of_draws(errors: Errors, name: str) -> FloatArray:
 
 def _right_centre(rigs: FloatArray) -> FloatArray:
     """Centre of the right camera in the left camera's frame, −Rᵀ t [m], shape (..., 3)."""
-    centre: FloatArray = -(rotation_matrix(rigs[..., 12:15]).swapaxes(-1, -2) @ rigs[..., 15:18, None])[..., 0]
+    centre: FloatArray = -(rotation_matrix(rigs[..., ROTATION]).swapaxes(-1, -2) @ rigs[..., TRANSLATION, None])[..., 0]
     return centre
 
 
@@ -183,7 +211,7 @@ def _posed(rigs: FloatArray, errors: Errors) -> FloatArray:
     length = np.linalg.norm(centre, axis=-1, keepdims=True)
     direction = centre / length + np.stack([zero, np.tan(down), np.tan(along)], axis=-1)
     direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
-    rotation = rotation_matrix(rigs[..., 12:15]) @ np.swapaxes(turned, -1, -2)
+    rotation = rotation_matrix(rigs[..., ROTATION]) @ np.swapaxes(turned, -1, -2)
     moved = -(rotation @ (direction * (length + longer[:, None]))[..., None])[..., 0]
-    interior = np.broadcast_to(rigs[..., :12], (*moved.shape[:-1], 12))
+    interior = np.broadcast_to(rigs[..., :-6], (*moved.shape[:-1], rigs.shape[-1] - 6))
     return np.concatenate([interior, rotation_vector(rotation), moved], axis=-1)

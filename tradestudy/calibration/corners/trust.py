@@ -6,43 +6,22 @@ inverse depth, with the noise and the left–right term that the fit found.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from tradestudy.calibration.corners.marginal_views import CompressedViews, compress_views
-from tradestudy.calibration.corners.model_columns import LENS_EXTENSIONS, lens_columns
-from tradestudy.calibration.corners.pair_residual import extended_step, inverse_information
-from tradestudy.calibration.corners.real_rig import RigFit, inverse_depth, observe_pair, points_midway
+from tradestudy.calibration.corners.lens_comparison import ComparedLens, compare_lenses, compressed_fit, depth_slopes
+from tradestudy.calibration.corners.marginal_views import CompressedViews
+from tradestudy.calibration.corners.pair_residual import inverse_information
+from tradestudy.calibration.corners.real_rig import RigFit
+from tradestudy.calibration.projection import FreeLens
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.rational import IDEAL, Rational
 
 DISTANCES: Final = (0.3, 0.5, 1.0, 2.0, 5.0)
 _HALVES: Final = 200
 _CELLS: Final = (8, 6)  # of the map of residuals, across and down
-_STEP: Final = 1e-2  # standard deviations of a parameter
-
-
-@dataclass(frozen=True, kw_only=True)
-class Alternative:
-    """What a lens model with more coefficients would change.
-
-    Parameters
-    ----------
-    values, deviations : array (E,)
-        Its additional coefficients, of the left then of the right lens.
-    depth_change : array (D,)
-        Of depth [m].
-    chi_square
-        Of the additional coefficients against zero, with E degrees of freedom; more freedom only where it is large.
-    """
-
-    values: FloatArray
-    deviations: FloatArray
-    depth_change: FloatArray
-    chi_square: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +46,7 @@ class CalibrationTrust:
         Mean residuals in cells of the left and right picture, rows before columns, x and y [px]; NaN where there are
         no corners.
     lenses
-        Lens models with more coefficients, by name.
+        Other lens models, by name.
     """
 
     distances: FloatArray
@@ -78,7 +57,7 @@ class CalibrationTrust:
     view_rms: FloatArray
     neighbour_correlation: FloatArray
     residual_map: FloatArray
-    lenses: Mapping[str, Alternative]
+    lenses: Mapping[str, ComparedLens]
 
     @property
     def ratio(self) -> FloatArray:
@@ -91,7 +70,12 @@ class CalibrationTrust:
         return self.claimed * np.maximum(self.ratio, 1.0)
 
 
-def examine(fit: RigFit, pixels: tuple[int, int], distances: tuple[float, ...] = DISTANCES) -> CalibrationTrust:
+def examine(
+    fit: RigFit,
+    pixels: tuple[int, int],
+    distances: tuple[float, ...] = DISTANCES,
+    others: Sequence[FreeLens] = (),
+) -> CalibrationTrust:
     """Examine a fitted pair.
 
     Parameters
@@ -102,13 +86,12 @@ def examine(fit: RigFit, pixels: tuple[int, int], distances: tuple[float, ...] =
         Columns and rows of the pictures.
     distances
         Where depth is compared [m].
+    others
+        Lens models to fit beside those that the program compares with of its own accord.
     """
     z = np.array(distances)
-    explained, corners = fit.explained, fit.corners
-    shared = explained.shared
-    seen = observe_pair(shared, points_midway(shared, z))
-    compressed = compress_views(shared, explained.states, corners, explained.lever)
-    slopes = _slopes(fit, seen)
+    explained, compressed = fit.explained, compressed_fit(fit)
+    slopes = depth_slopes(fit, z)
     difference, claim = _halves(fit, compressed, slopes)
     return CalibrationTrust(
         distances=z,
@@ -119,48 +102,8 @@ def examine(fit: RigFit, pixels: tuple[int, int], distances: tuple[float, ...] =
         view_rms=_view_rms(fit),
         neighbour_correlation=_neighbour_correlation(fit),
         residual_map=_residual_map(fit, pixels),
-        lenses={
-            name: _alternative(fit, slopes, _slopes_by_lens(shared, seen, names), names, z)
-            for name, names in LENS_EXTENSIONS.items()
-        },
+        lenses=compare_lenses(fit, z, others),
     )
-
-
-def _alternative(
-    fit: RigFit, slopes: FloatArray, by_extra: FloatArray, names: tuple[str, ...], z: FloatArray
-) -> Alternative:
-    """More coefficients of both lenses, by one generalised least-squares step, which is nearly exact."""
-    columns = lens_columns(fit.explained.shared, fit.explained.states.poses, fit.corners, names)
-    step, covariance = extended_step(fit.explained, fit.corners, columns)
-    count = slopes.shape[1]
-    values, own = step[count:], covariance[count:, count:]
-    return Alternative(
-        values=values,
-        deviations=np.sqrt(np.diag(own)),
-        depth_change=-(z**2) * (np.concatenate([slopes, by_extra], axis=1) @ step),
-        chi_square=float(values @ np.linalg.solve(own, values)),
-    )
-
-
-def _slopes(fit: RigFit, seen: FloatArray) -> FloatArray:
-    """Derivatives of inverse depth by the shared parameters, shape (D, 18)."""
-    step = _STEP * np.sqrt(np.diag(fit.explained.covariance))
-    up, down = (inverse_depth(fit.explained.shared + sign * np.diag(step), seen) for sign in (1.0, -1.0))
-    return np.asarray(((up - down) / (2.0 * step[:, None])).T)
-
-
-def _slopes_by_lens(shared: FloatArray, seen: FloatArray, names: tuple[str, ...]) -> FloatArray:
-    """Derivatives of inverse depth by more coefficients of the left, then of the right lens, shape (D, 2 n)."""
-    step = 1e-5
-    columns = []
-    for side in range(2):
-        for name in names:
-            read = []
-            for sign in (1.0, -1.0):
-                changed = Rational(**{name: sign * step})
-                read.append(inverse_depth(shared, seen, (changed, IDEAL) if side == 0 else (IDEAL, changed)))
-            columns.append((read[0] - read[1]) / (2.0 * step))
-    return np.stack(columns, axis=-1)
 
 
 def _halves(fit: RigFit, compressed: CompressedViews, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tradestudy.calibration.corners.corner_file import StereoCorners
 from tradestudy.calibration.projection import (
-    INTRINSIC_NAMES,
+    RADIAL_LENS,
+    FreeLens,
     cross_matrix,
+    intrinsic_names,
     move,
     move_jacobian,
     project_with_jacobians,
     rotation_matrix,
 )
+from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 RELATIVE_POSE_NAMES = (
@@ -25,12 +29,24 @@ RELATIVE_POSE_NAMES = (
     "relative_translation_y",
     "relative_translation_z",
 )
-SHARED_NAMES = (
-    *(f"left_{name}" for name in INTRINSIC_NAMES),
-    *(f"right_{name}" for name in INTRINSIC_NAMES),
-    *RELATIVE_POSE_NAMES,
-)
-LEFT, RIGHT, RELATIVE = slice(0, 6), slice(6, 12), slice(12, 18)
+RELATIVE = slice(-6, None)
+ROTATION, TRANSLATION = slice(-6, -3), slice(-3, None)
+"""Where a pair's parameters hold the relative pose, its rotation and its translation."""
+
+
+def shared_names(free: Sequence[str]) -> tuple[str, ...]:
+    """Names of the parameters of a pair of lenses with these coefficients."""
+    own = intrinsic_names(free)
+    return (*(f"left_{name}" for name in own), *(f"right_{name}" for name in own), *RELATIVE_POSE_NAMES)
+
+
+SHARED_NAMES = shared_names(RADIAL)
+
+
+def cameras_of(shared: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Parameters of the left and of the right camera, (..., 4 + n) each, among those of a pair."""
+    half = (shared.shape[-1] - 6) // 2
+    return shared[..., :half], shared[..., half:-6]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,13 +75,18 @@ def board_points(board: FloatArray) -> FloatArray:
 
 
 def camera_blocks(
-    intrinsics: FloatArray, poses: FloatArray, board: FloatArray, image: FloatArray, present: BoolArray | FloatArray
+    intrinsics: FloatArray,
+    poses: FloatArray,
+    board: FloatArray,
+    image: FloatArray,
+    present: BoolArray | FloatArray,
+    lens: FreeLens = RADIAL_LENS,
 ) -> ViewBlocks:
     """Blocks of one camera.
 
     Parameters
     ----------
-    intrinsics : array (6,)
+    intrinsics : array (4 + n,)
         Shared parameters, as for ``projection.project``.
     poses : array (V, 6)
         Board to camera [rad, m].
@@ -73,14 +94,16 @@ def camera_blocks(
         Corners on the board [m] and in the image [px].
     present : array (V, N)
         Which corners exist; numbers are square roots of their weights.
+    lens
+        Of the camera.
 
     Returns
     -------
     ViewBlocks
-        With M = 2 N and P = 6.
+        With M = 2 N and P = 4 + n.
     """
     points = board_points(board)
-    predicted, by_intrinsics, by_points = project_with_jacobians(intrinsics, move(poses, points))
+    predicted, by_intrinsics, by_points = project_with_jacobians(intrinsics, move(poses, points), lens.model, lens.free)
     by_pose = by_points @ move_jacobian(poses, points)
     return ViewBlocks(
         residuals=_flat(image - predicted, present),
@@ -94,9 +117,9 @@ def pair_blocks(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -
 
     Parameters
     ----------
-    shared : array (18,)
+    shared : array (P,)
         Intrinsic parameters of left and right, relative pose (left frame to right frame), in the order of
-        ``SHARED_NAMES`` [px, 1, rad, m].
+        ``shared_names`` [px, 1, rad, m].
     poses : array (V, 6)
         Board to left camera [rad, m].
     corners : StereoCorners
@@ -105,19 +128,21 @@ def pair_blocks(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -
     Returns
     -------
     ViewBlocks
-        With M = 4 N (left corners, then right corners) and P = 18.
+        With M = 4 N (left corners, then right corners) and P = 14 + 2 n.
     """
     points = corners.points
     seen_left = move(poses, points)
     seen_right = move(shared[RELATIVE], seen_left)
-    left, left_by_intrinsics, left_by_points = project_with_jacobians(shared[LEFT], seen_left)
-    right, right_by_intrinsics, right_by_points = project_with_jacobians(shared[RIGHT], seen_right)
+    lens, (of_left, of_right) = corners.lens, cameras_of(shared)
+    left, left_by_intrinsics, left_by_points = project_with_jacobians(of_left, seen_left, lens.model, lens.free)
+    right, right_by_intrinsics, right_by_points = project_with_jacobians(of_right, seen_right, lens.model, lens.free)
     left_pose = move_jacobian(poses, points)
     right_by_relative = right_by_points @ move_jacobian(shared[RELATIVE], seen_left)
-    right_by_pose = right_by_points @ rotation_matrix(shared[12:15]) @ left_pose
+    right_by_pose = right_by_points @ rotation_matrix(shared[ROTATION]) @ left_pose
     there = corners.present
     whiten = (lambda values: values) if corners.noise is None else corners.noise.whiten
-    by_shared_left = np.concatenate([left_by_intrinsics, np.zeros((*left_by_intrinsics.shape[:-1], 12))], axis=-1)
+    none = np.zeros((*left_by_intrinsics.shape[:-1], len(shared) - len(of_left)))
+    by_shared_left = np.concatenate([left_by_intrinsics, none], axis=-1)
     by_shared_right = np.concatenate(
         [np.zeros_like(right_by_intrinsics), right_by_intrinsics, right_by_relative], axis=-1
     )
@@ -155,7 +180,7 @@ def motion_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners
     twist = np.concatenate(
         [-cross_matrix(seen - centre) / lever, np.broadcast_to(np.eye(3), (*seen.shape[:-1], 3, 3))], axis=-1
     )
-    by_points = project_with_jacobians(shared[RIGHT], seen)[2]
+    by_points = project_with_jacobians(cameras_of(shared)[1], seen, corners.lens.model, corners.lens.free)[2]
     right = _flat_rows(by_points @ twist, corners.present)
     both = np.concatenate([np.zeros_like(right), right], axis=1)
     return both if corners.noise is None else corners.noise.whiten(both)

@@ -89,7 +89,7 @@ def covariance_from_information(information: FloatArray, names: tuple[str, ...])
     if values[0] * CONDITION_LIMIT < values[-1]:
         share = np.abs(vectors[:, 0])
         culprits = [names[index] for index in np.argsort(-share)[:3] if share[index] > 0.1]
-        raise _open_direction(culprits, values[-1] / max(values[0], np.finfo(float).tiny))
+        raise _open_direction(culprits, values[-1] / max(values[0], np.finfo(float).eps * values[-1]))
     root = vectors * scale[:, None] / np.sqrt(values)
     covariance: FloatArray = root @ root.T
     return covariance

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.cameras.calibration_declaration import CalibrationPart, calibration_part
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
@@ -147,12 +148,14 @@ class StereoDeclaration(DepthCameraDeclaration):
             )
         both = () if self.geometry is None else (self.geometry.left.distortion, self.geometry.right.distortion)
         given = (self.distortion, *both)
-        without = [one.model for one in given if one and not {"k1", "k2"} <= {*one.family.coefficient_names()}]
+        without = [one.model for one in given if one and not {*RADIAL} <= {*one.family.coefficient_names()}]
+        fitted = None if self.calibration.corners is None else self.calibration.corners.lens_model
+        without += [fitted.model] if fitted and not {*RADIAL} <= {*fitted.fitted} else []
         errors = {"errors": self.calibration.errors, "ageing": self.calibration.stability.ageing}
         radial = [(where, name) for where, part in errors.items() for name in part.given() if "_distortion_k" in name]
         if radial and without:
             where = ("calibration", *(("stability",) if radial[0][0] == "ageing" else ()), *radial[0])
-            raise MistakeAt(where, f"a lens of the model {without[0]} has no k1 and k2; leave it out")
+            raise MistakeAt(where, f"a lens of the model {without[0]} has no k1 and k2 here; leave it out")
         return self
 
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:

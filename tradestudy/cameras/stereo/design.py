@@ -21,7 +21,15 @@ from tradestudy.cameras.imported import ImportedRig
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
-from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
+from tradestudy.cameras.reading import (
+    Errors,
+    Field,
+    InverseDepthReading,
+    require_field,
+    require_known,
+    shares_of,
+    value_of,
+)
 from tradestudy.cameras.single_lens_exposure import SingleLensExposure
 from tradestudy.cameras.stereo.errors import STEREO_ERRORS
 from tradestudy.cameras.stereo.exported import rig_of_calibration, rig_of_design
@@ -189,6 +197,11 @@ class StereoRig(DepthCamera):
         return full_angle(self.distortion, width / twice, height / twice)
 
     @property
+    def mapped(self) -> bool:
+        """Whether its lenses, or how it was calibrated, make depth differ over the picture by more than the angle."""
+        return self.distortion != IDEAL or self.calibration.reading is not None
+
+    @property
     def gathering_lens(self) -> Lens:
         """Either lens."""
         return self.lens
@@ -213,9 +226,9 @@ class StereoRig(DepthCamera):
             distortion=self.distortion,
         )
 
-    def exported(self, fitted: FloatArray | None = None) -> ImportedRig:
-        """The pair of 18 fitted parameters, else the calibrated one, else that of the design."""
-        found = self.calibrated_pair if fitted is None else CalibratedPair(parameters=tuple(fitted))
+    def exported(self, fitted: CalibratedPair | None = None) -> ImportedRig:
+        """The fitted pair, else the calibrated one, else that of the design."""
+        found = self.calibrated_pair if fitted is None else fitted
         if found is not None:
             return rig_of_calibration(found, (self.sensor.columns, self.sensor.rows))
         return rig_of_design(self.pair, self.sensor)
@@ -297,7 +310,7 @@ class StereoRig(DepthCamera):
         return edge_angle(self.distortion, field * self.sensor.width / twice, field * self.sensor.height / twice)
 
     def read(
-        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
+        self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None = None
     ) -> InverseDepthReading:
         """Inverse depths of points in the view midway between the cameras; see `DepthCamera.read`.
 
@@ -305,11 +318,11 @@ class StereoRig(DepthCamera):
         its principal distance, so they leave disparity alone.
         """
         require_known(errors, STEREO_ERRORS, "a stereo rig")
-        require_field(field)
+        x, y = shares_of(field)
         c, sensor = self.principal_distance, self.sensor
         z = np.asarray(distance, dtype=np.float64)
         changed = self._changed(errors, environment)
-        right, down = slopes(*self.distortion.ray(field * sensor.width / 2.0 / c, field * sensor.height / 2.0 / c))
+        right, down = slopes(*self.distortion.ray(x * sensor.width / 2.0 / c, y * sensor.height / 2.0 / c))
         image = self.observe(changed, right * z, down * z, z)
         left_x, left_y, right_x, right_y = (
             np.abs(place) <= extent / 2.0

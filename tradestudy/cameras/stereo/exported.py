@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final, cast
 
 import numpy as np
@@ -21,11 +22,16 @@ def rig_of_calibration(pair: CalibratedPair, pixels: tuple[int, int]) -> Importe
     from scipy.spatial.transform import Rotation as Turn
 
     shared = np.array(pair.parameters)
+    interiors = np.split(shared[:-6], 2)
+    lenses = [
+        replace(lens, **dict(zip(pair.free, map(float, interior[4:]), strict=True)))
+        for lens, interior in zip(pair.lenses, interiors, strict=True)
+    ]
     return _rig(
-        _camera("left", shared[:6], pair.lenses[0], pixels),
-        _camera("right", shared[6:12], pair.lenses[1], pixels),
-        Turn.from_rotvec(shared[12:15]).as_matrix(),
-        shared[15:18],
+        _camera("left", interiors[0], lenses[0], pixels),
+        _camera("right", interiors[1], lenses[1], pixels),
+        Turn.from_rotvec(shared[-6:-3]).as_matrix(),
+        shared[-3:],
     )
 
 
@@ -33,7 +39,7 @@ def rig_of_design(pair: Pair, sensor: Sensor) -> ImportedRig:
     """Two equal cameras whose axes meet the middle of their pictures."""
     focal_length = pair.principal_distance / sensor.pixel_pitch
     middle = ((sensor.columns - 1) / 2.0, (sensor.rows - 1) / 2.0)
-    interior = np.array([focal_length, focal_length, *middle, 0.0, 0.0])
+    interior = np.array([focal_length, focal_length, *middle])
     left, right = pair_poses(pair, {})
     to_right = np.array(right.rotation).T
     pixels = (sensor.columns, sensor.rows)
@@ -53,7 +59,7 @@ def _camera(name: str, interior: FloatArray, lens: LensModel, pixels: tuple[int,
         centre=(cx, cy),
         pixels=pixels,
         lens_model=cast(LensModelName, lens.name),
-        coefficients=lens.with_radial_error(interior[4], interior[5]).coefficients(),
+        coefficients=lens.coefficients(),
         conventions=(),
         keys=_KEYS,
     )

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from tradestudy.cameras.calibrated_pair import CalibratedPair
+from tradestudy.cameras.calibrated_pair import RADIAL, CalibratedPair
 from tradestudy.declarations.lens_models import AnyLensModel
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
@@ -27,9 +27,10 @@ class CalibratedCameraPart(Part):
         """In SI."""
         return IDEAL if self.distortion is None else self.distortion.lens_model()
 
-    def values(self) -> tuple[float, ...]:
-        """Focal lengths and principal point [px], and no distortion beyond that of the lens model."""
-        return (*self.focal_length, *self.principal_point, 0.0, 0.0)
+    def values(self, free: tuple[str, ...]) -> tuple[float, ...]:
+        """Focal lengths and principal point [px], and these coefficients of the lens model."""
+        known = self.lens_model().coefficients()
+        return (*self.focal_length, *self.principal_point, *(known[name] for name in free))
 
 
 class GeometryPart(Part):
@@ -76,6 +77,8 @@ class GeometryPart(Part):
 
     @property
     def pair(self) -> CalibratedPair:
-        """In SI."""
-        parameters = (*self.left.values(), *self.right.values(), *self.rotation, *self.translation)
-        return CalibratedPair(parameters=parameters, lenses=(self.left.lens_model(), self.right.lens_model()))
+        """In SI; k1 and k2 are among the parameters where both lens models have them."""
+        lenses = (self.left.lens_model(), self.right.lens_model())
+        free = RADIAL if all({*RADIAL} <= {*lens.coefficient_names()} for lens in lenses) else ()
+        parameters = (*self.left.values(free), *self.right.values(free), *self.rotation, *self.translation)
+        return CalibratedPair(parameters=parameters, lenses=lenses, free=free)

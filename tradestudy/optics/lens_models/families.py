@@ -19,3 +19,10 @@ FAMILIES: Final[Mapping[str, type[LensModel]]] = {
 }
 ANGLES: Final = ("tau_x", "tau_y", "w")
 """Coefficients in rad; the others are numbers."""
+STARTS: Final[Mapping[str, Mapping[str, float]]] = {
+    FieldOfView.name: {"w": 0.9},
+    Omnidirectional.name: {"xi": 1.0},
+    DoubleSphere.name: {"xi": 0.0, "alpha": 0.5},
+    ExtendedUnified.name: {"alpha": 0.5, "beta": 1.0},
+}
+"""Coefficients that fits start from, in the middle of what lenses have; those of the other families are zero."""

@@ -12,6 +12,9 @@ from tradestudy.report.document import Block, Callout, Column, Heading, Paragrap
 from tradestudy.report.words import in_words, or_dash, share
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import significant
+from tradestudy.wording import distance
+
+_CLEARLY = 2.0  # standard errors
 
 
 def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -41,6 +44,8 @@ def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
         yield from pictures_of(drawings, f"corner-{name}", f"trace-{name}", f"trust-{name}")
     if "rig_value" in data:
         yield _rig(data, titles)
+    if "rig_lens_support" in data:
+        yield from _lenses(data, titles)
 
 
 def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
@@ -153,3 +158,51 @@ def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
             "where that is above 1. Corners cannot reveal the size of the squares: 0.1 % of it is 0.3 mm at 0.3 m.",
         ),
     )
+
+
+def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
+    """Which lens model the corners support, and what each would change in depth."""
+    rows: list[tuple[Text, ...]] = []
+    for name in map(str, data["posterior"].values):
+        compared = data.sel(posterior=name).dropna("lens_model", subset=["rig_lens_support"])
+        if not compared.sizes["lens_model"]:
+            continue
+        yield Paragraph(_supported(compared, titles[name]))
+        rows += [
+            (titles[name], str(model), *_lens_cells(compared, str(model))) for model in compared["lens_model"].values
+        ]
+    yield Table(
+        name="lens-model-table",
+        caption="Lens models compared: by how much views, each left out in turn, are likelier than by the model in use "
+        "(log likelihood ± standard error over views), and what the model changes in depth midway between the cameras "
+        "(mm ± standard error by the jackknife over views).",
+        columns=(
+            Column(title="Rig", weight=1),
+            Column(title="Lens model", weight=2),
+            Column(title="Support", align="right"),
+            *(Column(title=distance(float(one)), align="right") for one in data["rig_distance"].values),
+        ),
+        rows=tuple(rows),
+    )
+
+
+def _supported(compared: xr.Dataset, title: str) -> Text:
+    support = compared["rig_lens_support"]
+    best = compared.isel(lens_model=int(np.argmax(support.values)))
+    if float(best["rig_lens_support"]) > _CLEARLY * float(best["rig_lens_support_deviation"]):
+        what = "The corners of {title} support another lens model than the one in use: {model}."
+        return say(what, title=title, model=str(best["lens_model"].item()))
+    return say("The corners of {title} support no other lens model clearly.", title=title)
+
+
+def _lens_cells(compared: xr.Dataset, model: str) -> Iterator[str]:
+    one = compared.sel(lens_model=model)
+    yield _with_error(float(one["rig_lens_support"]), float(one["rig_lens_support_deviation"]))
+    for change, error in zip(one["rig_lens_change"].values, one["rig_lens_change_deviation"].values, strict=True):
+        yield _with_error(1e3 * float(change), 1e3 * float(error))
+
+
+def _with_error(value: float, error: float) -> str:
+    """A number and its standard error, both to two digits of the latter."""
+    decimals = max(0, 1 - int(np.floor(np.log10(error)))) if error > 0.0 else 3
+    return f"{value:+.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")

@@ -8,11 +8,11 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Block, Column, Heading, Table, Text, pictures_of
+from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of
 from tradestudy.report.sections.disparity_causes import describe_disparity_causes
 from tradestudy.report.words import in_words
 from tradestudy.results.views.depth import broken_limits, nominal
-from tradestudy.results.views.groups import has, titles_in
+from tradestudy.results.views.groups import group, has, titles_in
 from tradestudy.wording import distance
 
 
@@ -28,6 +28,7 @@ def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iter
         yield Heading(text="Depth discrimination and uncertainty", anchor="depth", level=2)
         yield from pictures_of(drawings, "close_range", "mid_range")
         yield from _pictured(drawings, "Off the axis", "off-axis", "off_axis")
+        yield from _over_the_picture(tree, drawings)
         yield from describe_disparity_causes(tree)
         yield from _pictured(drawings, "Swept designs", "sweeps", "sweep_map", "pareto")
 
@@ -37,6 +38,17 @@ def _pictured(drawings: Mapping[str, Drawing], title: str, anchor: str, *names: 
     if pictures := tuple(pictures_of(drawings, *names)):
         yield Heading(text=title, anchor=anchor, level=2)
         yield from pictures
+
+
+def _over_the_picture(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Maps of depth uncertainty, one for each rig that has any."""
+    if not has(tree, "depth_map"):
+        return
+    yield Heading(text="Over the picture", anchor="depth-map", level=2)
+    for key in map(str, group(tree, "depth_map")["camera"].values):
+        drawing = drawings[f"depth-map-{key}"]
+        yield Paragraph(drawing.alt)
+        yield from pictures_of(drawings, drawing.name)
 
 
 def _usable_range(tree: xr.DataTree) -> Iterator[Block]:

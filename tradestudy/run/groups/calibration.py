@@ -10,11 +10,11 @@ import xarray as xr
 
 from tradestudy.calibration.calibration_file import CalibrationDraws
 from tradestudy.calibration.corners.trust import DISTANCES
-from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.posteriors import InferredCalibration
+from tradestudy.calibration.projection import lens_of_text, text_of_lens
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
-from tradestudy.run.groups.real_rig import rig_rows, rig_trust
+from tradestudy.run.groups.real_rig import rig_lenses, rig_rows, rig_trust
 
 _SHOWN_STEPS = 300
 
@@ -22,9 +22,11 @@ _SHOWN_STEPS = 300
 def calibration_group(inferred: Mapping[str, InferredCalibration]) -> xr.Dataset:
     """/calibration: the posterior of every camera with an inferred calibration, and the results of the fits."""
     posterior, names = _posteriors(inferred)
-    values = posterior | rig_rows(inferred) | rig_trust(inferred)
-    distances = {"rig_distance": list(DISTANCES)} if "rig_claimed" in values else {}
-    return dataset("calibration", values, {"posterior": list(inferred), "parameter": names, **distances})
+    lenses, lens_names = rig_lenses(inferred)
+    values = posterior | rig_rows(inferred) | rig_trust(inferred) | lenses
+    distances: dict[str, Any] = {"rig_distance": list(DISTANCES)} if "rig_claimed" in values else {}
+    models = {"lens_model": lens_names} if lenses else {}
+    return dataset("calibration", values, {"posterior": list(inferred), "parameter": names, **distances, **models})
 
 
 def _posteriors(calibrations: Mapping[str, InferredCalibration]) -> tuple[dict[str, Any], list[str]]:
@@ -72,6 +74,7 @@ def _posteriors(calibrations: Mapping[str, InferredCalibration]) -> tuple[dict[s
         "posterior_bulk_size": over_parameters(lambda one: one.sample.diagnostics.bulk_effective_size),
         "posterior_tail_size": over_parameters(lambda one: one.sample.diagnostics.tail_effective_size),
         "posterior_best": over_parameters(_best),
+        "posterior_lens_model": of_each(lambda one: text_of_lens(one.posterior.lens)),
         "posterior_pixels": of_each(lambda one: one.posterior.pixels or (0, 0)),
         "posterior_draw": over_parameters(lambda one: _draws(one, most)),
         "posterior_trace": over_parameters(lambda one: _trace(one, ensembles)),
@@ -122,7 +125,7 @@ def saved_posteriors(tree: xr.DataTree) -> dict[str, CalibrationDraws]:
         one = group.sel(posterior=name)
         of_rig = bool(np.isfinite(one["posterior_best"].values).any())
         drawn = one["parameter"].values[np.isfinite(one["posterior_draw"].values).any(axis=0)]
-        own = one.sel(parameter=list(SHARED_NAMES) if of_rig else drawn)
+        own = one.sel(parameter=drawn)
         draws = own["posterior_draw"].values
         columns, rows = (int(count) for count in own["posterior_pixels"].values)
         found[str(name)] = CalibrationDraws(
@@ -130,5 +133,6 @@ def saved_posteriors(tree: xr.DataTree) -> dict[str, CalibrationDraws]:
             draws=draws[np.isfinite(draws).all(axis=1)],
             best=own["posterior_best"].values if of_rig else None,
             pixels=(columns, rows) if of_rig else None,
+            lens=lens_of_text(str(one["posterior_lens_model"].item())),
         )
     return found

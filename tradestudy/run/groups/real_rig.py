@@ -6,10 +6,12 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
+from tradestudy.calibration.corners.lens_comparison import ComparedLens
 from tradestudy.calibration.corners.real_rig import RigFit
 from tradestudy.calibration.corners.trust import CalibrationTrust
+from tradestudy.calibration.corners.view_blocks import TRANSLATION, cameras_of
 from tradestudy.calibration.posteriors import InferredCalibration
-from tradestudy.calibration.projection import INTRINSIC_NAMES
+from tradestudy.calibration.projection import intrinsic_names
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.units import ANGLE, LENGTH, PIXELS, pretty, significant
 
@@ -46,15 +48,37 @@ def rig_trust(inferred: Mapping[str, InferredCalibration]) -> dict[str, FloatArr
     }
 
 
+def rig_lenses(inferred: Mapping[str, InferredCalibration]) -> tuple[dict[str, FloatArray], list[str]]:
+    """What other lens models would change, over calibrations and the models; NaN where none was compared."""
+    known = [one.trust.lenses if one.trust is not None else {} for one in inferred.values()]
+    names = list(dict.fromkeys(name for lenses in known for name in lenses))
+    if not names:
+        return {}, []
+
+    def of_each(get: Callable[[ComparedLens], FloatArray | float]) -> FloatArray:
+        nothing = np.full_like(get(next(lenses[names[0]] for lenses in known if names[0] in lenses)), np.nan)
+        return np.array([[get(lenses[name]) if name in lenses else nothing for name in names] for lenses in known])
+
+    return {
+        "rig_lens_support": of_each(lambda one: one.support),
+        "rig_lens_support_deviation": of_each(lambda one: one.support_deviation),
+        "rig_lens_change": of_each(lambda one: one.depth_change),
+        "rig_lens_change_deviation": of_each(lambda one: one.depth_change_deviation),
+    }, names
+
+
 def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     yield "views and corners", f"{len(fit.corners.views)} views, {fit.corners.corner_count} corners"
     for side, camera in (("left", fit.left), ("right", fit.right)):
         yield f"residual of the {side} camera alone", pretty(camera.corner_rms_px, PIXELS)
-        for k, name in enumerate(INTRINSIC_NAMES):
+        for k, name in enumerate(intrinsic_names(fit.corners.lens.free)):
             deviation = float(np.sqrt(camera.covariance[k, k]))
             unit = " px" if name.endswith("_px") else ""
             words = name.removesuffix("_px").replace("_", " ")
             yield f"{side} {words}", f"{_digits(float(camera.intrinsics[k]), deviation)}{unit}"
+    lens, cameras = fit.corners.lens, cameras_of(fit.explained.shared)
+    for side, values in zip(("left", "right"), cameras, strict=True):
+        yield f"valid field of the {side} lens, from the axis", pretty(float(lens.at(values[4:]).valid_field), ANGLE)
     yield "residual of the pair with one relative pose", pretty(fit.pair.corner_rms_px, PIXELS)
     yield "correlation of the view means, left with right", f"{fit.means.correlation:.4f}"
     yield "left–right motion of the board that explains this correlation", pretty(fit.explained.motion_scale, LENGTH)
@@ -65,11 +89,11 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     yield "noise of one corner coordinate", pretty(fit.explained.noise_px, PIXELS)
     yield "gain in log likelihood by this motion", significant(fit.explained.log_likelihood_gain)
     shared, covariance = fit.explained.shared, fit.explained.covariance
-    baseline = float(np.linalg.norm(shared[15:18]))
-    direction = shared[15:18] / baseline
-    deviation = float(np.sqrt(direction @ covariance[15:18, 15:18] @ direction))
+    baseline = float(np.linalg.norm(shared[TRANSLATION]))
+    direction = shared[TRANSLATION] / baseline
+    deviation = float(np.sqrt(direction @ covariance[TRANSLATION, TRANSLATION] @ direction))
     yield "baseline", f"{pretty(baseline, LENGTH, digits=5)} ± {pretty(deviation, LENGTH)}"
-    for name, k in (("pitch", 12), ("yaw", 13), ("roll", 14)):
+    for name, k in (("pitch", -6), ("yaw", -5), ("roll", -4)):
         spread = float(np.sqrt(covariance[k, k]))
         yield f"relative {name}", f"{pretty(float(shared[k]), ANGLE)} ± {pretty(spread, ANGLE)}"
 
@@ -103,14 +127,6 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
         "synchrony of the cameras",
         f"views differ as if the board moved {pretty(fit.explained.motion_scale, LENGTH)} between the exposures",
     )
-    for name, other in trust.lenses.items():
-        change = float(other.depth_change[0]), float(other.depth_change[-1])
-        yield (
-            f"lens model with {name} added: change of depth at {pretty(float(trust.distances[0]), LENGTH)} and "
-            f"{pretty(float(trust.distances[-1]), LENGTH)}",
-            f"{pretty(change[0], LENGTH)}, {pretty(change[1], LENGTH)} "
-            f"(χ² {other.chi_square:.2g} of {other.values.size})",
-        )
 
 
 def _outlier_rows(fit: RigFit) -> Iterator[tuple[str, str]]:

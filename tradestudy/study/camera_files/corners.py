@@ -40,7 +40,7 @@ def read(files: Sequence[CameraFile], _request: Request) -> Imported:
         file=files[0].name,
         focal_length=float(fit.shared[[0, 1, 6, 7]].mean()),
         noise=fit.noise_px,
-        baseline=float((fit.shared[15:18] ** 2).sum() ** 0.5),
+        baseline=float((fit.shared[-3:] ** 2).sum() ** 0.5),
         conventions=(
             Convention(name="format", says="corners of a board", key=top.key),
             Convention(name="length unit", says="that of the columns board_x_… and board_y_…", key=top.key),

@@ -1,0 +1,83 @@
+"""Depth uncertainty over the picture: against the axis, and against the slope of disparity off it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tests.calibration.cameras import MEASURED, corners, stereo, webcams
+from tradestudy.analysis.depth import depth_uncertainty, distribution
+from tradestudy.analysis.depth_map import ACROSS, DOWN, depth_map, map_places
+from tradestudy.calibration.posteriors import infer
+from tradestudy.figures.uncertainty_map import map_sentences, uncertainty_map_drawings
+from tradestudy.optics.lens_models.kannala_brandt import KannalaBrandt
+from tradestudy.results import dataset
+
+Z = np.array([0.3, 1.0, 4.0])
+FISHEYE = KannalaBrandt(k1=-0.03, k2=0.012)
+
+
+@pytest.fixture(scope="module")
+def measured():
+    return replace(webcams(), calibration=infer(corners(webcams(), MEASURED, steps=100)).calibration)
+
+
+def test_a_rig_without_lens_models_has_no_map():
+    assert depth_map(stereo(), Z) is None
+
+
+def test_the_middle_of_the_map_is_the_axis(measured):
+    linear = replace(measured, propagation=replace(measured.propagation, model="linear"))
+    found = depth_map(measured, Z)
+    middle = found.uncertainty[:, DOWN // 2, ACROSS // 2]
+    np.testing.assert_allclose(middle, depth_uncertainty(linear, Z), rtol=1e-9)
+    assert np.all(found.error < 0.1)
+
+
+def test_noise_moves_depth_by_what_the_lens_makes_of_a_pixel():
+    """u = σ p over the slope of disparity with depth, by differences of the lens model alone."""
+    camera = replace(stereo(), distortion=FISHEYE)
+    found = depth_map(camera, np.array([1.0])).uncertainty[0]
+    across, down = map_places()
+    c, pitch = camera.principal_distance, camera.sensor.pixel_pitch
+    noise = camera.disparity_error_px * pitch
+    for row, column in ((2, 5), (7, 12), (12, 16)):
+        place = np.array([across[column] * camera.sensor.width, down[row] * camera.sensor.height]) / 2.0 / c
+        ray = FISHEYE.unproject(place)
+        x, y = ray[:2] / ray[2]
+        disparity = [
+            c * (FISHEYE.project(np.array([x * z + camera.baseline / 2.0, y * z, z]))
+            - FISHEYE.project(np.array([x * z - camera.baseline / 2.0, y * z, z])))[0]
+            for z in (1.0 - 1e-5, 1.0 + 1e-5)
+        ]  # fmt: skip
+        # At one pair of pictures depth moves along both rays; to first order in B/Z that is the slope of disparity.
+        slope = (disparity[0] - disparity[1]) / 2e-5
+        assert found[row, column] == pytest.approx(noise / slope, rel=2e-2)
+
+
+def test_places_beside_the_picture_of_one_camera_are_left_out():
+    camera = replace(stereo(), distortion=FISHEYE)
+    found = depth_map(camera, np.array([0.3, 3.0])).uncertainty
+    seen = np.isfinite(found).mean(axis=(1, 2))
+    assert seen[0] < seen[1] <= 1.0
+    assert np.isnan(found[0, DOWN // 2, 0])
+    diagonal = distribution(camera, np.array([3.0]), "both", 0.5).half_width
+    assert np.isfinite(diagonal)
+
+
+def test_the_figure_and_its_sentence(measured):
+    found = depth_map(measured, Z)
+    across, down = map_places()
+    values = {
+        "depth_uncertainty": found.uncertainty[None],
+        "depth_uncertainty_error": (found.uncertainty * found.error[:, None, None])[None],
+    }
+    coordinates = {"camera": ["rig"], "distance": Z, "down": down, "across": across}
+    titles = xr.Dataset({"title": ("camera", ["Rig"])}, coords={"camera": ["rig"]})
+    tree = xr.DataTree.from_dict({"/depth_map": dataset("depth_map", values, coordinates), "/cameras": titles})
+    (drawing,) = uncertainty_map_drawings(tree)
+    assert drawing.draw().svg().startswith(b"<?xml")
+    assert len(list(map_sentences(tree, "rig"))) == len(Z)

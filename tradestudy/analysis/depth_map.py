@@ -1,0 +1,103 @@
+"""Depth uncertainty over the picture of a rig, by the line through its exact reading at every place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.analysis.depth import model_error
+from tradestudy.analysis.linear_depth import has_covariance, linear_distribution, noise_distribution
+from tradestudy.cameras.calibration import Calibration, Propagation, Reading
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.reading import InverseDepthReading, PicturePlaces
+from tradestudy.optics.arrays import FloatArray
+
+ACROSS: Final = 25
+DOWN: Final = 15
+"""Places across and down; odd, so that the middle of the picture is one of them."""
+_RADII: Final = 6  # at which a disparity error that follows from the picture is asked for
+_MODEL_PLACES: Final = (0.0, 0.5, 1.0)  # at which the line is held against the exact reading
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthMap:
+    """Depth uncertainty over the picture.
+
+    Parameters
+    ----------
+    uncertainty : array (D, DOWN, ACROSS)
+        Half the central 68.27 % interval of one measured depth [m]: noise exactly, calibration as a line in inverse
+        depth; NaN where not both cameras see the point, infinite where the interval has no far end.
+    error : array (D,)
+        Largest measured departure of the line, as a share of the uncertainty [1]; NaN where none is measured.
+    """
+
+    uncertainty: FloatArray
+    error: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _AtPlaces:
+    """A camera that is asked at places of its picture instead of one place in its field."""
+
+    camera: DepthCamera
+    places: PicturePlaces
+
+    @property
+    def calibration(self) -> Calibration:
+        return self.camera.calibration
+
+    @property
+    def propagation(self) -> Propagation:
+        return self.camera.propagation
+
+    @property
+    def sample_pitch(self) -> float:
+        return self.camera.sample_pitch
+
+    def noise(self, distance: ArrayLike, field: float = 0.0) -> FloatArray:  # noqa: ARG002 - the places say where
+        """By interpolation between radii; a declared error is the same everywhere."""
+        z = np.asarray(distance, dtype=np.float64)
+        if isinstance(self.camera.disparity_error_px, float | int):
+            return self.camera.noise(z)
+        sensor = self.camera.sensor
+        half = np.array([sensor.columns, sensor.rows])
+        radius = np.hypot(self.places.across * half[0], self.places.down * half[1]) / np.hypot(*half)
+        radii, found = np.linspace(0.0, 1.0, _RADII), np.empty_like(z)
+        for one in np.unique(z):
+            known = [float(self.camera.noise(np.array([one]), float(share))[0]) for share in radii]
+            found[z == one] = np.interp(radius[z == one], radii, known)
+        return found
+
+    def reading(self, distance: FloatArray, field: float, values: Mapping[str, FloatArray]) -> InverseDepthReading:  # noqa: ARG002 - the places say where
+        """See `DepthCamera.reading`."""
+        known = self.calibration
+        read = known.reading or cast(Reading, self.camera.read)  # which takes places where the camera is mapped
+        return read(distance, self.places, known.errors(values), known.environment)
+
+
+def map_places() -> tuple[FloatArray, FloatArray]:
+    """Shares of half the sensor across (ACROSS,) and down (DOWN,): the middles of equal cells."""
+    across, down = ((2.0 * np.arange(count) + 1.0) / count - 1.0 for count in (ACROSS, DOWN))
+    return across, down
+
+
+def depth_map(camera: DepthCamera, distance: FloatArray) -> DepthMap | None:
+    """Map the depth uncertainty of a camera at distances [m], shape (D,).
+
+    None of a camera whose `mapped` is false, or of which something uncertain has no variance.
+    """
+    if not camera.mapped or not has_covariance(camera):
+        return None
+    across, down = map_places()
+    z, y, x = (one.ravel() for one in np.meshgrid(distance, down, across, indexing="ij"))
+    there = _AtPlaces(camera=camera, places=PicturePlaces(across=x, down=y))
+    with_calibration = bool(camera.calibration.groups)
+    found = linear_distribution(there, z, 0.0, "both") if with_calibration else noise_distribution(there, z, 0.0)
+    linear = replace(camera, propagation=replace(camera.propagation, model="linear"))
+    missed = [model_error(linear, distance, "both", field).half_width for field in _MODEL_PLACES]
+    return DepthMap(uncertainty=found.half_width.reshape(len(distance), DOWN, ACROSS), error=np.fmax.reduce(missed))

@@ -1,0 +1,71 @@
+"""Depth uncertainty over the picture: maps at a few distances on one scale."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.pictures import bare
+from tradestudy.figures.style import StudyFigure, new_figure, styled
+from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
+from tradestudy.units import LENGTH, pretty
+from tradestudy.wording import distance
+
+_MOST = 3.0  # times the uncertainty in the middle: the scale ends there at the latest
+
+
+def uncertainty_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+    """One figure for each rig that has a map."""
+    if not has(tree, "depth_map"):
+        return
+    titles = camera_titles(tree)
+    for key in map(str, group(tree, "depth_map")["camera"].values):
+        yield Drawing(
+            name=f"depth-map-{key}",
+            caption=f"Depth uncertainty of {titles[key]} over the picture, as a multiple of that in its middle, on one "
+            "scale for all distances. White: not seen by both cameras, outside the valid field of a lens, or without a "
+            "bound.",
+            alt="".join(map_sentences(tree, key)),
+            draw=partial(draw_uncertainty_map, tree, key),
+        )
+
+
+def map_sentences(tree: xr.DataTree, key: str) -> Iterator[str]:
+    """What the maps of one rig say: how the uncertainty grows towards the edges, and what both cameras see."""
+    one, title = group(tree, "depth_map").sel(camera=key), camera_titles(tree)[key]
+    for place in one["distance"].values:
+        ratio = _ratio(one.sel(distance=place))
+        known, seen = ratio[np.isfinite(ratio)], np.mean(~np.isnan(ratio))
+        if known.size:
+            middle = float(one["depth_uncertainty"].sel(distance=place, down=0.0, across=0.0, method="nearest"))
+            yield (
+                f"{title} at {distance(float(place))}: depth uncertainty is {pretty(middle, LENGTH)} in the middle of "
+                f"the picture and up to {known.max():.1f} times that elsewhere; both cameras see {100.0 * seen:.0f} % "
+                "of it. "
+            )
+
+
+@styled()
+def draw_uncertainty_map(tree: xr.DataTree, key: str) -> StudyFigure:
+    """A map for each distance."""
+    one = group(tree, "depth_map").sel(camera=key)
+    ratios = [_ratio(one.sel(distance=place)) for place in one["distance"].values]
+    known = np.concatenate([ratio[np.isfinite(ratio)] for ratio in ratios])
+    low, high = (float(known.min()), min(float(known.max()), _MOST)) if known.size else (1.0, _MOST)
+    figure = new_figure(1.7)
+    panels = figure.subplots(1, len(ratios), squeeze=False)[0]
+    for axes, ratio, place in zip(panels, ratios, one["distance"].values, strict=True):
+        bare(axes, distance(float(place)))
+        shown = axes.imshow(np.where(np.isfinite(ratio), ratio, np.nan), cmap="viridis", vmin=low, vmax=high)
+    bar = figure.colorbar(shown, ax=panels.tolist(), shrink=0.8)
+    bar.set_label("times that\nin the middle", fontsize=6)
+    return figure
+
+
+def _ratio(one: xr.Dataset) -> FloatArray:
+    values = np.asarray(one["depth_uncertainty"].values, dtype=np.float64)
+    return np.asarray(values / values[values.shape[0] // 2, values.shape[1] // 2])
