@@ -24,7 +24,7 @@ from tradestudy.optics.chain.microlens_edges import refuse_square_edges
 from tradestudy.optics.chain.parts import ComputeParts, in_turn
 from tradestudy.optics.chain.point_image import wave_point_image
 from tradestudy.optics.chain.refusals import refuse_impossible
-from tradestudy.optics.chain.scene import EXACT_RAYS, GEOMETRIC, Legs, LightPath, PixelGrid
+from tradestudy.optics.chain.scene import EXACT_RAYS, GEOMETRIC, Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource, spectral_shares
 from tradestudy.optics.chain.spot_image import wave_spot_image
 from tradestudy.optics.propagation.lens import PointSource
@@ -390,16 +390,5 @@ def _window(mine: BoolArray) -> tuple[slice, slice]:
 
 def microlenses_alone(path: LightPath, indices: Sequence[int], owner: IndexArray) -> LightPath:
     """Some microlenses, and the smallest rectangle with the pixels that `nearest_microlens` gives them."""
-    grid, window = path.pixels, _window(np.isin(owner, indices))
-    middle = [
-        (edges[part.start] + edges[part.stop]) / 2
-        for edges, part in zip((grid.edges_x, grid.edges_y), reversed(window), strict=True)
-    ]
-    shape = (window[0].stop - window[0].start, window[1].stop - window[1].start)
-    return replace(
-        path,
-        microlenses=path.microlenses.only(*indices),
-        pixels=PixelGrid(
-            pitch=grid.pitch, shape=shape, centre=(float(middle[0]), float(middle[1])), integrated=grid.integrated
-        ),
-    )
+    window = _window(np.isin(owner, indices))
+    return replace(path, microlenses=path.microlenses.only(*indices), pixels=path.pixels.part(*window))
