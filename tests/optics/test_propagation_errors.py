@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -29,6 +30,7 @@ from tradestudy.optics.propagation import (
     propagate_wave,
     sample_wave,
 )
+from tradestudy.optics.propagation.direct import unit_phasor
 from tradestudy.optics.quadrature import disc_nodes
 
 MAIN = CircularLens(radius=12.5e-3 / 7.6, focal_length=12.5e-3, lens_phase="parabolic")
@@ -42,6 +44,15 @@ def load_cases():
     sys.modules[spec.name] = module  # dataclasses look their module up
     spec.loader.exec_module(module)
     return module
+
+
+def test_unit_phasors_are_right_to_rounding_at_every_phase():
+    near = np.concatenate([np.pi * np.arange(-9, 10) + step for step in (0.0, 1e-15, -1e-15, 1e-9, 0.5 * np.pi)])
+    far = np.random.default_rng(0).normal(size=1000) * np.logspace(-9, 10, 1000)
+    for phase in np.concatenate([near, far, [0.0, -0.0]]):
+        with mpmath.workdps(40):
+            exact = complex(mpmath.expj(mpmath.mpf(float(phase))))
+        assert abs(unit_phasor(np.array([phase]))[0] - exact) < 5e-16
 
 
 def test_stated_errors_hold_and_are_not_far_above_on_random_cameras():

@@ -234,8 +234,10 @@ def choose_check_targets(targets: Targets, field: ComplexArray, *, count: int, s
         even = np.full(x.size, 1.0 / x.size)
         total = float(intensity.sum())
         chance = even if total == 0.0 else _UNIFORM_SHARE * even + (1 - _UNIFORM_SHARE) * intensity / total
-        index = np.random.default_rng(seed).choice(x.size, size=count, p=chance / chance.sum())
-        corners = [int(np.argmax(s * x + t * y)) for s in (-1, 1) for t in (-1, 1)]
+        upto = np.cumsum(chance)
+        index = np.searchsorted(upto, upto[-1] * np.random.default_rng(seed).random(count), side="right")
+        rising, falling = x + y, x - y
+        corners = [np.argmin(rising), np.argmin(falling), np.argmax(falling), np.argmax(rising)]
         corner = np.arange(count + len(corners)) >= count
         index = np.concatenate([index, corners])
         weight = np.where(corner, 0.0, even[index] / chance[index])
