@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError, UnaffordableError
+from tradestudy.optics.chain.accuracy import relative_change
 from tradestudy.optics.propagation import (
     ApertureSamples,
     CircularLens,
@@ -124,6 +125,25 @@ def test_limits_of_memory_and_time_are_kept_too():
                 accuracy=FieldAccuracy(tolerance=1e-6),
                 limits=limits,
             )
+
+
+def test_nothing_is_stated_of_nodes_that_twice_as_many_contradict():
+    """Beside the image, in the dark, starved nodes and twice as many both invent light, and by thousands of times."""
+    image = MAIN.image_of(SOURCE)
+    targets = TargetGrid.centred(centre=(image[0] + 0.1e-3, 0.0), pitch=0.5e-6, count=24, distance=image[2])
+    settings = {
+        "source": SOURCE, "lens": MAIN, "targets": targets, "wavelength": 550e-9, "method": "kirchhoff",
+        "accuracy": FieldAccuracy(tolerance=1e-6),
+    }  # fmt: skip
+    truth = aperture_field(**settings)
+    for share in (0.3, 0.2, 0.1):
+        counts = NodeCounts(
+            radial=int(share * truth.effort.radial_nodes), angular=int(share * truth.effort.angular_nodes)
+        )
+        starved = aperture_field(**settings, counts=counts)
+        assert relative_change(truth.intensity, starved.intensity) > 100.0
+        assert starved.error.intensity == starved.error.field == math.inf
+        assert starved.error.nodes >= 1.0
 
 
 def test_the_stated_error_of_starved_nodes_goes_on_growing():
