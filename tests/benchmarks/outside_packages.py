@@ -2,15 +2,16 @@
 
     python outside_packages.py CASE
 
-CASE is JSON: radius, distance, wavelength, pitch [m], count, repeat, clock ("wall" or "cpu").
+CASE is JSON: radius, distance, wavelength, pitch [m], count, clock ("wall" or "cpu").
 
-Prints one JSON line per package and setting: seconds (least of the repeats, set-up included) and relative L2 error of
-the intensity from the Airy pattern, which is exact for the law that all of them compute. Packages that are not
-installed are left out.
+For every line that it reads it computes all once more, and prints one JSON line: of each package and setting the
+milliseconds, set-up included, and the relative L2 error of the intensity from the Airy pattern, which is exact for the
+law that all of them compute. Packages that are not installed are left out.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
 import time
@@ -70,35 +71,62 @@ def hcipy(case: dict[str, float]) -> Iterator[Setting]:
         yield f"{n}² pupil samples, each of {finer}²", lambda n=n, finer=finer: image(n, finer), x
 
 
+def poppy(case: dict[str, float]) -> Iterator[Setting]:
+    """Matrix Fourier transform of a pupil whose rim has grey pixels."""
+    import astropy.units as u
+    import poppy as pp
+
+    count = int(case["count"])
+    x = case["pitch"] * (np.arange(count) - (count - 1) / 2)
+    scale = case["pitch"] / case["distance"] * u.rad.to(u.arcsec) * u.arcsec / u.pixel
+
+    def image(n: int) -> np.ndarray:
+        wave = pp.Wavefront(wavelength=case["wavelength"] * u.m, npix=n, diam=2 * case["radius"] * u.m, oversample=1)
+        wave *= pp.CircularAperture(radius=case["radius"] * u.m, gray_pixel=True)
+        wave.propagate_to(pp.Detector(scale, fov_pixels=count))
+        return np.asarray(wave.intensity)
+
+    for n in (256, 512, 1024):
+        yield f"{n}² pupil samples, grey rim", lambda n=n: image(n), x
+
+
 def error(intensity: np.ndarray, truth: np.ndarray) -> float:
     """Relative L2, after the best common factor: every package has its own unit."""
     scaled = intensity * (np.sum(intensity * truth) / np.sum(intensity**2))
     return float(np.linalg.norm(scaled - truth) / np.linalg.norm(truth))
 
 
+def installed(case: dict[str, float]) -> Iterator[tuple[str, Setting]]:
+    """Every setting of every package that is there, with its release."""
+    for package in (prysm, hcipy, poppy):
+        with contextlib.suppress(PackageNotFoundError):
+            release = version(package.__name__)
+            for setting in package(case):
+                yield f"{package.__name__} {release}", setting
+
+
 def main() -> None:
-    """Time every setting of every package that is installed."""
+    """Time every setting once for each line of the input."""
     case = json.loads(sys.argv[1])
     clock = time.process_time if case["clock"] == "cpu" else time.perf_counter
-    for package in (prysm, hcipy):
-        try:
-            release = version(package.__name__)
-        except PackageNotFoundError:
-            continue
-        for setting, compute, x in package(case):
-            compute()
-            seconds = []
-            for _ in range(int(case["repeat"])):
-                start = clock()
-                intensity = compute()
-                seconds.append(clock() - start)
-            row = {
-                "package": f"{package.__name__} {release}",
-                "setting": setting,
-                "milliseconds": round(1e3 * min(seconds), 1),
-                "error": float(f"{error(intensity, airy(case, x)):.2g}"),
-            }
-            print(json.dumps(row, ensure_ascii=False), flush=True)
+    settings = list(installed(case))
+    for _, (_, compute, _) in settings:
+        compute()
+    for _ in sys.stdin:
+        rows = []
+        for release, (setting, compute, x) in settings:
+            start = clock()
+            intensity = compute()
+            milliseconds = 1e3 * (clock() - start)
+            rows.append(
+                {
+                    "package": release,
+                    "setting": setting,
+                    "milliseconds": milliseconds,
+                    "error": float(f"{error(intensity, airy(case, x)):.2g}"),
+                }
+            )
+        print(json.dumps(rows, ensure_ascii=False), flush=True)
 
 
 if __name__ == "__main__":

@@ -107,7 +107,8 @@ def test_nodes_are_counted_as_they_are_placed(cycles: float, aperture: str, layo
 def test_a_point_is_refused_where_its_nodes_and_samples_exceed_the_memory(law: str) -> None:
     source = PointSource(x=0.1e-3, y=-0.05e-3, distance=24e-3)
     wave = PupilWave(path=small_path(), source=source, wavelength=WAVELENGTH, method="kirchhoff")
-    _, plan, plane = plan_point(wave, law, ChainAccuracy(tolerance=1e-2))
+    point = plan_point(wave, law, ChainAccuracy(tolerance=1e-2))
+    plan, plane = point.detector, point.plane
     scarce = ChainAccuracy(tolerance=1e-2, memory_limit=0.99 * plan.memory(plane.count))
     with pytest.raises(UnaffordableError, match=f"{plane.count} nodes, {plan.transfer.count}² samples"):
         plan_point(wave, law, scarce)

@@ -8,10 +8,12 @@ import sys
 import time
 from pathlib import Path
 
+import mpmath
 import numpy as np
 import pytest
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError, UnaffordableError
+from tradestudy.optics.chain.accuracy import relative_change
 from tradestudy.optics.propagation import (
     ApertureSamples,
     CircularLens,
@@ -29,6 +31,7 @@ from tradestudy.optics.propagation import (
     propagate_wave,
     sample_wave,
 )
+from tradestudy.optics.propagation.direct import unit_phasor
 from tradestudy.optics.quadrature import disc_nodes
 
 MAIN = CircularLens(radius=12.5e-3 / 7.6, focal_length=12.5e-3, lens_phase="parabolic")
@@ -42,6 +45,15 @@ def load_cases():
     sys.modules[spec.name] = module  # dataclasses look their module up
     spec.loader.exec_module(module)
     return module
+
+
+def test_unit_phasors_are_right_to_rounding_at_every_phase():
+    near = np.concatenate([np.pi * np.arange(-9, 10) + step for step in (0.0, 1e-15, -1e-15, 1e-9, 0.5 * np.pi)])
+    far = np.random.default_rng(0).normal(size=1000) * np.logspace(-9, 10, 1000)
+    for phase in np.concatenate([near, far, [0.0, -0.0]]):
+        with mpmath.workdps(40):
+            exact = complex(mpmath.expj(mpmath.mpf(float(phase))))
+        assert abs(unit_phasor(np.array([phase]))[0] - exact) < 5e-16
 
 
 def test_stated_errors_hold_and_are_not_far_above_on_random_cameras():
@@ -113,6 +125,25 @@ def test_limits_of_memory_and_time_are_kept_too():
                 accuracy=FieldAccuracy(tolerance=1e-6),
                 limits=limits,
             )
+
+
+def test_nothing_is_stated_of_nodes_that_twice_as_many_contradict():
+    """Beside the image, in the dark, starved nodes and twice as many both invent light, and by thousands of times."""
+    image = MAIN.image_of(SOURCE)
+    targets = TargetGrid.centred(centre=(image[0] + 0.1e-3, 0.0), pitch=0.5e-6, count=24, distance=image[2])
+    settings = {
+        "source": SOURCE, "lens": MAIN, "targets": targets, "wavelength": 550e-9, "method": "kirchhoff",
+        "accuracy": FieldAccuracy(tolerance=1e-6),
+    }  # fmt: skip
+    truth = aperture_field(**settings)
+    for share in (0.3, 0.2, 0.1):
+        counts = NodeCounts(
+            radial=int(share * truth.effort.radial_nodes), angular=int(share * truth.effort.angular_nodes)
+        )
+        starved = aperture_field(**settings, counts=counts)
+        assert relative_change(truth.intensity, starved.intensity) > 100.0
+        assert starved.error.intensity == starved.error.field == math.inf
+        assert starved.error.nodes >= 1.0
 
 
 def test_the_stated_error_of_starved_nodes_goes_on_growing():

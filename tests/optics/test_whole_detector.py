@@ -24,7 +24,7 @@ from tradestudy.optics.chain import spot_points as module
 from tradestudy.optics.chain.detector_patch import DetectorPatch, detector_patch, disc_ends
 from tradestudy.optics.chain.point_image import compute_point
 from tradestudy.optics.chain.sources import source_nodes
-from tradestudy.optics.chain.spot_image import source_density
+from tradestudy.optics.chain.spot_parts import source_density
 from tradestudy.optics.chain.spot_points import point_light, prepare_spot, tables_at
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 

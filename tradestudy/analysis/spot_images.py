@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, MutableMapping
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import product
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
+from tradestudy.execution import Steps
 from tradestudy.execution.steps import timed
 from tradestudy.light_methods import legs_of
 from tradestudy.optics.arrays import FloatArray
@@ -30,6 +31,7 @@ from tradestudy.optics.chain import (
     square_centres,
 )
 from tradestudy.optics.chain.image import mean_image
+from tradestudy.optics.chain.parts import ComputeParts, Part, call, in_turn
 from tradestudy.optics.chain.scene import LegMethod
 from tradestudy.optics.propagation import (
     LENS_PHASES,
@@ -48,6 +50,7 @@ _LEGS: Final[Mapping[str, LegMethod]] = {
     "fresnel": "fresnel",
     "kirchhoff": "kirchhoff",
 }
+STEP: Final = "image of the spot"
 RAYS: Final[tuple[MethodName, ...]] = ("geometric", "exact-rays")
 _REPEATS: Final = 3  # the shortest time counts, because other load on the machine only adds time
 _OFF_AXIS: Final = 2e-3
@@ -153,7 +156,10 @@ def spot_image(part: LightSpotPart, method: MethodName) -> ChainImage:
 
 
 def spot_picture(
-    part: LightSpotPart, models: SpotModels, done: Callable[[float], None] = lambda _share: None
+    part: LightSpotPart,
+    models: SpotModels,
+    done: Callable[[float], None] = lambda _share: None,
+    steps: Steps | None = None,
 ) -> ChainImage:
     """Image of the declared spot by any models; cached for all inputs that affect the image.
 
@@ -162,16 +168,26 @@ def spot_picture(
     part, models
         The spot, and the models that compute its picture.
     done
-        Receives the share that is done, for pictures that take long enough.
+        Hears the share that is done, where a picture takes long enough to tell.
+    steps
+        How independent parts are computed; here one after another, if not given.
     """
-    return _spot_picture(without_comparison(part), models, _Listener(done=done))
+    return _spot_picture(without_comparison(part), models, _Surroundings(done=done, steps=steps))
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Listener:
-    """The receiver of a picture's progress; all compare equal, because progress does not affect the picture."""
+class _Surroundings:
+    """Who hears of a picture's progress, and what computes it: no part of what picture it is, so that all are equal."""
 
     done: Callable[[float], None] = field(compare=False)
+    steps: Steps | None = field(compare=False)
+
+    def compute(self, parts: Sequence[Part], told: Callable[[float], None]) -> list[Any]:
+        """Compute parts of the picture as `ComputeParts` says."""
+        if self.steps is None:
+            return in_turn(parts, told)
+        steps = replace(self.steps, progress=lambda _step, share: told(share))
+        return steps.map(STEP, call, parts, [f"part {number}" for number in range(1, len(parts) + 1)])
 
 
 def without_comparison(part: LightSpotPart) -> LightSpotPart:
@@ -180,7 +196,7 @@ def without_comparison(part: LightSpotPart) -> LightSpotPart:
 
 
 @lru_cache(maxsize=64)
-def _spot_picture(part: LightSpotPart, models: SpotModels, listener: _Listener) -> ChainImage:
+def _spot_picture(part: LightSpotPart, models: SpotModels, surroundings: _Surroundings) -> ChainImage:
     source = light_source(part)
     return picture_of(
         part,
@@ -188,7 +204,8 @@ def _spot_picture(part: LightSpotPart, models: SpotModels, listener: _Listener) 
         models,
         accuracy=ChainAccuracy(tolerance=models.tolerance),
         seed=part.seed,
-        done=listener.done,
+        done=surroundings.done,
+        compute=surroundings.compute,
     )
 
 
@@ -200,6 +217,7 @@ def picture_of(
     accuracy: ChainAccuracy,
     seed: int,
     done: Callable[[float], None] = lambda _share: None,
+    compute: ComputeParts = in_turn,
 ) -> ChainImage:
     """Image of any source on the declared light path in the declared light, not cached."""
     path = light_path(part)
@@ -215,6 +233,7 @@ def picture_of(
             accuracy=accuracy,
             rng=np.random.default_rng(seed),
             done=lambda share: done(first + (last - first) * share),
+            compute=compute,
         )
 
     if models.monochromatic or models.method in RAYS:  # rays are the same at every wavelength

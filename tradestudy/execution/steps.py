@@ -131,5 +131,7 @@ class Steps:
                 remedy="finished points are kept; find out what ends the workers, such as too little memory",
             ) from lost
         finally:
-            self.counts[step] = {"computed": len(values) - taken, "taken up": taken}
+            before = self.counts.get(step, {"computed": 0, "taken up": 0})  # a step may compute in several goes
+            now = {"computed": len(values) - taken, "taken up": taken}
+            self.counts[step] = {name: before[name] + now[name] for name in now}
         return [values[i] for i in range(len(points))]

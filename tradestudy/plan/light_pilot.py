@@ -19,7 +19,8 @@ from tradestudy.optics.chain.point_image import compute_point, reference_law
 from tradestudy.optics.chain.scene import Legs
 from tradestudy.optics.chain.source_tables import table_count
 from tradestudy.optics.chain.sources import source_nodes
-from tradestudy.optics.chain.spot_image import CHECKED_POINTS, followed_points, source_density
+from tradestudy.optics.chain.spot_image import CHECKED_POINTS, followed_points
+from tradestudy.optics.chain.spot_parts import source_density
 from tradestudy.optics.chain.spot_points import point_light, prepare_spot
 from tradestudy.optics.propagation import PointSource
 from tradestudy.study.schema.light_spot import LightSpotPart

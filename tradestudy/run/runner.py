@@ -168,18 +168,18 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
     if file.fresnel_validity is not None:
         from tradestudy.run.groups.fresnel_validity import fresnel_validity_group
 
-        groups["/fresnel_validity"] = fresnel_validity_group(file.fresnel_validity, progress, seconds)
+        groups["/fresnel_validity"] = fresnel_validity_group(file.fresnel_validity, asked.steps, seconds)
     if file.light_spot is not None:
         from tradestudy.plan.pieces import light_spot
         from tradestudy.run.groups.images import images_group
 
-        groups["/images"] = images_group(file.light_spot, progress, seconds, plan.models(light_spot.NAME))
+        groups["/images"] = images_group(file.light_spot, asked.steps, seconds, plan.models(light_spot.NAME))
     if file.point_spread is not None:
         from tradestudy.plan.pieces import point_spread
         from tradestudy.run.groups.point_spread import point_spread_group
 
         laws = plan.models(point_spread.NAME)
-        groups["/point_spread"] = point_spread_group(file.point_spread, progress, seconds, laws)
+        groups["/point_spread"] = point_spread_group(file.point_spread, asked.steps, seconds, laws)
     if file.hard_cases is not None:
         from tradestudy.run.groups.hard_cases import hard_cases_group
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import finufft
 import numpy as np
@@ -66,34 +65,48 @@ class Transfer:
         """Distance of neighbouring frequencies; carriers are whole multiples of it [1/m]."""
         return 1 / self.period
 
-    @cached_property
     def window(self) -> FloatArray:
-        """One inside the band, falling smoothly to zero over its outer part."""
-        f = np.hypot(self.frequencies[None, :], self.frequencies[:, None])
+        """One inside the band, falling smoothly to zero over its outer part; frequencies in the order of the FFT."""
+        axis = self.frequency_step * np.arange(self.count // 2 + 1)
+        f = np.hypot(axis, axis[:, None])
         ramp = np.clip((self.half_band - f) / (self.half_band - self.full_band), 0.0, 1.0)
-        return np.asarray(ramp**3 * (10 - 15 * ramp + 6 * ramp**2))
+        quarter = ramp**3 * (10 - 15 * ramp + 6 * ramp**2)
+        half = np.concatenate([quarter, quarter[(self.count - 1) // 2 : 0 : -1]])
+        return np.concatenate([half, half[:, (self.count - 1) // 2 : 0 : -1]], axis=1)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """Transfer function of free space, tabulated once for every carrier: it is even in both frequencies.
+    """Transfer function of free space, tabulated once for every carrier.
 
     Attributes
     ----------
     transfer
         Grid and law.
-    quadrant
-        Values at frequencies ≥ 0 of both axes, in steps of `Transfer.frequency_step`.
+    values
+        At frequencies of both axes from the lowest to the highest, in steps of `Transfer.frequency_step`; zero in the
+        middle.
+    window
+        `Transfer.window` in the same precision.
     """
 
     transfer: Transfer
-    quadrant: ComplexArray
+    values: ComplexArray
+    window: FloatArray
 
-    def about(self, carrier: tuple[int, int]) -> ComplexArray:
-        """Response times window about a carrier (x, y) in frequency steps, shape (count, count) as (f_y, f_x)."""
-        index = np.rint(self.transfer.frequencies * self.transfer.period).astype(int)
-        rows, columns = np.abs(index + carrier[1]), np.abs(index + carrier[0])
-        return np.asarray(self.quadrant[rows][:, columns] * self.transfer.window.astype(self.quadrant.real.dtype))
+    def apply(self, spectrum: ComplexArray, carrier: tuple[int, int]) -> None:
+        """Multiply a spectrum, shape (count, count) as (f_y, f_x), about a carrier (x, y) in frequency steps."""
+        middle, count = self.values.shape[0] // 2, self.transfer.count
+        # The FFT keeps frequencies from zero on first, and then those below; about a carrier each lie side by side.
+        lies = ((slice(0, -(-count // 2)), 0), (slice(-(-count // 2), count), -count))
+        for rows, from_y in lies:
+            for columns, from_x in lies:
+                here = tuple(
+                    slice(middle + carrier[axis] + shift + part.start, middle + carrier[axis] + shift + part.stop)
+                    for axis, part, shift in ((1, rows, from_y), (0, columns, from_x))
+                )
+                spectrum[rows, columns] *= self.values[here]
+        spectrum *= self.window
 
 
 def response(transfer: Transfer, *, largest_carrier: float = 0.0, single: bool = False) -> Response:
@@ -123,7 +136,7 @@ def response(transfer: Transfer, *, largest_carrier: float = 0.0, single: bool =
     k_b = 2 * math.pi / transfer.wavelength * transfer.distance
     kind = np.complex64 if single else np.complex128
     if transfer.paraxial:
-        return Response(transfer=transfer, quadrant=unit_phasor(-k_b / 2 * squared).astype(kind))
+        return _tabulated(transfer, unit_phasor(-k_b / 2 * squared).astype(kind))
     if transfer.wavelength * (transfer.half_band + largest_carrier) >= 1:
         raise OutOfRangeError(
             "angle between array and detector",
@@ -133,7 +146,14 @@ def response(transfer: Transfer, *, largest_carrier: float = 0.0, single: bool =
         )
     cosine = np.sqrt(np.maximum(1 - squared, 0))
     quadrant = unit_phasor(-k_b * squared / (1 + cosine)) / (1 + 1j / k_b * cosine)
-    return Response(transfer=transfer, quadrant=quadrant.astype(kind))
+    return _tabulated(transfer, quadrant.astype(kind))
+
+
+def _tabulated(transfer: Transfer, quadrant: ComplexArray) -> Response:
+    """Both signs of both frequencies, of which the transfer function is even."""
+    half = np.concatenate([quadrant[:0:-1], quadrant])
+    values = np.concatenate([half[:, :0:-1], half], axis=1)
+    return Response(transfer=transfer, values=values, window=transfer.window().astype(_real_of(values)))
 
 
 def fading_length(
@@ -284,7 +304,7 @@ def patch_fields(
     rows, columns = shape
     fields = np.empty((spectrum.shape[0], rows, columns), dtype=spectrum.dtype)
     for each, field, carrier, x_phase, y_phase in zip(spectrum, fields, carriers, shift_x, shift_y, strict=True):
-        each *= response.about((int(carrier[0]), int(carrier[1])))
+        response.apply(each, (int(carrier[0]), int(carrier[1])))
         each *= y_phase[:, None]
         partial = scipy.fft.ifft(each, axis=0, overwrite_x=True)[:rows]
         partial *= x_phase / transfer.spacing**2

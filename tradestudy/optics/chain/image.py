@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -20,9 +21,10 @@ from tradestudy.optics.chain.geometric_image import geometric_image
 from tradestudy.optics.chain.landing import landing_point_image
 from tradestudy.optics.chain.landing_spot import landing_spot_image
 from tradestudy.optics.chain.microlens_edges import refuse_square_edges
+from tradestudy.optics.chain.parts import ComputeParts, in_turn
 from tradestudy.optics.chain.point_image import wave_point_image
 from tradestudy.optics.chain.refusals import refuse_impossible
-from tradestudy.optics.chain.scene import EXACT_RAYS, GEOMETRIC, Legs, LightPath, PixelGrid
+from tradestudy.optics.chain.scene import EXACT_RAYS, GEOMETRIC, Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource, spectral_shares
 from tradestudy.optics.chain.spot_image import wave_spot_image
 from tradestudy.optics.propagation.lens import PointSource
@@ -37,6 +39,7 @@ def chain_image(
     accuracy: ChainAccuracy,
     rng: np.random.Generator,
     done: Callable[[float], None] = lambda _share: None,
+    compute: ComputeParts = in_turn,
 ) -> ChainImage:
     """Light on every pixel: source → main lens → array → all microlenses → detector, coherent over microlenses.
 
@@ -64,6 +67,8 @@ def chain_image(
         Draws the targets that are checked against direct quadrature.
     done
         Hears, while waves of an incoherent disc are followed behind the array, what share of its points is done.
+    compute
+        Computes groups of those points, on workers if it likes; the image is the same.
 
     Returns
     -------
@@ -122,7 +127,9 @@ def chain_image(
     >>> print(f"{image.pixels.sum():.2f} of the light on the detector")
     0.83 of the light on the detector
     """
-    found = _image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng, done=done)
+    found = _image(
+        path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng, done=done, compute=compute
+    )
     return replace(found, tolerance=accuracy.tolerance)
 
 
@@ -135,6 +142,7 @@ def _image(
     accuracy: ChainAccuracy,
     rng: np.random.Generator,
     done: Callable[[float], None],
+    compute: ComputeParts,
 ) -> ChainImage:
     """Image by the laws that the legs ask for."""
     refuse_impossible(path, source, wavelength, legs)
@@ -148,7 +156,9 @@ def _image(
     if isinstance(source, DiscSource) and not coherent:
         if legs.to_detector == "geometric":
             return landing_spot_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng)
-        return wave_spot_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng, done=done)
+        return wave_spot_image(
+            path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng, done=done, compute=compute
+        )
     wave = point_wave(
         path,
         source.centre if isinstance(source, DiscSource) else source,
@@ -262,6 +272,7 @@ def separate_image(
     accuracy: ChainAccuracy,
     rng: np.random.Generator,
     done: Callable[[float], None] = lambda _share: None,
+    compute: ComputeParts = in_turn,
 ) -> ChainImage:
     """Light on every pixel from the microlens alone that lies before it, as seen from the middle of the main lens.
 
@@ -270,8 +281,8 @@ def separate_image(
 
     Parameters
     ----------
-    path, source, wavelength, legs, accuracy, rng, done
-        As in `chain_image`; `done` hears of every microlens.
+    path, source, wavelength, legs, accuracy, rng, done, compute
+        As in `chain_image`; `done` hears of every microlens, and `compute` computes them.
 
     Returns
     -------
@@ -320,38 +331,45 @@ def separate_image(
     0.82 of the light behind its own microlens
     """
     owner = nearest_microlens(path)
-    pixels, errors, checks, effort, handed, passed = np.zeros(owner.shape), [], [], [], [], 0.0
     present = np.unique(owner)
-    for number, index in enumerate(present, start=1):
+    seeds = rng.integers(2**63, size=present.size)  # of its own each, wherever it is computed
+    found: list[ChainImage] = compute(
+        [
+            partial(_alone, microlenses_alone(path, [index], owner), source, wavelength, legs, accuracy, seed)
+            for index, seed in zip(present.tolist(), seeds.tolist(), strict=True)
+        ],
+        done,
+    )
+    pixels = np.zeros(owner.shape)
+    for index, alone in zip(present, found, strict=True):
         mine = owner == index
-        window = _window(mine)
-        alone = chain_image(
-            microlenses_alone(path, [int(index)], owner),
-            source,
-            wavelength=wavelength,
-            legs=legs,
-            accuracy=accuracy,
-            rng=rng,
-        )
-        pixels[window] += np.where(mine[window], alone.pixels, 0.0)
-        errors.append(alone.numerical_error * float(np.linalg.norm(alone.pixels)))
-        checks.append(alone.direct_check)
-        effort.append(alone.effort)
-        passed += alone.microlens_share
-        handed.append(alone.handed_over)
-        done(number / len(present))
+        pixels[_window(mine)] += np.where(mine[_window(mine)], alone.pixels, 0.0)
+    errors = [one.numerical_error * float(np.linalg.norm(one.pixels)) for one in found]
     size = float(np.linalg.norm(pixels))
     error = math.hypot(*errors) / size if size > 0.0 else 0.0
     return ChainImage(
         pixels=pixels,
         numerical_error=error,
         error_terms={"microlenses alone": error},
-        direct_check={name: max(check[name] for check in checks) for name in checks[0]},
-        microlens_share=passed,
-        effort={name: sum(one[name] for one in effort) for name in effort[0]},
-        handed_over=max(handed),
+        direct_check={name: max(one.direct_check[name] for one in found) for name in found[0].direct_check},
+        microlens_share=math.fsum(one.microlens_share for one in found),
+        effort={name: sum(one.effort[name] for one in found) for name in found[0].effort},
+        handed_over=max(one.handed_over for one in found),
         tolerance=accuracy.tolerance,
     )
+
+
+def _alone(
+    path: LightPath,
+    source: PointSource | DiscSource,
+    wavelength: float,
+    legs: Legs,
+    accuracy: ChainAccuracy,
+    seed: int,
+) -> ChainImage:
+    """Image by one microlens."""
+    rng = np.random.default_rng(seed)
+    return chain_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng)
 
 
 def nearest_microlens(path: LightPath) -> IndexArray:
@@ -372,16 +390,5 @@ def _window(mine: BoolArray) -> tuple[slice, slice]:
 
 def microlenses_alone(path: LightPath, indices: Sequence[int], owner: IndexArray) -> LightPath:
     """Some microlenses, and the smallest rectangle with the pixels that `nearest_microlens` gives them."""
-    grid, window = path.pixels, _window(np.isin(owner, indices))
-    middle = [
-        (edges[part.start] + edges[part.stop]) / 2
-        for edges, part in zip((grid.edges_x, grid.edges_y), reversed(window), strict=True)
-    ]
-    shape = (window[0].stop - window[0].start, window[1].stop - window[1].start)
-    return replace(
-        path,
-        microlenses=path.microlenses.only(*indices),
-        pixels=PixelGrid(
-            pitch=grid.pitch, shape=shape, centre=(float(middle[0]), float(middle[1])), integrated=grid.integrated
-        ),
-    )
+    window = _window(np.isin(owner, indices))
+    return replace(path, microlenses=path.microlenses.only(*indices), pixels=path.pixels.part(*window))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -14,7 +15,8 @@ from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, relative
 from tradestudy.optics.chain.array_field import PupilWave, direct_field, leg_kernel
 from tradestudy.optics.chain.arriving_light import ArrivingLight, RayReach, RayWave, arriving_light, ray_reach
 from tradestudy.optics.chain.detector_patch import DetectorPlan, field_on_detector, plan_detector
-from tradestudy.optics.chain.detector_transfer import response
+from tradestudy.optics.chain.detector_transfer import fading_length, response
+from tradestudy.optics.chain.lit_part import lit_part, reached_pixels
 from tradestudy.optics.chain.microlens_edges import add_spheres, split_spheres
 from tradestudy.optics.chain.microlens_plane import (
     MicrolensPlane,
@@ -70,7 +72,7 @@ def wave_point_image(
             remedy="refine pupil_nodes, microlens_nodes, field_sampling or diffraction_reach",
         )
     power = wave.power()
-    behind = float(np.sum(np.abs(fine.field) ** 2 * fine.plane.weights))
+    behind = float(np.sum(np.abs(fine.field) ** 2 * fine.plan.plane.weights))
     return ChainImage(
         pixels=fine.pixels / power,
         numerical_error=error,
@@ -78,7 +80,7 @@ def wave_point_image(
         direct_check=check,
         microlens_share=behind / power,
         effort={
-            "microlens nodes": int(np.count_nonzero(fine.plane.weights)),
+            "microlens nodes": int(np.count_nonzero(fine.plan.plane.weights)),
             "detector samples": fine.samples.size,
             "array samples": fine.light.samples,
         },
@@ -87,12 +89,35 @@ def wave_point_image(
 
 
 @dataclass(frozen=True, kw_only=True)
+class PointPlan:
+    """What of the camera a point's light is followed on, and where.
+
+    Attributes
+    ----------
+    wave
+        On a path with the microlenses that it lights, and the pixels that it lands on.
+    rows, columns
+        Of those pixels on the whole detector.
+    lost
+        As of `LitPart`.
+    reach, detector, plane
+        Where rays land, the grid on the detector, and the nodes.
+    """
+
+    wave: PupilWave | RayWave
+    rows: slice
+    columns: slice
+    lost: float
+    reach: RayReach
+    detector: DetectorPlan
+    plane: MicrolensPlane
+
+
+@dataclass(frozen=True, kw_only=True)
 class PointComputation:
     """One pass through the chain, and what each step left behind; `pixels` are integrals of |U|², not yet shares."""
 
-    plan: DetectorPlan
-    reach: RayReach
-    plane: MicrolensPlane
+    plan: PointPlan
     light: ArrivingLight
     field: ComplexArray
     samples: ComplexArray
@@ -115,9 +140,11 @@ def stated_point(
             ((wave, to_detector, accuracy), (reference, reference_law(to_detector), accuracy.compared())),
         )
     safety = _SAFETY_OF_EDGES if to_detector == "boundary_wave" or reference is not wave else _SAFETY
+    size = float(np.linalg.norm(fine.pixels))
     terms = {
         "other sampling": safety * relative_change(fine.pixels, other.pixels),
         "pixel integration": fine.pixel_error,
+        "unlit microlenses": fine.plan.lost * wave.power() / size if fine.plan.lost > 0.0 else 0.0,
     }
     return fine, terms
 
@@ -127,19 +154,36 @@ def reference_law(to_detector: LegMethod) -> LegMethod:
     return "kirchhoff" if to_detector == "boundary_wave" else to_detector
 
 
-def plan_point(
-    wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy
-) -> tuple[RayReach, DetectorPlan, MicrolensPlane]:
-    """Where rays land, the grid on the detector, and the nodes; raises UnaffordableError for too many of them."""
-    reach = ray_reach(wave.path, wave.source, whole_pupil=wave.whole_pupil)
-    paraxial = to_detector == "fresnel"
-    plan = plan_detector(wave.path, [reach], wavelength=wave.wavelength, paraxial=paraxial, accuracy=accuracy)
-    return reach, plan, _plane(wave, plan, reach, accuracy.microlens_nodes, accuracy)
+def plan_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy) -> PointPlan:
+    """Plan for the microlenses that are lit and the pixels that light reaches.
+
+    Raises
+    ------
+    UnaffordableError
+        If it takes too many nodes or samples.
+    """
+    lit = lit_part(wave, accuracy)
+    path = lit.wave.path
+    reach = ray_reach(path, wave.source, whole_pupil=wave.whole_pupil)
+    plan_on = partial(
+        plan_detector, reaches=[reach], wavelength=wave.wavelength, paraxial=to_detector == "fresnel", accuracy=accuracy
+    )
+    kept = plan_on(path).kept
+    fading = fading_length(
+        wave.wavelength, path.detector_distance, kept, paraxial=to_detector == "fresnel", tolerance=accuracy.tolerance
+    )
+    rows, columns = reached_pixels(path, kept + fading)
+    part = replace(lit.wave, path=replace(path, pixels=path.pixels.part(rows, columns)))
+    plan = plan_on(part.path)
+    plane = _plane(part, plan, reach, accuracy.microlens_nodes, accuracy)
+    return PointPlan(wave=part, rows=rows, columns=columns, lost=lit.lost, reach=reach, detector=plan, plane=plane)
 
 
 def compute_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy) -> PointComputation:
     """Table of the main-lens field, microlenses, detector samples, pixels."""
-    reach, plan, plane = plan_point(wave, to_detector, accuracy)
+    whole = wave.path.pixels
+    point = plan_point(wave, to_detector, accuracy)
+    wave, plan, plane = point.wave, point.detector, point.plane
     light = arriving_light(wave, accuracy)
     field = light.read(*plane.positions)
     spheres = None
@@ -162,17 +206,18 @@ def compute_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: C
             path=wave.path,
             wave=wave,
             spheres=spheres,
-            reach=reach,
+            reach=point.reach,
             half_patch=plan.kept,
             spacing=plan.transfer.spacing,
             accuracy=accuracy,
         )
         handed_over = 1.0 - carried / spheres.power
-    pixels, pixel_error = light_on_pixels(np.abs(samples) ** 2, wave.path.pixels, per_pixel=plan.per_pixel)
+    pixels = np.zeros(whole.shape)
+    pixels[point.rows, point.columns], pixel_error = light_on_pixels(
+        np.abs(samples) ** 2, wave.path.pixels, per_pixel=plan.per_pixel
+    )
     return PointComputation(
-        plan=plan,
-        reach=reach,
-        plane=plane,
+        plan=point,
         light=light,
         field=field,
         samples=samples,
@@ -213,9 +258,9 @@ def _check_memory(plan: DetectorPlan, nodes: int, accuracy: ChainAccuracy) -> No
 
 def _field_check(wave: PupilWave, done: PointComputation, rng: np.random.Generator) -> float:
     """Relative discrepancy of the field at random microlens nodes from direct quadrature."""
-    x, y = (c.ravel() for c in done.plane.positions)
+    x, y = (c.ravel() for c in done.plan.plane.positions)
     field = done.field.ravel()
-    weights = done.plane.weights.ravel()
+    weights = done.plan.plane.weights.ravel()
     power = np.abs(field) ** 2 * weights
     chance = _mixture(power, weights)
     pick = rng.choice(x.size, size=_CHECK_POINTS, p=chance)
@@ -228,11 +273,11 @@ def _intensity_check(
     wave: PupilWave | RayWave, done: PointComputation, paraxial: bool, accuracy: ChainAccuracy, rng: np.random.Generator
 ) -> float:
     """Relative discrepancy of the intensity at random detector samples from direct quadrature on finer nodes."""
-    plane, plan = done.plane, done.plan
+    plane, plan = done.plan.plane, done.plan.detector
     inside = np.abs(done.samples[MARGIN:-MARGIN, MARGIN:-MARGIN]) ** 2
     if not inside.any():
         return 0.0
-    finer = _plane(wave, plan, done.reach, 1.2 * max(1.0, accuracy.microlens_nodes), accuracy)
+    finer = _plane(done.plan.wave, plan, done.plan.reach, 1.2 * max(1.0, accuracy.microlens_nodes), accuracy)
     chance = _mixture(inside.ravel() ** 2, np.ones(inside.size))
     pick = rng.choice(inside.size, size=_CHECK_POINTS, p=chance)
     row, column = np.unravel_index(pick, inside.shape)

@@ -236,6 +236,12 @@ class PixelGrid:
         if not (self.pitch > 0 and math.isfinite(self.pitch)) or min(self.shape) < 1:
             raise OutOfRangeError("pixels", value=f"{self.shape} of {self.pitch:g} m", limit="≥ 1 × 1, > 0 m")
 
+    def part(self, rows: slice, columns: slice) -> PixelGrid:
+        """Return a rectangle of its pixels."""
+        x, y = ((e[p.start] + e[p.stop]) / 2 for e, p in ((self.edges_x, columns), (self.edges_y, rows)))
+        shape = (rows.stop - rows.start, columns.stop - columns.start)
+        return replace(self, shape=shape, centre=(float(x), float(y)))
+
     @property
     def corner(self) -> tuple[float, float]:
         """Outer corner (x, y) of pixel [0, 0] [m]."""

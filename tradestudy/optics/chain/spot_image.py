@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import islice
+from functools import partial
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.arriving_light import RayWave, point_wave
 from tradestudy.optics.chain.detector_patch import outermost
+from tradestudy.optics.chain.parts import ComputeParts
 from tradestudy.optics.chain.point_image import compute_point, plan_point, reference_law
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.chain.sources import (
@@ -25,17 +26,9 @@ from tradestudy.optics.chain.sources import (
     orbits,
     source_nodes,
     symmetries,
-    tolerated_density,
 )
-from tradestudy.optics.chain.spot_points import (
-    PointLight,
-    Spot,
-    lights_of,
-    mean_on_pixels,
-    point_light,
-    prepare_spot,
-    tables_at,
-)
+from tradestudy.optics.chain.spot_parts import AskedSpot, FollowedPoints, follow_points, forget_spot, source_density
+from tradestudy.optics.chain.spot_points import point_light, tables_at
 
 _SAFETY_OF_ANGLES = 1.5  # one or two rings stand for all
 _SAFETY_OF_RADII = 2.0  # one azimuth stands for all
@@ -46,88 +39,81 @@ CHECKED_POINTS = 2
 _SAFETY_OF_TWO = 2.0
 _SHARE_OF_NODES = 0.85  # of the time, about; the rest goes to points between them that tell the error
 _MOST_DRAWN = 40
+_AT_ONCE = 8  # points between the rings that make one part of the work
 _HARDLY_ANY = 0.1  # of what a point brings on average
 
 
-@dataclass(frozen=True, kw_only=True)
-class AveragingErrors:
-    """Errors of the mean over angles and over radii, L2 over the pixels, and how many points told them."""
-
-    angles: float
-    radii: float
-    points: int
-
-
-def averaging_errors(
-    spot: Spot, nodes: SourceNodes, group: list[Symmetry], halves: FloatArray, brightness: FloatArray
-) -> AveragingErrors:
-    """Follow points between the nodes of a disc, and tell from them what the mean over the nodes lacks.
-
-    Parameters
-    ----------
-    spot, nodes
-        Disc, and its nodes.
-    group
-        Symmetries of the scene.
-    halves
-        Mean pixel images of each ring from its even and from its odd angles, shape (rings, 2, rows, columns).
-    brightness
-        L2 size of the pixel image of points at every eighth of a turn, zero where symmetries give it, shape
-        (rings, AZIMUTHS).
-    """
-    angles, on_rings = _angular_error(spot, nodes, group, halves)
-    radii, on_azimuth = _radial_error(spot, nodes, halves.mean(axis=1), brightness)
-    return AveragingErrors(angles=angles, radii=radii, points=on_rings + on_azimuth)
-
-
-def _angular_error(spot: Spot, nodes: SourceNodes, group: list[Symmetry], halves: FloatArray) -> tuple[float, int]:
-    """Error of half the angles, even against odd, which falls to that of all as it is measured to fall.
-
-    The angles in between are followed, too: on the ring where the halves differ most, and on that where it weighs most.
-    """
-    difference = (halves[:, 0] - halves[:, 1]) / 2
-    size = np.linalg.norm(difference, axis=(1, 2))
-    falls, points = [0.0], 0
-    for ring in {int(np.argmax(size)), int(np.argmax(nodes.radial_weights * size))}:
-        between, followed = _between(spot, nodes, ring, group)
-        of_all = float(np.linalg.norm(halves[ring].mean(axis=0) - between)) / 2
-        falls.append(min(of_all / size[ring], 1.0) if size[ring] > 0.0 else 0.0)
-        points += followed
-    half = float(np.linalg.norm(np.tensordot(nodes.radial_weights, difference, axes=1)))
-    return _SAFETY_OF_ANGLES * max(falls) * half, points
-
-
-def _between(spot: Spot, nodes: SourceNodes, ring: int, group: list[Symmetry]) -> tuple[FloatArray, int]:
-    """Mean pixel image of a ring from the angles halfway between its nodes, and the points that it took."""
-    at, middle = nodes.rings[ring], np.array([spot.source.x, spot.source.y])
+def _turned_ring(asked: AskedSpot, nodes: SourceNodes, ring: int, group: list[Symmetry]) -> partial[FollowedPoints]:
+    """Points halfway between the angles of a ring, without those that symmetries give."""
+    at, middle = nodes.rings[ring], np.array([asked.source.x, asked.source.y])
     cosine, sine = math.cos(math.pi / len(at)), math.sin(math.pi / len(at))
     turned = middle + (at - middle) @ np.array([[cosine, sine], [-sine, cosine]])
     chosen = list(orbits(replace(nodes, rings=(turned,)), 0, group))
-    lights = lights_of(spot, turned[[index for index, _ in chosen]])
-    image = mean_on_pixels(spot, ((n, light) for (_, n), light in zip(chosen, lights, strict=True)))[0]
-    return np.asarray(np.mean([moved_image(image, one) for one in group], axis=0)), len(chosen)
+    return partial(follow_points, asked, turned[[index for index, _ in chosen]], tuple(n for _, n in chosen))
 
 
-def _radial_error(spot: Spot, nodes: SourceNodes, rings: FloatArray, brightness: FloatArray) -> tuple[float, int]:
-    """Error of the rule along the brightest azimuth, smaller as the mean over angles is smoother than its light.
+def _angular_error(nodes: SourceNodes, halves: FloatArray, between: dict[int, FloatArray]) -> float:
+    """Error of half the angles, even against odd, which falls to that of all as it is measured to fall.
 
-    The rule is held against the polynomial through its nodes and as many points between them. How much smoother the
-    mean is, the highest Legendre coefficients tell that the rings resolve.
+    Parameters
+    ----------
+    nodes
+        Of the disc.
+    halves
+        Mean pixel images of each ring from its even and from its odd angles, shape (rings, 2, rows, columns).
+    between
+        Mean pixel images of some rings from the angles between.
+    """
+    difference = (halves[:, 0] - halves[:, 1]) / 2
+    falls = [0.0]
+    for ring, image in between.items():
+        size = float(np.linalg.norm(difference[ring]))
+        of_all = float(np.linalg.norm(halves[ring].mean(axis=0) - image)) / 2
+        falls.append(min(of_all / size, 1.0) if size > 0.0 else 0.0)
+    half = float(np.linalg.norm(np.tensordot(nodes.radial_weights, difference, axes=1)))
+    return _SAFETY_OF_ANGLES * max(falls) * half
+
+
+def _uneven_rings(nodes: SourceNodes, halves: FloatArray) -> list[int]:
+    """The ring where the halves differ most, and that where it weighs most."""
+    size = np.linalg.norm(halves[:, 0] - halves[:, 1], axis=(1, 2))
+    return sorted({int(np.argmax(size)), int(np.argmax(nodes.radial_weights * size))})
+
+
+def _along_radius(source: DiscSource, nodes: SourceNodes, brightness: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Squared relative radii of the rings and between them, and the points there along the brightest azimuth.
+
+    `brightness` is the L2 size of the pixel image of points at every eighth of a turn, zero where symmetries give it,
+    shape (rings, AZIMUTHS).
     """
     azimuth = 2 * math.pi * int(np.argmax(nodes.radial_weights @ brightness)) / AZIMUTHS
     turn = np.arccos(1 - 2 * nodes.radial_points)
     squared = np.r_[nodes.radial_points, (1 - np.cos((np.r_[0.0, turn] + np.r_[turn, math.pi]) / 2)) / 2]
     direction = np.array([math.cos(azimuth), math.sin(azimuth)])
-    places = np.array([spot.source.x, spot.source.y]) + np.outer(spot.source.diameter / 2 * np.sqrt(squared), direction)
-    images = np.array([light.on_pixels(spot) for light in lights_of(spot, places)])
-    n = turn.size
+    return squared, np.array([source.x, source.y]) + np.outer(source.diameter / 2 * np.sqrt(squared), direction)
+
+
+def _radial_error(nodes: SourceNodes, rings: FloatArray, squared: FloatArray, images: FloatArray) -> float:
+    """Error of the rule along the brightest azimuth, smaller as the mean over angles is smoother than its light.
+
+    The rule is held against the polynomial through its nodes and as many points between them. How much smoother the
+    mean is, the highest Legendre coefficients tell that the rings resolve.
+
+    Parameters
+    ----------
+    nodes, rings
+        Of the disc, and the mean pixel image of each ring.
+    squared, images
+        Squared relative radii along that azimuth, those of the rings first, and the pixel image of each point.
+    """
+    n = nodes.radial_points.size
     legendre = np.polynomial.legendre.legvander(2 * squared - 1, 2 * n)
     weights = np.linalg.solve(legendre.T, np.eye(2 * n + 1)[0])
     weights[:n] -= nodes.radial_weights
     lacking = np.tensordot(weights, images, axes=1)
     sharp, smooth = (_highest(nodes, along) for along in (images[:n], rings))
     smoother = min(smooth / sharp, 1.0) if sharp > 0.0 else 1.0
-    return _SAFETY_OF_RADII * smoother * float(np.linalg.norm(lacking)), len(places)
+    return _SAFETY_OF_RADII * smoother * float(np.linalg.norm(lacking))
 
 
 def _highest(nodes: SourceNodes, images: FloatArray) -> float:
@@ -145,7 +131,8 @@ def wave_spot_image(
     legs: Legs,
     accuracy: ChainAccuracy,
     rng: np.random.Generator,
-    done: Callable[[float], None] = lambda _share: None,
+    done: Callable[[float], None],
+    compute: ComputeParts,
 ) -> ChainImage:
     """Image of an incoherent disc by wave optics, averaged over its area.
 
@@ -162,7 +149,9 @@ def wave_spot_image(
     rng
         Draws the source points whose image is checked.
     done
-        Hears what share of the points is done, ring by ring.
+        Hears what share of the points is done.
+    compute
+        Computes the points of rings, and those by which the picture is checked.
 
     Raises
     ------
@@ -171,23 +160,38 @@ def wave_spot_image(
     NotConvergedError
         If the image of a source point differs grossly from that of the single-point computation.
     """
-    density = source_density(accuracy)
-    nodes = source_nodes(path, source, wavelength=wavelength, density=density)
+    asked = AskedSpot(path=path, source=source, wavelength=wavelength, legs=legs, accuracy=accuracy)
+    nodes = source_nodes(path, source, wavelength=wavelength, density=source_density(accuracy))
     for point in (source.centre, outermost(source, nodes)):  # what takes minutes is not begun in vain
         wave = point_wave(path, point, wavelength=wavelength, legs=legs)
         plan_point(_reference(wave), reference_law(legs.to_detector), accuracy.unstarved())
-    spot = prepare_spot(path, source, nodes, wavelength, legs, accuracy)
     group = symmetries(path, source)
-    images = _ring_images(spot, nodes, group, done)
+    images = _ring_images(asked, nodes, group, compute, lambda share: done(_SHARE_OF_NODES * share))
     rings = np.mean([moved_image(images.pixels, one) for one in group], axis=0)
     pixels = np.tensordot(nodes.radial_weights, rings.mean(axis=1), axes=1)
-    size = float(np.linalg.norm(pixels))
-    lacking = averaging_errors(spot, nodes, group, rings, images.brightness)
-    done(1.0)
-    per_point = _points_check(spot, nodes, float(pixels.sum()), rng)
+    uneven = _uneven_rings(nodes, rings)
+    squared, radial = _along_radius(source, nodes, images.brightness)
+    picks = rng.choice(nodes.all, size=min(_MOST_DRAWN, len(nodes.all)), replace=False)
+    turned = [_turned_ring(asked, nodes, ring, group) for ring in uneven]
+    pieces = np.array_split(radial, -(-len(radial) // _AT_ONCE))
+    *followed, per_point = compute(
+        [
+            *turned,
+            *(partial(follow_points, asked, one, (1,) * len(one), tuple(range(len(one)))) for one in pieces),
+            partial(_points_error, asked, picks, float(pixels.sum())),
+        ],
+        lambda share: done(_SHARE_OF_NODES + (1 - _SHARE_OF_NODES) * share),
+    )
+    forget_spot()
+    between = {
+        ring: np.asarray(np.mean([moved_image(one.pixels, turn) for turn in group], axis=0))
+        for ring, one in zip(uneven, followed, strict=False)
+    }
+    along = np.concatenate([one.alone for one in followed[len(uneven) :]])
+    size = float(np.linalg.norm(pixels)) or math.inf  # no light: no error
     terms = {
-        "source angles": lacking.angles / size if size > 0.0 else 0.0,
-        "source radii": lacking.radii / size if size > 0.0 else 0.0,
+        "source angles": _angular_error(nodes, rings, between) / size,
+        "source radii": _radial_error(nodes, rings.mean(axis=1), squared, along) / size,
         "single points": per_point,
         "pixel integration": images.pixel_error,
     }
@@ -198,10 +202,9 @@ def wave_spot_image(
         direct_check={},
         microlens_share=math.nan,
         effort={
-            "source points": images.points + lacking.points,
+            "source points": images.points + sum(len(one.args[1]) for one in turned) + len(radial),
             "source nodes": nodes.all.shape[0],
-            "nodes per microlens": spot.plane.cell.x.size,
-            "samples per patch": spot.response.transfer.count**2,
+            **images.effort,
         },
         handed_over=images.handed_over,
     )
@@ -212,11 +215,6 @@ def followed_points(path: LightPath, source: DiscSource, nodes: SourceNodes) -> 
     group = symmetries(path, source)
     distinct = sum(1 for ring in range(len(nodes.rings)) for _ in orbits(nodes, ring, group))
     return distinct + 2 * max(map(len, nodes.rings)) / len(group) + 2 * len(nodes.rings) + 1
-
-
-def source_density(accuracy: ChainAccuracy) -> float:
-    """Share of the cutoff to resolve: the light near it is weak, and the pixel averages it away."""
-    return accuracy.source_sampling * tolerated_density(accuracy)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,37 +229,42 @@ class _RingImages:
     pixel_error: float
     points: int
     handed_over: float
+    effort: dict[str, int]
 
 
-def _ring_images(spot: Spot, nodes: SourceNodes, group: list[Symmetry], done: Callable[[float], None]) -> _RingImages:
+def _ring_images(
+    asked: AskedSpot,
+    nodes: SourceNodes,
+    group: list[Symmetry],
+    compute: ComputeParts,
+    told: Callable[[float], None],
+) -> _RingImages:
     """Follow the light of one point of every orbit of the symmetries."""
-    images, errors, points, handed = [], [], 0, [spot.tables.handed_over if spot.tables else 0.0]
-    brightness = np.zeros((len(nodes.rings), AZIMUTHS))
-
-    def followed(ring: int, part: list[tuple[int, int]]) -> Iterator[tuple[int, PointLight]]:
-        lights = lights_of(spot, nodes.rings[ring][[index for index, _ in part]])
-        for (index, n), light in zip(part, lights, strict=True):
-            handed.append(light.handed_over)
-            azimuth, between = divmod(AZIMUTHS * index, len(nodes.rings[ring]))
-            if not between:
-                brightness[ring, azimuth] = np.linalg.norm(light.on_pixels(spot))
-            yield n, light
-
-    for ring in range(len(nodes.rings)):
+    parts, eighths = [], []
+    for ring, at in enumerate(nodes.rings):
         chosen = list(orbits(nodes, ring, group))
-        points += len(chosen)
-        halves = [[(i, n) for i, n in chosen if i % 2 == odd] for odd in (0, 1)]
-        lights = followed(ring, halves[0] + halves[1])
-        means = [mean_on_pixels(spot, islice(lights, len(half))) for half in halves]
-        images.append([pixels for pixels, _ in means])
-        errors.append(max(error for _, error in means))
-        done(_SHARE_OF_NODES * sum(len(one) for one in nodes.rings[: ring + 1]) / len(nodes.all))
+        for odd in (0, 1):
+            half = [(index, n) for index, n in chosen if index % 2 == odd]
+            azimuths = {
+                number: AZIMUTHS * index // len(at)
+                for number, (index, _) in enumerate(half)
+                if AZIMUTHS * index % len(at) == 0
+            }
+            eighths.append((ring, list(azimuths.values())))
+            places, weights = at[[index for index, _ in half]], tuple(n for _, n in half)
+            parts.append(partial(follow_points, asked, places, weights, tuple(azimuths)))
+    found: list[FollowedPoints] = compute(parts, told)
+    brightness = np.zeros((len(nodes.rings), AZIMUTHS))
+    for (ring, at_eighths), one in zip(eighths, found, strict=True):
+        brightness[ring, at_eighths] = np.linalg.norm(one.alone, axis=(1, 2))
+    pixels = np.array([one.pixels for one in found])
     return _RingImages(
-        pixels=np.asarray(images),
+        pixels=pixels.reshape(len(nodes.rings), 2, *pixels.shape[1:]),
         brightness=brightness,
-        pixel_error=max(errors),
-        points=points,
-        handed_over=max(handed),
+        pixel_error=max(one.pixel_error for one in found),
+        points=sum(len(part.args[1]) for part in parts),
+        handed_over=max(one.handed_over for one in found),
+        effort=found[0].effort,
     )
 
 
@@ -269,7 +272,7 @@ def _reference(wave: PupilWave | RayWave) -> PupilWave | RayWave:
     return wave.reference if isinstance(wave, PupilWave) else wave
 
 
-def _points_check(spot: Spot, nodes: SourceNodes, light: float, rng: np.random.Generator) -> float:
+def _points_error(asked: AskedSpot, picks: FloatArray, light: float) -> float:
     """Relative L2 difference of random source points' pixels from the single-point computation, times a safety.
 
     Points that bring hardly any of the light say nothing of the picture and are passed over, unless all do. A boundary
@@ -277,7 +280,7 @@ def _points_check(spot: Spot, nodes: SourceNodes, light: float, rng: np.random.G
     """
     squares: list[float] = []
     sizes: list[float] = []
-    picks = rng.choice(nodes.all, size=min(_MOST_DRAWN, len(nodes.all)), replace=False)
+    spot = asked.prepared()
     finer = spot.accuracy.unstarved()
     for number, pick in enumerate(picks):
         if len(squares) == CHECKED_POINTS:

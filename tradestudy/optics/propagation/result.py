@@ -234,8 +234,10 @@ def choose_check_targets(targets: Targets, field: ComplexArray, *, count: int, s
         even = np.full(x.size, 1.0 / x.size)
         total = float(intensity.sum())
         chance = even if total == 0.0 else _UNIFORM_SHARE * even + (1 - _UNIFORM_SHARE) * intensity / total
-        index = np.random.default_rng(seed).choice(x.size, size=count, p=chance / chance.sum())
-        corners = [int(np.argmax(s * x + t * y)) for s in (-1, 1) for t in (-1, 1)]
+        upto = np.cumsum(chance)
+        index = np.searchsorted(upto, upto[-1] * np.random.default_rng(seed).random(count), side="right")
+        rising, falling = x + y, x - y
+        corners = [np.argmin(rising), np.argmin(falling), np.argmax(falling), np.argmax(rising)]
         corner = np.arange(count + len(corners)) >= count
         index = np.concatenate([index, corners])
         weight = np.where(corner, 0.0, even[index] / chance[index])
@@ -254,7 +256,8 @@ def stated_error(
     """Relative errors over all targets: four times the ones estimated at the check targets, and rounding.
 
     `rounding`, `low_rank` and `nufft` are relative to `largest`, the field that all nodes could give in phase. The
-    errors are relative to the smaller of the result and of what it is checked against: starved nodes invent light.
+    errors are relative to the smaller of the result and of what it is checked against: starved nodes invent light. They
+    are infinite where doubling the nodes changes the field by as much as there is of it.
     """
     rounding *= largest
     intensity = squared_magnitude(field)
@@ -265,9 +268,11 @@ def stated_error(
         return NumericalError(
             field=nothing, intensity=nothing, nodes=nothing, low_rank=nothing, nufft=nothing, check=nothing
         )
+    # Nodes that differ from twice as many by all there is may both be starved: by how much, none of them tells.
+    unknown = 0.0 if check.nodes < max(typical, check.sums) or math.isnan(check.nodes) else math.inf
     return NumericalError(
-        field=_SAFETY * check.total / typical + rounding / typical,
-        intensity=_SAFETY * check.intensity / bright + 2 * rounding * typical / bright,
+        field=unknown + _SAFETY * check.total / typical + rounding / typical,
+        intensity=unknown + _SAFETY * check.intensity / bright + 2 * rounding * typical / bright,
         nodes=check.nodes / typical,
         low_rank=low_rank * largest / typical,
         nufft=nufft * largest / typical,

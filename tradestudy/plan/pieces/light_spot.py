@@ -15,7 +15,8 @@ from tradestudy.effects.models import LENSES, OFF, Models, SlotName, models_of
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.chain import ChainAccuracy, DiscSource
 from tradestudy.optics.chain.sources import source_nodes
-from tradestudy.optics.chain.spot_image import followed_points, source_density
+from tradestudy.optics.chain.spot_image import followed_points
+from tradestudy.optics.chain.spot_parts import source_density
 from tradestudy.plan.pieces.light_trial import TOLERANCE, LightTrial
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 

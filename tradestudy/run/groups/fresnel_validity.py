@@ -5,9 +5,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
 from tradestudy.analysis.fresnel_errors import (
@@ -19,7 +21,8 @@ from tradestudy.analysis.fresnel_errors import (
     psf_differences,
     southwell_f_number,
 )
-from tradestudy.execution.steps import Progress, Seconds, mixed, timed
+from tradestudy.execution import Steps
+from tradestudy.execution.steps import Seconds, mixed, timed
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.paper_equation_27 import paper_eq27_sweep
 from tradestudy.optics.propagation import LensPhase
@@ -30,35 +33,34 @@ from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart
 _SWEEP_POINTS: Final = 1025  # enough to follow the smaller zero to twice its minimum and beyond
 _STEP: Final = "Fresnel against Kirchhoff, on axis"
 _OFF_AXIS_STEP: Final = "Fresnel against Kirchhoff, off axis"
+_Found = npt.NDArray[np.object_]  # of differences by lens phase
 
 
-def fresnel_validity_group(asked: FresnelValidityPart, progress: Progress, seconds: Seconds) -> xr.Dataset:
+def fresnel_validity_group(asked: FresnelValidityPart, steps: Steps, seconds: Seconds) -> xr.Dataset:
     """/fresnel_validity over elements, lens phases, wavelengths, f-numbers, metrics and windows."""
     elements = list(asked.elements.values())
     f_numbers = listed(asked.f_numbers)
     with timed(seconds, _STEP):
-        errors, numerical = _swept(
-            asked, elements, f_numbers, progress, step=_STEP, field_angle=0.0, wavelengths=asked.wavelengths
-        )
+        on_axis = _swept(asked, elements, f_numbers, steps, step=_STEP, field_angle=0.0, wavelengths=asked.wavelengths)
         published = {e: e.published_error.f_number if e.published_error else e.f_number for e in elements}
         used = {e: e.f_number for e in elements}
         points = {
             **_at_points(asked, "published_point_error", published, field_angle=0.0, wavelengths=asked.wavelengths),
             **_at_points(asked, "camera_point_error", used, field_angle=0.0, wavelengths=asked.wavelengths),
         }
-        limits = _limits(asked, elements, f_numbers, progress)
+        limits = _limits(asked, elements, f_numbers, on_axis, steps)
+    errors, numerical = _laid_out(asked, on_axis)
     attributes: dict[str, Any] = {"error_limit": asked.error_limit}
     off_axis: dict[str, FloatArray] = {}
     if asked.off_axis is not None:
         attributes |= {"field_angle": asked.off_axis.field_angle, "field_wavelength": asked.off_axis.wavelength}
         aside, waves = asked.off_axis.field_angle, (asked.off_axis.wavelength,)
         with timed(seconds, _OFF_AXIS_STEP):
-            swept = _swept(
-                asked, elements, f_numbers, progress, step=_OFF_AXIS_STEP, field_angle=aside, wavelengths=waves
-            )
+            swept = _swept(asked, elements, f_numbers, steps, step=_OFF_AXIS_STEP, field_angle=aside, wavelengths=waves)
             there = _at_points(asked, "off_axis_camera_error", used, field_angle=aside, wavelengths=waves)
         off_axis = {name: one[:, :, 0] for name, one in there.items()}
-        off_axis |= {"off_axis_error": swept[0][:, :, 0], "off_axis_error_numerical": swept[1][:, :, 0]}
+        there_errors, there_numerical = _laid_out(asked, swept)
+        off_axis |= {"off_axis_error": there_errors[:, :, 0], "off_axis_error_numerical": there_numerical[:, :, 0]}
     values = {
         **_declared(elements),
         "psf_error": errors,
@@ -109,6 +111,21 @@ def _declared(elements: list[ElementPart]) -> Mapping[str, Any]:
     }
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Pair:
+    """Where both laws are computed."""
+
+    asked: FresnelValidityPart
+    element: ElementPart
+    f_number: float
+    field_angle: float
+    wavelength: float
+
+
+def _differences_of(pair: _Pair) -> Mapping[LensPhase, PsfDifference]:
+    return _differences(pair.asked, pair.element, pair.f_number, pair.field_angle, pair.wavelength)
+
+
 def _differences(
     asked: FresnelValidityPart, element: ElementPart, f_number: float, field_angle: float, wavelength: float
 ) -> Mapping[LensPhase, PsfDifference]:
@@ -132,25 +149,35 @@ def _swept(
     asked: FresnelValidityPart,
     elements: list[ElementPart],
     f_numbers: tuple[float, ...],
-    progress: Progress,
+    steps: Steps,
     *,
     step: str,
     field_angle: float,
     wavelengths: tuple[float, ...],
-) -> tuple[FloatArray, FloatArray]:
-    """Errors and their numerical errors, shape (element, lens phase, wavelength, f-number, metric, window)."""
+) -> _Found:
+    """Differences of every lens at every f-number and wavelength, shape (element, wavelength, f-number)."""
     shape = (len(elements), len(wavelengths), len(f_numbers))
-    errors, numerical = (
-        np.full((*shape, len(asked.lens_phases), len(METRICS), len(asked.windows)), np.nan) for _ in range(2)
-    )
     places = list(itertools.product(*map(range, shape)))
-    for number, k in enumerate(mixed(len(places))):
-        progress(step, number / len(places))
-        place = places[k]
-        element, wavelength, f_number = place
-        found = _differences(asked, elements[element], f_numbers[f_number], field_angle, wavelengths[wavelength])
-        errors[place], numerical[place] = _stacked(asked, found, ""), _stacked(asked, found, "_error")
-    progress(step, 1.0)
+    places = [places[k] for k in mixed(len(places))]
+    pairs = [
+        _Pair(
+            asked=asked, element=elements[e], f_number=f_numbers[f], field_angle=field_angle, wavelength=wavelengths[w]
+        )
+        for e, w, f in places
+    ]
+    labels = [f"{one.element.title}, f/{one.f_number:g}, {one.wavelength:g} m" for one in pairs]
+    found = np.empty(shape, dtype=object)
+    for place, one in zip(places, steps.map(step, _differences_of, pairs, labels), strict=True):
+        found[place] = one
+    return found
+
+
+def _laid_out(asked: FresnelValidityPart, found: _Found) -> tuple[FloatArray, FloatArray]:
+    """Errors and their numerical errors, shape (element, lens phase, wavelength, f-number, metric, window)."""
+    errors, numerical = (
+        np.array([[[_stacked(asked, one, suffix) for one in row] for row in rows] for rows in found])
+        for suffix in ("", "_error")
+    )
     return np.moveaxis(errors, 3, 1), np.moveaxis(numerical, 3, 1)
 
 
@@ -173,24 +200,52 @@ def _at_points(
     }
 
 
+@dataclass(frozen=True, kw_only=True)
+class _LensInLight:
+    """One lens in light of one wavelength, and what is known of it at the f-numbers."""
+
+    asked: FresnelValidityPart
+    element: ElementPart
+    wavelength: float
+    known: Mapping[float, Mapping[LensPhase, PsfDifference]]
+
+
 def _limits(
-    asked: FresnelValidityPart, elements: list[ElementPart], f_numbers: tuple[float, ...], progress: Progress
+    asked: FresnelValidityPart,
+    elements: list[ElementPart],
+    f_numbers: tuple[float, ...],
+    on_axis: _Found,
+    steps: Steps,
 ) -> FloatArray:
-    step = "f-numbers at the limit"
-    shape = (len(elements), len(asked.lens_phases), len(asked.wavelengths), len(METRICS), len(asked.windows))
+    """f-numbers at the limit, shape (element, lens phase, wavelength, metric, window)."""
+    points = [
+        _LensInLight(
+            asked=asked,
+            element=element,
+            wavelength=wavelength,
+            known=dict(zip(f_numbers, on_axis[e, w], strict=True)),
+        )
+        for e, element in enumerate(elements)
+        for w, wavelength in enumerate(asked.wavelengths)
+    ]
+    labels = [f"{one.element.title}, {one.wavelength:g} m" for one in points]
+    found = np.array(steps.map("f-numbers at the limit", _limits_of, points, labels))
+    return np.moveaxis(found.reshape(len(elements), len(asked.wavelengths), *found.shape[1:]), 2, 1)
+
+
+def _limits_of(lens: _LensInLight) -> FloatArray:
+    """Shape (lens phase, metric, window)."""
+    asked = lens.asked
+    shape = (len(asked.lens_phases), len(METRICS), len(asked.windows))
     limits = np.full(shape, np.nan)
-    places = list(itertools.product(*map(range, shape)))
-    for number, k in enumerate(mixed(len(places))):
-        progress(step, number / len(places))
-        place = places[k]
+    for place in itertools.product(*map(range, shape)):
 
         def error_at(f_number: float, place: tuple[int, ...] = place) -> float:
-            element, phase, wavelength, metric, window = place
-            found = _differences(asked, elements[element], f_number, 0.0, asked.wavelengths[wavelength])
+            phase, metric, window = place
+            found = lens.known.get(f_number) or _differences(asked, lens.element, f_number, 0.0, lens.wavelength)
             return float(getattr(found[asked.lens_phases[phase]], METRICS[metric])[window])
 
-        limits[place] = limit_f_number(error_at, f_numbers, asked.error_limit)
-    progress(step, 1.0)
+        limits[place] = limit_f_number(error_at, tuple(lens.known), asked.error_limit)
     return limits
 
 

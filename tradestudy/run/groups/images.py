@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.analysis.spot_images import (
+    STEP,
     compared_models,
     image_difference,
     light_benchmarks,
@@ -19,6 +20,7 @@ from tradestudy.analysis.spot_images import (
     spot_picture,
 )
 from tradestudy.effects.models import Models
+from tradestudy.execution import Steps
 from tradestudy.execution.steps import Progress, Seconds, timed
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.pieces.light_spot import spot_models
@@ -28,34 +30,36 @@ from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 LIT_ABOVE = 0.01
 
 
-def _report(progress: Progress, number: int, count: int, share: float) -> None:
-    progress("image of the spot", (number + share) / count)
+def _told(progress: Progress, number: int, count: int, share: float) -> None:
+    progress(STEP, (number + share) / count)
 
 
-def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, models: Models) -> xr.Dataset:
-    """/images over (propagator, row, column); the wall seconds of each go to ``seconds`` as ``image: METHOD``.
+def images_group(part: LightSpotPart, steps: Steps, seconds: Seconds, models: Models) -> xr.Dataset:
+    """/images over (propagator, row, column); wall seconds of each go to ``seconds`` as ``image: METHOD``.
 
     Parameters
     ----------
     part
-        The spot, and the methods to compare, which have their own tolerance.
-    progress, seconds
-        Receive the progress, and the time that each image took.
+        The spot, and the methods to compare at the tolerance of their own.
+    steps
+        How parts of the pictures are computed.
+    seconds
+        Hears of what the pictures took.
     models
         The chosen models, which compute ``chosen_image``; without methods it is the only image.
     """
     chosen = spot_models(models)
     compared = [compared_models(part, method) for method in part.methods]
     asked = compared if chosen in compared else [*compared, chosen]
-    pictures = {}
+    pictures, progress = {}, steps.progress
     for number, one in enumerate(asked):
-        progress("image of the spot", number / len(asked))
+        progress(STEP, number / len(asked))
         name = f"image: {one.method}" if one in compared else "image: chosen"
         with timed(seconds, name):
-            pictures[one] = spot_picture(part, one, partial(_report, progress, number, len(asked)))
+            pictures[one] = spot_picture(part, one, partial(_told, progress, number, len(asked)), steps)
     shown = compared or asked
     found = [pictures[one] for one in shown]
-    progress("image of the spot", 1.0)
+    progress(STEP, 1.0)
     benchmarks: dict[str, float] = {}
     if part.benchmarks:
         progress("benchmarks of light", 0.0)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -17,16 +19,40 @@ from tradestudy.analysis.point_spreads import (
     varied_values,
 )
 from tradestudy.effects.models import Models
-from tradestudy.execution.steps import Progress, Seconds, timed
+from tradestudy.execution import Steps
+from tradestudy.execution.steps import Seconds, timed
 from tradestudy.results import dataset
-from tradestudy.study.schema.wave_optics import PointSpreadPart
+from tradestudy.study.schema.wave_optics import ElementPart, PointSpreadPart
 
 METHODS: Final[tuple[SpreadMethod, ...]] = ("fresnel", "kirchhoff")
 _UNITS: Final = {"f_number": "1", "wavelength": "m", "field_angle": "rad", "defocus": "wave"}
 _STEP: Final = "point spread"
 
 
-def point_spread_group(part: PointSpreadPart, progress: Progress, seconds: Seconds, models: Models) -> xr.Dataset:
+@dataclass(frozen=True, kw_only=True)
+class _Point:
+    """One lens with one thing varied."""
+
+    part: PointSpreadPart
+    lens: ElementPart
+    changed: tuple[str, float]
+    method: SpreadMethod
+
+
+def _measured(point: _Point) -> Mapping[str, tuple[float, float]]:
+    """Every measure with its numerical error."""
+    part = point.part
+    return spread_measures(
+        case_of(part, point.lens, dict([point.changed])),
+        method=point.method,
+        window=part.window,
+        rms_radius=part.rms_radius,
+        pixel_pitch=part.pixel_pitch,
+        tolerance=part.tolerance,
+    )
+
+
+def point_spread_group(part: PointSpreadPart, steps: Steps, seconds: Seconds, models: Models) -> xr.Dataset:
     """/point_spread over (element, propagator, varied, step).
 
     Both laws are computed, because each checks the other; ``chosen`` marks the one that the tolerance on widths
@@ -34,30 +60,22 @@ def point_spread_group(part: PointSpreadPart, progress: Progress, seconds: Secon
     """
     elements = list(part.elements.values())
     varied = varied_values(part)
-    steps = max(map(len, varied.values()))
-    shape = (len(elements), len(METHODS), len(varied), steps)
+    longest = max(map(len, varied.values()))
+    shape = (len(elements), len(METHODS), len(varied), longest)
     values = {name + suffix: np.full(shape, np.nan) for name in MEASURES for suffix in ("", "_error")}
-    places = [
-        place for place in itertools.product(*map(range, shape)) if place[3] < len(list(varied.values())[place[2]])
-    ]
+    named = list(varied.items())
+    places = [place for place in itertools.product(*map(range, shape)) if place[3] < len(named[place[2]][1])]
+    points, labels = [], []
+    for element, method, what, number in places:
+        name, chosen = named[what]
+        points.append(_Point(part=part, lens=elements[element], changed=(name, chosen[number]), method=METHODS[method]))
+        labels.append(f"{elements[element].title}, {METHODS[method]}, {name} {chosen[number]:g}")
     with timed(seconds, _STEP):
-        for number, place in enumerate(places):
-            progress(_STEP, number / len(places))
-            element, method, what, step = place
-            name = list(varied)[what]
-            case = case_of(part, elements[element], {name: varied[name][step]})
-            found = spread_measures(
-                case,
-                method=METHODS[method],
-                window=part.window,
-                rms_radius=part.rms_radius,
-                pixel_pitch=part.pixel_pitch,
-                tolerance=part.tolerance,
-            )
-            for measure, (value, error) in found.items():
-                values[measure][place], values[f"{measure}_error"][place] = value, error
-    progress(_STEP, 1.0)
-    padded = [[*chosen, *[np.nan] * (steps - len(chosen))] for chosen in varied.values()]
+        found = steps.map(_STEP, _measured, points, labels)
+    for place, one in zip(places, found, strict=True):
+        for measure, (value, error) in one.items():
+            values[measure][place], values[f"{measure}_error"][place] = value, error
+    padded = [[*chosen, *[np.nan] * (longest - len(chosen))] for chosen in varied.values()]
     return dataset(
         "point_spread",
         {
