@@ -35,9 +35,10 @@ def draw_trust(tree: xr.DataTree, posterior: str) -> StudyFigure:
         "what the halves claim for it": "rig_halves_claim",
         "what the whole claims": "rig_claimed",
     }
-    for order, variable in enumerate(curves.values()):
+    for order, (label, variable) in enumerate(curves.items()):
         style = line_style(order)
-        axes.plot(distance, MM * data[variable].values, color=style.color, linestyle=style.dash, marker=style.marker)
+        look = {"color": style.color, "linestyle": style.dash, "marker": style.marker, "label": label}
+        axes.plot(distance, MM * data[variable].values, **look)
     axes.set_xscale("log")
     axes.set_xticks(distance, [f"{one:g}" for one in distance])
     axes.minorticks_off()

@@ -53,7 +53,7 @@ def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: flo
         nearer = of_camera(view, "depth_discrimination", camera.key, side="nearer")
         farther = of_camera(view, "depth_discrimination", camera.key, side="farther")
         uncertainty = of_camera(view, "depth_uncertainty", camera.key)
-        draw_curve(left, view, camera, nearer)
+        draw_curve(left, view, camera, nearer, "depth_discrimination")
         _band(left, view, camera, nearer, farther)
         draw_curve(right, view, camera, uncertainty)
         drawn += [nearer, uncertainty]
@@ -77,14 +77,16 @@ def depth_limits(curves: list[FloatArray], distance: FloatArray, near: float, fa
     return float(np.percentile(values, 2.0)) / 1.5, min(float(values.max()) * 1.5, 2.0 * far * MM)
 
 
-def draw_curve(axes: Axes, view: xr.Dataset, camera: CameraTrace, metres: FloatArray) -> None:
+def draw_curve(
+    axes: Axes, view: xr.Dataset, camera: CameraTrace, metres: FloatArray, variable: str = "depth_uncertainty"
+) -> None:
     """A curve over all distances, bold where the camera is usable."""
     distance = np.asarray(view["distance"].values, dtype=float)
     y = np.where(np.isfinite(metres) & (metres > 0), metres * MM, np.nan)
     line = {"color": camera.style.color, "linestyle": camera.style.dash}
-    axes.plot(distance, y, linewidth=_UNUSABLE_WIDTH, alpha=0.55, **line)
+    axes.plot(distance, y, linewidth=_UNUSABLE_WIDTH, alpha=0.55, **line, **camera.shows(variable))
     bold = np.where(view["usable"].sel(camera=camera.key).values.astype(bool), y, np.nan)
-    axes.plot(distance, bold, linewidth=_USABLE_WIDTH, **line)
+    axes.plot(distance, bold, linewidth=_USABLE_WIDTH, **line, **camera.shows(variable, "usable"))
 
 
 def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray, farther: FloatArray) -> None:
@@ -98,6 +100,7 @@ def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray,
         color=camera.style.color,
         alpha=0.13,
         linewidth=0,
+        **camera.shows("depth_discrimination"),
     )
 
 
@@ -148,10 +151,14 @@ def _bars(axes: Axes, depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> None
     """One line of bars per camera: the distances at which it is usable."""
     last = float(depth["distance"].values[-1])
     for row, camera in enumerate(shown):
-        for near, far in where_usable(depth, camera.key):
-            axes.barh(row, min(far, last) - near, left=near, height=0.62, color=camera.style.color, linewidth=0)
+        told = camera.shows("usable")
+        nowhere = ((last, last),)  # a page that shows another design moves the ends of bars, also of one without length
+        for near, far in where_usable(depth, camera.key) or nowhere:
+            end = min(far, last)
+            (bar,) = axes.barh(row, end - near, left=near, height=0.62, color=camera.style.color, linewidth=0)
+            bar.set(**told)
             # The camera's line style runs through its bar, for readers without colours.
-            axes.plot([near, min(far, last)], [row, row], color="white", linestyle=camera.style.dash, linewidth=0.9)
+            axes.plot([near, end], [row, row], color="white", linestyle=camera.style.dash, linewidth=0.9, **told)
     named_rows(axes, [shortened(camera.title) for camera in shown])
     axes.set_title("Usable", fontsize=7.5)
 
@@ -166,12 +173,16 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ..
         for order, key in enumerate(best):  # cameras that are alike share the bar
             height = 0.9 / len(best)
             middle = row - 0.45 + (order + 0.5) * height
-            axes.barh(middle, end - start, left=start, height=height, color=by_key[key].style.color, linewidth=0)
+            color = by_key[key].style.color
+            (bar,) = axes.barh(middle, end - start, left=start, height=height, color=color, linewidth=0)
+            bar.set_gid("best")
         if best:
             letters = int(_LETTERS_ACROSS * np.log(end / start) / np.log(distance[-1] / distance[0]))
             if letters >= _SHORTEST_NAME:
                 name = shortened(answer_title(titles, answer), letters)
-                axes.text(np.sqrt(start * end), row, name, color="white", ha="center", va="center", fontsize=6.5)
+                middle = float(np.sqrt(start * end))
+                text = axes.text(middle, row, name, color="white", ha="center", va="center", fontsize=6.5)
+                text.set_gid("declared")
     names = [*(shortened(camera.title) for camera in shown), "best camera"]
     axes.set(yticks=[*range(len(shown)), row], yticklabels=names, ylim=(row + 0.6, -0.6))
     axes.get_yticklabels()[-1].set_fontweight("bold")
@@ -182,7 +193,7 @@ def _crossovers(panels: tuple[Axes, ...], tree: xr.DataTree) -> None:
     stretches = list(told_winners(tree))
     for _, edge, _ in stretches[:-1]:
         for axes in panels:
-            axes.axvline(edge, color=INK, linewidth=0.6, linestyle=(0, (2, 2)), zorder=0.8)
+            axes.axvline(edge, color=INK, linewidth=0.6, linestyle=(0, (2, 2)), zorder=0.8, gid="declared")
         panels[0].annotate(
             distance_words(edge),
             (edge, 1.0),
@@ -193,6 +204,7 @@ def _crossovers(panels: tuple[Axes, ...], tree: xr.DataTree) -> None:
             rotation=90,
             ha="right",
             va="top",
+            gid="declared",
         )
 
 

@@ -219,7 +219,7 @@ def draw_lateral_resolution(tree: xr.DataTree) -> StudyFigure:
     for camera in shown:
         size = np.asarray(data["lateral_resolution"].sel(camera=camera.key).values, dtype=np.float64) * MM
         sharp = _inside(distance, sharp_stretches(data.sel(camera=camera.key), "sharp"))
-        line = {"color": camera.style.color, "linestyle": camera.style.dash}
+        line = {"color": camera.style.color, "linestyle": camera.style.dash, "label": camera.title}
         axes.plot(distance * MM, size, linewidth=0.8, alpha=0.55, **line)
         axes.plot(distance * MM, np.where(sharp, size, np.nan), linewidth=2.0, **line)
     if "equal_resolution" in data.attrs:

@@ -135,10 +135,11 @@ def _error_panel(axes: Axes, data: xr.Dataset, element: str, error: xr.DataArray
         lines = 100 * np.asarray(error.sel(lens_phase=phase).values, dtype=float)
         if lines.ndim == 2:
             axes.fill_between(
-                f_number, lines.min(axis=0), lines.max(axis=0), color=style.color, alpha=0.18, linewidth=0
-            )
+                f_number, lines.min(axis=0), lines.max(axis=0),
+                color=style.color, alpha=0.18, linewidth=0, label=str(phase),
+            )  # fmt: skip
             lines = lines[(len(lines) - 1) // 2]
-        axes.plot(f_number, lines, color=style.color, linestyle=style.dash)
+        axes.plot(f_number, lines, color=style.color, linestyle=style.dash, label=str(phase))
     limit = 100 * float(data.attrs["error_limit"])
     axes.axhline(limit, color=INK, linewidth=0.7)
     axes.annotate(

@@ -155,7 +155,7 @@ def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
     for method in methods:
         style = line_style(names.index(method))
         cut = np.asarray(data["image"].sel(propagator=method).isel(row=middle).values, dtype=float) / top
-        axes.plot(x, np.maximum(cut, _DARKEST), color=style.color, linestyle=style.dash, linewidth=1.2)
+        axes.plot(x, np.maximum(cut, _DARKEST), color=style.color, linestyle=style.dash, linewidth=1.2, label=method)
     log_axis(axes, "y")
     axes.set(
         ylim=(_DARKEST, 2),

@@ -58,11 +58,13 @@ def _limits(depth: xr.Dataset) -> tuple[float, float]:
 
 def _panel(axes: Axes, depth: xr.Dataset, off: xr.Dataset, camera: CameraTrace) -> None:
     distance = np.asarray(depth["distance"].values, dtype=np.float64)
-    axes.plot(distance, _drawn(of_camera(depth, "depth_uncertainty", camera.key)), color=INK, linewidth=2.0)
+    on_axis = _drawn(of_camera(depth, "depth_uncertainty", camera.key))
+    axes.plot(distance, on_axis, color=INK, linewidth=2.0, label=field_words(0.0))
     for order, field in enumerate(off["field"].values):
         style = line_style(order + 1)
         there = of_camera(off.sel(field=field), "depth_uncertainty", camera.key)
-        axes.plot(off["distance"].values, _drawn(there), color=style.color, linestyle=style.dash, linewidth=1.3)
+        look = {"color": style.color, "linestyle": style.dash, "label": field_words(float(field))}
+        axes.plot(off["distance"].values, _drawn(there), linewidth=1.3, **look)
     distance_axis(axes, (float(distance[0]), float(distance[-1])))
     axes.set_title(shortened(camera.title, 34), fontsize=7.5)
 

@@ -81,7 +81,8 @@ def _curves(tree: xr.DataTree, data: xr.Dataset, dim: str) -> StudyFigure:
     for number, says in enumerate(data["says"].values):
         style = line_style(number)
         margins = np.asarray(data["design_margin_percent"].values[:, number], dtype=np.float64)
-        axes.plot(x, margins, color=style.color, linestyle=style.dash, marker=style.marker, markersize=4, clip_on=False)
+        look = {"color": style.color, "linestyle": style.dash, "label": str(says)}
+        axes.plot(x, margins, marker=style.marker, markersize=4, clip_on=False, **look)
         handles.append((style.handle(marker=style.marker, markersize=4), printable(str(says))))
     if data[dim].dtype.kind in "fiu":
         _mark_declared(axes, data[dim])

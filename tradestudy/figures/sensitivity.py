@@ -112,6 +112,7 @@ def draw_indices(tree: xr.DataTree) -> StudyFigure:
                 linewidth=1.3,
                 marker=style.marker,
                 markersize=3,
+                label=name,
             )
             axes.plot(distance, first, color=style.color, linestyle=(0, (1, 1.5)), linewidth=0.8)
         distance_axis(axes, (float(distance[0]), float(distance[-1])))

@@ -248,6 +248,10 @@ class CameraTrace:
     title: str
     style: LineStyle
 
+    def shows(self, variable: str, where: str = "") -> dict[str, Any]:
+        """Label and identifier of an artist that shows a variable of this camera, `where` something else holds too."""
+        return {"label": self.title, "gid": "/".join(filter(None, (variable, self.key, where)))}
+
 
 def traces(tree: xr.DataTree) -> tuple[CameraTrace, ...]:
     """Of the cameras that measure depth; of all where results hold no depth."""

@@ -101,7 +101,8 @@ def _curves(uncertainty: xr.DataArray, moved: tuple[CameraTrace, ...], dim: str,
         y = np.asarray(uncertainty.sel(camera=camera.key).values, dtype=float) * MM
         style = camera.style
         y = np.where(np.isfinite(y), y, np.nan)
-        axes.plot(x, y, color=style.color, linestyle=style.dash, marker=style.marker, markersize=4)
+        look = {"color": style.color, "linestyle": style.dash, "label": camera.title}
+        axes.plot(x, y, marker=style.marker, markersize=4, **look)
     log_axis(axes, "y", dense=True, tick=length_tick)
     if uncertainty[dim].dtype.kind not in "fiu":
         axes.set_xticks(x, names)
@@ -176,7 +177,7 @@ def draw_pareto(tree: xr.DataTree) -> StudyFigure:
         points = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
         clouds.append(points)
         mark: dict[str, Any] = {"linestyle": "", "marker": camera.style.marker, "markersize": 5}
-        axes.plot(points[:, 0], points[:, 1] * MM, color=camera.style.color, **mark)
+        axes.plot(points[:, 0], points[:, 1] * MM, color=camera.style.color, label=camera.title, **mark)
         handles.append(camera.style.handle(**mark))
     designs = np.concatenate(clouds)
     front = frontier(designs)
