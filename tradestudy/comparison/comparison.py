@@ -91,9 +91,10 @@ class Comparison:
 
     def html(self) -> bytes:
         """The comparison as one self-contained HTML file."""
+        from tradestudy.figures.drawn import drawn_here
         from tradestudy.report.html import render_html
 
-        pictures = {} if self.overlay is None else {self.overlay.name: self.overlay.draw().svg()}
+        pictures = drawn_here({} if self.overlay is None else {self.overlay.name: self.overlay})
         return render_html(self.page(), pictures)
 
     def _blocks(self) -> Iterator[Block]:

@@ -97,7 +97,7 @@ def _panel(axes: Axes, piece: xr.Dataset) -> None:
     floor = 100.0 * float(piece["reference_error"])
     axes.plot(seconds[on], error[on], drawstyle="steps-post", zorder=1, **_FRONTIER)
     axes.axhline(floor, zorder=2, **_REFERENCE)
-    axes.plot(seconds, error, zorder=3, **_MODELS)
+    axes.plot(seconds, error, zorder=3, label="a set of models", **_MODELS)
     axes.plot(seconds[chosen], error[chosen], zorder=4, **_RING)
     axes.plot(seconds[star], error[star], zorder=5, **_STAR)
     _frame(axes, "x", seconds)

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from tradestudy.figures.fonts import printable
-from tradestudy.figures.style import panel_size, readable, shortened
+from tradestudy.figures.style import DECLARED, panel_size, readable, shortened
 from tradestudy.results.views.groups import FloatArray
 
 SMALLEST: Final = 7.5  # points, of the names
@@ -59,6 +59,8 @@ def name_ends(axes: Axes, curves: Sequence[Curve]) -> None:
             linespacing=1.0,
             va="center",
             annotation_clip=False,
+            label=curve.name,
+            gid=DECLARED,
             arrowprops={
                 "arrowstyle": "-", "color": color, "linewidth": 0.6, "linestyle": (0, (1, 1.5)),
                 "relpos": (0.0, 0.5), "shrinkA": 1.0, "shrinkB": 1.0,
@@ -85,6 +87,7 @@ def name_places(axes: Axes, places: Sequence[float], names: Sequence[str]) -> No
             ha="center",
             va="bottom",
             arrowprops={"arrowstyle": "-", "linewidth": 0.5, "relpos": (0.5, 0.0), "shrinkA": 0.5, "shrinkB": 0.0},
+            gid=DECLARED,
         )
 
 

@@ -13,8 +13,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 
 from tradestudy.figures.curves import Curve, beneath, name_ends, name_places
-from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
+    DECLARED,
     FAINT,
     INK,
     PANEL_TITLE,
@@ -70,7 +70,7 @@ def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: flo
         axes.xaxis.set_major_formatter(FuncFormatter(distance_tick(far)))
     for camera, first, last in zip(shown, nearer, farther, strict=True):
         _band(upper, view, camera, first, last)
-    draw_curves(upper, view, shown, nearer)
+    draw_curves(upper, view, shown, nearer, variable="depth_discrimination")
     draw_curves(lower, view, shown, uncertainty)
     lower.set_xlabel(distance_label(far))
     handles: list[Line2D | Patch] = [
@@ -95,12 +95,18 @@ def depth_limits(curves: list[FloatArray], distance: FloatArray, near: float, fa
 
 
 def draw_curves(
-    axes: Axes, view: xr.Dataset, shown: Sequence[CameraTrace], metres: Sequence[FloatArray], *, names: bool = True
+    axes: Axes,
+    view: xr.Dataset,
+    shown: Sequence[CameraTrace],
+    metres: Sequence[FloatArray],
+    *,
+    variable: str = "depth_uncertainty",
+    names: bool = True,
 ) -> None:
     """Draw the curve of every camera, named at its end, into axes whose scales and limits stand."""
     distance = np.asarray(view["distance"].values, dtype=float)
     for camera, curve, under in zip(shown, metres, covered_by(metres, axes.get_ylim()), strict=True):
-        draw_curve(axes, view, camera, curve, under)
+        draw_curve(axes, view, camera, curve, under, variable)
     if names:
         name_ends(
             axes,
@@ -116,15 +122,22 @@ def covered_by(metres: Sequence[FloatArray], limits: tuple[float, float]) -> lis
     return beneath([curve * MM for curve in metres], limits)
 
 
-def draw_curve(axes: Axes, view: xr.Dataset, camera: CameraTrace, metres: FloatArray, under: int = 0) -> None:
+def draw_curve(
+    axes: Axes,
+    view: xr.Dataset,
+    camera: CameraTrace,
+    metres: FloatArray,
+    under: int = 0,
+    variable: str = "depth_uncertainty",
+) -> None:
     """A curve over all distances, bold where the camera is usable; wider where it lies `under` others."""
     distance = np.asarray(view["distance"].values, dtype=float)
     y = np.where(np.isfinite(metres) & (metres > 0), metres * MM, np.nan)
     line = {"color": camera.style.color, "linestyle": camera.style.dash, "zorder": 2.0 - 0.01 * under}
     wider = _WIDER * under
-    axes.plot(distance, y, linewidth=_UNUSABLE_WIDTH + 0.7 * wider, alpha=0.6, label=printable(camera.title), **line)
+    axes.plot(distance, y, linewidth=_UNUSABLE_WIDTH + 0.7 * wider, alpha=0.6, **line, **camera.shows(variable))
     bold = np.where(view["usable"].sel(camera=camera.key).values.astype(bool), y, np.nan)
-    axes.plot(distance, bold, linewidth=_USABLE_WIDTH + wider, **line)
+    axes.plot(distance, bold, linewidth=_USABLE_WIDTH + wider, **line, **camera.shows(variable, "usable"))
 
 
 def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray, farther: FloatArray) -> None:
@@ -138,6 +151,7 @@ def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray,
         color=camera.style.color,
         alpha=0.13,
         linewidth=0,
+        **camera.shows("depth_discrimination"),
     )
 
 
@@ -228,15 +242,18 @@ def _bars(axes: Axes, depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> None
     """One line of bars per camera: the distances at which it is usable."""
     last = float(depth["distance"].values[-1])
     for row, camera in enumerate(shown):
-        where = list(where_usable(depth, camera.key))
-        for near, far in where:
-            axes.barh(row, min(far, last) - near, left=near, height=0.62, color=camera.style.color, linewidth=0)
+        shows, where = camera.shows("usable"), list(where_usable(depth, camera.key))
+        # The page of another design moves the ends of bars, and so needs one even where this camera is usable nowhere.
+        for near, far in where or [(last, last)]:
+            end = min(far, last)
+            (bar,) = axes.barh(row, end - near, left=near, height=0.62, color=camera.style.color, linewidth=0)
+            bar.set(**shows)
             # The camera's line style runs through its bar, for readers without colours.
-            axes.plot([near, min(far, last)], [row, row], color="white", linestyle=camera.style.dash, linewidth=0.9)
+            axes.plot([near, end], [row, row], color="white", linestyle=camera.style.dash, linewidth=0.9, **shows)
         if not where:
             axes.text(
                 0.01, row, "usable nowhere", transform=axes.get_yaxis_transform(), va="center", fontsize=SMALL,
-                color=SOFT,
+                color=SOFT, gid=DECLARED,
             )  # fmt: skip
     named_rows(axes, [shortened(camera.title) for camera in shown])
     axes.yaxis.tick_right()
@@ -254,12 +271,15 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ..
         for order, key in enumerate(best):  # cameras that are alike share the bar
             height = 0.9 / len(best)
             middle = row - 0.45 + (order + 0.5) * height
-            axes.barh(middle, end - start, left=start, height=height, color=by_key[key].style.color, linewidth=0)
+            color = by_key[key].style.color
+            (bar,) = axes.barh(middle, end - start, left=start, height=height, color=color, linewidth=0)
+            bar.set_gid("best")
         if len(best) == 1:
             name = shortened(titles[best[0]])
             if len(name) <= _LETTERS_ACROSS * np.log(end / start) / np.log(distance[-1] / distance[0]):
                 color = letters_on(by_key[best[0]].style.color)
-                axes.text(np.sqrt(start * end), row, name, color=color, ha="center", va="center", fontsize=SMALL)
+                middle = float(np.sqrt(start * end))
+                axes.text(middle, row, name, color=color, ha="center", va="center", fontsize=SMALL, gid=DECLARED)
     names = [*(shortened(camera.title) for camera in shown), "best camera"]
     axes.set(yticks=[*range(len(shown)), row], yticklabels=names, ylim=(row + 0.6, -0.6))
     axes.get_yticklabels()[-1].set_fontweight("bold")
@@ -269,5 +289,5 @@ def _crossovers(panels: tuple[Axes, Axes], edges: Sequence[float]) -> None:
     """A vertical line wherever the best camera changes, with its distance above the panels."""
     for edge in edges:
         for axes in panels:
-            axes.axvline(edge, color=INK, linewidth=0.6, linestyle=(0, (2, 2)), zorder=0.8)
+            axes.axvline(edge, color=INK, linewidth=0.6, linestyle=(0, (2, 2)), zorder=0.8, gid=DECLARED)
     name_places(panels[0], edges, [distance_words(edge) for edge in edges])

@@ -90,18 +90,20 @@ def draw_loop(tree: xr.DataTree) -> StudyFigure:
         for c in range(data.sizes["contrast"]):
             for e in range(data.sizes["electrons"]):
                 one = data.isel(camera=k, contrast=c, electrons=e)
-                _draw(list(panels), one, k)
+                _draw(list(panels), one, k, names[k])
     handles = [line_style(k).handle(marker=line_style(k).marker, markersize=4) for k in range(len(names))]
     legend(figure, handles, names, columns=min(len(names), 3))
     return figure
 
 
-def _draw(panels: list[Axes], one: xr.Dataset, order: int) -> None:
+def _draw(panels: list[Axes], one: xr.Dataset, order: int, label: str) -> None:
     """One camera in one texture and light."""
     style = line_style(order)
     distance = one["distance"].values
     predicted = one["depth_predicted"].values / distance * 100.0
-    panels[0].plot(distance, predicted, color=style.color, linestyle=style.dash, linewidth=1.0)
+    panels[0].plot(
+        distance, predicted, color=style.color, linestyle=style.dash, linewidth=1.0, label=f"{label}, predicted"
+    )
     scale = 100.0 / distance
     fitted = one["fitted"].values > 0.0
     for axes, name, factor in (
@@ -122,4 +124,5 @@ def _draw(panels: list[Axes], one: xr.Dataset, order: int) -> None:
                 markersize=4,
                 elinewidth=1.0,
                 capsize=2.0,
+                label=label,
             )

@@ -130,7 +130,8 @@ def draw_achieved(tree: xr.DataTree) -> StudyFigure:
         axes.fill_between(distance, -predicted, predicted, color=style.color, alpha=0.18, linewidth=0.0)
         axes.errorbar(distance, bias, yerr=spread, fmt="none", ecolor=style.color, elinewidth=0.8, capsize=2.5)
         error = one["class_bias_error"].values * 1e3
-        axes.errorbar(distance, bias, yerr=error, fmt=style.marker, color=style.color, elinewidth=2.4, markersize=4)
+        look = {"fmt": style.marker, "color": style.color, "label": "mean error"}
+        axes.errorbar(distance, bias, yerr=error, elinewidth=2.4, markersize=4, **look)
         axes.set_xlabel("true depth [mm]")
         axes.set_ylabel("error of depth [mm]")
     return figure

@@ -14,7 +14,6 @@ from matplotlib.patches import Patch
 
 from tradestudy.figures.curves import Curve, beneath, name_ends
 from tradestudy.figures.drawing import Drawing
-from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     FAINT,
     INK,
@@ -225,8 +224,9 @@ def draw_lateral_resolution(tree: xr.DataTree) -> StudyFigure:
     axes.set(ylim=limits, xlabel="distance from the lens [mm]", ylabel="detail resolved on the object")
     for camera, size, under in zip(shown, sizes, beneath(sizes, limits), strict=True):
         sharp = _inside(distance, sharp_stretches(data.sel(camera=camera.key), "sharp"))
-        line = {"color": camera.style.color, "linestyle": camera.style.dash, "zorder": 2.0 - 0.01 * under}
-        axes.plot(distance * MM, size, linewidth=0.8 + 0.8 * under, alpha=0.6, label=printable(camera.title), **line)
+        line = {"color": camera.style.color, "linestyle": camera.style.dash, "label": camera.title}
+        line["zorder"] = 2.0 - 0.01 * under
+        axes.plot(distance * MM, size, linewidth=0.8 + 0.8 * under, alpha=0.6, **line)
         axes.plot(distance * MM, np.where(sharp, size, np.nan), linewidth=1.8 + 1.2 * under, **line)
     name_ends(
         axes,

@@ -1,4 +1,4 @@
-"""The figures of a results tree as SVG: drawn here, or by a second interpreter while this one does something else."""
+"""The figures of a results tree, drawn: here, or by a second interpreter while this one does something else."""
 
 from __future__ import annotations
 
@@ -16,15 +16,17 @@ from typing import IO, TYPE_CHECKING, Final
 if TYPE_CHECKING:
     import xarray as xr
 
-    from tradestudy.figures.drawing import Drawing
+    from tradestudy.figures.drawing import Drawing, Plotted
 
 # The second interpreter finds what this one finds, wherever it is started.
 _CODE: Final = "import sys; sys.path[:] = sys.argv[1:]; from tradestudy.figures.drawn import serve; serve()"
 
 
-def drawn_here(drawings: Mapping[str, Drawing]) -> Mapping[str, bytes]:
-    """Draw figures as SVG, by name."""
-    return {name: drawing.draw().svg() for name, drawing in drawings.items()}
+def drawn_here(drawings: Mapping[str, Drawing]) -> Mapping[str, Plotted]:
+    """Draw figures, by name."""
+    from tradestudy.figures.plotted import plotted
+
+    return {name: plotted(drawing.draw()) for name, drawing in drawings.items()}
 
 
 @dataclass(frozen=True)
@@ -40,9 +42,9 @@ class Drawer:
             pickle.dump(tree, self.tasks, protocol=pickle.HIGHEST_PROTOCOL)
             self.tasks.flush()
 
-    def pictures(self, drawings: Mapping[str, Drawing]) -> Mapping[str, bytes]:
-        """Take the figures as SVG, by name; what is missing, as all are where it failed, is drawn here."""
-        found: Mapping[str, bytes] = {}
+    def pictures(self, drawings: Mapping[str, Drawing]) -> Mapping[str, Plotted]:
+        """Take the drawn figures, by name; what is missing, as all are where it failed, is drawn here."""
+        found: Mapping[str, Plotted] = {}
         with suppress(EOFError, OSError, pickle.UnpicklingError):
             found = pickle.load(self.answers)
         return {**found, **drawn_here({name: one for name, one in drawings.items() if name not in found})}

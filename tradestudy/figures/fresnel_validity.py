@@ -141,8 +141,9 @@ def _error_panel(axes: Axes, data: xr.Dataset, element: str, error: xr.DataArray
         style = line_style(order)
         if lines.ndim == 2:
             axes.fill_between(
-                f_number, lines.min(axis=0), lines.max(axis=0), color=style.color, alpha=0.18, linewidth=0
-            )
+                f_number, lines.min(axis=0), lines.max(axis=0),
+                color=style.color, alpha=0.18, linewidth=0, label=phase,
+            )  # fmt: skip
         axes.plot(
             f_number,
             middle[order],

@@ -52,7 +52,7 @@ def draw_hard_cases(tree: xr.DataTree) -> StudyFigure:
         cases = data.isel(case=np.flatnonzero(data["family_title"].values == family))
         x, y = (_placed(np.asarray(cases[name].values, dtype=float)) for name in ("naive_error", "our_error"))
         style = line_style(order)
-        axes.plot(x, y, linestyle="", marker=style.marker, markersize=3.6, color=style.color, alpha=0.8)
+        axes.plot(x, y, linestyle="", marker=style.marker, markersize=3.6, color=style.color, alpha=0.8, label=family)
         handles.append(style.handle(linestyle="", marker=style.marker, markersize=3.6))
     legend(figure, handles, families, columns=4)
     return figure

@@ -56,5 +56,6 @@ def _line(axes: Axes, distance: FloatArray, there: xr.Dataset, order: int) -> No
     seen = np.asarray((there["rank_first"] + there["rank_second"]).values, dtype=np.float64) > 0.0
     first = np.where(seen, np.asarray(there["rank_first"].values, dtype=np.float64), np.nan)
     error = 2.0 * np.asarray(there["rank_first_error"].values, dtype=np.float64)
-    axes.fill_between(distance, first - error, first + error, color=style.color, alpha=0.2, linewidth=0)
-    axes.plot(distance, first, color=style.color, linestyle=style.dash, label=WAY_WORDS[str(there["rank_way"].item())])
+    label = WAY_WORDS[str(there["rank_way"].item())]
+    axes.fill_between(distance, first - error, first + error, color=style.color, alpha=0.2, linewidth=0, label=label)
+    axes.plot(distance, first, color=style.color, linestyle=style.dash, label=label)

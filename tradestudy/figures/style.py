@@ -26,6 +26,8 @@ from tradestudy.results.views.groups import FloatArray, camera_titles, titles_in
 
 PAGE_WIDTH = 6.8  # inches: the text width of an A4 page
 INK, SOFT, FAINT = "#1c1f24", "#5b626c", "#d9dde2"
+DECLARED = "declared"
+"""The `gid` of artists that hold for the declared design alone, and for the whole range of the axes."""
 
 # Okabe and Ito's colours, safe for colour-blind readers, yellow left out (too pale on white).
 _COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -294,6 +296,10 @@ class CameraTrace:
     key: str
     title: str
     style: LineStyle
+
+    def shows(self, variable: str, where: str = "") -> dict[str, Any]:
+        """Label and identifier of an artist that shows a variable of this camera, `where` something else holds too."""
+        return {"label": self.title, "gid": "/".join(filter(None, (variable, self.key, where)))}
 
 
 def traces(tree: xr.DataTree) -> tuple[CameraTrace, ...]:

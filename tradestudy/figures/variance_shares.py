@@ -82,10 +82,12 @@ def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: list[str])
             axes.fill_between(
                 distance, bottom, bottom + share, where=known.tolist(),
                 facecolor=color, hatch=hatch, edgecolor="white", linewidth=0.0,
+                label=name.replace("_", " "), gid=f"variance_share:{name}/{camera.key}",
             )  # fmt: skip
         bottom = bottom + share
-    for near, far in _not_usable(depth, camera.key, distance):
-        axes.axvspan(near, far, color="white", alpha=0.6, linewidth=0, zorder=2)
+    nothing = ((distance[0], distance[0]),)  # moved by a page that shows another design
+    for near, far in _not_usable(depth, camera.key, distance) or nothing:
+        axes.axvspan(near, far, color="white", alpha=0.6, linewidth=0, zorder=2, gid=f"unusable/{camera.key}")
     distance_axis(axes, (float(distance[0]), float(distance[-1])))
     axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
 

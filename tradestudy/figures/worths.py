@@ -47,6 +47,7 @@ def draw_worths(tree: xr.DataTree) -> StudyFigure:
         color=style.color,
         markersize=5,
         capsize=3,
+        label="worth",
     )
     axes.axvline(0.0, color=INK, linewidth=0.8)
     axes.set_yticks(places, [printable(shortened(one.says, _LONGEST)) for one in found])

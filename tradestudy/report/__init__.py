@@ -49,16 +49,19 @@ def write(
     from tradestudy.figures.drawn import drawn_here
     from tradestudy.report import contents, csv_tables, html
     from tradestudy.report import pdf as pdf_format
+    from tradestudy.report.curve_values import curve_values
+    from tradestudy.report.designs import page_designs
     from tradestudy.results.storage import replace_file
 
     drawings = figures.build(tree)
     document = contents.compose_report(tree, run, drawings)
     made = {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
     pictures = drawn_here(drawings) if drawer is None else drawer.pictures(drawings)
-    made |= {f"figures/{name}.svg": svg for name, svg in pictures.items()}
-    made["report.html"] = html.render_html(document, pictures)
+    images = {name: picture.svg for name, picture in pictures.items()}
+    made |= {f"figures/{name}.svg": svg for name, svg in images.items()}
+    made["report.html"] = html.render_html(document, pictures, curve_values(tree), page_designs(tree))
     if pdf:
-        made["report.pdf"] = pdf_format.render_pdf(document, pictures)
+        made["report.pdf"] = pdf_format.render_pdf(document, images)
     with ThreadPoolExecutor() as pool:  # they wait for the disk
         list(pool.map(replace_file, (directory / name for name in made), made.values()))
     for old in (*directory.glob("figures/*.svg"), *directory.glob("tables/*.csv")):

@@ -125,11 +125,15 @@ class Bullets:
 
 @dataclass(frozen=True, kw_only=True)
 class Callout:
-    """A box that is seen before the text around it: the answer, a note, or a warning."""
+    """A box that is seen before the text around it: the answer, a note, or a warning.
+
+    `name` is that of a box which differs from design to design of a sweep.
+    """
 
     title: Text
     blocks: tuple[Block, ...]
     tone: Tone = "note"
+    name: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

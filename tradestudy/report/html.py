@@ -1,4 +1,4 @@
-"""A document as one HTML file: styles, figures and equations inside, no script, nothing fetched."""
+"""A document as one HTML file: styles, script, figures and equations inside, nothing fetched."""
 
 from __future__ import annotations
 
@@ -6,14 +6,23 @@ import base64
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import jinja2
 import markupsafe
+import rjsmin
 
-from tradestudy.report.document import Equation, Heading, Report, all_blocks, spans
+from tradestudy.figures.drawing import Plotted
+from tradestudy.report.curve_values import CurveValues
+from tradestudy.report.designs import PageDesigns
+from tradestudy.report.document import Equation, Heading, Picture, Report, all_blocks, spans
+from tradestudy.report.inline_svg import inlined
+from tradestudy.report.page_data import page_data
 from tradestudy.report.typesetting import template, typeset
 
+SCRIPTS: Final = ("numbers.js", "panels.js", "figures.js", "tables.js", "designs.js", "contents.js")
 _EQUATION_TEXT_SIZE_PT = 11.0  # as in templates/equations.typ
+_COLOR_VARIABLE = re.compile(r"--c([0-9a-f]{6}):")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,32 +31,58 @@ class _DrawnEquation:
     width_em: str
 
 
-def render_html(document: Report, pictures: Mapping[str, bytes]) -> bytes:
+def render_html(
+    document: Report,
+    pictures: Mapping[str, Plotted],
+    values: Mapping[str, CurveValues] | None = None,
+    designs: PageDesigns | None = None,
+) -> bytes:
     """Write a document as HTML.
 
-    Figures and equations are images of their own (data URIs), so identifiers inside them cannot collide.
+    Figures are part of the page, each with identifiers of its own; equations are images (data URIs).
 
     Parameters
     ----------
     document
         What to say.
     pictures
-        SVG bytes of every figure that the document shows, by name.
+        Every figure that the document shows, by name.
+    values
+        What the results say of curves in them, by the name of the curve.
+    designs
+        Of a sweep, for the reader to step through.
     """
     blocks = tuple(all_blocks(document.blocks))
     drawn = _drawn_equations(tuple(block for block in blocks if isinstance(block, Equation)))
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
-    page = environment.from_string(template("report.html.jinja")).render(
-        document=document,
+    style = template("report.css")
+    colors, letters = frozenset(_COLOR_VARIABLE.findall(style)), set[str]()
+    shown = {block.name: pictures[block.name] for block in blocks if isinstance(block, Picture)}
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(template), autoescape=True, undefined=jinja2.StrictUndefined
+    )
+    environment.globals.update(
         numbers=document.numbers,
-        headings=[block for block in blocks if isinstance(block, Heading)],
-        style=markupsafe.Markup(template("report.css")),
         spans=spans,
         zip=zip,
         equation=drawn.__getitem__,
-        picture_uri=lambda name: _data_uri(pictures[name]),
+        picture=lambda block: markupsafe.Markup(
+            inlined(pictures[block.name].svg, block.name, block.alt, colors, letters)
+        ),
+    )
+    write = environment.get_template("blocks.html.jinja").module.render  # type: ignore[attr-defined]  # a macro
+    page = environment.get_template("report.html.jinja").render(
+        document=document,
+        headings=[block for block in blocks if isinstance(block, Heading)],
+        style=markupsafe.Markup(style),
+        script=markupsafe.Markup(script()),
+        data=markupsafe.Markup(page_data(shown, values or {}, designs, write)),
     )
     return page.encode()
+
+
+def script() -> str:
+    """The script of a page: its parts in one scope, without comments and spaces between words."""
+    return str(rjsmin.jsmin("(() => {" + "\n".join(map(template, SCRIPTS)) + "})();"))
 
 
 def _data_uri(svg: bytes) -> str:

@@ -85,6 +85,9 @@ DECISION: Final[Mapping[str, Variable]] = {
         units="",
         long_name="best_camera of each design of a sweep at a few distances, interpolated from its curves",
     ),
+    "design_best_camera_along": Variable(
+        dims=("distance",), units="", long_name="best_camera of each design of a sweep along the distance"
+    ),
     "design_crossover_distance": Variable(
         dims=("design_crossing",),
         units="m",
@@ -260,6 +263,11 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "design_margin_percent": Variable(
         dims=_OF_REQUIREMENT, units="percent", long_name="margin_percent in this design", error="as that of the value"
     ),
+    "design_margin_sigma": Variable(dims=_OF_REQUIREMENT, units="1", long_name="margin_sigma in this design"),
+    "design_within_tolerance": Variable(
+        dims=_OF_REQUIREMENT, units="1", long_name="within_tolerance in this design: 1 it is, 0 it is not"
+    ),
+    "design_reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="reason in this design"),
     "met_from": Variable(
         dims=("requirement", "stretch"),
         units="mixed",

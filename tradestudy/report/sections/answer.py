@@ -66,8 +66,9 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
         title="Which camera for which distance" + (", as declared" if designs else ""),
         blocks=(Bullets((*_stretches(tree), *_changes(tree), *_solved(tree))),),
         tone="answer",
+        name="answer-cameras",
     )
-    yield from _requirements(tree, as_declared=bool(designs))
+    yield from _requirements(tree, ", as declared" if designs else "")
     told = [
         *_weighed(tree),
         *_measured(tree),
@@ -82,6 +83,18 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     yield from pictures_of(drawings, "requirement_margins" if "requirement_margins" in drawings else "whole_range")
 
 
+def describe_design(tree: xr.DataTree, words: str) -> Iterator[Callout]:
+    """What the first page says of one design of a sweep, from its own tree."""
+    if has(tree, "decision", "best_camera"):
+        yield Callout(
+            title=f"Which camera for which distance, {words}",
+            blocks=(Bullets(tuple(_stretches(tree))),),
+            tone="answer",
+            name="answer-cameras",
+        )
+    yield from _requirements(tree, f", {words}")
+
+
 def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
     """What noise and calibration favour by themselves, and how the verdict on the pair fares under other readings."""
     ways, table = tuple(_ways(tree)), tuple(_stability(tree))
@@ -91,15 +104,16 @@ def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
         yield from table
 
 
-def _requirements(tree: xr.DataTree, *, as_declared: bool = False) -> Iterator[Block]:
-    """What became of every requirement, what must hold first."""
+def _requirements(tree: xr.DataTree, of: str = "") -> Iterator[Callout]:
+    """What became of every requirement, what must hold first; `of` which design, in words."""
     requirements = requirement_conclusions(tree)
     if requirements:
         missed = any(one.met is not True and one.priority == "must" for one in requirements)
         yield Callout(
-            title="Requirements" + (", as declared" if as_declared else ""),
+            title=f"Requirements{of}",
             blocks=(Bullets(tuple(map(_requirement, requirements))),),
             tone="warning" if missed else "answer",
+            name="answer-requirements",
         )
 
 

@@ -21,20 +21,25 @@ def design_verdicts(definition: StudyDefinition, designs: Sequence[StudyDefiniti
     """Variables of /decision over the swept parameters; the designs are those of `sweep_points`."""
     axes, decision = sweep_axes(definition), definition.file.decision
     places = np.array(decision.at if decision else distances_without_decision(definition.case.distance))
-    best, crossed = [], []
+    best, along, crossed = [], [], []
     for design in designs:
         case = design.case
         curves = {name: Curve.of(camera, tables[camera, case.criteria]) for name, camera in case.cameras.items()}
         among = decision.candidates if decision and decision.candidates else curves
-        best.append(best_at({name: curves[name] for name in among}, places))
+        chosen = {name: curves[name] for name in among}
+        best.append(best_at(chosen, places))
+        along.append(best_at(chosen, case.distance))
         if decision is not None:
             pair = (decision.between[0], decision.between[1])
             crossed.append(crossings(curves[pair[0]], curves[pair[1]], pair))
     shape = tuple(len(axis.labels) for axis in axes)
-    values: dict[str, Any] = {"design_best_camera": np.array(best, dtype=object).reshape(*shape, len(places))}
+    values: dict[str, Any] = {
+        "design_best_camera": np.array(best, dtype=object).reshape(*shape, len(places)),
+        "design_best_camera_along": np.array(along, dtype=object).reshape(*shape, -1),
+    }
     if decision is not None:
         most = max(1, *(len(row) for row in crossed))
         for name, empty in (("distance", math.nan), ("error", math.nan), ("nearer", "")):
             rows = [[getattr(one, name) for one in row] + [empty] * (most - len(row)) for row in crossed]
             values[f"design_crossover_{name}"] = np.array(rows).reshape(*shape, most)
-    return over_designs("decision", values, {"design_place": places}, axes)
+    return over_designs("decision", values, {"design_place": places, "distance": definition.case.distance}, axes)

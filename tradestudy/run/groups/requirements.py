@@ -55,10 +55,7 @@ def requirements_group(
         "margin_percent": [100.0 * one.margin for one in deciding],
         "margin_sigma": [one.margin_in_errors for one in deciding],
         "conformity": [one.conformity for one in deciding],
-        "within_tolerance": [
-            float(abs(one.margin) <= _tolerance(definition, required))
-            for one, required in zip(deciding, requirements.values(), strict=True)
-        ],
+        "within_tolerance": _near_its_bound(definition, deciding),
         "reason": [one.reason for one in deciding],
         **_rests_on(definition, deciding),
         **_with_matching_at_its_bound(definition, judge),
@@ -81,6 +78,9 @@ def requirements_group(
             "design_met": shaped([[_verdict(one) for one in row] for row in table]),
             "design_camera": shaped([[one.camera for one in row] for row in table]),
             "design_margin_percent": shaped([[100.0 * one.margin for one in row] for row in table]),
+            "design_margin_sigma": shaped([[one.margin_in_errors for one in row] for row in table]),
+            "design_within_tolerance": shaped([_near_its_bound(definition, row) for row in table]),
+            "design_reason": shaped([[one.reason for one in row] for row in table]),
         }
         if len(axes) == 1 and _is_numeric(axes[0]):
             columns = list(zip(*table, strict=True))
@@ -142,6 +142,13 @@ def _tolerance(definition: StudyDefinition, requirement: RequirementPart) -> flo
         return -math.inf
     is_sharpness = requirement.quantity == "depth_of_field"
     return definition.file.accuracy.asked().tolerances["depth_of_field" if is_sharpness else "depth_uncertainty"]
+
+
+def _near_its_bound(definition: StudyDefinition, answers: Sequence[Held]) -> list[float]:
+    """Whether each requirement's margin is within what was left out: 1 it is, 0 it is not."""
+    requirements = definition.file.requirements.values()
+    pairs = zip(answers, requirements, strict=True)
+    return [float(abs(one.margin) <= _tolerance(definition, required)) for one, required in pairs]
 
 
 def _verdict(held: Held) -> int:

@@ -1,0 +1,187 @@
+"""Draw a figure and read the curves in it, so that a page can tell their values without reading pixels."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_hex
+from matplotlib.container import ErrorbarContainer
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.text import Text
+from matplotlib.ticker import FixedFormatter
+
+from tradestudy.figures.drawing import Curve, Panel, Plotted, Scale
+from tradestudy.figures.style import SOFT, StudyFigure
+
+_POINTS_PER_INCH: Final = 72.0
+_UNNAMED: Final = re.compile(r"_child\d+|_nolegend_|")  # what matplotlib calls an artist that nobody has named
+_TICK: Final = re.compile(r"(\d[\d.,]*)\s*(.*)")
+_UNIT: Final = re.compile(r"\[([^\]]+)\]|\(([^)]*m)\)$")
+
+Numbers = npt.NDArray[np.float64]
+
+
+def plotted(figure: StudyFigure) -> Plotted:
+    """Draw a figure, and read its curves, in the order in which they were plotted."""
+    with _identified(figure) as names:
+        svg = figure.svg()
+        return Plotted(svg=svg, panels=tuple(_panel(figure, axes, names) for axes in _panels(figure)))
+
+
+def _panels(figure: StudyFigure) -> list[Axes]:
+    return [axes for axes in figure.axes if axes.get_visible() and axes.axison and axes.get_label() != "<colorbar>"]
+
+
+@contextmanager
+def _identified(figure: StudyFigure) -> Iterator[Mapping[Artist, str]]:
+    """Give every panel and artist an identifier that is unique in the SVG; yields what each `gid` says otherwise."""
+    names: dict[Artist, str | None] = {}
+    for place, axes in enumerate(_panels(figure)):
+        for number, artist in enumerate((axes, *_artists(axes))):
+            names[artist] = artist.get_gid()
+            artist.set_gid(f"panel-{place}-{number}")
+    try:
+        yield {artist: name or "" for artist, name in names.items()}
+    finally:
+        for artist, name in names.items():
+            artist.set_gid(name)
+
+
+def _artists(axes: Axes) -> tuple[Artist, ...]:
+    return (*axes.lines, *axes.collections, *axes.patches, *axes.texts)
+
+
+def _panel(figure: StudyFigure, axes: Axes, names: Mapping[Artist, str]) -> Panel:
+    width, height = figure.get_size_inches() * _POINTS_PER_INCH
+    box = axes.get_position()
+    errors = dict(_errors(axes))
+    return Panel(
+        id=_identifier(axes),
+        title=axes.get_title(loc="left") or axes.get_title(),
+        box=(box.x0 * width, (1.0 - box.y1) * height, box.x1 * width, (1.0 - box.y0) * height),
+        x=_scale(
+            axes.xaxis, axes.get_xlim(), [one.get_xlabel() for one in axes.get_shared_x_axes().get_siblings(axes)]
+        ),
+        y=_scale(
+            axes.yaxis, axes.get_ylim(), [one.get_ylabel() for one in axes.get_shared_y_axes().get_siblings(axes)]
+        ),
+        curves=tuple(curve for artist in _artists(axes) for curve in _curves(axes, artist, names[artist], errors)),
+        anchors=tuple(_anchors(axes)),
+    )
+
+
+def _identifier(artist: Artist) -> str:
+    return str(artist.get_gid())
+
+
+def _scale(axis: Axis, ends: tuple[float, float], shared: Sequence[str]) -> Scale:
+    """Read an axis; where it has no label, one of those that axes of the same ends have."""
+    formatter = axis.get_major_formatter()
+    label = " ".join((axis.get_label_text() or max(shared, key=len)).split())
+    ticks = [(1.0, formatter(1.0))]
+    if isinstance(formatter, FixedFormatter):
+        ticks = list(zip(np.asarray(axis.get_majorticklocs(), dtype=np.float64).tolist(), formatter.seq, strict=False))
+    written = _written(ticks)
+    names = {} if written else {f"{place:g}": text for place, text in ticks}
+    factor, suffix = written or (1.0, "")
+    unit = _UNIT.search(label)
+    return Scale(
+        kind=axis.get_scale(),
+        low=float(ends[0]),
+        high=float(ends[1]),
+        linear_within=float(getattr(axis.get_transform(), "linthresh", 0.0)),
+        label=_UNIT.sub("", label).strip(),
+        unit=suffix or ((unit[1] or unit[2]) if unit else ""),
+        factor=factor,
+        names=names,
+    )
+
+
+def _written(ticks: Sequence[tuple[float, str]]) -> tuple[float, str] | None:
+    """By which one factor the numbers on an axis differ from its data, and what stands behind them; None for names."""
+    found = set()
+    for place, text in ticks:
+        tick = _TICK.fullmatch(text.lstrip("+"))
+        if tick is None:
+            return None
+        if place:
+            found.add((round(float(tick[1].replace(",", "")) / place, 9), tick[2]))
+    return found.pop() if len(found) == 1 else None
+
+
+def _curves(axes: Axes, artist: Artist, name: str, errors: Mapping[Line2D, tuple[str, Numbers]]) -> Iterator[Curve]:
+    """What an artist tells; nothing where nobody has named it, or where it does not stand at data."""
+    label = str(artist.get_label())
+    of_bars, bars = errors.get(artist, ("", None)) if isinstance(artist, Line2D) else ("", None)
+    label = of_bars if _UNNAMED.fullmatch(label) else label
+    common: dict[str, Any] = {"id": _identifier(artist), "name": name, "label": label}
+    if not name and (not label or isinstance(artist, Text)):
+        return
+    if isinstance(artist, Line2D) and artist.get_transform() == axes.transData:
+        x, y = (np.asarray(one, dtype=np.float64) for one in artist.get_data())
+        line: Any = artist.get_color()
+        kind = "points" if artist.get_linestyle() in ("None", "", " ") else "line"
+        yield Curve(kind=kind, color=to_hex(line), x=_stored(x), y=_stored(y), **common)
+        if bars is not None:
+            yield Curve(kind="band", color=to_hex(line), **_stored_band(bars), **common)
+    elif isinstance(artist, PolyCollection) and len(artist.get_facecolor()):
+        shade: Any = artist.get_facecolor()
+        color = to_hex(shade[0])
+        vertices = np.concatenate([path.vertices for path in artist.get_paths()] or [np.empty((0, 2))])
+        yield Curve(kind="band", color=color, **_stored_band(np.asarray(vertices, dtype=np.float64)), **common)
+    else:
+        face: Any = artist.get_facecolor() if isinstance(artist, Patch) else SOFT
+        color = to_hex(face)
+        yield Curve(kind="shape", color=color, **common)
+
+
+def _errors(axes: Axes) -> Iterator[tuple[Line2D, tuple[str, Numbers]]]:
+    """Vertical error bars by the markers in their middle: whose they are, and their ends."""
+    for container in axes.containers:
+        if isinstance(container, ErrorbarContainer) and container.lines[0] is not None:
+            line, _, bars = container.lines
+            ends = [np.asarray(bar.get_segments(), dtype=np.float64).reshape(-1, 2) for bar in bars]
+            label = str(container.get_label())
+            if container.has_yerr and not _UNNAMED.fullmatch(label):
+                yield line, (label, ends[-1])
+
+
+def _stored_band(vertices: Numbers) -> dict[str, Any]:
+    """The lowest and the highest ordinate at every abscissa of an outline."""
+    x, place = np.unique(vertices[:, 0], return_inverse=True)
+    low, high = np.full(x.shape, np.inf), np.full(x.shape, -np.inf)
+    np.minimum.at(low, place, vertices[:, 1])
+    np.maximum.at(high, place, vertices[:, 1])
+    return {"x": _stored(x), "y": _stored(low), "top": _stored(high)}
+
+
+def _anchors(axes: Axes) -> Iterator[tuple[str, bool, bool]]:
+    for text in axes.texts:
+        moves = _moves(axes, text)
+        if any(moves) and text.get_text():
+            yield _identifier(text), *moves
+
+
+def _moves(axes: Axes, text: Text) -> tuple[bool, bool]:
+    """Whether a text stands at data along x and along y."""
+    of = getattr(text, "xycoords", None)
+    if of is None:
+        at_data = text.get_transform() == axes.transData
+        return at_data, at_data
+    across, up = of if isinstance(of, tuple) else (of, of)
+    beside = getattr(text, "anncoords", "data") == "axes fraction"  # a name beside the panel stays there
+    return across == "data" and not beside, up == "data" and not beside
+
+
+def _stored(values: Numbers) -> bytes:
+    return values.astype("<f8").tobytes()
