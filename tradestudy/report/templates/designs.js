@@ -104,8 +104,7 @@ Object.assign(Panel.prototype, {
   // On axes of swept parameters, where the design stands.
   showPlace(index) {
     this.place?.remove();
-    if (index === null) this.best?.remove();
-    if (index === null) return;
+    if (index === null) return this.best?.remove();
     this.place = svg(this.group, "g", { class: "design-place" });
     for (const [n, axis] of data.designs.axes.entries()) {
       const value = axis.values[places[n]];
@@ -159,10 +158,10 @@ if (data.designs) {
   const reset = html("button", { type: "button", onclick: () => {
     axes.forEach((axis, n) => { places[n] = axis.shown; });
     show();
-  } }, "As in the report");
+  } }, "As declared");
   const first = [...original.values()][0] ?? $("main header").nextElementSibling;
   first.before(html("section", { class: "designs", id: "designs", "aria-label": "Designs of the sweep" },
     ...inputs.map(([input, output], n) => html("label", {}, html("span", {}, axes[n].says), input, output)), reset,
-    html("p", { class: "small" }, "Figures, cameras and requirements follow; the rest is as declared.")));
+    html("p", { class: "small" }, "Figures, cameras and requirements follow; the rest stays.")));
   show();
 }

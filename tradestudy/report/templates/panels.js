@@ -149,8 +149,6 @@ class Panel {
       text.style.display = zoomed && !this.holds(at) ? "none" : "";
     }
     for (const tick of this.ticks) tick.style.display = zoomed ? "none" : "";
-    // Names at the ends of curves, whose places a view of a part does not show.
-    for (const curve of this.curves) if (curve.name === "declared") curve.group.style.opacity = zoomed ? 0 : "";
     this.own?.remove();
     if (zoomed) this.drawTicks();
     this.look();
@@ -159,7 +157,9 @@ class Panel {
   // What moves with the view, once: outlines and marks that are cut at the panel, and texts that stand at data.
   remember() {
     if (this.shapes) return;
-    this.ticks = $$(":scope > g > g[id*='tick_']", this.group);
+    // Names at the ends of curves are hidden with the ticks: in a part of a figure, curves end elsewhere.
+    this.ticks = [...$$(":scope > g > g[id*='tick_']", this.group),
+      ...this.curves.flatMap((one) => (one.name === "declared" ? one.group : []))];
     this.shapes = [];
     for (const shape of $$("[clip-path], [clip-path] *, g[id*='panel-'] > g > use[x]", this.group)) {
       if (shape.closest("g[id*='tick_'], .cursor") || !shape.matches("path, use")) continue;
