@@ -13,6 +13,7 @@ import xarray as xr
 
 from tradestudy import figures
 from tradestudy.api import Result, load
+from tradestudy.figures.plotted import plotted
 from tradestudy.report import contents
 from tradestudy.report.document import Table, all_blocks, spans
 from tradestudy.results.views.depth import sharp_stretches
@@ -72,7 +73,7 @@ def test_bars_stand_where_the_results_say(result: Result) -> None:
 
 def test_equal_drawings_again(result: Result, written: Path) -> None:
     for name in ("depth-of-field", "lateral-resolution"):
-        drawn = figures.figure(result.data, name).svg()
+        drawn = plotted(figures.figure(result.data, name)).svg
         assert (written / "figures" / f"{name}.svg").read_bytes() == drawn
 
 

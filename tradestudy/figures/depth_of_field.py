@@ -227,6 +227,7 @@ def draw_lateral_resolution(tree: xr.DataTree) -> StudyFigure:
         line = {"color": camera.style.color, "linestyle": camera.style.dash, "label": camera.title}
         line["zorder"] = 2.0 - 0.01 * under
         axes.plot(distance * MM, size, linewidth=0.8 + 0.8 * under, alpha=0.6, **line)
+        line |= camera.shows("lateral_resolution", "usable")
         axes.plot(distance * MM, np.where(sharp, size, np.nan), linewidth=1.8 + 1.2 * under, **line)
     name_ends(
         axes,

@@ -3,7 +3,7 @@ const outline = (points, close) => {
   const shown = points.filter(([x, y]) => !Number.isNaN(x) && !Number.isNaN(y));
   return shown.length ? `M ${shown.map((one) => one.map((place) => place.toFixed(2)).join(" ")).join(" L ")}${close ? " z" : ""}` : "";
 };
-const FAR_OFF = 1e4; // what lies beyond every page
+const FAR_OFF = 1e4; // beyond every page
 
 // Places in a row at which a curve is known.
 function stretches(x, known) {
@@ -62,8 +62,8 @@ Object.assign(Panel.prototype, {
       return [this.X(fromBase(this.x, x[k])), Math.max(-FAR_OFF, Math.min(FAR_OFF, y)) - offset];
     };
     if (curve.kind === "line") {
-      const inside = (place) => where !== "usable" || usable.some(([near, far]) => near <= place * 1.0001 && place <= far * 1.0001);
-      const known = (k) => Number.isFinite(value[k]) && value[k] > 0 && inside(x[k]);
+      const seen = (place) => where !== "usable" || usable.some(([near, far]) => near <= place * 1.0001 && place <= far * 1.0001);
+      const known = (k) => Number.isFinite(value[k]) && value[k] > 0 && seen(x[k]);
       return stretches(x, known).map((run) => outline(run.map((k) => at(k, value)))).join(" ");
     }
     const stacked = variable.startsWith("variance_share");

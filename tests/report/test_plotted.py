@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tradestudy.figures.drawing import Curve
+from tradestudy.figures.plotted import plotted
+from tradestudy.figures.style import distance_axis, length_tick, log_axis, new_figure, styled
+
+
+def numbers(raw: bytes) -> list[float]:
+    return np.frombuffer(raw).tolist()
+
+
+@pytest.fixture(scope="module")
+def curves() -> dict[str, Curve]:
+    with styled():
+        figure = new_figure(2.0)
+        left, right = figure.subplots(1, 2, sharex=True)
+        left.plot([0.01, 0.05], [1.0, 2.0], label="a", gid="depth_uncertainty/a")
+        left.fill_between([0.01, 0.02, 0.05], [1.0, 2.0, 3.0], [4.0, 5.0, 6.0], label="b")
+        left.plot([0.01, 0.05], [3.0, 4.0])  # named by nobody
+        right.errorbar([0.02], [0.5], yerr=[0.1], fmt="o", label="c")
+        log_axis(left, "y", tick=length_tick)
+        distance_axis(left, (0.01, 0.05))
+        left.set_xlabel("distance [mm]")
+        right.set_yticks([0.0, 0.5, 1.0], ["0", "50 %", "100 %"])
+        drawn = plotted(figure)
+    first, second = drawn.panels
+    assert (first.x.label, first.x.unit, first.x.factor, first.x.kind) == ("distance", "mm", 1e3, "log")
+    assert (first.y.unit, first.y.factor) == ("mm", 1.0)
+    assert (second.y.unit, second.y.factor, second.y.names) == ("%", 100.0, {})
+    for panel in drawn.panels:
+        assert f'id="{panel.id}"'.encode() in drawn.svg
+        assert 0.0 <= panel.box[0] < panel.box[2] <= 490.0
+    return {f"{one.label}, {one.kind}": one for panel in drawn.panels for one in panel.curves}
+
+
+def test_named_artists_are_read_with_their_data(curves: dict[str, Curve]) -> None:
+    assert set(curves) == {"a, line", "b, band", "c, points", "c, band"}
+    line, band = curves["a, line"], curves["b, band"]
+    assert line.name == "depth_uncertainty/a"
+    assert (numbers(line.x), numbers(line.y)) == ([0.01, 0.05], [1.0, 2.0])
+    assert (numbers(band.x), numbers(band.y), numbers(band.top)) == ([0.01, 0.02, 0.05], [1, 2, 3], [4, 5, 6])
+
+
+def test_error_bars_are_the_band_of_their_marks(curves: dict[str, Curve]) -> None:
+    bars = curves["c, band"]
+    assert numbers(curves["c, points"].y) == [0.5]
+    assert [*numbers(bars.y), *numbers(bars.top)] == pytest.approx([0.4, 0.6])
