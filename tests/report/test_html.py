@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 
 from tradestudy.figures.drawing import Plotted
-from tradestudy.figures.style import FAINT, INK, SOFT, line_style
+from tradestudy.figures.style import FAINT, INK, SOFT, line_style, readable
 from tradestudy.report import html
 from tradestudy.report.curve_values import CurveValues
 from tradestudy.report.document import (
@@ -166,7 +166,8 @@ def test_numbers_read_alike_as_single_floats() -> None:
 def test_every_colour_of_cameras_follows_the_page() -> None:
     variables = set(re.findall(r"--c([0-9a-f]{6}):", template("report.css")))
     used = {line_style(order).color.lower().removeprefix("#") for order in range(7)}
-    assert {*used, *(color.removeprefix("#") for color in (INK, SOFT, FAINT))} <= variables
+    names = {readable(line_style(order).color).removeprefix("#") for order in range(7)}
+    assert {*used, *names, *(color.removeprefix("#") for color in (INK, SOFT, FAINT))} <= variables
 
 
 def test_the_script_is_short() -> None:

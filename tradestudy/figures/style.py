@@ -111,9 +111,9 @@ def readable(color: str) -> str:
 
 
 def letters_on(color: str) -> str:
-    """The colour of letters on a filled area: ink or white, whichever differs more."""
+    """The colour of letters on a filled area: nearly black or white, whichever differs more."""
     light = _luminance(np.array(to_rgb(color))) + 0.05
-    return "white" if 1.05 / light > light / (_luminance(np.array(to_rgb(INK))) + 0.05) else INK
+    return "white" if 1.05 / light > light / (_luminance(np.array(to_rgb(_ON_COLOR))) + 0.05) else _ON_COLOR
 
 
 def _luminance(rgb: FloatArray) -> float:
@@ -123,6 +123,7 @@ def _luminance(rgb: FloatArray) -> float:
 
 
 _CONTRAST: Final = 4.5
+_ON_COLOR: Final = "#1b1e23"  # not INK, which a dark page makes light: fills stay light there
 _HANDLE, _LETTER = 6.5, 0.58  # of a legend, in the size of its letters: line with gaps, and the mean letter
 LONGEST_LABEL: Final = 44  # characters
 PANELS_IN_A_ROW: Final = 3  # of cameras
