@@ -87,6 +87,7 @@ def mapped(folder: Path, camera: str, surface: str, **said: str) -> tuple[DepthS
 @pytest.mark.parametrize(
     ("camera", "length"), [("pair", "1 mm"), ("converging", "1 mm"), ("plenoptic", "1 mm"), ("views", "3 mm")]
 )
+@pytest.mark.slow
 def test_planes_are_measured_within_the_predicted_errors(
     tmp_path: Path, camera: str, length: str, distance: int
 ) -> None:

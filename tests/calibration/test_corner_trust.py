@@ -25,6 +25,7 @@ def measured():
     return infer(corners(webcams(), MEASURED, steps=100))
 
 
+@pytest.mark.slow
 def test_halves_of_the_measured_views_differ_as_they_claim(measured):
     trust = measured.trust
     assert np.all((trust.ratio[1:] > 0.8) & (trust.ratio[1:] < 1.25))

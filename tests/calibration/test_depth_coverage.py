@@ -48,6 +48,7 @@ def test_intervals_by_a_saved_posterior_cover(kind, tmp_path):
     judge(run_trials(lambda rng: by_target(case, rng, folder=tmp_path), 20, 1).astype(bool))
 
 
+@pytest.mark.slow
 def test_intervals_by_corners_cover():
     judge(run_trials(by_corners, 6, 0).astype(bool))
 

@@ -124,6 +124,7 @@ def test_fits_equal_those_of_opencv(which: str) -> None:
 
 
 @pytest.mark.parametrize("which", ["five", "fisheye", "double-sphere"])
+@pytest.mark.slow
 def test_fits_scatter_as_they_state(which: str) -> None:
     """100 sets of white noise: errors over stated deviations have the variance of 1 that 100 sets can tell."""
     lens, free = TRUE[which]

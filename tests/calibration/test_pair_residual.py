@@ -140,6 +140,7 @@ def test_exact_likelihood_meets_the_compressed_one_near_the_fit(rig):
     assert abs(differences[2] - differences[0]) < max(0.05, 0.05 * abs(drop))
 
 
+@pytest.mark.slow
 def test_injected_motion_is_found_and_its_errors_are_honest():
     rng = np.random.default_rng(11)
     scores_with, scores_without, scales = [], [], []

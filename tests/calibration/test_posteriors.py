@@ -42,6 +42,7 @@ def r5():
     return infer(shown(focused(), (*R5_PRIORS, scatter), CAREFUL))
 
 
+@pytest.mark.slow
 def test_a_posterior_at_full_size_converges(r5):
     diagnostics = r5.sample.diagnostics
     assert r5.failures == ()
@@ -148,6 +149,7 @@ def test_a_target_that_determines_nothing_says_what():
         infer(shown(stereo(), (flat,), board(views=3, spacing=1e-6)))
 
 
+@pytest.mark.slow
 def test_chains_that_are_too_short_are_not_called_converged():
     assert any("too short" in one for one in infer(shown(stereo(), PRIORS, board(max_steps=100), seed=1)).failures)
     assert any("too short" in one for one in infer(corners(webcams(), MEASURED, steps=100)).failures)
@@ -169,6 +171,7 @@ def test_what_is_asked_follows_from_what_is_declared():
     assert fingerprint(asked) != fingerprint(target)
 
 
+@pytest.mark.slow
 def test_the_real_rig_is_more_uncertain_than_it_claims():
     """0.24 px of the pair against 0.16 px per camera; the left-right term explains it and widens the errors."""
     inferred = infer(corners(webcams(), MEASURED, steps=200))

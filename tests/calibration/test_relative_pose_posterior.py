@@ -34,6 +34,7 @@ def posterior(rig):
     return result
 
 
+@pytest.mark.slow
 def test_the_posterior_converges_and_holds_at_exact_points(posterior):
     diagnostics = posterior.sample.diagnostics
     assert posterior.converged, (diagnostics.failures, posterior.check)
@@ -91,6 +92,7 @@ def test_motion_beyond_the_board_is_impossible(rig):
     assert log_posterior(compressed, parameters * np.append(np.ones(19), -1.0), largest_motion=0.085) == -np.inf
 
 
+@pytest.mark.slow
 def test_a_board_that_did_not_move_leaves_the_motion_free_down_to_zero():
     """Simulated without motion: the scale has no peak, and the chains converge all the same."""
     fit = fit_rig(read_corners(SIMULATED))

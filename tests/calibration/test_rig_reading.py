@@ -38,6 +38,7 @@ def measured():
     return infer(corners(webcams(), MEASURED))
 
 
+@pytest.mark.slow
 def test_the_measured_rig_reads_depth_as_well_as_its_saved_draws_say(measured):
     """0.59, 0.78, 3.0, 15.6 and 114 mm on the axis, by 1500 of the draws in plain numpy."""
     assert measured.failures == ()

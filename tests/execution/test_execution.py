@@ -399,6 +399,7 @@ class TestCommand:
             (signal.SIGKILL, ("--jobs", "2"), ("--jobs", "2")),
         ],
     )
+    @pytest.mark.slow
     def test_a_stopped_run_is_taken_up_point_by_point(
         self,
         study_file: Path,

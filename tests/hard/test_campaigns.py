@@ -10,6 +10,7 @@ import pytest
 
 from tests.campaigns import faults, fuzz
 
+pytestmark = pytest.mark.slow
 INPUTS = 300
 # One figure and no PDF: a run of it costs little more than starting the program.
 QUICK = "format: 2\nstudy: faults\ntitle: T\nquestion: Q\nhard_cases: {families: [equation-27]}\n"

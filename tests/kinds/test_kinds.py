@@ -97,6 +97,7 @@ def replace_once(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new), encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_new_kind_is_one_file_and_one_entry(copy: Path) -> None:
     source = Path(__file__).with_name("laser_triangulation.py")
     assert len(source.read_text(encoding="utf-8").splitlines()) <= 250
@@ -137,6 +138,7 @@ def test_a_new_kind_is_one_file_and_one_entry(copy: Path) -> None:
     assert "cameras.scanner.projector_angle" in wrong.stderr
 
 
+@pytest.mark.slow
 def test_a_kind_can_be_taken_out(copy: Path) -> None:
     shutil.rmtree(copy / "tradestudy" / "cameras" / "unfocused_plenoptic")
     kinds = (copy / KINDS).read_text(encoding="utf-8").splitlines(keepends=True)

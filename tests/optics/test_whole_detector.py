@@ -116,6 +116,7 @@ def test_corners_of_patches_hold_no_light_that_starved_nodes_invent() -> None:
 
 
 @pytest.mark.parametrize("x", [0.0, 0.6e-3])
+@pytest.mark.slow
 def test_averages_over_the_source_are_as_wrong_as_is_stated(x: float) -> None:
     """Against a disc of many more nodes, whose shadow moves across every microlens: a slow fall of all spectra.
 

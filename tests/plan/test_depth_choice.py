@@ -287,6 +287,7 @@ def test_a_tolerance_that_no_line_keeps_calls_for_draws() -> None:
     assert {one.choice.changes["depth_uncertainty"].relative for one in plan.pieces} == {0.0}
 
 
+@pytest.mark.slow
 def test_choices_for_random_cameras_keep_their_tolerance() -> None:
     """A sample of the campaign, which tells how often and what the choices cost beside the cheapest."""
     found = list(run(range(3), seed=21))

@@ -206,6 +206,7 @@ def test_a_pilot_grows_with_what_a_picture_holds() -> None:
     assert predicted_picture_seconds(spot(), coarse) > 3.0 * predicted_picture_seconds(part, coarse) > 0.0
 
 
+@pytest.mark.slow
 def test_a_sample_of_the_campaign_stays_within_its_tolerance() -> None:
     outcomes = [one for one in (measured(number, 7) for number in range(2)) if one]
     assert outcomes

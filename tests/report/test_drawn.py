@@ -50,6 +50,7 @@ def test_an_interpreter_that_was_not_asked_ends_with_the_run() -> None:
     assert there.answers.closed
 
 
+@pytest.mark.slow
 def test_a_script_needs_no_guard(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(

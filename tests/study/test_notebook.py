@@ -11,6 +11,7 @@ from nbclient import NotebookClient
 STUDIES = Path(__file__).parents[2] / "studies"
 
 
+@pytest.mark.slow
 def test_explore_runs_and_shows_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     # A backend of the caller's would keep the notebook's own from showing figures.
     monkeypatch.delenv("MPLBACKEND", raising=False)

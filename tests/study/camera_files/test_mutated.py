@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tests.campaigns.camera_files import BOMBS, campaign, sources
 from tests.study.camera_files.test_import import refusal
 from tests.study.camera_files.written import study
@@ -15,6 +17,7 @@ def test_mutated_files_are_read_or_refused_in_words(tmp_path: Path) -> None:
     assert [line for tally in found.values() for line in tally.findings] == []
 
 
+@pytest.mark.slow
 def test_files_made_to_break_readers_are_refused_whatever_they_are_called(tmp_path: Path) -> None:
     for files, said in sources(tmp_path).values():
         for bomb in BOMBS:
