@@ -15,6 +15,7 @@ _GROUPS: Final = {
     "depth": "Every camera that measures depth, over distance.",
     "depth_at_places": "As `/depth`, at the distances that `decision.at` names.",
     "depth_field": "Depth uncertainty off the axis, at the places that `propagation.field_places` names.",
+    "depth_map": "Depth uncertainty over the picture of each rig whose lenses have a distortion model.",
     "disparity_causes": "Why a derived disparity error is what it is.",
     "depth_loop": "Depth measured in rendered pictures of planes, against what is predicted.",
     "depth_of_field": "Where each camera is sharp, by each criterion of sharpness.",

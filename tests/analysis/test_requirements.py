@@ -230,7 +230,8 @@ def test_a_requirement_can_be_met_on_two_separate_intervals() -> None:
     tolerances = SimpleNamespace(asked=lambda: SimpleNamespace(tolerances={"depth_uncertainty": 0.01}))
     definition = SimpleNamespace(
         file=SimpleNamespace(requirements={"r": SimpleNamespace(camera="any")}, accuracy=tolerances),
-        with_values=lambda values: SimpleNamespace(case=float(values["x"].value)),
+        with_values=lambda values: SimpleNamespace(case=float(values["x"].value), calibrations_to_infer=dict),
+        calibrations_to_infer=dict,
     )
     judge = _TwoStretches()
     column = [judge.answer(None, one)[0] for one in labels]
@@ -319,7 +320,7 @@ def test_whole_numbers_are_followed_in_whole_numbers() -> None:
         value = values["x"].value
         if not isinstance(value, int):
             raise StudyError([])
-        return SimpleNamespace(case=value)
+        return SimpleNamespace(case=value, calibrations_to_infer=dict)
 
     class Six:
         def answer(self, _requirement: object, case: int) -> tuple[Held, dict[str, Held]]:
@@ -328,6 +329,8 @@ def test_whole_numbers_are_followed_in_whole_numbers() -> None:
     entry = quantity_entry(2.0, NUMBER)
     axis = SweepAxis(path="x", values=(entry,), labels=(2.0,), units="1", declared=2.0, dimension=NUMBER)
     tolerances = SimpleNamespace(asked=lambda: SimpleNamespace(tolerances={"depth_uncertainty": 0.01}))
-    definition = SimpleNamespace(file=SimpleNamespace(accuracy=tolerances), with_values=images)
+    definition = SimpleNamespace(
+        file=SimpleNamespace(accuracy=tolerances), with_values=images, calibrations_to_infer=dict
+    )
     asked = SimpleNamespace(camera="any")
     assert _root(definition, asked, axis, (11.0, 2.0), "near", Six()) == (6.0, 0.0)  # type: ignore[arg-type]  # stand-ins

@@ -74,7 +74,8 @@ accuracy: {tolerance: 20 %}
 
 
 def test_a_light_spot_has_the_same_bits_everywhere(tmp_path: Path) -> None:
-    path = study(tmp_path, ("\naccuracy: {tolerance: 20 %}\n", SPREADS)).path
+    study(tmp_path, ("\naccuracy: {tolerance: 20 %}\n", SPREADS))
+    path = tmp_path / "study.yaml"
     results = []
     for executor in (Serial(), Processes(2)):
         spot_images._spot_picture.cache_clear()

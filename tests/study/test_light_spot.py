@@ -271,7 +271,7 @@ def test_the_spread_group_varies_one_thing_at_a_time(result: Result) -> None:
             "light_spot.microlenses.focal_length=[0.4 mm]",
             "a list of one value stands here; the value without brackets or at least 2 are expected",
         ),
-        ("light_spot.detector.pixel_pitch=1e6 m", "'1e6 m' is no pixel pitch of a sensor"),
+        ("light_spot.detector.pixel_pitch=1e6 m", "1e6 m.* 10 nm to 5 mm"),
         (
             "light_spot.spectrum={wavelengths: [500 nm, 600 nm], weights: [1e-300, 1]}",
             "weights.0: '1e-300' is out of range; a number from 1e-30 to 1e30 in SI units is expected",

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any, Final
 
-_WORTH_SHARING: Final = 80  # characters; a reference takes about thirty
+_WORTH_SHARING: Final = 60  # characters; a reference takes about thirty
 
 
 def shared(schema: Mapping[str, Any]) -> dict[str, Any]:
