@@ -127,9 +127,7 @@ def test_the_report_compares_prediction_and_achievement(ran: tuple[api.Result, P
     assert len(tables["depth-loop-depth-table"].rows) == 7  # the camera, and its planes
     told = [plain_text(block.text) for block in report.blocks if isinstance(block, Paragraph)]
     over = tree["depth_loop"]["depth_relative_spread"].values
-    first_page = (
-        f"In pictures of planes the spread of depth over the predicted one is {over.min():.2g} to {over.max():.2g}"
-    )
+    first_page = f"ratio of measured to predicted depth spread is {over.min():.2g} to {over.max():.2g} for "
     assert any(first_page in text for text in told)
     assert any(first_page in line for line in terminal_lines(tree))
     assert any("matcher: {factor: " in text and "on 4 other planes" in text for text in told)

@@ -16,7 +16,7 @@ from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Heading, Paragraph, Report, Table, Text, all_blocks, plain_text
 from tradestudy.report.words import interval, length, with_error
 from tradestudy.results import dataset
-from tradestudy.results.views.decision import answer_title, handovers, told_winners, winners
+from tradestudy.results.views.decision import answer_title, handovers, reported_winners, winners
 from tradestudy.results.views.depth import decided_by_calibration, field_words, largest_part
 
 MakeTree = Callable[..., xr.DataTree]
@@ -52,10 +52,10 @@ def with_best(tree: xr.DataTree, best: list[str]) -> xr.DataTree:
     )
 
 
-def test_cameras_that_are_alike_are_one_answer(make_tree: MakeTree) -> None:
+def test_tied_cameras_are_one_answer(make_tree: MakeTree) -> None:
     tree = with_best(make_tree(), ["r5"] * 5 + [f"{RIG}, {WIDE}"] * 5)
-    sentence = next(text for text in texts(report_of(tree)) if "alike" in text)
-    assert ": Stereo 100 mm, f = 30.5 mm, and Stereo 100 mm, 65.24° across, alike, ±" in sentence
+    sentence = next(text for text in texts(report_of(tree)) if "(tied)" in text)
+    assert ": Stereo 100 mm, f = 30.5 mm, and Stereo 100 mm, 65.24° across (tied), ±" in sentence
     bars = figures.figure(tree, "whole_range").axes[1].patches
     colors = {camera.key: camera.style.color for camera in traces(tree)}
     far = [bar for bar in bars if bar.get_y() > 2.5 and bar.get_x() > 0.3]
@@ -72,28 +72,28 @@ def _rgb(color: str) -> tuple[float, ...]:
     [
         (["r5"] * 50 + [f"r5, {WIDE}"] + [WIDE] * 50, ["r5", WIDE]),  # the error of a crossover
         (["r5"] * 50 + [f"r5, {WIDE}"] + ["r5"] * 50, ["r5"]),
-        (["r5"] * 40 + [f"r5, {WIDE}"] * 20 + [WIDE] * 40, ["r5", f"r5, {WIDE}", WIDE]),  # alike over a stretch
+        (["r5"] * 40 + [f"r5, {WIDE}"] * 20 + [WIDE] * 40, ["r5", f"r5, {WIDE}", WIDE]),  # a wide range of ties
         (["r5"] * 50 + [f"{RIG}, {WIDE}"] + [WIDE] * 50, ["r5", f"{RIG}, {WIDE}", WIDE]),
         ([""] * 50 + [f"r5, {WIDE}"] + [WIDE] * 50, ["", f"r5, {WIDE}", WIDE]),
     ],
 )
 def test_a_brief_tie_at_a_crossover_is_a_handover(make_tree: MakeTree, best: list[str], told: list[str]) -> None:
     tree = with_best(make_tree(), best)
-    found = list(told_winners(tree))
+    found = list(reported_winners(tree))
     assert [names for _, _, names in found] == told
     assert (found[0][0], found[-1][1]) == (pytest.approx(0.05), pytest.approx(10.0))
     assert all(a[1] == b[0] for a, b in itertools.pairwise(found))
     assert len(list(winners(tree))) == 3
 
 
-def test_what_is_alike_in_the_table_of_verdicts_is_said(make_tree: MakeTree) -> None:
+def test_the_table_of_verdicts_names_ties(make_tree: MakeTree) -> None:
     tree = make_tree()
     decision = tree["decision"].to_dataset().copy(deep=True)
     decision["winner"][0, 1], decision["more_certain"][0, 1] = f"r5, {WIDE}", ""
     tree["decision"] = xr.DataTree(decision)
     row = table(report_of(tree), "verdict-table")[1]
-    assert row[1] == "Raytrix R5, Keplerian, and Stereo 100 mm, 65.24° across, alike"
-    assert row[3] == "both alike"
+    assert row[1] == "Raytrix R5, Keplerian, and Stereo 100 mm, 65.24° across (tied)"
+    assert row[3] == "tied"
     assert answer_title({"a": "A"}, "", "neither") == "neither"
 
 

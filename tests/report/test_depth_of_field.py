@@ -16,7 +16,7 @@ from tradestudy.api import Result, load
 from tradestudy.figures.plotted import plotted
 from tradestudy.report import contents
 from tradestudy.report.document import Table, all_blocks, spans
-from tradestudy.results.views.depth import sharp_stretches
+from tradestudy.results.views.depth import sharp_ranges
 from tradestudy.results.views.groups import camera_titles
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -65,7 +65,7 @@ def test_bars_stand_where_the_results_say(result: Result) -> None:
     expected = [
         (max(near * 1e3, low), min(far * 1e3, high))
         for key in camera_titles(result.data)
-        for near, far in sharp_stretches(data.sel(camera=key, sharp="one-pixel"), "slice")
+        for near, far in sharp_ranges(data.sel(camera=key, sharp="one-pixel"), "slice")
         if near * 1e3 < high and far * 1e3 > low
     ]
     np.testing.assert_allclose(sorted(bars), sorted(expected), rtol=1e-9)

@@ -21,6 +21,7 @@ from tradestudy.plan.pieces.depth import depth_pieces
 from tradestudy.plan.plan import plan_of
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Block, Bullets, Heading, Paragraph, Table, Text, all_blocks, spans
+from tradestudy.results.views.matching import best_of_any_matcher
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
@@ -294,7 +295,7 @@ def test_both_disparity_errors_stand_side_by_side(real: Result, ideal: Result) -
     )
     assert "does not average out within one distance" in told
     assert "or are false matches, noise and calibration together" in told
-    assert "best that any matcher can reach" not in told
+    assert "bound for any matcher" not in told
 
 
 def test_a_requirement_says_what_the_bound_alone_would_give(real: Result) -> None:
@@ -322,11 +323,10 @@ def test_without_a_matcher_the_report_says_whose_error_that_is(ideal: Result) ->
     (one,) = requirement_conclusions(ideal.data)
     assert "matching" not in requirement_sentence(one)
     blocks = tuple(compose_report(ideal.data, {}, {}).blocks)
-    sentence = "is derived from the picture: the best that any matcher can reach."
-    first = [text for text in first_page(blocks) if sentence in text]
+    first = [text for text in first_page(blocks) if "bound for any matcher" in text]
     assert len(first) == 1
-    assert f"The disparity error of Stereo head, 75 mm {sentence}" in first[0]  # the others are not in the answer
-    everywhere = [text for text in texts(blocks) if "derived from the picture: the best that any matcher" in text]
+    assert best_of_any_matcher(("Stereo head, 75 mm",)) in first[0]  # the others are not in the answer
+    everywhere = [text for text in texts(blocks) if "bound for any matcher" in text]
     assert len(everywhere) == 4  # the first page, the table of depths, the causes, the data sheets
 
 

@@ -11,7 +11,7 @@ from tradestudy.comparison.difference import ARROW, Difference, Run, same_or_eac
 from tradestudy.comparison.stated_errors import SURE
 from tradestudy.results.views.groups import has, records
 from tradestudy.results.views.requirement_conclusions import (
-    MetFrom,
+    MetRange,
     RequirementConclusion,
     decided_by,
     requirement_conclusions,
@@ -80,12 +80,12 @@ def _reasons(ones: Sequence[RequirementConclusion]) -> str:
 
 def _of_designs(what: str, ones: Sequence[RequirementConclusion]) -> Iterator[Difference]:
     """The ranges of a single swept number in which the requirement is met; otherwise the number of designs."""
-    stretches = [one.stretches for one in ones if one.stretches is not None]
-    parameters = {stretch.parameter for found in stretches for stretch in found}
+    ranges = [one.met_ranges for one in ones if one.met_ranges is not None]
+    parameters = {one.parameter for found in ranges for one in found}
     designs = [one.designs for one in ones if one.designs is not None]
-    if len(stretches) == len(ones):
-        if len(parameters) == 1 and any(_moved(stretches[0], other) for other in stretches[1:]):
-            values = tuple("met " + (" and ".join(_stretch_words(found)) or _NOWHERE) for found in stretches)
+    if len(ranges) == len(ones):
+        if len(parameters) == 1 and any(_moved(ranges[0], other) for other in ranges[1:]):
+            values = tuple("met " + (" and ".join(_range_words(found)) or _NOWHERE) for found in ranges)
             yield Difference(what=f"{what}, over the {parameters.pop()}", values=values)
     elif len(designs) == len(ones) and len(set(designs)) > 1:
         yield Difference(
@@ -94,12 +94,12 @@ def _of_designs(what: str, ones: Sequence[RequirementConclusion]) -> Iterator[Di
         )
 
 
-def _stretch_words(found: Sequence[MetFrom]) -> list[str]:
+def _range_words(found: Sequence[MetRange]) -> list[str]:
     several = len({one.camera for one in found}) > 1
     return [one.words + (f" by {one.camera}" if several else "") for one in found]
 
 
-def _moved(first: Sequence[MetFrom], other: Sequence[MetFrom]) -> bool:
+def _moved(first: Sequence[MetRange], other: Sequence[MetRange]) -> bool:
     """Whether ranges differ in number, in their cameras, or in an end by more than both errors."""
     return [one.camera for one in first] != [one.camera for one in other] or any(
         abs(a - b) > one.error + two.error

@@ -12,7 +12,7 @@ import xarray as xr
 
 from tradestudy.comparison.difference import Difference, Run, titles_of
 from tradestudy.comparison.stated_errors import SURE, left_out_share
-from tradestudy.results.views.decision import answer_title, tied, told_winners
+from tradestudy.results.views.decision import answer_title, reported_winners, tied
 from tradestudy.results.views.depth import nominal, nominal_is_declared, of_camera, swept
 from tradestudy.results.views.groups import group, has
 from tradestudy.wording import distance, span
@@ -63,7 +63,7 @@ class Best:
 
 def compare_best(runs: Sequence[Run]) -> Best:
     """Where the runs name different best cameras, except where errors of the switch distances explain it."""
-    winners = [list(told_winners(run.tree)) for run in runs]
+    winners = [list(reported_winners(run.tree)) for run in runs]
     ranges = list(_ranges(winners, common_range(runs)))
     edges = [edge for run, found in zip(runs, winners, strict=True) for edge in _edges(run.tree, found)]
     differing = [one for one in ranges if one.differs]

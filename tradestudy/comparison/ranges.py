@@ -11,7 +11,7 @@ import xarray as xr
 
 from tradestudy.comparison.difference import ARROW, Difference, Run, common_cameras, titles_of
 from tradestudy.comparison.stated_errors import ROUNDING, SURE, left_out_share
-from tradestudy.results.views.depth import by_first_criterion, nominal, nominal_is_declared, sharp_stretches, swept
+from tradestudy.results.views.depth import by_first_criterion, nominal, nominal_is_declared, sharp_ranges, swept
 from tradestudy.results.views.groups import FloatArray, group
 from tradestudy.wording import counted, listed, span
 
@@ -63,7 +63,7 @@ def compare_sharp(runs: Sequence[Run]) -> Ranges:
         stretches = []
         for run in runs:
             share = _share(run, key, "depth_of_field")
-            ends = sharp_stretches(by_first_criterion(run.tree).sel(camera=key), "sharp")
+            ends = sharp_ranges(by_first_criterion(run.tree).sel(camera=key), "sharp")
             stretches.append(
                 [
                     UsableStretch(

@@ -36,7 +36,7 @@ from tradestudy.figures.style import (
     styled,
     traces,
 )
-from tradestudy.results.views.decision import has_winners, tied, told_winners, winners
+from tradestudy.results.views.decision import has_winners, reported_winners, tied, winners
 from tradestudy.results.views.depth import nominal, of_camera, where_usable
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.wording import distance as distance_words
@@ -168,7 +168,7 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     limits = depth_limits(drawn, distance, float(distance[0]), float(distance[-1]))
     curves.set(ylim=limits, ylabel="depth uncertainty (68 %)")
     draw_curves(curves, depth, shown, drawn)
-    edges = [edge for _, edge, _ in list(told_winners(tree))[:-1]] if has_winners(tree) else []
+    edges = [edge for _, edge, _ in list(reported_winners(tree))[:-1]] if has_winners(tree) else []
     draw_relative_guides(curves, distance, drawn, edges)
     _bars(bars, depth, shown)
     if has_winners(tree):

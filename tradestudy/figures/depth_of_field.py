@@ -31,7 +31,7 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
-from tradestudy.results.views.depth import by_first_criterion, sharp_stretches
+from tradestudy.results.views.depth import by_first_criterion, sharp_ranges
 from tradestudy.results.views.groups import FloatArray, camera_titles
 from tradestudy.units import LENGTH, PIXELS, pretty
 
@@ -76,7 +76,7 @@ def _sharp_words(tree: xr.DataTree) -> str:
     data = by_first_criterion(tree)
     sentences = []
     for key, title in camera_titles(tree).items():
-        found = sharp_stretches(data.sel(camera=key), "sharp")
+        found = sharp_ranges(data.sel(camera=key), "sharp")
         where = " and ".join(f"{pretty(a, LENGTH)} to {pretty(b, LENGTH)}" for a, b in found) or "nowhere"
         sentences.append(f"{title}: sharp {where}. ")
     return "".join(sentences)
@@ -114,11 +114,11 @@ def draw_depth_of_field(tree: xr.DataTree) -> StudyFigure:
     equal = "resolved_near" in data
     for row, camera in enumerate(shown):
         one = data.sel(camera=camera.key)
-        _slices(axes, sharp_stretches(one, "slice"), row, camera)
-        _far_end(axes, sharp_stretches(one, "sharp"), row, camera)
-        _lines(axes, sharp_stretches(one, "gap"), row - 0.08, linewidth=0.6, linestyle=(0, (1, 1)))
+        _slices(axes, sharp_ranges(one, "slice"), row, camera)
+        _far_end(axes, sharp_ranges(one, "sharp"), row, camera)
+        _lines(axes, sharp_ranges(one, "gap"), row - 0.08, linewidth=0.6, linestyle=(0, (1, 1)))
         if equal:
-            _lines(axes, sharp_stretches(one, "resolved"), row + 0.27, linewidth=1.4, solid_capstyle="butt")
+            _lines(axes, sharp_ranges(one, "resolved"), row + 0.27, linewidth=1.4, solid_capstyle="butt")
     named_rows(axes, [shortened(camera.title) for camera in shown])
     axes.set_xlabel("distance from the lens [mm]")
     _resolution_beside(axes, data, shown)
@@ -223,7 +223,7 @@ def draw_lateral_resolution(tree: xr.DataTree) -> StudyFigure:
     limits = _size_limits(np.concatenate(sizes))
     axes.set(ylim=limits, xlabel="distance from the lens [mm]", ylabel="detail resolved on the object")
     for camera, size, under in zip(shown, sizes, beneath(sizes, limits), strict=True):
-        sharp = _inside(distance, sharp_stretches(data.sel(camera=camera.key), "sharp"))
+        sharp = _inside(distance, sharp_ranges(data.sel(camera=camera.key), "sharp"))
         line = {"color": camera.style.color, "linestyle": camera.style.dash, "label": camera.title}
         line["zorder"] = 2.0 - 0.01 * under
         axes.plot(distance * MM, size, linewidth=0.8 + 0.8 * under, alpha=0.6, **line)

@@ -31,7 +31,7 @@ from tradestudy.figures.requirement_margins import margins_drawing
 from tradestudy.figures.style import CameraTrace, traces
 from tradestudy.figures.uncertainty_map import uncertainty_map_drawings
 from tradestudy.figures.worths import worths_drawing
-from tradestudy.results.views.decision import answer_title, candidates, has_winners, told_winners
+from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners
 from tradestudy.results.views.depth import field_words, largest_part, nominal, of_camera, swept, where_usable
 from tradestudy.results.views.designs import path_words
 from tradestudy.results.views.groups import camera_titles
@@ -128,7 +128,7 @@ def _winner_words(tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> str:
     chosen = candidates(tree)
     titles = {camera.key: camera.title for camera in shown}
     nobody = "no candidate" if chosen else "no camera"
-    found = [f"{span(a, b)} {answer_title(titles, names, nobody)}" for a, b, names in told_winners(tree)]
+    found = [f"{span(a, b)} {answer_title(titles, names, nobody)}" for a, b, names in reported_winners(tree)]
     return f"Smallest uncertainty{' of the candidates' if chosen else ''}: {', '.join(found)}."
 
 

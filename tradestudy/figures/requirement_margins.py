@@ -24,7 +24,7 @@ from tradestudy.figures.style import (
     styled,
 )
 from tradestudy.figures.sweeps import axis_label, axis_unit, axis_values
-from tradestudy.results.views.designs import common_stretches, must_hold, path_words
+from tradestudy.results.views.designs import common_ranges, must_hold, path_words
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 
@@ -75,7 +75,7 @@ def _curves(tree: xr.DataTree, data: xr.Dataset, dim: str) -> StudyFigure:
     axes = figure.subplots()
     if "met_from" in data:
         factor = axis_unit(data[dim])[0]
-        for low, high in common_stretches(data, must_hold(data)):
+        for low, high in common_ranges(data, must_hold(data)):
             axes.axvspan(low * factor, high * factor, color=SOFT, alpha=0.3, linewidth=0)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     handles = []

@@ -23,16 +23,16 @@ from tradestudy.report.document import (
     say,
 )
 from tradestudy.report.words import length, limit_words, part_words, share, with_error
-from tradestudy.results.views.conclusions import asked_words, best_stretches, measure_first, rests_on
+from tradestudy.results.views.conclusions import best_ranges, measure_first, question_words, rests_on
 from tradestudy.results.views.decision import (
     Flips,
     answer_title,
     candidates,
     flips,
     handovers,
+    reported_winners,
     solved_questions,
     tied,
-    told_winners,
 )
 from tradestudy.results.views.depth import broken_limits, largest_part, nominal, nominal_is_declared
 from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
@@ -120,7 +120,7 @@ def _requirements(tree: xr.DataTree, of: str = "") -> Iterator[Callout]:
 def _solved(tree: xr.DataTree) -> Iterator[Spans]:
     """Inverse questions and their answers."""
     for says, answer in solved_questions(tree):
-        yield say("{asked} **{answer}**.", asked=asked_words(says), answer=answer)
+        yield say("{question} **{answer}**.", question=question_words(says), answer=answer)
 
 
 def _requirement(one: RequirementConclusion) -> Spans:
@@ -171,7 +171,7 @@ def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
 
 def _at_the_bound(tree: xr.DataTree) -> Iterator[Spans]:
     """That no real matcher stands behind the answers, for the cameras that they name."""
-    named = {title for one in best_stretches(tree) for title in one.cameras}
+    named = {title for one in best_ranges(tree) for title in one.cameras}
     named |= {one.camera for one in requirement_conclusions(tree)}
     if sentence := best_of_any_matcher(tuple(title for title in at_the_bound(tree) if title in named)):
         yield say("{sentence}", sentence=sentence)
@@ -214,7 +214,7 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
 def _stretches(tree: xr.DataTree) -> Iterator[Spans]:
     """One sentence per stretch of distance with one best camera."""
     titles, depth, declared = camera_titles(tree), nominal(tree), nominal_is_declared(tree)
-    for start, end, names in told_winners(tree):
+    for start, end, names in reported_winners(tree):
         where, camera = span(start, end), answer_title(titles, names)
         if not names:
             yield say(
@@ -343,7 +343,7 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
                 distance(one.place),
                 answer_title(titles, one.winner, "neither"),
                 _flipped(one, titles),
-                answer_title(titles, one.more_certain, "neither" if np.isnan(one.ratio) else "both alike"),
+                answer_title(titles, one.more_certain, "neither" if np.isnan(one.ratio) else "tied"),
                 _factor(one.ratio) + (", within the tolerance" if one.within_tolerance else ""),
             )
             for one in found

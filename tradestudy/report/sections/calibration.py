@@ -12,7 +12,7 @@ from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Table, Text, pictures_of
 from tradestudy.report.sections.posterior import describe_posteriors
 from tradestudy.report.sections.uncertain_decision import describe_ranks
-from tradestudy.results.views.depth import decided_by_calibration, nominal, told_depth, told_places
+from tradestudy.results.views.depth import decided_by_calibration, nominal, table_depth, table_distances
 from tradestudy.results.views.groups import group, has, titles_in
 from tradestudy.units import significant
 from tradestudy.wording import counted, distance
@@ -95,7 +95,7 @@ def _source(tree: xr.DataTree, key: str, own: Mapping[str, str], errors: list[st
 
 def _averaging(tree: xr.DataTree) -> Table:
     """How many readings make the noise as small as what calibration leaves, at the declared distances."""
-    depth, places = told_depth(tree), told_places(tree)
+    depth, places = table_depth(tree), table_distances(tree)
 
     def cell(key: str, place: float) -> str:
         there = depth["depth_uncertainty_way"].sel(camera=key).sel(distance=place, method="nearest")

@@ -11,7 +11,7 @@ import xarray as xr
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
 from tradestudy.report.words import in_words, interval, length, or_dash, share, with_error
-from tradestudy.results.views.depth import nominal, shares_at, told_depth, told_places
+from tradestudy.results.views.depth import nominal, shares_at, table_depth, table_distances
 from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, titles_in
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, false_matches_declared
 from tradestudy.wording import distance
@@ -31,11 +31,11 @@ def list_depths(tree: xr.DataTree) -> Iterator[Block]:
 
 def _values_at_places(tree: xr.DataTree) -> Table:
     """Numbers behind the curves at the declared distances."""
-    depth = told_depth(tree)
+    depth = table_depth(tree)
     rows: list[tuple[Text, ...]] = []
     quantiles = depth["quantile"].values
     content = share(float(quantiles[-1] - quantiles[0]))
-    for place in told_places(tree):
+    for place in table_distances(tree):
         there = depth.sel(distance=place, method="nearest")
         rows.append((f"At {distance(float(place))}",))
         for key, title in titles_in(tree, "depth").items():
@@ -104,7 +104,7 @@ def _numerical_error(tree: xr.DataTree) -> str:
 
 def _decisive_parts(tree: xr.DataTree) -> Table:
     """The part with the largest share at the declared distances."""
-    depth, places = told_depth(tree), told_places(tree)
+    depth, places = table_depth(tree), table_distances(tree)
 
     def cell(key: str, place: float) -> str:
         shares = shares_at(depth, key, place)
@@ -129,7 +129,7 @@ def _decisive_parts(tree: xr.DataTree) -> Table:
 
 def _over_places(tree: xr.DataTree) -> Iterator[Table]:
     """Equivalent baselines and failed measurements, one column per declared distance."""
-    depth, places = told_depth(tree), told_places(tree)
+    depth, places = table_depth(tree), table_distances(tree)
 
     def table(
         name: str, variable: str, caption: str, write: Callable[[float], str], notes: tuple[Text, ...] = ()

@@ -23,7 +23,7 @@ from tradestudy.report.document import (
     say,
 )
 from tradestudy.report.words import length, share
-from tradestudy.results.views.depth import by_first_criterion, sharp_stretches
+from tradestudy.results.views.depth import by_first_criterion, sharp_ranges
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import PIXELS, pretty, significant
 from tradestudy.wording import counted
@@ -77,7 +77,7 @@ def _rows(tree: xr.DataTree) -> Iterator[_Row]:
             key=key,
             title=title,
             share=float(one["scene_share"]),
-            stretches=sharp_stretches(one, "sharp"),
+            stretches=sharp_ranges(one, "sharp"),
             resolution=float(one["scene_resolution"]),
             diffraction=float(one["scene_diffraction"]),
             images=int(one["images"]),
@@ -218,8 +218,8 @@ def _criteria_of_sharpness(tree: xr.DataTree) -> Table:
         rows.append((f"{name}: {_criterion_words(one)}",))
         for key, title in titles.items():
             camera = one.sel(camera=key)
-            found = sharp_stretches(camera, "sharp")
-            gaps = sharp_stretches(camera, "gap")
+            found = sharp_ranges(camera, "sharp")
+            gaps = sharp_ranges(camera, "gap")
             rows.append(
                 (
                     title,
@@ -258,7 +258,7 @@ def _slices(tree: xr.DataTree) -> Iterator[Block]:
                 f"{name} {_ends(((float(near), float(far)),))}" if np.isfinite(near) else f"{name} nowhere"
                 for name, (near, far) in zip(names, limits, strict=False)
             ]
-            overlaps = _ends(sharp_stretches(one, "overlap")) if sharp_stretches(one, "overlap") else "none"
+            overlaps = _ends(sharp_ranges(one, "overlap")) if sharp_ranges(one, "overlap") else "none"
             rows.append((title, "; ".join(parts), overlaps))
     if rows:
         yield Table(
@@ -296,7 +296,7 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
         rows=tuple(
             (
                 title,
-                _ends(sharp_stretches(data.sel(camera=key), "resolved")),
+                _ends(sharp_ranges(data.sel(camera=key), "resolved")),
                 length(float(data["resolved_extent"].sel(camera=key))),
                 share(float(data["resolved_scene_share"].sel(camera=key))),
                 str(data["resolved_reason"].sel(camera=key).item()),

@@ -8,14 +8,14 @@ import xarray as xr
 
 from tradestudy.report.document import Block, Column, Paragraph, Table, Text, say
 from tradestudy.report.words import share
-from tradestudy.results.views.depth import told_places
+from tradestudy.results.views.depth import table_distances
 from tradestudy.results.views.groups import camera_titles, group
 from tradestudy.wording import distance
 
 
 def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
     """How likely the first pair's verdict holds for one rig and for one reading; then every pair by distance."""
-    decision, titles, places = group(tree, "decision"), camera_titles(tree), told_places(tree)
+    decision, titles, places = group(tree, "decision"), camera_titles(tree), table_distances(tree)
     pair = decision.isel(pair=0)
     first, second = (titles[str(pair[name].item())] for name in ("pair_first", "pair_second"))
 
@@ -42,7 +42,7 @@ def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
 def _rank_table(tree: xr.DataTree) -> Table:
     """Probabilities of the ranks of every pair at the declared distances."""
     data, titles = group(tree, "decision"), camera_titles(tree)
-    places = [float(place) for place in told_places(tree)]
+    places = [float(place) for place in table_distances(tree)]
 
     def cell(there: xr.Dataset, place: float) -> str:
         at = there.sel(rank_distance=place, method="nearest")

@@ -1,4 +1,4 @@
-"""What a run concludes, ready to be said in a terminal, on a first page or as JSON."""
+"""The conclusions of a run, in words for terminals and first pages and in numbers for JSON."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 
 import xarray as xr
 
-from tradestudy.results.views.decision import answer_title, candidates, solved_questions, told_winners
+from tradestudy.results.views.decision import answer_title, candidates, reported_winners, solved_questions
 from tradestudy.results.views.depth import nominal, nominal_is_declared, where_usable
 from tradestudy.results.views.designs import (
     feasible_designs,
@@ -27,8 +27,8 @@ _ASSUMED: Final = ", assumed "
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stretch:
-    """A stretch of distance [m] and the cameras, by title, that measure it best; none where none is usable."""
+class BestRange:
+    """A range of distance [m] and the titles of the cameras that measure best in it; none where none is usable."""
 
     near: float
     far: float
@@ -36,25 +36,25 @@ class Stretch:
     words: str
 
 
-def best_stretches(tree: xr.DataTree) -> tuple[Stretch, ...]:
-    """Which camera is best over which distances, of the study as declared."""
+def best_ranges(tree: xr.DataTree) -> tuple[BestRange, ...]:
+    """Ranges of distance with their best cameras, for the study as declared."""
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         return ()
     titles = camera_titles(tree)
     nobody = f"no {'candidate' if candidates(tree) else 'camera'} is usable"
     return tuple(
-        Stretch(
+        BestRange(
             near=near,
             far=far,
             cameras=tuple(titles[name] for name in names.split(", ") if name),
             words=_breakable(f"{answer_title(titles, names, nobody)} from {distance(near)} to {distance(far)}"),
         )
-        for near, far, names in told_winners(tree)
+        for near, far, names in reported_winners(tree)
     )
 
 
 def usable_words(tree: xr.DataTree) -> dict[str, str]:
-    """Where each camera is usable, by its title, of the study as declared; empty for other results."""
+    """Usable ranges by camera title, for the study as declared; empty where the results lack them."""
     if not has(tree, "depth", "usable_near") or not nominal_is_declared(tree):
         return {}
     depth, titles = nominal(tree), camera_titles(tree)
@@ -67,38 +67,41 @@ def usable_words(tree: xr.DataTree) -> dict[str, str]:
 
 
 def _breakable(words: str) -> str:
-    """Words with plain spaces, for terminals and other programs."""
+    """Replace no-break spaces by plain ones, for terminals and other programs."""
     return words.replace("\N{NO-BREAK SPACE}", " ")
 
 
 def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
-    """The inputs that decide the answers most, with their bases and shares: of requirements, else of the best."""
-    told = [(one.rests_on, one.rests_on_share) for one in requirement_conclusions(tree) if one.rests_on]
-    if not told and has(tree, "decision", "cause"):
+    """The inputs that decide the requirements most or, without requirements, the depth of the best cameras.
+
+    Each comes with its basis and its share of the variance.
+    """
+    found = [(one.rests_on, one.rests_on_share) for one in requirement_conclusions(tree) if one.rests_on]
+    if not found and has(tree, "decision", "cause"):
         titles = camera_titles(tree)
-        best = {name for one in best_stretches(tree) for name in one.cameras}
+        best = {name for one in best_ranges(tree) for name in one.cameras}
         rows = records(tree, "decision", "camera")
-        told = [
+        found = [
             (str(row["cause"]), float(row["cause_share"]))
             for row in rows
             if titles[str(row["camera"])] in best and row["cause"]
         ]
     shares: dict[str, float] = {}
-    for words, share in told:
+    for words, share in found:
         shares[words] = max(share, shares.get(words, 0.0))
     return tuple(f"{words} ({pretty(share, FRACTION, digits=2)} of the variance)" for words, share in shares.items())
 
 
 @dataclass(frozen=True, kw_only=True)
 class AssumptionWorth:
-    """What knowing one assumption is worth.
+    """The value of knowing one assumption exactly.
 
     Parameters
     ----------
     says, between
         The assumption and its range in words.
     worth, error
-        Expected fall of depth uncertainty over distance, averaged over the distances, and its standard error.
+        Expected reduction of the relative depth uncertainty, averaged over the distances, and its standard error.
     """
 
     says: str
@@ -108,12 +111,12 @@ class AssumptionWorth:
 
     @property
     def is_clear(self) -> bool:
-        """Whether it is above what chance explains: two standard errors."""
+        """Whether the worth exceeds two standard errors."""
         return self.worth > 2.0 * self.error
 
 
 def worths(tree: xr.DataTree) -> tuple[AssumptionWorth, ...]:
-    """Assumptions by what knowing them is worth, the most valuable first."""
+    """The worth of knowing each assumption, the largest first."""
     found = [
         AssumptionWorth(
             says=_assumption_words(tree, str(row["says"])),
@@ -127,15 +130,15 @@ def worths(tree: xr.DataTree) -> tuple[AssumptionWorth, ...]:
 
 
 def _assumption_words(tree: xr.DataTree, says: str) -> str:
-    """Its own words, or those of its path."""
+    """The study's words for an assumption; where it only names a path, the words of that path."""
     return says if " " in says else path_words(tree, says.removeprefix("scene.picture.").removeprefix("scene."))
 
 
 def measure_first(tree: xr.DataTree) -> str:
-    """What to measure next, as a sentence without its full stop; empty where nothing says so.
+    """What to measure next, without a full stop; empty where the results do not tell.
 
-    By the worth of the assumptions where the study asks for that, else the input that decides the answers most, if it
-    is assumed.
+    Where the study asks for the value of information, the assumption most worth knowing; otherwise the input that
+    decides the answers most, if it is assumed.
     """
     found = worths(tree)
     if not found:
@@ -145,27 +148,27 @@ def measure_first(tree: xr.DataTree) -> str:
     if not clear:
         data = group(tree, "value_of_information")
         if data.sizes["candidate"] < _SEVERAL:
-            return "There is one candidate, so nothing that is measured changes the choice"
+            return "With one candidate only, no measurement changes the choice"
         whole = float(data.attrs["worth_of_all"])
         if whole <= 0.0:
-            return "Nothing that is assumed changes which camera is best"
+            return "No assumption changes which camera is best"
         return (
-            "No single assumption is clearly worth measuring; knowing all of them is worth "
+            "No single assumption is clearly worth measuring; knowing all of them would lower the depth uncertainty by "
             f"{pretty(whole, FRACTION, digits=2)} of the distance"
         )
     first = clear[0]
-    words = f"Measure first: {first.says} ({first.between}), worth {pretty(first.worth, FRACTION, digits=2)}"
+    gain = f"expected to lower the depth uncertainty by {pretty(first.worth, FRACTION, digits=2)} of the distance"
     others = [one.says for one in clear[1:3]]
-    return f"{words} of the distance" + (f"; then {listed(others)}" if others else "")
+    return f"Measure first: {first.says} ({first.between}), {gain}" + (f"; then {listed(others)}" if others else "")
 
 
-def asked_words(says: str) -> str:
-    """An inverse question as it stands before its answer."""
+def question_words(says: str) -> str:
+    """An inverse question, punctuated to be followed by its answer."""
     return says if says.endswith("?") else f"{says}:"
 
 
 def _never_usable(tree: xr.DataTree) -> Iterator[str]:
-    """Candidates that are usable nowhere, where another is usable somewhere."""
+    """Name the candidates that are usable nowhere, unless none is usable anywhere."""
     usable = usable_words(tree)
     among = [camera_titles(tree)[name] for name in candidates(tree)] or list(usable)
     nowhere = [title for title in among if usable.get(title) == "nowhere"]
@@ -174,18 +177,18 @@ def _never_usable(tree: xr.DataTree) -> Iterator[str]:
 
 
 def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
-    """The conclusions of a run in so many lines, and how many more there are."""
-    stretches, requirements, rests = best_stretches(tree), requirement_conclusions(tree), rests_on(tree)
+    """The conclusions of a run in at most `most` lines; one of them counts the conclusions left out."""
+    ranges, requirements, rests = best_ranges(tree), requirement_conclusions(tree), rests_on(tree)
     lines = []
-    if stretches:
+    if ranges:
         designs = ", as declared" if has(tree, "requirements", "design_met") else ""
-        lines.append(f"Best{designs}: {'; '.join([*(one.words for one in stretches), *_never_usable(tree)])}")
-    # What one parameter does to one requirement stands beside that requirement.
+        lines.append(f"Best{designs}: {'; '.join([*(one.words for one in ranges), *_never_usable(tree)])}")
+    # For one swept parameter and one requirement, the sentence of the requirement already says this.
     feasible = feasible_designs(tree)
-    if feasible is not None and not (feasible.required == 1 and requirements[0].stretches is not None):
+    if feasible is not None and not (feasible.required == 1 and requirements[0].met_ranges is not None):
         lines.append(feasible_words(tree))
     lines += [requirement_sentence(one) for one in requirements]
-    lines += [f"{asked_words(says)} {answer}" for says, answer in solved_questions(tree)]
+    lines += [f"{question_words(says)} {answer}" for says, answer in solved_questions(tree)]
     if weighed := trade_off_conclusion(tree):
         lines.append(f"By all criteria: {weighed}")
     lines += measured_words(tree)
@@ -195,11 +198,11 @@ def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
     else:
         last = [f"Rests on: {'; '.join(rests)}"] * bool(rests) + [first] * bool(first)
     room = most - len(last)
-    if len(lines) > room:  # what it rests on is worth more than a fourth requirement
+    if len(lines) > room:  # the assumptions behind the answers matter more than a fourth requirement
         hidden = lines[room - 1 :]
         missed = sum(one.startswith("Not met") for one in hidden)
         yield from lines[: room - 1]
-        beside = f", {missed} of them a requirement not met" if missed else ""
+        beside = f", including {counted(missed, 'requirement')} not met" if missed else ""
         yield f"and {counted(len(hidden), 'more conclusion')} in the report{beside}"
     else:
         yield from lines

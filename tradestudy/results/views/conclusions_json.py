@@ -1,4 +1,4 @@
-"""What a run concludes, as one JSON object with numbers in SI."""
+"""The conclusions of a run as one JSON object with numbers in SI."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.views.conclusions import best_stretches, measure_first, rests_on, worths
+from tradestudy.results.views.conclusions import best_ranges, measure_first, rests_on, worths
 from tradestudy.results.views.designs import feasible_designs
 from tradestudy.results.views.groups import has, records
 from tradestudy.results.views.measured_depth import measured_numbers
@@ -22,7 +22,7 @@ def conclusions_as_json(tree: xr.DataTree) -> dict[str, Any]:
     return {
         "format": JSON_FORMAT,
         **{name: str(tree.attrs.get(name, "")) for name in ("study", "title", "question")},
-        "best": [{"near": one.near, "far": one.far, "cameras": list(one.cameras)} for one in best_stretches(tree)],
+        "best": [{"near": one.near, "far": one.far, "cameras": list(one.cameras)} for one in best_ranges(tree)],
         "requirements": [_requirement_as_json(one) for one in requirement_conclusions(tree)],
         **_designs_as_json(tree),
         "questions": _questions_as_json(tree),
@@ -51,16 +51,16 @@ def _requirement_as_json(one: RequirementConclusion) -> dict[str, Any]:
         found["bound_alone"] = {"met": best.met, "camera": best.camera, "reason": best.reason}
     if one.designs is not None:
         found |= {"designs_met": one.designs[0], "designs": one.designs[1]}
-    if one.stretches is not None:
+    if one.met_ranges is not None:
         found["met_with"] = [
             {
-                "parameter": stretch.parameter,
-                "from": stretch.low,
-                "to": stretch.high,
-                "error": stretch.error,
-                "camera": stretch.camera,
+                "parameter": along.parameter,
+                "from": along.low,
+                "to": along.high,
+                "error": along.error,
+                "camera": along.camera,
             }
-            for stretch in one.stretches
+            for along in one.met_ranges
         ]
     return found
 
@@ -91,5 +91,5 @@ def _designs_as_json(tree: xr.DataTree) -> dict[str, Any]:
 
 
 def _number(value: float) -> float | None:
-    """JSON has no NaN and no infinity."""
+    """The value, or None for NaN and infinity, which JSON lacks."""
     return value if np.isfinite(value) else None

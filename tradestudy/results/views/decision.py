@@ -1,4 +1,4 @@
-"""The group ``/decision``: the best camera along the distance, other readings under which that changes, questions."""
+"""Views of the group ``/decision``: the best camera by distance, readings that change it, and inverse questions."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from tradestudy.results.views.groups import FloatArray, group, has, records, tit
 from tradestudy.wording import distance
 
 TIED = ", "
-"""Between cameras whose difference is below its stated error: one answer."""
+"""Separates the names of tied cameras, whose difference is below its stated error."""
 _WAY = "both"  # noise and calibration together
-_SLIVER = 0.01  # of the range of the study
-_BRIEF = 0.03  # of it, in logarithm
+_SLIVER = 0.01  # of the study's range of distance
+_BRIEF = 0.03  # of that range, in logarithm
 
 
 def has_winners(tree: xr.DataTree) -> bool:
-    """Whether the results name a best camera for every distance, of the design that the curves show."""
+    """Whether the results name a best camera at every distance for the design that the curves show."""
     return has(tree, "decision", "best_camera") and nominal_is_declared(tree)
 
 
 def tied(names: str) -> tuple[str, ...]:
-    """The cameras of one answer: one, several that are alike, or none."""
+    """The cameras of one answer: one, several that are tied, or none."""
     return tuple(name for name in names.split(TIED) if name)
 
 
 def answer_title(titles: Mapping[str, str], names: str, nobody: str = "") -> str:
-    """What one answer is called: a camera, or several that are alike."""
+    """The words for one answer: a camera, several that are tied, or `nobody`."""
     found = [titles[name] for name in tied(names)]
-    return f"{', and '.join(found)}, alike" if len(found) > 1 else "".join(found) or nobody
+    return f"{', and '.join(found)} (tied)" if len(found) > 1 else "".join(found) or nobody
 
 
 def candidates(tree: xr.DataTree) -> tuple[str, ...]:
-    """The cameras among which a decision names the best, in the order of the study; none where all are candidates."""
+    """The cameras among which the decision chooses, in the order of the study; empty where all are candidates."""
     if not has(tree, "depth"):
         return ()
     declared = str(tree["decision"].attrs.get("candidates", "")).split(", ") if has(tree, "decision") else []
@@ -47,10 +47,10 @@ def candidates(tree: xr.DataTree) -> tuple[str, ...]:
 
 
 def winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
-    """Stretches of distance with one answer: (from, to, names), as `tied` reads them, "" where none is usable.
+    """Ranges of distance with one answer: (from, to, names) for `tied`; names are "" where no camera is usable.
 
-    Between two computed distances the stretch ends at the end of a usable range or at the crossover that lies there;
-    where neither does, half way (in logarithm).
+    Between two computed distances, the boundary is the end of a usable range or the crossover that lies between them;
+    without either, it is their geometric mean.
     """
     best = group(tree, "decision")["best_camera"].sel(way=_WAY)
     names = [str(name) for name in best.values]
@@ -68,10 +68,11 @@ def winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
             start, start_distance = index, end
 
 
-def told_winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
-    """The stretches of `winners` without slivers: hundredths of the range whose ends read the same in three digits.
+def reported_winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
+    """The ranges of `winners` that are worth reporting.
 
-    Where the error of a crossover alone makes two cameras alike for a little, they change hands in its middle.
+    Leaves out slivers: at most 1 % of the study's range, with ends that read the same in three digits. Where two
+    cameras tie only briefly, because of the error of their crossover, the boundary is the middle of the tie.
     """
     found = _without_brief_ties(list(winners(tree)))
     whole = found[-1][1] - found[0][0]
@@ -79,7 +80,7 @@ def told_winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
 
 
 def _without_brief_ties(found: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
-    """Stretches of distance with every brief tie shared between its neighbours, if their cameras are those tied."""
+    """Ranges of distance with every brief tie divided between its neighbours, where they are the tied cameras."""
     longest = np.log(found[-1][1] / found[0][0]) * _BRIEF
     kept = list(found)
     for before, (start, end, names), after in zip(found, found[1:], found[2:], strict=False):
@@ -88,16 +89,16 @@ def _without_brief_ties(found: list[tuple[float, float, str]]) -> list[tuple[flo
         if between and np.log(end / start) <= longest:
             kept.remove((start, end, names))
     ends = [found[0][0], *(float(np.sqrt(a[1] * b[0])) for a, b in itertools.pairwise(kept)), found[-1][1]]
-    told = [(start, end, one[2]) for (start, end), one in zip(itertools.pairwise(ends), kept, strict=True)]
+    moved = [(start, end, one[2]) for (start, end), one in zip(itertools.pairwise(ends), kept, strict=True)]
     return [
-        (stretch[0][0], stretch[-1][1], names)
-        for names, group in itertools.groupby(told, key=lambda one: one[2])
-        for stretch in [list(group)]
+        (merged[0][0], merged[-1][1], names)
+        for names, neighbours in itertools.groupby(moved, key=lambda one: one[2])
+        for merged in [list(neighbours)]
     ]
 
 
 def _exact_ends(tree: xr.DataTree) -> FloatArray:
-    """Distances [m] at which the best camera can change: ends of usable ranges, and crossovers of the own reading."""
+    """Distances [m] where the best camera can change: ends of usable ranges, and crossovers of the declared reading."""
     ends = [np.empty(0)]
     if nominal_is_declared(tree):
         depth = nominal(tree)
@@ -111,22 +112,22 @@ def _exact_ends(tree: xr.DataTree) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class Flips:
-    """The verdict on the headline pair at one declared distance, and the readings under which it differs.
+    """The verdict on the headline pair at one declared distance, and the readings that change it.
 
     Parameters
     ----------
     place
         Distance [m].
     more_certain, winner
-        The camera of lower uncertainty, and the better usable one, in the study's own reading; as `tied` reads them.
+        The camera of lower uncertainty, and the better usable one, in the study as declared; names for `tied`.
     ratio
-        Uncertainty of the pair's first camera over that of the second, in the study's own reading.
+        Uncertainty of the pair's first camera over that of the second, in the study as declared.
     within_tolerance
-        Whether they differ by no more than the tolerance.
+        Whether the two differ by no more than the tolerance.
     alternatives
-        How many other readings there are.
+        Number of other readings.
     flipped
-        Those in which the winner is another one, and which (may be empty).
+        The readings with another winner, each with that winner ("" where neither camera is usable).
     """
 
     place: float
@@ -139,7 +140,7 @@ class Flips:
 
 
 def flips(tree: xr.DataTree) -> Iterator[Flips]:
-    """Count the readings under which another camera wins, for every declared distance."""
+    """The readings under which another camera wins, at every declared distance."""
     if not has(tree, "decision", "more_certain", "winner", "flips", "uncertainty_ratio"):
         return
     decision = group(tree, "decision").sel(way=_WAY)
@@ -163,7 +164,10 @@ def flips(tree: xr.DataTree) -> Iterator[Flips]:
 
 
 def handovers(decision: xr.Dataset) -> Iterator[tuple[float, float]]:
-    """Distances [m] where one camera of the pair takes over from the other, with their errors; one reading, one way."""
+    """Distances [m] where the better camera of the pair switches, with their errors.
+
+    Expects ``/decision`` of one reading and one ``way``.
+    """
     for place, error, nearer, farther in zip(
         *(decision[f"change_{name}"].values for name in ("distance", "error", "nearer", "farther")), strict=True
     ):
@@ -172,7 +176,7 @@ def handovers(decision: xr.Dataset) -> Iterator[tuple[float, float]]:
 
 
 def solved_questions(tree: xr.DataTree) -> tuple[tuple[str, str], ...]:
-    """Read the inverse questions of a study with their answers, in words."""
+    """The inverse questions of a study with their answers, in words."""
     if not has(tree, "decision", "solved_says", "solved_answer"):
         return ()
     return tuple((str(row["solved_says"]), str(row["solved_answer"])) for row in records(tree, "decision", "question"))

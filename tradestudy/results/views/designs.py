@@ -1,4 +1,4 @@
-"""What a sweep says: which designs meet what must hold, which camera each favours, and how far its ranges move."""
+"""The conclusions of a sweep: feasible designs, the best camera in each, and how ranges and crossover move."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from tradestudy.units import (
 from tradestudy.wording import counted, distance, listed
 
 BY_UNIT: Final = {one.unit: one for one in (LENGTH, ANGLE, PIXELS, DURATION, MASS, POWER, DATA, SOLID_ANGLE)}
-_STRUCTURE: Final = frozenset(("lenses", "depth", "sensor"))  # parts of a path that a person leaves out
+_STRUCTURE: Final = frozenset(("lenses", "depth", "sensor"))  # parts of a path that people leave out
 _MANY_TIMES: Final = 1.0
 _SAME: Final = 1e-3  # of a distance
 _SHORTEST_SPREAD: Final = 3  # parts of a path such as calibration.errors.yaw.standard_deviation
@@ -44,11 +44,11 @@ class Design:
     Parameters
     ----------
     values
-        Of every swept parameter by its path, in SI or as text.
+        Value of every swept parameter by its path, in SI or as text.
     words
-        The same, as a person says it.
+        The same in words.
     margin
-        Least margin of what must hold, as of `RequirementConclusion`.
+        Smallest margin over the requirements that must hold; see `RequirementConclusion`.
     """
 
     values: dict[str, float | str]
@@ -58,24 +58,24 @@ class Design:
 
 @dataclass(frozen=True, kw_only=True)
 class Feasible:
-    """The designs that meet everything that must hold; of a study whose requirements are all wishes, all of those.
+    """The feasible designs: those that meet every requirement that must hold; without any such, every requirement.
 
     Parameters
     ----------
     count, designs
-        How many do, and of how many.
+        Number of feasible designs, and of all designs.
     best
-        The design of the largest least margin, feasible or not.
+        The feasible design with the largest smallest margin; where none is feasible, that of all designs.
     tightest
-        What must hold and has that margin there, in its own words.
+        The requirement with that margin, in the words of the study.
     region
-        Over which values of each parameter they lie, in words; empty where none does.
+        Values of each parameter among the feasible designs, in words; empty where none is feasible.
     required, wishes
-        How many requirements must hold, and how many beside them should.
+        Number of requirements that decide feasibility, and of the others.
     fills_region
-        Whether every design over those values is among them.
+        Whether every combination of those values is feasible.
     missed
-        What must hold and the designs that are not among them miss, with how many miss it, most often missed first.
+        Requirements that designs miss, each with the number of designs that miss it, most often missed first.
     """
 
     count: int
@@ -90,13 +90,13 @@ class Feasible:
 
 
 def path_words(tree: xr.DataTree, path: str) -> str:
-    """A path of the study in words: ``cameras.head.baseline`` is "baseline of Head A"."""
+    """A path of the study in words: ``cameras.head.baseline`` becomes "baseline of Head A"."""
     words, title = _words_and_camera(tree, path)
     return f"{words} of {title}" if title else words
 
 
 def _words_and_camera(tree: xr.DataTree, path: str) -> tuple[str, str]:
-    """What a path names, and the title of its camera; no title where it belongs to none."""
+    """A path in words, and the title of its camera; an empty title where it belongs to none."""
     parts = path.removeprefix("cameras.").removeprefix("scene.picture.").split(".")
     title = camera_titles(tree).get(parts[0], "")
     words = [part for part in parts[1:] if part not in _STRUCTURE] if title else parts
@@ -106,16 +106,16 @@ def _words_and_camera(tree: xr.DataTree, path: str) -> tuple[str, str]:
 
 
 def _design_words(tree: xr.DataTree, values: Mapping[str, str]) -> str:
-    """A design by the words of its values: "Stereo rig with baseline 131 mm and focal length 8 mm"."""
+    """A design in words: "Stereo rig with baseline 131 mm and focal length 8 mm"."""
     by_camera: dict[str, list[str]] = {}
     for path, value in values.items():
         words, title = _words_and_camera(tree, path)
         by_camera.setdefault(title, []).append(f"{words} {value}")
-    return listed([f"{title} with {listed(told)}" if title else listed(told) for title, told in by_camera.items()])
+    return listed([f"{title} with {listed(own)}" if title else listed(own) for title, own in by_camera.items()])
 
 
 def dimension_of(axis: xr.DataArray) -> Dimension:
-    """What a swept coordinate measures."""
+    """The dimension of a swept coordinate."""
     if axis.attrs.get("measures", "") == FRACTION.name:
         return FRACTION
     return BY_UNIT.get(str(axis.attrs.get("units", "")), NUMBER)
@@ -127,7 +127,7 @@ def value_words(axis: xr.DataArray, value: Any) -> str:
 
 
 def feasible_designs(tree: xr.DataTree) -> Feasible | None:
-    """Which designs of a sweep meet everything that must hold; None without a sweep or a requirement."""
+    """The designs of a sweep that meet every requirement that must hold; None without a sweep or a requirement."""
     if not has(tree, "requirements", "design_met"):
         return None
     data = group(tree, "requirements")
@@ -138,11 +138,11 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
         data["design_margin_percent"].transpose(*axes, "requirement").values[..., must], nan=-np.inf
     )
     every, least = np.all(met, axis=-1), np.min(margins, axis=-1)
-    # A guard band can leave a design unmet whose margin is positive: those that are met come first.
+    # Feasible designs come first: a guard band can make a design fail although its margin is positive.
     first = np.where(every, least, np.where(every.any(), -np.inf, least))
     best = np.unravel_index(int(np.argmax(first)), least.shape)
     values = {axis: data[axis].values[k] for axis, k in zip(axes, best, strict=True)}
-    # What is not met first: a guard band can leave that of the larger margin unmet.
+    # Unmet requirements come first: because of its guard band, an unmet one can have the larger margin.
     among = margins[best] if met[best].all() else np.where(met[best], np.inf, margins[best])
     tightest = int(np.flatnonzero(must)[int(np.argmin(among))])
     return Feasible(
@@ -163,7 +163,7 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
 
 
 def _fills_region(every: npt.NDArray[np.bool_]) -> bool:
-    """Whether feasible designs fill the region that their values span."""
+    """Whether every combination of the values that feasible designs have is feasible."""
     used = [np.unique(numbers) for numbers in np.argwhere(every).T]
     return bool(every[np.ix_(*used)].all()) if every.any() else False
 
@@ -175,13 +175,13 @@ def _missed(says: npt.NDArray[Any], met: npt.NDArray[np.bool_]) -> tuple[tuple[s
 
 
 def must_hold(data: xr.Dataset) -> npt.NDArray[np.bool_]:
-    """Which requirements decide: those that must hold; all, where none must."""
+    """Which requirements decide feasibility: those that must hold or, without any such, all."""
     must = np.asarray(data["priority"].values == "must")
     return must if must.any() else ~must
 
 
-def common_stretches(data: xr.Dataset, must: npt.NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Stretches of the one swept parameter, in SI, in which every requirement that must hold is met."""
+def common_ranges(data: xr.Dataset, must: npt.NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Ranges of the one swept parameter, in SI, in which every requirement that must hold is met."""
     common = [(-np.inf, np.inf)]
     for number in np.flatnonzero(must):
         row = data.isel(requirement=int(number))
@@ -191,13 +191,13 @@ def common_stretches(data: xr.Dataset, must: npt.NDArray[np.bool_]) -> list[tupl
     return [(float(low), float(high)) for low, high in common if np.isfinite([low, high]).all()]
 
 
-def _joined(stretches: list[tuple[float, float, float]]) -> list[tuple[float, float]]:
-    """Stretches (from, to, error) without the borders at which one camera takes over from another.
+def _joined(ranges: list[tuple[float, float, float]]) -> list[tuple[float, float]]:
+    """Join the ranges (from, to, error) that meet where one camera takes over from another.
 
-    Both ends at such a border lie inside their brackets, whose width is twice the error.
+    Two ranges meet there within their brackets, whose width is twice the error.
     """
     joined: list[tuple[float, float, float]] = []
-    for low, high, error in stretches:
+    for low, high, error in ranges:
         if joined and low <= joined[-1][1] + 2.0 * (error + joined[-1][2]):
             joined[-1] = (joined[-1][0], high, error)
         else:
@@ -206,7 +206,7 @@ def _joined(stretches: list[tuple[float, float, float]]) -> list[tuple[float, fl
 
 
 def interval_words(low: float, high: float, values: FloatArray, dimension: Dimension) -> str:
-    """A stretch of a swept parameter: "from 53.4 mm on", where it reaches the last value that was tried."""
+    """A range of a swept parameter: "from 53.4 mm on" where it reaches the last value of the sweep."""
     first, last = (pretty(float(end), dimension) for end in (low, high))
     begins, ends = low <= values[0], high >= values[-1]
     if begins and ends:
@@ -219,22 +219,22 @@ def interval_words(low: float, high: float, values: FloatArray, dimension: Dimen
 
 
 def _region_words(tree: xr.DataTree, data: xr.Dataset, axes: list[str], every: npt.NDArray[np.bool_]) -> str:
-    """Over which values of each parameter the feasible designs lie; exact ends along one number."""
+    """The values of each parameter among the feasible designs; for one swept number, its computed ranges."""
     if not every.any():
         return ""
     if "met_from" in data:
         axis = data[axes[0]]
         values = np.asarray(axis.values, dtype=np.float64)
-        ends = common_stretches(data, must_hold(data))
-        told = " and ".join(interval_words(low, high, values, dimension_of(axis)) for low, high in ends)
-        return _design_words(tree, {axes[0]: told})
+        ends = common_ranges(data, must_hold(data))
+        ranges = " and ".join(interval_words(low, high, values, dimension_of(axis)) for low, high in ends)
+        return _design_words(tree, {axes[0]: ranges})
     return _design_words(
         tree, {axis: _values_words(data[axis], np.argwhere(every)[:, k]) for k, axis in enumerate(axes)}
     )
 
 
 def _values_words(axis: xr.DataArray, numbers: npt.NDArray[np.intp]) -> str:
-    """The values of one parameter that designs have, from the least to the largest; choices by name."""
+    """The values of one parameter at these indices: numbers from smallest to largest, choices by name."""
     used = np.unique(numbers)
     if axis.dtype.kind not in "fiu":
         return listed([str(axis.values[k]) for k in used])
@@ -243,7 +243,7 @@ def _values_words(axis: xr.DataArray, numbers: npt.NDArray[np.intp]) -> str:
 
 
 def feasible_words(tree: xr.DataTree) -> str:
-    """What to say about the designs that meet all that must hold, without the last full stop; empty without any."""
+    """Sentences on the feasible designs, without the last full stop; empty without a sweep or a requirement."""
     found = feasible_designs(tree)
     if found is None:
         return ""
@@ -276,7 +276,7 @@ def _largest(found: Feasible, share: str) -> str:
 
 
 def margin_words(margin: float) -> str:
-    """By how much the worst value could be worse and still keep its bound; of a broken one, by how much it misses."""
+    """By how much the worst value could worsen within its bound or, if it breaks the bound, by how much it misses."""
     if margin < 0.0:
         return f"missed by {pretty(-margin, FRACTION, digits=2)}"
     return f"margin {'of ' if margin >= _MANY_TIMES else ''}{_margin_size(margin)}"
@@ -284,12 +284,12 @@ def margin_words(margin: float) -> str:
 
 def _margin_size(margin: float) -> str:
     if margin >= _MANY_TIMES:
-        return f"a factor {significant(1.0 + margin, 2)}"
+        return f"a factor of {significant(1.0 + margin, 2)}"
     return pretty(margin, FRACTION, digits=2)
 
 
 def favoured_words(tree: xr.DataTree) -> Iterator[str]:
-    """Which camera the designs of a sweep favour at each of a few distances."""
+    """The best cameras over the designs of a sweep, at a few distances."""
     if not has(tree, "decision", "design_best_camera"):
         return
     data, titles = group(tree, "decision"), camera_titles(tree)
@@ -299,8 +299,8 @@ def favoured_words(tree: xr.DataTree) -> Iterator[str]:
     for place in data["design_place"].values:
         names = best.sel(design_place=place).transpose(*axes).values
         places.setdefault(_favoured(titles, data, axes, names), []).append(distance(float(place)))
-    for told, where in places.items():
-        yield f"at {listed(where)}: {told}"
+    for best_words, where in places.items():
+        yield f"at {listed(where)}: {best_words}"
 
 
 def _favoured(titles: dict[str, str], data: xr.Dataset, axes: list[str], names: npt.NDArray[Any]) -> str:
@@ -318,12 +318,12 @@ def _favoured(titles: dict[str, str], data: xr.Dataset, axes: list[str], names: 
             where = f"with {low}" if first == last else f"from {low} to {high}"
             parts.append(f"{answer_title(titles, str(names[first]), 'none')} {where}")
         return ", ".join(parts)
-    told = [f"{answer_title(titles, every[k], 'none')} in {counts[k]}" for k in order]
-    return f"{told[0]} of {names.size} designs, {', '.join(told[1:])}"
+    parts = [f"{answer_title(titles, every[k], 'none')} in {counts[k]}" for k in order]
+    return f"{parts[0]} of {names.size} designs, {', '.join(parts[1:])}"
 
 
 def crossover_words(tree: xr.DataTree) -> str:
-    """How far the crossover of the headline pair moves over the designs, without a full stop; empty without one."""
+    """How far the crossover of the headline pair moves over the designs, without a full stop; empty without a pair."""
     if not has(tree, "decision", "design_crossover_distance"):
         return ""
     data, titles = group(tree, "decision"), camera_titles(tree)
@@ -332,7 +332,7 @@ def crossover_words(tree: xr.DataTree) -> str:
     found = places[np.isfinite(places)]
     none = int(np.sum(~np.isfinite(places).any(axis=-1)))
     if not found.size:
-        return f"In no design are {first} and {second} equally certain anywhere"
+        return f"{first} and {second} are equally certain at no distance in any design"
     least, most = (distance(float(end)) for end in (found.min(), found.max()))
     where = f"at {least}" if least == most else f"between {least} and {most}, depending on the design"
     beside = f", and nowhere in {counted(none, 'design')}" if none else ""
@@ -340,7 +340,7 @@ def crossover_words(tree: xr.DataTree) -> str:
 
 
 def usable_span_words(tree: xr.DataTree) -> Iterator[str]:
-    """How far the ends of each camera's usable range move over the designs; none for cameras that do not change."""
+    """How the usable range of each camera varies over the designs, for cameras that the sweep moves."""
     if not has(tree, "depth", "usable_near") or not swept(group(tree, "depth")):
         return
     depth = group(tree, "depth")
@@ -363,7 +363,7 @@ def usable_span_words(tree: xr.DataTree) -> Iterator[str]:
             _moved_words(ends[usable], moves=moves) for ends, moves in zip((nearest, farthest), moved, strict=True)
         )
         nowhere = f", and nowhere in {counted(int((~usable).sum()), 'design')}" if not usable.all() else ""
-        yield f"Depending on the design, {title} is usable from {near} on and up to {far}{nowhere}"
+        yield f"Depending on the design, {title} is usable from {near} up to {far}{nowhere}"
 
 
 def _moved_words(ends: FloatArray, *, moves: bool) -> str:

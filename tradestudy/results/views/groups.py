@@ -1,4 +1,4 @@
-"""Groups of a results tree: whether they are there, as datasets, row by row; and the cameras of a study in order."""
+"""Access to the groups of a results tree, as datasets and row by row, and to the cameras of a study in order."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def has(tree: xr.DataTree, name: str, *variables: str) -> bool:
-    """Whether a group exists and holds all these variables."""
+    """Whether a group exists and contains all these variables."""
     return name in tree.children and all(variable in tree[name].data_vars for variable in variables)
 
 
@@ -23,7 +23,7 @@ def group(tree: xr.DataTree, name: str) -> xr.Dataset:
 
 
 def records(tree: xr.DataTree, name: str, dim: str) -> list[dict[str, Any]]:
-    """Read the one-dimensional variables of a group row by row; the row's own name is under `dim`."""
+    """Read the one-dimensional variables of a group row by row; key `dim` contains the label of the row."""
     if name not in tree.children:
         return []
     data = group(tree, name)
@@ -34,8 +34,8 @@ def records(tree: xr.DataTree, name: str, dim: str) -> list[dict[str, Any]]:
     ]
 
 
-def stretches(near: npt.ArrayLike, far: npt.ArrayLike) -> tuple[tuple[float, float], ...]:
-    """Stretches of distance [m], (near, far), from arrays of their ends, without the padding; `far` may be infinite."""
+def ranges_of(near: npt.ArrayLike, far: npt.ArrayLike) -> tuple[tuple[float, float], ...]:
+    """Ranges of distance [m], as (near, far), from padded arrays of their ends; `far` may be infinite."""
     ends = zip(np.ravel(np.asarray(near)), np.ravel(np.asarray(far)), strict=True)
     return tuple((float(a), float(b)) for a, b in ends if np.isfinite(a) and not np.isnan(b))
 
@@ -51,13 +51,13 @@ def camera_families(tree: xr.DataTree) -> dict[str, str]:
 
 
 def titles_in(tree: xr.DataTree, name: str) -> dict[str, str]:
-    """Get the titles of the cameras that a group is about, such as ``depth`` of those that measure depth."""
+    """Get the titles of the cameras in a group: in ``depth``, for instance, of those that measure depth."""
     keys = {str(key) for key in group(tree, name)["camera"].values}
     return {key: title for key, title in camera_titles(tree).items() if key in keys}
 
 
 def depth_methods(tree: xr.DataTree) -> dict[str, dict[str, Any]]:
-    """Get how each camera that measures depth finds it, by its key."""
+    """Get the method by which each camera measures depth, by camera key; only of cameras that measure depth."""
     return {key: json.loads(method) for key, method in _by_key(tree, "method").items() if method}
 
 
@@ -67,7 +67,7 @@ def _by_key(tree: xr.DataTree, variable: str) -> dict[str, str]:
 
 
 def perfectly_calibrated(tree: xr.DataTree) -> tuple[str, ...]:
-    """Titles of the cameras that measure depth and declare nothing uncertain about themselves."""
+    """Titles of the cameras that measure depth and declare no calibration errors."""
     if not has(tree, "cameras", "perfect_calibration"):
         return ()
     cameras = group(tree, "cameras")

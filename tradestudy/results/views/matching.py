@@ -1,4 +1,4 @@
-"""Derived disparity errors in words: the bound of any matcher, or what a declared one reaches."""
+"""Derived disparity errors in words: the lower bound for any matcher, or the error of a declared matcher."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ NAME = "disparity_causes"
 
 
 def declared_matchers(tree: xr.DataTree) -> dict[str, str]:
-    """What the study declares of the matcher of each camera whose disparity error is derived, by titles, in words."""
+    """The declared matcher in words, by title, of each camera whose disparity error is derived."""
     if not has(tree, NAME, "matcher"):
         return {}
     words = dict(zip(group(tree, NAME)["camera"].values, group(tree, NAME)["matcher"].values, strict=True))
@@ -24,7 +24,7 @@ def false_matches_declared(tree: xr.DataTree) -> bool:
 
 
 def at_the_bound(tree: xr.DataTree) -> tuple[str, ...]:
-    """Titles of the cameras whose derived disparity error is that of no real matcher."""
+    """Titles of the cameras whose derived disparity error is the bound, because they declare no matcher."""
     if not has(tree, NAME):
         return ()
     real = declared_matchers(tree)
@@ -32,8 +32,8 @@ def at_the_bound(tree: xr.DataTree) -> tuple[str, ...]:
 
 
 def best_of_any_matcher(titles: tuple[str, ...]) -> str:
-    """The sentence that such errors need wherever they are used; empty for no cameras."""
+    """The caveat wherever errors at the bound are used; empty without such cameras."""
     if not titles:
         return ""
     what = "disparity error of {} is" if len(titles) == 1 else "disparity errors of {} are"
-    return f"The {what.format(listed(titles))} derived from the picture: the best that any matcher can reach."
+    return f"The {what.format(listed(titles))} derived from the picture: a lower bound for any matcher."

@@ -1,4 +1,4 @@
-"""What depth that was measured in rendered pictures says of the prediction, in one sentence for each study."""
+"""Depth measured in rendered pictures, against the prediction: numbers and sentences."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NUMBERS: Final = ("spread", "spread_error", "bias", "bias_error", "predicted", 
 
 
 def measured_numbers(tree: xr.DataTree) -> list[dict[str, Any]]:
-    """What each camera measured in the pictures of the scene and before each plane; NaN where it measured nothing."""
+    """The depth that each camera measured, of the scene and of each plane; NaN where it measured nothing."""
     found: list[dict[str, Any]] = []
     titles = camera_titles(tree)
     for name, camera in (("pictures", "mapped_camera"), ("depth_loop", "camera")):
@@ -30,12 +30,12 @@ def measured_numbers(tree: xr.DataTree) -> list[dict[str, Any]]:
 
 
 def measured_words(tree: xr.DataTree) -> tuple[str, ...]:
-    """How well cameras measured planes and the scene, without full stops; empty for a study that measured neither."""
+    """How well cameras measured planes and the scene, without full stops; empty if the study measured neither."""
     return (*_of_planes(tree), *_of_scene(tree))
 
 
 def _of_planes(tree: xr.DataTree) -> Iterator[str]:
-    """Over all planes of a camera, the least and the largest spread over the predicted one."""
+    """The range of measured over predicted spread of each camera, over its planes."""
     if not has(tree, "depth_loop", "depth_spread"):
         return
     data, titles = group(tree, "depth_loop"), camera_titles(tree)
@@ -49,18 +49,18 @@ def _of_planes(tree: xr.DataTree) -> Iterator[str]:
         low, high = significant(float(over.min()), 2), significant(float(over.max()), 2)
         reached.append(f"{low} for {title}" if low == high else f"{low} to {high} for {title}")
     if reached:
-        yield f"In pictures of planes the spread of depth over the predicted one is {'; '.join(reached)}"
+        yield f"In pictures of planes, the ratio of measured to predicted depth spread is {'; '.join(reached)}"
     if failed:
-        yield f"In pictures of planes {listed(failed)} measured nothing"
+        yield f"In pictures of planes, {listed(failed)} measured nothing"
 
 
 def _of_scene(tree: xr.DataTree) -> Iterator[str]:
-    """Spread and bias of each camera, and at which share of its points."""
+    """Spread, bias and fill rate of each camera."""
     if not has(tree, "pictures", "map_depth"):
         return
     data, titles = group(tree, "pictures"), camera_titles(tree)
     rows = [data.isel(mapped_camera=k) for k in range(data.sizes["mapped_camera"])]
-    yield f"In the pictures of the scene {'; '.join(_one(row, titles) for row in rows)}"
+    yield f"In the pictures of the scene, {'; '.join(_one(row, titles) for row in rows)}"
 
 
 def _one(row: xr.Dataset, titles: Mapping[str, str]) -> str:
@@ -72,6 +72,6 @@ def _one(row: xr.Dataset, titles: Mapping[str, str]) -> str:
         return f"{title} measured nothing"
     beside = f" (predicted: ±{pretty(predicted, LENGTH, digits=2)})" if np.isfinite(predicted) else ""
     return (
-        f"{title} measured {pretty(filled, FRACTION, digits=2)} of the points that it could, to "
+        f"{title} measured {pretty(filled, FRACTION, digits=2)} of the points visible in two pictures, to "
         f"±{pretty(spread, LENGTH, digits=2)}{beside} with a bias of {pretty(bias, LENGTH, digits=2)}"
     )

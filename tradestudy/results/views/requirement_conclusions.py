@@ -1,4 +1,4 @@
-"""What became of every requirement, and how it is told."""
+"""The verdict on every requirement, in numbers and in words."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ _NO_MARGIN: Final = 1e-6  # rounding
 
 
 @dataclass(frozen=True, kw_only=True)
-class MetFrom:
-    """A stretch of the one swept parameter in which one camera keeps a requirement.
+class MetRange:
+    """A range of the one swept parameter in which one camera meets a requirement.
 
     Parameters
     ----------
     parameter
-        In words, with its camera.
+        The parameter in words, with its camera.
     low, high, error
-        Its ends in SI, and how well they are known.
+        The ends of the range in SI, and their error.
     camera
-        The one that keeps it there.
+        Title of the camera that meets the requirement there.
     words
-        "from 53.4 mm on".
+        The range in words, such as "from 53.4 mm on".
     """
 
     parameter: str
@@ -47,14 +47,14 @@ class MetFrom:
 
 @dataclass(frozen=True, kw_only=True)
 class BoundAlone:
-    """What would become of a requirement if matching reached its bound.
+    """The verdict on a requirement if matching reached its lower bound.
 
     Parameters
     ----------
     met
-        None where it could not be decided.
+        None where it cannot be decided.
     camera, reason
-        As of `RequirementConclusion`.
+        As in `RequirementConclusion`.
     """
 
     met: bool | None
@@ -64,7 +64,7 @@ class BoundAlone:
 
 @dataclass(frozen=True, kw_only=True)
 class RequirementConclusion:
-    """What became of a requirement.
+    """The verdict on a requirement.
 
     Parameters
     ----------
@@ -73,28 +73,30 @@ class RequirementConclusion:
     met
         None where it cannot be decided.
     of
-        The camera that it concerns, any or all.
+        The camera that must meet it, or "any" or "all".
     camera
-        Title of the camera that comes nearest, or keeps it best; of all, the one that keeps it worst.
+        Title of the camera with the largest margin; of a requirement on all cameras, the one with the smallest.
     margin
-        By which share the worst value could be worse and still keep the bound; negative where it is broken.
+        Share by which the worst value could worsen within its bound; negative where it breaks the bound.
     place
-        Where the worst value lies [m].
+        Distance [m] of the worst value.
     conformity
         Probability that the true worst value keeps the bound.
     reason
-        The worst value and its place in words.
+        The worst value and its distance, in words.
     rests_on, rests_on_share
-        The input that decides that value most, with its basis, and its share of the variance; empty where none does.
-    stretches
-        Where along the one swept parameter it is met; None without such a sweep.
+        The uncertain input that decides this value most, with its basis, and its share of the variance; empty where
+        none does.
+    met_ranges
+        Ranges of the one swept parameter in which it is met; None without such a sweep.
     designs
-        In how many designs of a sweep it is met, and of how many; None without one.
+        Number of designs of a sweep that meet it, and of all designs; None without a sweep.
     probability
-        Share of the combinations of what is not known that meet it, all distances together; NaN where nothing is
-        declared as not known.
+        Share of the draws of uncertain assumptions that meet it, at all distances jointly; NaN where the study declares
+        no such assumptions.
     bound_alone
-        The same, if matching reached its bound instead of what is declared of a matcher; None where nothing is.
+        The verdict if matching reached its lower bound instead of the declared matcher's error; None where no matcher
+        makes a difference.
     """
 
     name: str
@@ -109,19 +111,19 @@ class RequirementConclusion:
     reason: str
     rests_on: str
     rests_on_share: float
-    stretches: tuple[MetFrom, ...] | None
+    met_ranges: tuple[MetRange, ...] | None
     designs: tuple[int, int] | None
     probability: float
     bound_alone: BoundAlone | None
 
     @property
     def verdict(self) -> str:
-        """Of the study as declared."""
+        """The verdict on the study as declared, in words."""
         return {True: "met", False: "not met", None: "cannot be decided"}[self.met]
 
 
 def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, ...]:
-    """Every requirement, those that must hold first, and of them the one with the least margin."""
+    """The verdicts on all requirements: first those that must hold, each kind by rising margin."""
     if not has(tree, "requirements"):
         return ()
     titles = camera_titles(tree)
@@ -144,7 +146,7 @@ def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, .
                 reason=str(row["reason"]),
                 rests_on=str(row["rests_on"]),
                 rests_on_share=float(row["rests_on_share"]),
-                stretches=_met_from(tree, number),
+                met_ranges=_met_ranges(tree, number),
                 designs=_designs(tree, number),
                 probability=np.nan if chances is None else float(chances.sel(requirement=row["requirement"])),
                 bound_alone=_bound_alone(row, titles),
@@ -154,22 +156,22 @@ def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, .
 
 
 def requirement_sentence(one: RequirementConclusion) -> str:
-    """Whether a requirement is met, by whom, with what margin and where; along a sweep, from which value on."""
+    """Whether a requirement is met, by which camera, with what margin and where; in a sweep, by which designs."""
     return f"{one.verdict.capitalize()}: {requirement_details(one)}"
 
 
 def requirement_details(one: RequirementConclusion) -> str:
-    """A requirement without its verdict."""
+    """The sentence on a requirement without its verdict."""
     wish = " (should)" if one.priority == "should" else ""
-    told = f"{one.says}{wish}, {decided_by(one)} ({'; '.join(filter(None, (one.reason, _margin_words(one))))})"
+    words = f"{one.says}{wish}, {decided_by(one)} ({'; '.join(filter(None, (one.reason, _margin_words(one))))})"
     if one.bound_alone is not None:
-        told = f"{told}; {_bound_alone_words(one, one.bound_alone)}"
+        words = f"{words}; {_bound_alone_words(one, one.bound_alone)}"
     if not np.isnan(one.probability):
         share = pretty(one.probability, FRACTION, digits=2)
-        told = f"{told}; with what is not known, it holds in {share} of the combinations"
-    if one.stretches is not None:
-        return f"{told}; {_along_words(one)}"
-    return told if one.designs is None else f"{told}; met in {one.designs[0]} of {one.designs[1]} designs"
+        words = f"{words}; met in {share} of the draws of the uncertain assumptions"
+    if one.met_ranges is not None:
+        return f"{words}; {_range_words(one.met_ranges)}"
+    return words if one.designs is None else f"{words}; met in {one.designs[0]} of {one.designs[1]} designs"
 
 
 def _bound_alone(row: Mapping[str, Any], titles: Mapping[str, str]) -> BoundAlone | None:
@@ -181,7 +183,7 @@ def _bound_alone(row: Mapping[str, Any], titles: Mapping[str, str]) -> BoundAlon
 
 
 def _bound_alone_words(one: RequirementConclusion, best: BoundAlone) -> str:
-    """Whether the bound of matching alone would meet it, and with which worst value."""
+    """Whether the requirement would be met at the lower bound of matching, and with which worst value."""
     by = "" if best.camera == one.camera else f"{best.camera}: "
     if best.met is None:
         verdict = "undecided"
@@ -193,7 +195,7 @@ def _bound_alone_words(one: RequirementConclusion, best: BoundAlone) -> str:
 
 
 def decided_by(one: RequirementConclusion) -> str:
-    """The camera that decides, and how: "by A", "nearest is A"."""
+    """The camera that decides the verdict: "by A" or "nearest is A", for instance."""
     if one.met is None:
         return f"undecided for {one.camera}"
     if one.of == "all":
@@ -204,24 +206,23 @@ def decided_by(one: RequirementConclusion) -> str:
 
 
 def _margin_words(one: RequirementConclusion) -> str:
-    if not np.isfinite(one.margin) or one.margin <= -1.0:  # nothing, or an unbounded value, which the reason tells
+    if not np.isfinite(one.margin) or one.margin <= -1.0:  # no margin, or an unbounded value, which the reason reports
         return ""
     if abs(one.margin) < _NO_MARGIN:
         return ""
-    told = margin_words(one.margin)
-    return told if one.met or one.margin < 0.0 else f"{told}, less than its guard band"
+    words = margin_words(one.margin)
+    return words if one.met or one.margin < 0.0 else f"{words}, less than its guard band"
 
 
-def _along_words(one: RequirementConclusion) -> str:
-    assert one.stretches is not None  # asked where there are some
-    if not one.stretches:
+def _range_words(ranges: tuple[MetRange, ...]) -> str:
+    if not ranges:
         return "met by no design that was tried"
-    several = len({stretch.camera for stretch in one.stretches}) > 1
-    parts = [stretch.words + (f" by {stretch.camera}" if several else "") for stretch in one.stretches]
-    return f"met with the {one.stretches[0].parameter} " + " and ".join(parts)
+    several = len({one.camera for one in ranges}) > 1
+    parts = [one.words + (f" by {one.camera}" if several else "") for one in ranges]
+    return f"met with the {ranges[0].parameter} " + " and ".join(parts)
 
 
-def _met_from(tree: xr.DataTree, number: int) -> tuple[MetFrom, ...] | None:
+def _met_ranges(tree: xr.DataTree, number: int) -> tuple[MetRange, ...] | None:
     data = group(tree, "requirements")
     if "met_from" not in data:
         return None
@@ -236,7 +237,7 @@ def _met_from(tree: xr.DataTree, number: int) -> tuple[MetFrom, ...] | None:
         if np.isnan(low):
             continue
         found.append(
-            MetFrom(
+            MetRange(
                 parameter=parameter,
                 low=float(low),
                 high=float(high),

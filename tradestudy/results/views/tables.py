@@ -1,4 +1,4 @@
-"""Results as tables: one for each group and each set of dimensions that its variables have."""
+"""Results as tables: one for each group and each set of dimensions among its variables."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """The variables of a group that have the same dimensions.
+    """The variables of a group that share their dimensions.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Table:
     variables: tuple[str, ...]
 
     def frame(self) -> pd.DataFrame:
-        """One row for each combination of the dimensions; ``attrs["units"]`` has the SI unit of each column."""
+        """One row for each combination of coordinates; ``attrs["units"]`` contains the SI unit of each column."""
         import pandas as pd
 
         chosen = self.data[list(self.variables)]
@@ -62,7 +62,7 @@ def table_named(tree: xr.DataTree, name: str) -> Table:
     Raises
     ------
     OutOfRangeError
-        If the results hold no such table; the names that exist are listed.
+        If the results have no such table; the message lists those that exist.
     """
     found = tables_of(tree)
     if name not in found:

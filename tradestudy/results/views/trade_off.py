@@ -1,4 +1,4 @@
-"""Which candidate ranks first under which weights, and the designs that nothing beats, ready to be told."""
+"""The ranking of candidates over all possible weights, and the Pareto front, in words."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from tradestudy.wording import listed
 
 _ROUNDING: Final = 1e-9
 _NEARLY_ALL: Final = 0.99
-_ALWAYS: Final = 0.9995  # from which on a share reads 100 %
-_NUMBERS: Final = 3  # swept, from which on no picture shows the designs
+_ALWAYS: Final = 0.9995  # from here on, a share reads 100 %
+_NUMBERS: Final = 3  # swept numbers, from which on no figure shows the designs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,17 +27,17 @@ class Ranked:
     Parameters
     ----------
     title
-        Of the camera.
+        Title of the camera.
     values
-        Its criteria in words, an asterisk behind those that are clipped.
+        Value of each criterion in words, with an asterisk if it is clipped.
     ranks
-        Share of the weights that give it each rank.
+        Share of the possible weights that give the candidate each rank.
     first_error
-        Standard error of the first of them.
+        Standard error of its share of first ranks.
     central
-        The weights that favour it, in words, or why there are none.
+        Mean of the weights that rank it first, in words, or why there are none.
     is_feasible
-        Whether it meets all that must hold.
+        Whether it meets every requirement that must hold.
     """
 
     title: str
@@ -49,7 +49,7 @@ class Ranked:
 
 
 def candidates_by_rank(tree: xr.DataTree) -> tuple[Ranked, ...]:
-    """The candidates of a trade-off, the one first that is first under most weights; empty without a trade-off."""
+    """The candidates of a trade-off by their share of first ranks, the largest first; empty without a trade-off."""
     if not has(tree, "criteria", "rank_acceptability"):
         return ()
     data, titles = group(tree, "criteria"), camera_titles(tree)
@@ -79,7 +79,7 @@ def candidates_by_rank(tree: xr.DataTree) -> tuple[Ranked, ...]:
 
 
 def trade_off_conclusion(tree: xr.DataTree) -> str:
-    """One sentence: who ranks first, under how many of the possible weights; empty without a trade-off."""
+    """The candidate that ranks first, and for which share of the possible weights; empty without a trade-off."""
     if not (found := candidates_by_rank(tree)):
         return ""
     data = group(tree, "criteria")
@@ -91,31 +91,31 @@ def trade_off_conclusion(tree: xr.DataTree) -> str:
     alike = [one.title for one in found if abs(one.ranks[0] - share) < _ROUNDING]
     if is_fixed and len(alike) > 1 and not found[0].first_error > 0.0:
         return f"{listed(alike)} tie with these weights"
-    of = "of the draws of what is uncertain" if is_fixed else "of the possible weights"
+    of = "of the draws of uncertain values" if is_fixed else "of the possible weights"
     others = [f"{one.title} for {_share_words(one.ranks[0])}" for one in found[1:4] if one.ranks[0] > 1.0 - _ALWAYS]
     beside = f"; {listed(others)}" if others else ""
     return f"{best.title} ranks first for {_share_words(share)} {of}{beside}{outside}"
 
 
 def _share_words(share: float) -> str:
-    """In per cent, with the digits that tell it from all."""
+    """A share in per cent, with enough digits to distinguish it from 100 %."""
     return pretty(share, FRACTION, 2 if share < _NEARLY_ALL else 3)
 
 
 def weight_words(tree: xr.DataTree) -> str:
-    """What is known of the weights."""
+    """The declared order or ranges of the weights, in words."""
     data = group(tree, "criteria")
     places = sorted(
         (int(place), str(name)) for name, place in zip(data["weighed"].values, data["weight_order"].values, strict=True)
     )
     if ordered := [name for place, name in places if place > 0]:
         return f"in this order of importance: {', '.join(ordered)}"
-    told = []
+    ranges = []
     for name, low, high in zip(*(data[key].values for key in ("weighed", "weight_low", "weight_high")), strict=True):
         ends = [pretty(float(end), FRACTION, 2) for end in (low, high)]
         if (low, high) != (0.0, 1.0):
-            told.append(f"{name} {ends[0]}" if low == high else f"{name} {ends[0]} to {ends[1]}")
-    return ", ".join(told) if told else "of which nothing is known"
+            ranges.append(f"{name} {ends[0]}" if low == high else f"{name} {ends[0]} to {ends[1]}")
+    return ", ".join(ranges) if ranges else "unknown"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,16 +129,16 @@ class FrontDesign:
 
 @dataclass(frozen=True, kw_only=True)
 class Front:
-    """The Pareto front of a sweep of three numbers or more.
+    """The Pareto front of a sweep over three numbers or more.
 
     Parameters
     ----------
     swept
-        The parameters in words.
+        The swept parameters in words.
     designs
-        The most valuable of the front at the mean of the possible weights.
+        The designs on the front with the largest value at the mean of the possible weights.
     count
-        How many the front has; candidates that a sweep does not move count once.
+        Number of designs on the front; candidates that the sweep does not move count once.
     """
 
     swept: tuple[str, ...]
@@ -147,9 +147,9 @@ class Front:
 
 
 def pareto_front(tree: xr.DataTree, most: int) -> Front | None:
-    """The front of a sweep of three numbers or more; None of any other study.
+    """The front of a sweep over three numbers or more, with its `most` best designs; None for any other study.
 
-    What is swept is not said of a candidate that the sweep does not move.
+    A candidate that the sweep does not move shows no swept values.
     """
     if not has(tree, "criteria", "design_value"):
         return None
@@ -187,7 +187,7 @@ def _worth(data: xr.Dataset, values: FloatArray) -> float:
 
 
 def _as_declared(feasible: xr.DataArray) -> float:
-    """Of the study as declared; of the first design where none is."""
+    """Feasibility in the declared design; in the first design where the sweep lacks the declared value."""
     for dim in feasible.dims:
         coordinate = feasible[dim]
         declared = coordinate.attrs.get("declared", "")
