@@ -153,7 +153,7 @@ def test_a_forced_model_is_obeyed_and_what_it_does_is_told(model: str) -> None:
 def test_a_model_that_acts_nowhere_is_a_mistake_with_a_position() -> None:
     study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", ["effects.main_lens_diffraction=fresnel"])
     with pytest.raises(
-        StudyError, match=r"^--set:1:\d+: effects\.main_lens_diffraction: 'fresnel' .*only if it is der"
+        StudyError, match=r"^--set:1:\d+: effects\.main_lens_diffraction: 'fresnel' .*declared, 0\.1 px"
     ):
         study.plan()
 

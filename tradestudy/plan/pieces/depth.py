@@ -1,4 +1,4 @@
-"""Cameras that measure depth: which models of picture and calibration their depth calls for."""
+"""The choice of models of picture and calibration for cameras that measure depth."""
 
 from __future__ import annotations
 
@@ -22,33 +22,34 @@ from tradestudy.study.acting import complete_in_closed_form
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.root import StudyFile
 
-# Models are compared at so many of the study's distances; what they change goes slowly from one to the next.
+# Models are compared at no more than this many of the study's distances, since changes vary slowly with distance.
 _MOST_DISTANCES: Final = 101
-# What is computed at some distances, between which a change may be larger, and what a trial finds at a few places:
-# set by `python -m tests.campaigns.depth_regret` on other scenes than those it reports.
+# Margins on changes computed at some distances, between which they may be larger, and on changes that a trial finds at
+# a few places; set by `python -m tests.campaigns.depth_regret` on scenes other than those it reports.
 MARGIN: Final = 1.1
 TRIAL_MARGIN: Final = 1.5
 _ALL: Final = 1.0 - 1e-9  # of a disparity error, which cannot become zero
-# Those whose simpler models save time, in the order in which they are tried.
+# Effects whose simpler models save time, in the order in which they are tried.
 _SAVING: Final[tuple[SlotName, ...]] = (*LENSES, "calibration", "spectrum", "crosstalk")
 _OTHERS: Final[tuple[SlotName, ...]] = ("defocus_blur", "pixel_integration", "vignetting", "sensor_noise")
 
 
 class DepthPiece(Piece):
-    """One camera that measures depth, in every form in which the study asks for it.
+    """One camera that measures depth, in every form in which the study uses it.
 
     Parameters
     ----------
     name, title
-        Its key in the study, and its name in words.
+        Key of the camera in the study, and its title.
     variants
-        Its forms; changes are those of the worst.
+        Forms of the camera; the form that a set of models changes most counts.
     asked
-        Quantities that decide.
+        Quantities with a tolerance.
     forced
-        Models that the study insists on.
+        Models that the study prescribes.
     drawn_above
-        What a line may miss in a form that only readings or inverse questions have, before that form alone is drawn.
+        Largest relative error of linear propagation that is accepted in a form that occurs only in readings or inverse
+        questions; a form with a larger error is propagated by draws.
     """
 
     def __init__(
@@ -73,7 +74,7 @@ class DepthPiece(Piece):
         self._exact_paths: float | None = None
 
     def changes(self, models: Models) -> Changes:
-        """The worst over all forms of the camera, by what is known so far."""
+        """The largest changes over all forms of the camera, as far as they are known."""
         if models == self.complete:
             return {quantity: Change(relative=0.0) for quantity in self.asked}
         found = [self._changes_of(variant, models) for variant in self._variants]
@@ -83,18 +84,18 @@ class DepthPiece(Piece):
         return worst | (self._noise(models) if "depth_noise" in self.asked else {})
 
     def elsewhere(self, models: Models) -> Mapping[str, Models]:
-        """Readings and inverse questions that a line does not serve, where it serves the study as declared."""
+        """Models of the readings and inverse questions that need draws, although the study as declared does not."""
         if models["calibration"] == "exact":
             return {}
         drawn = [one for one in self._variants if one in self._drawn]  # in the order of the study
         return {name: {**models, "calibration": "exact"} for one in drawn for name in one.only_in}
 
     def unasked(self, models: Models) -> Changes:
-        """What happens to noise alone, where that is not asked for."""
+        """The change of the uncertainty from noise alone, where it has no tolerance."""
         return {} if "depth_noise" in self.asked else self._noise(models)
 
     def try_out(self, models: Models) -> bool:
-        """See what the line misses where it could do, or what Kirchhoff's transfer changes where Fresnel's could."""
+        """Try out linear propagation where it could suffice, then Kirchhoff's transfer where Fresnel's could."""
         if models["calibration"] != "exact" and self._linear is None and self._is_line:
             self._try_line()
             return True
@@ -106,7 +107,7 @@ class DepthPiece(Piece):
 
     @property
     def _is_line(self) -> bool:
-        """Whether all calibrations are known before the run and have variances, so that there is a line."""
+        """Whether errors can be propagated linearly: all calibrations are known before the run and have covariances."""
         cameras = [variant.camera for variant in self._variants]
         return all(one.calibration.inferred and has_covariance(one) for one in cameras)
 
@@ -115,15 +116,15 @@ class DepthPiece(Piece):
 
     @property
     def _free_lenses(self) -> list[SlotName]:
-        """Lenses of the picture whose diffraction the study leaves open."""
+        """Lenses whose model of diffraction the study leaves open."""
         return [name for name in LENSES if self._is_free(name)]
 
     def _is_free(self, name: SlotName) -> bool:
-        """Whether the study leaves open which model an effect has."""
+        """Whether the study leaves the model of an effect open."""
         return any(slot.name == name and len(slot.models) > 1 for slot in self.slots)
 
     def _changes_of(self, variant: DepthVariant, models: Models) -> Changes:
-        """Of the whole uncertainty and of the ends of usable ranges, for one form of the camera."""
+        """Changes of the total uncertainty and of the ends of usable ranges, for one form of the camera."""
         if variant in self._drawn:
             models = {**models, "calibration": "exact"}
         line = self._line(models)
@@ -144,7 +145,7 @@ class DepthPiece(Piece):
         }
 
     def _noise(self, models: Models) -> dict[Quantity, Change]:
-        """Of the uncertainty by noise alone, the worst over all forms; calibration does not act in it."""
+        """The largest change, over all forms, of the uncertainty from noise alone, without calibration errors."""
         found = []
         for variant in self._variants:
             left_out = self._paths_left_out(variant, models)
@@ -159,7 +160,7 @@ class DepthPiece(Piece):
         return "computed" if left_out is None else "rule"
 
     def _line(self, models: Models) -> Change:
-        """What a line misses beside what is computed by it, be it taken or held against leaving calibration out."""
+        """The error of linear propagation; it adds to every change that is computed with it."""
         if models["calibration"] == "exact":
             return Change(relative=0.0)
         if not self._is_line:
@@ -169,7 +170,7 @@ class DepthPiece(Piece):
         return _TO_BE_TRIED if self._linear is None else self._linear
 
     def _try_line(self) -> None:
-        """Find what the line misses at most, and the forms that it does not serve though it serves the study."""
+        """Find the largest error of linear propagation, and the forms that need draws although the study does not."""
         found = {one: one.linear_error() for one in self._variants if one.camera.calibration.groups}
         beyond = frozenset(one for one, (error, _) in found.items() if error > self._drawn_above)
         if all(one.only_in for one in beyond) and self._is_free("calibration"):
@@ -178,7 +179,7 @@ class DepthPiece(Piece):
         self._linear = Change(relative=error, least=error / TRIAL_MARGIN, evidence="trial", at=at)
 
     def _paths_left_out(self, variant: DepthVariant, models: Models) -> FloatArray | None:
-        """Relative change of the disparity error by Kirchhoff's law of the lenses that are not by it, everywhere."""
+        """Relative change of the disparity error, everywhere, if the lenses that do not use Kirchhoff's law did."""
         if variant.law is None:
             return None
         of_lens = dict(zip(LENSES, variant.by_exact_paths, strict=True))
@@ -190,7 +191,7 @@ class DepthPiece(Piece):
 
 
 def _largest(variant: DepthVariant, moved: FloatArray, known: FloatArray, evidence: Evidence, line: Change) -> Change:
-    """The largest change over the places, with the margin and with what a line misses beside it."""
+    """The largest change over the places, with its margin and with the error of linear propagation."""
     if not moved.size:
         return Change(relative=line.relative, evidence=evidence)
     place, least = int(np.argmax(np.abs(moved))), float(np.max(np.abs(known)))
@@ -209,7 +210,7 @@ _TO_BE_TRIED: Final = Change(relative=math.inf, evidence="rule")
 
 
 def depth_pieces(definition: StudyDefinition, forced: Models) -> tuple[DepthPiece, ...]:
-    """One piece for each camera that measures depth."""
+    """One problem of choice for each camera that measures depth."""
     variants = tuple(every_variant(definition))
     tolerances = definition.file.accuracy.asked().tolerances
     asked: tuple[Quantity, ...] = ("depth_uncertainty", "usable_range")
@@ -230,7 +231,7 @@ def depth_pieces(definition: StudyDefinition, forced: Models) -> tuple[DepthPiec
 
 
 def _distinct(variants: Sequence[tuple[str, StudyDefinition]], name: str, forced: Models) -> list[DepthVariant]:
-    """Forms of a camera, each once; those that the study as declared and its designs lack know who has them."""
+    """The distinct forms of a camera; `only_in` names the readings and questions of forms that no design has."""
     found: list[DepthVariant] = []
     for reading, definition in variants:
         one = _variant(definition, name, forced)
@@ -246,7 +247,7 @@ def _distinct(variants: Sequence[tuple[str, StudyDefinition]], name: str, forced
 
 def _variant(definition: StudyDefinition, name: str, forced: Models) -> DepthVariant | None:
     camera = definition.case.cameras.get(name)
-    if camera is None:  # a reading may replace it by one that measures no depth
+    if camera is None:  # a reading may replace it by a camera that measures no depth
         return None
     distance, file = definition.case.distance, definition.file
     step = max(1, -(-distance.size // _MOST_DISTANCES))
@@ -262,7 +263,7 @@ def _variant(definition: StudyDefinition, name: str, forced: Models) -> DepthVar
 
 
 def _distances_asked(file: StudyFile) -> Iterator[float]:
-    """Distances [m] at which the study's questions are answered, wherever they lie."""
+    """All distances [m] at which the study asks something."""
     yield from () if file.decision is None else file.decision.at
     yield from () if file.sensitivity is None else file.sensitivity.at
     yield from (one.at for one in file.solve.values() if one.at is not None)
@@ -273,7 +274,7 @@ def _distances_asked(file: StudyFile) -> Iterator[float]:
 
 
 def _ways_asked(file: StudyFile) -> tuple[str, ...]:
-    """Which errors the answers are about: all, and calibration alone where a question names it."""
+    """The errors that answers include: both kinds, and calibration alone where a question names it."""
     named = {getattr(one, "errors", "") for one in (*file.solve.values(), *file.claims.values())}
     return ("both", "calibration") if "calibration" in named else ("both",)
 
@@ -290,7 +291,7 @@ def _same(one: DepthVariant, other: DepthVariant) -> bool:
 
 
 def applicable(camera: DepthCamera, forced: Models) -> dict[SlotName, str]:
-    """The forced models that a camera's depth has: no microlenses without them, no spectrum that is not declared."""
+    """The forced models that apply to a camera's depth: of microlenses and of a spectrum only if it has them."""
     found = {slot: name for slot, name in forced.items() if name in models_of(slot, "depth")}
     law = camera.disparity_error_px
     if not isinstance(law, PictureDisparityError):
@@ -304,7 +305,7 @@ def applicable(camera: DepthCamera, forced: Models) -> dict[SlotName, str]:
 
 
 def _slots(camera: DepthCamera, pictured: Sequence[DepthCamera], forced: Models) -> tuple[Slot, ...]:
-    """Every effect of depth; one model alone where the camera, in all its forms, or the study leaves no choice."""
+    """A slot for every effect on depth; with one model where the study or all forms of the camera allow no other."""
     own: dict[SlotName, str] = {}
     for one in (camera, *pictured):
         own |= applicable(one, forced)
@@ -320,19 +321,19 @@ def _slots(camera: DepthCamera, pictured: Sequence[DepthCamera], forced: Models)
 
 
 def _why_no_picture(camera: DepthCamera, *, pictured: bool) -> str:
-    """Why nothing in the picture reaches depth; empty where it does."""
+    """Why the picture does not affect depth; empty where it does."""
     if pictured:
         return ""
     if isinstance(camera.disparity_error_px, float | int):
         return (
-            f"the disparity error is declared, {declared_disparity_error(camera):g} px; what blurs, mixes or dims the "
-            "picture reaches depth only if it is derived"
+            f"the disparity error is declared, {declared_disparity_error(camera):g} px; the picture affects depth only "
+            "where the disparity error is derived"
         )
     return "the camera forms no picture at any distance of the study"
 
 
 def _absent(pictured: Sequence[DepthCamera], slot: SlotName) -> str:
-    """Why a pictured effect is not there at all; empty where some form of the camera has it."""
+    """Why a picture lacks an effect; empty where some form of the camera has it."""
     laws = [one.disparity_error_px for one in pictured]
     complete = [complete_in_closed_form(law) for law in laws if isinstance(law, PictureDisparityError)]
     if slot in ("microlens_diffraction", "crosstalk") and all(one.microlens_diffraction == OFF for one in complete):

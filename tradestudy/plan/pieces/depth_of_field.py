@@ -1,4 +1,4 @@
-"""The depth of field: whether criteria of sharpness allow for the diffraction spot."""
+"""The choice of a model for the depth of field: whether criteria of sharpness include the diffraction spot."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tradestudy.study.schema.depth_of_field import PIECE
 class DepthOfFieldPiece(Piece):
     """Every camera of a study under its criteria of sharpness.
 
-    Both models are closed forms that take no time, so the diffraction spot counts unless the study leaves it out.
+    Both models are closed forms that cost no time: the diffraction spot is included unless the study switches it off.
     """
 
     name, title = PIECE, "Depth of field"
@@ -28,7 +28,7 @@ class DepthOfFieldPiece(Piece):
         self._focuses, self._criteria = tuple(focuses), tuple(one for one in criteria if one.measure != "none")
         models, reason = models_of("main_lens_diffraction", "sharpness"), ""
         if not self._criteria:
-            models, reason = (OFF,), "no criterion allows for the diffraction spot"
+            models, reason = (OFF,), "no criterion includes the diffraction spot"
         own = {slot: name for slot, name in forced.items() if name in models}
         self.slots = (Slot(name="main_lens_diffraction", models=models, saves_time=False, reason=reason).under(own),)
 
@@ -46,10 +46,10 @@ class DepthOfFieldPiece(Piece):
 
 
 def _largest(new: FloatArray, own: FloatArray) -> float:
-    """Largest relative difference; infinite where only one of two is finite."""
+    """Largest relative difference; infinite where only one of the two ends is finite."""
     if new.shape != own.shape:
         return math.inf
     same = (new == own) | (np.isnan(new) & np.isnan(own))
-    with np.errstate(invalid="ignore"):  # ∞/∞ where both are infinite, which is the same
+    with np.errstate(invalid="ignore"):  # ∞/∞ where both are infinite, which counts as equal
         change = np.where(same, 0.0, np.abs(new / own - 1.0))
     return float(np.max(np.where(np.isnan(change), math.inf, change), initial=0.0))

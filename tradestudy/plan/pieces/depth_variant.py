@@ -1,4 +1,4 @@
-"""One camera as one reading or design of a study has it: what its models change, at the places that matter."""
+"""One camera in one reading or design of a study: what its models change, at the distances that matter."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ from tradestudy.plan.pieces.kirchhoff_rule import change_by_exact_paths
 from tradestudy.plan.pieces.off_axis import closed_form_of, moved_off_axis
 from tradestudy.study.acting import acting, complete_in_closed_form, in_closed_form, with_models
 
-_ENDS_ARE_KNOWN_TO: Final = 1e-2  # of their distance: their shift is found from the slope there
+_ENDS_ARE_KNOWN_TO: Final = 1e-2  # of their distance; their shift is found from the slope there
 _BESIDE_AN_END: Final = 1e-2  # of its distance, for that slope
-_NEAR_ITS_BOUND: Final = 0.1  # of the bound: a limit whose value is as near decides an end
-_NEAR_A_STEEP_BOUND: Final = 2.0  # the same of a failed fraction, which is several times its bound a hundredth on
-_LARGEST_SHIFT: Final = 0.3  # of a distance, beyond which a slope says nothing
-_FINE: Final = 10  # places between two distances, where the focus is looked for
+_NEAR_ITS_BOUND: Final = 0.1  # of the bound: a limit whose value is this near decides an end
+_NEAR_A_STEEP_BOUND: Final = 2.0  # the same for a failed fraction, which can be several times its bound 1 % farther
+_LARGEST_SHIFT: Final = 0.3  # of a distance; the slope does not predict larger shifts
+_FINE: Final = 10  # steps between two distances in the search for the focus
 _FIELD_DISTANCES: Final = 5
 _OTHER_BLUR: Final = 0.05  # relative difference of blurs whose transfers have little in common
 _CLEARLY: Final = 0.15  # of the half width: above most tolerances
-_MOST_ASKED: Final = 8  # distances of the study's questions at which the line is held against draws
+_MOST_ASKED: Final = 8  # distances of the study's questions at which linear propagation is compared with draws
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Moved:
-    """How far a set of models moves each number of a camera, relative to the most complete one in closed form.
+    """The changes of a camera's results by a set of models, relative to the most complete models in closed form.
 
     Parameters
     ----------
@@ -64,21 +64,21 @@ class DepthVariant:
     Parameters
     ----------
     camera
-        With the models that the study forces, and all its errors of calibration.
+        The camera with the models that the study prescribes and all its calibration errors.
     criteria
-        Of its usable range.
+        Criteria of its usable range.
     distance
         Some or all distances of the study [m], rising.
     asked
-        Distances of the study's questions [m], whether it is usable there or not.
+        Distances of the study's questions [m], whether or not the camera is usable there.
     forced
-        Models that the study insists on.
+        Models that the study prescribes.
     fields
-        Places in the field that the study asks for, beside the axis.
+        Places in the field that the study declares, beside the axis.
     ways
-        Which errors the answers are about: ``both``, and ``calibration`` alone where that is asked.
+        The errors that answers include: ``both``, and ``calibration`` alone where a question names it.
     only_in
-        Readings and inverse questions that have it, where neither the study as declared nor a design does.
+        The readings and inverse questions in which the variant occurs; empty if the study or a design has it.
     """
 
     camera: DepthCamera
@@ -93,7 +93,7 @@ class DepthVariant:
 
     @cached_property
     def reference(self) -> DepthCamera:
-        """The camera with the most complete models that are closed forms: Fresnel's transfer and the line."""
+        """The camera with the most complete models in closed form: Fresnel's transfer and linear propagation."""
         models = in_closed_form(self.forced)
         if models.get("calibration", "exact") == "exact" and has_covariance(self.camera):
             models["calibration"] = "linear"
@@ -106,18 +106,18 @@ class DepthVariant:
 
     @property
     def law(self) -> PictureDisparityError | None:
-        """Of its disparity error, where that is derived from the picture."""
+        """The law of its disparity error where that is derived from the picture; None where it is declared."""
         found = self.reference.disparity_error_px
         return found if isinstance(found, PictureDisparityError) else None
 
     @cached_property
     def limits(self) -> Mapping[str, Limit]:
-        """Of the usable range, over the distances."""
+        """The limits of the usable range, over the distances."""
         return evaluate_limits(self.reference, self.criteria, self.distance)
 
     @cached_property
     def usable(self) -> BoolArray:
-        """At which of the distances the camera is usable."""
+        """Whether the camera is usable, for each distance."""
         return all_met(self.limits, self.distance.shape)
 
     @cached_property
@@ -131,9 +131,9 @@ class DepthVariant:
 
     @cached_property
     def places(self) -> FloatArray:
-        """Where uncertainties are compared [m]: usable distances, the sharpest among them, ends, what is asked.
+        """Distances at which uncertainties are compared [m]: usable, sharpest, ends, and the study's questions.
 
-        All distances with a picture where the camera is usable nowhere.
+        If the camera is usable nowhere, all distances with a picture count as usable.
         """
         counted = self.distance[self.usable] if self.usable.any() else self.distance
         places = np.unique(np.concatenate([counted, self.asked, self._sharpest, self.ends]))
@@ -141,7 +141,10 @@ class DepthVariant:
 
     @cached_property
     def _sharpest(self) -> FloatArray:
-        """Usable distances of least blur [m], any if it is usable nowhere: there pixels and diffraction show best."""
+        """Usable distances of least blur [m], where pixels and diffraction matter most.
+
+        If the camera is usable nowhere, all distances of least blur.
+        """
         if self.law is None:
             return np.zeros(0)
         numbers = np.arange(self.distance.size)
@@ -151,18 +154,18 @@ class DepthVariant:
         sharpest = fine[(blur[1:-1] < blur[:-2]) & (blur[1:-1] <= blur[2:])]
         if not self.usable.any():
             return np.asarray(sharpest)
-        stretches = usable_stretches(self._boundaries, self.distance, self.usable)
-        inside = [(sharpest >= near) & (sharpest <= far) for near, far in stretches]
+        ranges = usable_stretches(self._boundaries, self.distance, self.usable)
+        inside = [(sharpest >= near) & (sharpest <= far) for near, far in ranges]
         return sharpest[np.any(inside, axis=0)] if inside else np.zeros(0)
 
     @cached_property
     def _everywhere(self) -> FloatArray:
-        """`places`, all distances with a picture, and the ends with what is beside them, each once."""
+        """`places`, all distances with a picture, and the ends with their neighbours, each once."""
         return self._at[0]
 
     @cached_property
     def _at(self) -> tuple[FloatArray, IndexArray]:
-        """Every distance once, and where each of the three lists of `_split` finds its own."""
+        """Every distance once, and the indices from which `_split` restores its three lists."""
         beside = self.ends[:, np.newaxis] * (1.0 + _BESIDE_AN_END * np.array([-1.0, 0.0, 1.0]))
         return np.unique(np.concatenate([self.places, self._imaged, beside.ravel()]), return_inverse=True)
 
@@ -171,17 +174,17 @@ class DepthVariant:
         return self.distance[self.reference.images(self.distance)]
 
     def _split(self, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Values everywhere, at the places, over the distances, and beside the ends, shape (ends, 3)."""
+        """Split values everywhere into those at the places, over the distances, and around the ends (ends, 3)."""
         first, second = self.places.size, self.places.size + self._imaged.size
         spread = values[self._at[1]]
         return spread[:first], spread[first:second], spread[second:].reshape(-1, 3)
 
     @cached_property
     def _calibration_over_noise(self) -> FloatArray:
-        """What calibration does everywhere, in deviations of the noise."""
+        """Standard deviation by calibration over that by noise, everywhere; 0 where it is unknown or left out."""
         if self.reference.propagation.model == OFF or not self.reference.calibration.groups:
             return np.zeros(self._everywhere.shape)
-        if not has_covariance(self.reference):  # as if noise were all, which it moves the most
+        if not has_covariance(self.reference):  # as for noise alone, which models move the most
             return np.zeros(self._everywhere.shape)
         noise, calibration = (
             linear_reading(self.reference, self._everywhere, 0.0, way).standard_deviation
@@ -192,22 +195,22 @@ class DepthVariant:
     @cached_property
     def _weighed(self) -> WeighedPicture:
         law = self.law
-        assert law is not None  # asked for where a disparity error is derived
+        assert law is not None  # only used where the disparity error is derived
         return WeighedPicture(geometry=self.reference.picture_geometry(self._everywhere), settings=law.settings)
 
     def disparity_error_px(self, models: Models) -> FloatArray:
-        """Bound of the disparity error everywhere [samples] with models in closed form in their slots."""
+        """Lower bound of the disparity error everywhere [samples], with these models in closed form."""
         law = self.law
         assert law is not None  # as above
         own = closed_form_of(law, models)
-        if own == law.models:  # remembered, for readings of depth at these places ask for it too
+        if own == law.models:  # cached by the law, since readings of depth at these places use it too
             return law.bound_px(self.reference, self._everywhere)
         if own not in self._errors_px:
             self._errors_px[own] = self._weighed.bound_px(own)
         return self._errors_px[own]
 
     def _factor(self, models: Models) -> FloatArray:
-        """That bound everywhere over that of the reference; 1 where nothing is derived or passes."""
+        """That bound over the reference's, everywhere; 1 where the error is declared or the lens forms no picture."""
         if self.law is None:
             return np.ones(self._everywhere.shape)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -215,37 +218,40 @@ class DepthVariant:
         return np.where(np.isnan(found), 1.0, found)
 
     def _half_width(self, factor: FloatArray, beside: FloatArray) -> FloatArray:
-        """Half widths everywhere with a bound of the disparity error that is larger by a factor."""
+        """Half widths of depth everywhere, with the bound of the disparity error multiplied by `factor`.
+
+        `beside` is the standard deviation by calibration over that by noise.
+        """
         noise = factor if self.law is None else self.law.matcher.change(self.disparity_error_px({}), factor)
         return scaled_noise(self.reference, self._everywhere, 0.0, np.hypot(noise, beside)).half_width
 
     @cached_property
     def _failed_at_most(self) -> float | None:
-        """The largest failed fraction, of the true matches."""
+        """The largest allowed failed fraction, as a share of the true matches; None without such a limit."""
         bound = self.criteria.failed_fraction
         return None if bound is None else float(of_true_matches(self.reference, bound))
 
     @cached_property
     def _whole(self) -> FloatArray:
-        """Half widths everywhere by all errors, of the reference."""
+        """Half widths of the reference everywhere, by all errors."""
         return self._half_width(np.ones(self._everywhere.shape), self._calibration_over_noise)
 
     @cached_property
     def _by_noise(self) -> FloatArray:
-        """The same by noise alone."""
+        """Half widths of the reference everywhere, by noise alone."""
         return self._half_width(np.ones(self._everywhere.shape), np.zeros(self._everywhere.shape))
 
     def moved(self, models: Models, more_noise: float | FloatArray = 0.0, missed: float = 0.0) -> Moved:
-        """What a set of models moves.
+        """The changes that a set of models makes.
 
         Parameters
         ----------
         models
-            In place of the most complete ones.
+            Models that replace the most complete ones.
         more_noise
-            A further relative change of that bound everywhere, to that side on which it changes more.
+            A further relative change of the disparity error's bound everywhere, in the direction that adds to theirs.
         missed
-            By how much the uncertainty may be off either way beside that, which moves ends of usable ranges.
+            A further relative error of the uncertainty, in either direction, which moves ends of usable ranges.
         """
         factor, off = self._factor(models), models.get("calibration") == OFF
         beside = np.zeros(factor.shape) if off else self._calibration_over_noise
@@ -259,13 +265,13 @@ class DepthVariant:
         )
 
     def moved_noise(self, models: Models, more_noise: float | FloatArray = 0.0) -> FloatArray:
-        """Signed relative change of the uncertainty by noise alone at the places, as of `moved`."""
+        """Signed relative change of the uncertainty by noise alone at the places; parameters as in `moved`."""
         factor, none = self._factor(models), np.zeros(self._everywhere.shape)
         factor = factor * np.where(factor >= 1.0, 1.0 + more_noise, 1.0 - np.asarray(more_noise))
         return self._split(_relative(self._half_width(factor, none), self._by_noise))[0]
 
     def _shift_of_ends(self, factor: FloatArray, half_width: FloatArray, missed: float, *, off: bool) -> float:
-        """The largest relative shift of an end that the depth uncertainty or the matcher decides, to first order."""
+        """The largest relative shift, to first order, of an end that the depth uncertainty or the matcher sets."""
         by_depth, by_matching = self._decided_by
         with np.errstate(invalid="ignore", divide="ignore"):
             ratio = half_width / self._whole
@@ -283,13 +289,13 @@ class DepthVariant:
         return np.inf if largest > _LARGEST_SHIFT or anew else largest
 
     def _slope(self, values: FloatArray) -> FloatArray:
-        """Of the logarithm of values over that of distance, at the ends."""
+        """Slope d ln(value)/d ln(distance) at the ends."""
         beside = np.log(self._split(values)[2])
         return np.asarray((beside[:, 2] - beside[:, 0]) / (2.0 * _BESIDE_AN_END))
 
     @cached_property
     def _decided_by(self) -> tuple[BoolArray, BoolArray]:
-        """At which ends the depth uncertainty, or the matcher, comes to its limit."""
+        """The ends that the depth uncertainty sets, and those that the matcher sets."""
         if not self.ends.size:
             return np.zeros(0, dtype=bool), np.zeros(0, dtype=bool)
         limits = evaluate_limits(self.reference, self.criteria, self.ends)
@@ -310,7 +316,7 @@ class DepthVariant:
     def _range_appears_or_vanishes(
         self, factor: FloatArray, half_width: FloatArray, shift: float, *, off: bool
     ) -> bool:
-        """Whether a limit is kept or broken anew somewhere else than beside an end."""
+        """Whether the verdict on a limit changes anywhere but beside an end."""
         changed = np.zeros(self._imaged.shape, dtype=bool)
         bound = self.criteria.relative_uncertainty
         if bound is not None:
@@ -332,7 +338,7 @@ class DepthVariant:
 
     @cached_property
     def by_exact_paths(self) -> tuple[FloatArray, FloatArray]:
-        """What Kirchhoff's paths add to Fresnel's disparity error at either lens, by a rule with a margin."""
+        """Relative change of Fresnel's disparity error by Kirchhoff's paths at either lens, by a rule with a margin."""
         law = self.law
         assert law is not None  # as above
         return change_by_exact_paths(
@@ -340,7 +346,7 @@ class DepthVariant:
         )
 
     def tried_by_exact_paths(self) -> float:
-        """The largest relative change by Kirchhoff's transfer of all lenses at up to three places."""
+        """The largest relative change by Kirchhoff's transfer of all lenses, computed at up to three places."""
         law = self.law
         assert law is not None  # as above
         exact = replace(law.models, main_lens_diffraction="kirchhoff")
@@ -352,9 +358,9 @@ class DepthVariant:
             return float(np.nanmax(np.abs(weighed.bound_px(exact) / weighed.bound_px(law.models) - 1.0), initial=0.0))
 
     def _tried_places(self) -> FloatArray:
-        """Where the rule, weighted with the share of noise in the uncertainty, is the largest, and the sharpest place.
+        """The place where the rule, weighted by the share of noise in the variance, is largest, and the sharpest place.
 
-        Changes oscillate with defocus, so the largest is also looked for at another blur.
+        Changes oscillate with defocus, so the place with the largest at another blur is added.
         """
         by_rule = np.nan_to_num(self._split(np.sum(self.by_exact_paths, axis=0))[0], posinf=1.0)
         weight = by_rule / (1.0 + self._split(self._calibration_over_noise)[0] ** 2)
@@ -365,16 +371,16 @@ class DepthVariant:
         return np.asarray(self.places[np.unique([first, second, int(np.nanargmin(blur))])])
 
     def linear_error(self) -> tuple[float, float]:
-        """The largest departure of the line from the exact distribution, and where it is [m].
+        """The largest error of linear propagation against the exact distribution, and its distance [m].
 
-        At the ends and in the middle of what is usable, where the uncertainty is the largest share of the distance, and
-        wherever the study asks; infinite where no line exists.
+        Compared at both ends and in the middle of the usable distances, at the largest relative uncertainty, and at
+        distances of the study's questions; infinite where linear propagation is impossible.
         """
         if not has_covariance(self.camera):
             return np.inf, np.nan
         camera, places = acting(self.reference, {"calibration": "linear"}), self.distance[self.usable]
         asked = self.asked[camera.images(self.asked)]
-        some = np.linspace(0, max(0, asked.size - 1), _MOST_ASKED).round().astype(int)  # the farthest among them
+        some = np.linspace(0, max(0, asked.size - 1), _MOST_ASKED).round().astype(int)  # including the farthest
         tried = asked[np.unique(some)] if asked.size else asked
         if places.size:
             whole = self._split(self._whole)[1] / self._imaged
@@ -393,21 +399,21 @@ class DepthVariant:
         return largest, at
 
     def _linear_error_at(self, camera: DepthCamera, tried: FloatArray, field: float) -> FloatArray:
-        """At a place in the field; 0 where nothing is measured, infinite where only the line says how it is."""
+        """The error at a place in the field; 0 where nothing is measured, infinite where it cannot be determined."""
         error = np.zeros(tried.shape) if all_normal(camera) else clear_departure(camera, tried, field)
-        if not np.any(error > _CLEARLY):  # else no draws are needed to tell that a line will not do
+        if not np.any(error > _CLEARLY):  # otherwise linear propagation fails clearly, and draws would add nothing
             error = np.fmax.reduce([model_error(camera, tried, way, field).intervals for way in self.ways])
         measured = ~np.isnan(distribution(camera, tried, "both", field).half_width)
         return np.where(measured, np.where(np.isnan(error), np.inf, error), 0.0)
 
     def moved_of_field(self, models: Models) -> float:
-        """The largest relative change of the uncertainty at the places in the field that the study asks for."""
+        """The largest relative change of the uncertainty at the places in the field that the study declares."""
         some = np.unique(np.linspace(0, self.places.size - 1, _FIELD_DISTANCES).astype(int))
         return moved_off_axis(self.reference, self.places[some], self.fields, models)
 
 
 def _relative(new: FloatArray, old: FloatArray) -> FloatArray:
-    """Signed relative change; 0 where both are infinite or unknown, infinite where one is."""
+    """Signed relative change; 0 where both are infinite or one is unknown, infinite where only one is infinite."""
     with np.errstate(invalid="ignore", divide="ignore"):
         found = new / old - 1.0
     found = np.where(np.isinf(new) & np.isinf(old), 0.0, found)

@@ -1,7 +1,7 @@
-"""What leaving calibration out, or propagating it along a line, does to a usable range that failures limit.
+"""How a usable range limited by failed measurements changes if calibration errors are omitted or propagated linearly.
 
-All shares are of the true matches: false ones are as many whatever model acts, and would hide how the rest depends on
-distance.
+All shares refer to the true matches: the number of false ones does not depend on the model, and would hide how the rest
+depends on distance.
 """
 
 from __future__ import annotations
@@ -18,28 +18,31 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.acting import acting
 
 _BESIDE: Final = 1e-2  # of the distance of an end, for the slope there
-_AT_AN_END: Final = 0.05  # as near to an end a fraction is as good as at its limit
+_AT_AN_END: Final = 0.05  # closer to an end than this share of its distance, a fraction counts as at its limit
 
 
 def of_true_matches(camera: DepthCamera, failed: ArrayLike) -> FloatArray:
-    """What a failed fraction, or its bound, is of the true matches alone; below 0 for one that false ones exceed."""
+    """A failed fraction, or its bound, as a share of the true matches; negative where false matches alone exceed it."""
     share = false_match_share(camera)
     return np.asarray((np.asarray(failed) - share) / (1.0 - share))
 
 
 def failed_fraction(camera: DepthCamera, distance: FloatArray) -> FloatArray:
-    """Share of true matches that end beyond infinity, by the model of propagation that acts."""
+    """Share of true matches with a depth beyond infinity, by the camera's model of propagation."""
     return of_true_matches(camera, DepthErrors.of(camera, distance).failed_fraction)
 
 
 def verdict_changed_without_calibration(camera: DepthCamera, bound: float, distance: FloatArray) -> BoolArray:
-    """Where a limit of the failed fraction is kept by noise alone and broken by all errors, or the reverse."""
+    """Where noise alone keeps the limit on the failed fraction and all errors break it, or the reverse."""
     without = failed_fraction(acting(camera, {"calibration": OFF}), distance)
     return np.asarray((without <= bound) != (failed_fraction(camera, distance) <= bound))
 
 
 def shift_without_calibration(camera: DepthCamera, bound: float, ends: FloatArray) -> float:
-    """The largest relative shift, to first order, of ends that the failed fraction sets; infinite if none fail."""
+    """The largest relative shift, to first order, of ends that the failed fraction sets.
+
+    Infinite where no measurement fails without calibration errors.
+    """
     own = failed_fraction(camera, ends)
     by_failures = _near(own, bound)
     if not by_failures.any():
@@ -53,16 +56,18 @@ def shift_without_calibration(camera: DepthCamera, bound: float, ends: FloatArra
 def missed_by_the_line(
     camera: DepthCamera, bound: float, places: FloatArray, failed: FloatArray, ends: FloatArray
 ) -> float:
-    """What a line may move an end that failures set, relative; infinite where it cannot tell whether a limit is kept.
+    """The largest relative shift, by the error of linear propagation, of an end that the failed fraction sets.
+
+    Infinite where that error leaves open whether the limit is kept.
 
     Parameters
     ----------
     camera
-        With the line acting.
+        The camera with linear propagation.
     bound
-        Largest failed fraction.
+        Largest allowed failed fraction.
     places, failed, ends
-        Distances [m], the failed fraction there by the line, and the ends of usable ranges [m].
+        Distances [m], the linearly propagated failed fraction there, and the ends of usable ranges [m].
     """
     apart = np.ones(places.shape, dtype=bool)
     for end in ends:
@@ -86,22 +91,22 @@ def missed_by_the_line(
 _TINY: Final = 1e-300
 _FAR: Final = 30.0
 _PLACES: Final = 9
-_NEAR: Final = 1.0  # of a logarithm: an end is known to a hundredth, over which a fraction changes manifold
+_NEAR: Final = 1.0  # in logarithm: an end is known to 1 %, over which a fraction can change severalfold
 
 
 def _near(own: FloatArray, bound: float) -> BoolArray:
-    """Where a bound, 0 where false matches take up all of it, is as near as at an end that it sets."""
+    """Where a fraction is as near to its bound as at an end that the bound sets; a bound of 0 is never near."""
     with np.errstate(divide="ignore"):
         return np.asarray(np.abs(np.log(np.maximum(own, _TINY) / bound)) < _NEAR)
 
 
 def _error(camera: DepthCamera, distance: FloatArray) -> FloatArray:
-    """What the model of propagation may miss of the failed fraction."""
+    """Error of the failed fraction by the camera's model of propagation."""
     return np.asarray(model_error(camera, distance).failed_fraction / (1.0 - false_match_share(camera)))
 
 
 def _slope(camera: DepthCamera, ends: FloatArray) -> FloatArray:
-    """Of the logarithm of the failed fraction over that of distance, its size."""
+    """Absolute slope d ln(failed fraction)/d ln(distance) at the ends; tiny where it is unknown or zero."""
     above, below = (failed_fraction(camera, ends * (1.0 + sign * _BESIDE)) for sign in (1.0, -1.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = np.abs(np.log(above / below)) / (2.0 * _BESIDE)

@@ -1,4 +1,4 @@
-"""How far exact paths and cosines could move a disparity error derived by Fresnel's transfer, in closed form."""
+"""A closed-form estimate of how far exact paths and cosines move a disparity error derived by Fresnel's transfer."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from tradestudy.study.acting import with_models
 
 ErrorPx = Callable[[Models], FloatArray]
 """Disparity error [samples] over distances, with some models replaced."""
-# Set by 150 random cameras, on the places where the rule is tightest.
+# Set by 150 random cameras, at the places where the rule is tightest.
 _MARGIN: Final = 2.0
-_TRANSFER_ERROR: Final = 2e-4  # of a transfer by Kirchhoff, which Fresnel's is held against
+_TRANSFER_ERROR: Final = 2e-4  # of Kirchhoff's transfer, with which Fresnel's is compared
 _NARROWER: Final = 0.5  # width of a disc of rays per sin² θ
 
 
@@ -30,23 +30,24 @@ def change_by_exact_paths(
     models: PictureModels,
     error_px: ErrorPx,
 ) -> tuple[FloatArray, FloatArray]:
-    """Estimate how far Kirchhoff's law in place of Fresnel's at either lens moves the disparity error, with a margin.
+    """Estimate, with a margin, how far Kirchhoff's law at either lens moves a disparity error found by Fresnel's.
 
-    Fresnel leaves out a path at the rim, which balanced is a defocus; and what the angle θ of the rays at the rim does:
-    amplitude falls by ε = sin² θ towards it, and the cutoff is 2 sin θ/λ, ε/2 below 1/(λ N). Together they take ε more,
-    in logarithms, of what diffraction takes from contrast, so they add ε of what it adds to the error.
+    Fresnel's law leaves out two things. One is the excess path at the rim, which acts like a defocus once balanced. The
+    other is the angle θ of the rays at the rim: amplitude falls by ε = sin² θ towards it, and the cutoff is 2 sin θ/λ,
+    ε/2 below 1/(λ N). Both together increase the logarithmic loss of contrast by diffraction by the share ε, and
+    therefore what diffraction adds to the error by the same share.
 
     Parameters
     ----------
     geometry, settings, models
-        Of the picture; the models are the most complete in closed form.
+        The picture; the models are the most complete in closed form.
     error_px
-        Over the distances of the geometry.
+        Disparity error over the distances of the geometry.
 
     Returns
     -------
     tuple
-        Of the main lens and of the microlenses, over distance; zero without microlenses.
+        Relative changes by the main lens and by the microlenses, over distance; zero without microlenses.
     """
     main, microlens = geometry.main_lens, geometry.microlens
     moved = replace(geometry, main_lens=_aberrated(main, settings))
@@ -74,14 +75,14 @@ def _of_stage(
 
 
 def _aberrated(stage: LensStage, settings: PictureSettings) -> LensStage:
-    """The lens with as much more blur as exact paths and angles make of its own, or as they take from it.
+    """The lens with its blur changed by exact paths and angles.
 
-    Light that falls off by ε = sin² θ towards the rim makes a disc of rays that is narrower by about half of that.
-    Spherical aberration of W waves at the rim, balanced, is a defocus of W waves, ``8 λ N W`` of blur; the rest, a
-    thirteenth, is left to the margin. A well-corrected lens has none: its rays meet in one point, whatever the plane
-    that they are looked at in. That of a parabolic lens is ``R⁴/8 (1/b³ + 1/a³)/λ``.
+    Light that falls off by ε = sin² θ towards the rim makes the disc of rays narrower by about ε/2. Spherical
+    aberration of W waves at the rim, balanced, acts like a defocus of W waves, a blur of ``8 λ N W``; the margin covers
+    the remaining thirteenth. A well-corrected lens has no spherical aberration: its rays meet in one point. A parabolic
+    lens has ``W = R⁴/8 (1/b³ + 1/a³)/λ``.
     """
-    # So far out of focus that both laws take the disc of rays itself, they differ by diffraction alone.
+    # Far out of focus, both laws use the same disc of rays and differ by diffraction alone.
     by_waves = ~is_by_rays(stage.blur_diameter, settings.wavelength, stage.f_number)
     blur = stage.blur_diameter * (1.0 + _NARROWER * _obliquity(stage) * by_waves)
     if settings.lens_phase == "parabolic":

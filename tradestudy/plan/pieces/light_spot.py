@@ -1,4 +1,4 @@
-"""The picture of a light spot: which laws, which omissions and which sampling its pixels call for."""
+"""The choice of laws, omissions and sampling for the picture of a light spot."""
 
 from __future__ import annotations
 
@@ -34,31 +34,33 @@ METHODS: Final[Mapping[tuple[str, str], MethodName]] = {
     ("kirchhoff", "fresnel"): "kirchhoff-fresnel",
     ("kirchhoff", "kirchhoff"): "kirchhoff",
 }
-# Of a trial, for a few points do not see all of a picture: set beforehand, and looked at on twelve cases of seed 1 of
-# `tests.campaigns.light_cases`, where a trial of Fresnel to the array came to half of its change at the least.
+# Margin on a trial, since a few points do not represent the whole picture. It was fixed beforehand and then checked on
+# twelve cases of seed 1 of `tests.campaigns.light_cases`, where trials of Fresnel's law to the array found at least
+# half of its change.
 MARGIN: Final = 1.3
-# Trials of three laws compute each probe some ten times: for pictures of few points that takes longer than it saves.
+# Trials of three laws compute each probe about ten times: for pictures of few points they cost more than they save.
 _WORTH_TRYING: Final = 30.0
-_FREE: Final = 0.25  # of what models leave out, that the sampling may miss beside it: nodes need be no finer
+_FREE: Final = 0.25  # of the change by models: a sampling error this small needs no finer nodes
 
 
 class LightSpotPiece(Piece):
-    """The picture of one spot; trials tell what its models leave out.
+    """The picture of one spot; trials find the change by what its models leave out.
 
-    The boundary wave is dearer than Fresnel's law and saves nothing behind the array: it acts where it is forced. One
-    microlens at a time, or the middles of pixels, are not quicker than the whole.
+    The boundary wave costs more than Fresnel's law and saves nothing behind the array, so it is used only where the
+    study prescribes it. Images of single microlenses, or light at pixel centres alone, cost as much as the complete
+    picture.
 
     Parameters
     ----------
     part
         The light path.
     forced
-        Models that the study insists on.
+        Models that the study prescribes.
 
     Raises
     ------
     OutOfRangeError
-        If forced models cannot stand together.
+        If the forced models cannot be combined.
     """
 
     def __init__(self, part: LightSpotPart, forced: Models) -> None:
@@ -66,7 +68,7 @@ class LightSpotPiece(Piece):
         self.title = "Picture of the light spot"
         self.asked: tuple[Quantity, ...] = ("pixel_intensity",)
         self._forced = {slot: name for slot, name in forced.items() if name in models_of(slot, "spot")}
-        if part.spot.is_point:  # it has no extent, whatever the study names
+        if part.spot.is_point:  # a point has no extent, whatever the study prescribes
             self._forced.pop("source_extent", None)
         self._part, self._trial = part, LightTrial(part)
         self._found: dict[SpotModels, list[tuple[float, float]]] = {}
@@ -87,22 +89,22 @@ class LightSpotPiece(Piece):
         complete = self._models(self.complete)
         if complete is None:
             raise OutOfRangeError(
-                "forced models of the light spot",
+                "forced models of the light spot cannot be combined",
                 value=", ".join(f"{name}: {model}" for name, model in self._forced.items()),
-                limit="rays on both legs with whole pixels, or waves on both",
-                remedy="force off on both legs, or a law of waves on both",
+                limit="rays on both legs with integrated pixels, or waves on both legs",
+                remedy="force off on both legs, or a wave law on both",
             )
         self._complete = complete
 
     def _laws(self, leg: SlotName, *, coherent: bool) -> tuple[str, ...]:
-        """A coherent disc has no rays."""
+        """The laws to choose from on a leg: no rays for coherent light, the boundary wave only where it is forced."""
         left_out = {"boundary_wave"} - {self._forced.get(leg)} | ({OFF} if coherent else set())
         return tuple(model for model in models_of(leg, "spot") if model not in left_out)
 
     def changes(self, models: Models) -> Changes:
-        """Relative L2 change of the pixels: of what is left out, by a trial, and of the sampling, by its tolerance.
+        """Relative L2 change of the pixels by omissions, from a trial, and by the sampling, from its tolerance.
 
-        Both are independent and add as squares.
+        The two are independent and add in quadrature.
         """
         found = self._models(models)
         if found is None:
@@ -119,7 +121,7 @@ class LightSpotPiece(Piece):
         tried = math.sqrt(changed / own) if own > 0.0 else math.inf
         count = len(self._trial.numbers(whole, self._complete))
         if len(done) < count:
-            # What is left of it if the other points change nothing, and hold up to four times the light squared.
+            # The lower bound if the other points change nothing, and contain up to four times the squared light.
             least = 0.5 * tried * math.sqrt(len(done) / count)
             return {"pixel_intensity": Change(relative=math.inf, least=least, evidence="trial")}
         change = MARGIN * tried + TOLERANCE
@@ -127,12 +129,12 @@ class LightSpotPiece(Piece):
         return {"pixel_intensity": Change(relative=relative, evidence="trial")}
 
     def _is_quick(self, models: SpotModels) -> bool:
-        """Whether trials of laws take about as long as the picture, so that only forced laws are tried."""
+        """Whether trying out a law would take about as long as the picture itself; then it is not tried."""
         return not self._forced and (models.point or self._points < _WORTH_TRYING * self._trial.size)
 
     @cached_property
     def _points(self) -> float:
-        """Source points that the picture follows at the coarsest sampling; infinite for too many to be followed."""
+        """Source points that the picture follows at the coarsest sampling; infinite if they are too many to follow."""
         path, source = light_path(self._part), light_source(self._part)
         if not isinstance(source, DiscSource) or source.coherent:
             return 1.0
@@ -144,7 +146,7 @@ class LightSpotPiece(Piece):
         return followed_points(path, source, nodes)
 
     def try_out(self, models: Models) -> bool:
-        """Compare the image of one more point of the spot with that by the most complete models."""
+        """Compare the image of one more source point with that by the most complete models."""
         found = self._models(models)
         whole = found and replace(found, tolerance=TOLERANCES[-1])
         if whole is None or whole == self._complete:
@@ -157,7 +159,7 @@ class LightSpotPiece(Piece):
         return True
 
     def _models(self, models: Models) -> SpotModels | None:
-        """None for models that cannot stand together; rays on one leg mean both, unless another law is forced."""
+        """None for models that cannot be combined; rays on one leg mean rays on both, unless a wave law is forced."""
         rays = [leg for leg in LENSES if models[leg] == OFF]
         if rays and all(self._forced.get(leg, OFF) == OFF for leg in LENSES):
             models = {**models, **dict.fromkeys(LENSES, OFF)}
@@ -166,12 +168,12 @@ class LightSpotPiece(Piece):
         found = spot_models(models)
         if found.method in RAYS and not found.integrated:
             return None
-        # Fresnel's law behind Kirchhoff's takes as long as Kirchhoff's on both legs.
+        # Fresnel's law behind Kirchhoff's costs as much as Kirchhoff's law on both legs.
         return None if found.method == "kirchhoff-fresnel" and LENSES[1] not in self._forced else found
 
 
 def spot_models(models: Models) -> SpotModels:
-    """What a choice of models computes."""
+    """The models of a spot image for a choice of models by slot."""
     return SpotModels(
         method=METHODS[models["main_lens_diffraction"], models["microlens_diffraction"]],
         separate=models["crosstalk"] == OFF,

@@ -1,7 +1,7 @@
-"""Trials of the picture of a light spot: how far a few points of it look different by two sets of models.
+"""Trials of the picture of a light spot: how much the images of a few source points differ between two sets of models.
 
-The image of one source point behind a few microlenses takes some hundredths of a second. Spread over the ray image of
-the disc it stands for the picture around it, so that what the disc blurs away does not count.
+The image of one source point behind a few microlenses takes some hundredths of a second. Convolved with the ray image
+of the disc, it represents the picture around it, so that differences that the disc blurs away do not count.
 """
 
 from __future__ import annotations
@@ -27,33 +27,33 @@ from tradestudy.optics.propagation import PointSource
 from tradestudy.study.schema.light_spot import LightSpotPart
 
 TOLERANCE: Final = 2e-3  # of the images of points
-_RAYS: Final = 2**15  # of a point; disc and pixel average their errors
-_AROUND: Final = 3  # points that stand for a disc: their mean is exact to the second order of its radius
-_PARTS: Final = 3  # along a pixel, so that one of them is its middle
+_RAYS: Final = 2**15  # per point; disc and pixels average out their errors
+_AROUND: Final = 3  # points that represent a disc: their mean is exact to second order in its radius
+_PARTS: Final = 3  # along a pixel; odd, so that one of them is at its centre
 _MOST_LINES: Final = 4
 _AZIMUTHS: Final = 16
-_BLURRED: Final = 0.3  # change by its blur alone from which on a disc is no point
+_BLURRED: Final = 0.3  # relative change by blur alone, above which a disc is clearly not a point
 
 
 @dataclass(frozen=True, kw_only=True)
 class Probe:
-    """A source point, and the part of the light path that its image is computed on.
+    """A source point, and the part of the light path that forms its image.
 
     Attributes
     ----------
     alone, pair
-        A microlens, and the same with its nearest neighbour, with the pixels before them, each in parts.
+        A microlens alone and with its nearest neighbour, each with the pixels that belong to it, divided into parts.
     point
         Source point.
     middle, around
-        Middle of the disc, and three points at 1/√2 of its radius.
+        Centre of the disc, and three points at 1/√2 of its radius.
     spread
         Radius of the ray image of the disc on the detector [m], 0 for a point.
     coherent_radius
-        Of a coherent disc about the point [m], else 0.
+        Radius of a coherent disc about the point [m]; 0 for other sources.
     held
-        Share of the edge of that image that is the edge of the disc. The rest is the edge of the pupil, which stays
-        where it is if rays of a source point land elsewhere.
+        Share of the edge of the disc's image that is the edge of the disc itself. The rest is the edge of the pupil,
+        which does not move if the rays of a source point land elsewhere.
     """
 
     alone: LightPath
@@ -67,7 +67,10 @@ class Probe:
 
 
 def probes(part: LightSpotPart) -> tuple[Probe, ...]:
-    """The middle of the spot and points towards its edge, behind the microlens they light most and the last lit one."""
+    """The centre of the spot and points towards its edge, each with a microlens that forms its image.
+
+    The microlenses are those nearest to the light, one of each focal length, and the last one that the spot lights.
+    """
     path, source = light_path(part), light_source(part)
     owner = nearest_microlens(path)
     middle = source.centre if isinstance(source, DiscSource) else source
@@ -107,7 +110,7 @@ def _in_parts(path: LightPath) -> LightPath:
 def _places(
     path: LightPath, middle: PointSource, radius: float, present: FloatArray
 ) -> Iterator[tuple[int, list[tuple[float, float]]]]:
-    """Microlenses, and source points relative to the middle of the disc that light them."""
+    """Indices of microlenses, each with source points that light it, relative to the centre of the disc [m]."""
     lenses = path.microlenses
     away = lenses.centres[present] - path.chief_point(middle)
     distance = np.linalg.norm(away, axis=1)
@@ -128,7 +131,7 @@ def _places(
 
 
 def _ray_image(path: LightPath, middle: PointSource, radius: float) -> tuple[float, float]:
-    """Radius of the disc's image behind a microlens [m], and the share of its edge that no edge of the pupil cuts."""
+    """Radius of the disc's image behind a microlens [m], and the share of its edge that the pupil does not cut off."""
     edge = _on_circle(middle, radius, _AZIMUTHS)
     x, y = np.array([ray_reach(path, one).image[0] for one in edge]).T
     area = abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))) / 2.0
@@ -138,7 +141,7 @@ def _ray_image(path: LightPath, middle: PointSource, radius: float) -> tuple[flo
 
 
 def _on_circle(middle: PointSource, radius: float, count: int) -> list[PointSource]:
-    """Points evenly around another."""
+    """Points at equal angles on a circle around `middle`."""
     return [
         PointSource(x=middle.x + radius * math.cos(a), y=middle.y + radius * math.sin(a), distance=middle.distance)
         for a in (2.0 * math.pi * np.arange(count) / count).tolist()
@@ -159,15 +162,15 @@ class LightTrial:
         return len(self._probes)
 
     def numbers(self, models: SpotModels, complete: SpotModels) -> tuple[int, ...]:
-        """Probes that tell models apart: one behind each microlens where the source is a point, else all."""
+        """Probes that distinguish models: one behind each microlens where a disc counts as a point, otherwise all."""
         if not models.point or complete.point:
             return tuple(range(len(self._probes)))
         return tuple({id(one.alone): number for number, one in reversed(list(enumerate(self._probes)))}.values())
 
     def squares(self, number: int, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
-        """Squared L2 change of one probe's pixels by models in place of the most complete, and the pixels' own.
+        """Squared L2 norms of the change of one probe's pixels by models, and of the pixels by the most complete ones.
 
-        Infinite where the models refuse.
+        The change is infinite where the models refuse to compute the image.
         """
         probe = self._probes[number]
         if models.point and not complete.point and probe.coherent_radius == 0.0:
@@ -182,9 +185,10 @@ class LightTrial:
         return probe.held * changes[0] + (1.0 - probe.held) * changes[-1], float(np.sum(whole**2))
 
     def _as_point(self, number: int, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
-        """The middle of a disc against its blur, or three points that stand for a small disc where each of them lands.
+        """As `squares`, for a disc that models treat as a point.
 
-        They light a microlens unevenly, which no blur tells.
+        The image of the centre is compared with the blurred one or, for a small disc, with the mean image of three
+        points that represent it. These light a microlens unevenly, which blurring alone does not reproduce.
         """
         probe, line = self._probes[number], self._part.mean_wavelength
         try:
@@ -209,7 +213,7 @@ class LightTrial:
         return float(np.sum(change**2)), float(np.sum(whole**2))
 
     def _fine(self, number: int, models: SpotModels, *, pair: bool) -> FloatArray:
-        """Light of the disc on parts of pixels, as if all its points looked like the probe's."""
+        """Light of the disc on parts of pixels, as if all its points had the same image as the probe."""
         mean = models.monochromatic or models.method in RAYS
         lines = [(self._part.mean_wavelength, 1.0)] if mean else _lines(self._part)
         fine = sum(share * self._image(number, models, line, pair=pair) for line, share in lines)
@@ -236,7 +240,7 @@ class LightTrial:
 
 
 def _lines(part: LightSpotPart) -> list[tuple[float, float]]:
-    """Wavelengths and shares, of many a few."""
+    """Wavelengths and their shares, thinned out to at most four."""
     lines = part.lines[:: -(-len(part.lines) // _MOST_LINES)]
     total = math.fsum(share for _, share in lines)
     return [(line, share / total) for line, share in lines]
@@ -261,7 +265,7 @@ def _point_image(probe: Probe, path: LightPath, models: SpotModels, wavelength: 
 
 
 def _spread_out(fine: FloatArray, radius: float, *, point: bool) -> FloatArray:
-    """Spread the image of a point over a disc of a radius [parts], with room for it; a point keeps its image."""
+    """Pad the image of a point and convolve it with a disc of a radius [parts]; a point keeps its image."""
     fine = np.pad(fine, _PARTS * math.ceil(radius / _PARTS))
     if point or radius == 0.0:
         return fine
@@ -281,7 +285,7 @@ def _jinc(turn: FloatArray) -> FloatArray:
 
 
 def _aligned(fine: FloatArray, reference: FloatArray) -> FloatArray:
-    """Shift a picture to where it is most alike a reference: by whole parts, and the rest by its slopes."""
+    """Shift a picture to match a reference best: first by whole parts, then by fractions of one, to first order."""
     alike = scipy.fft.irfft2(scipy.fft.rfft2(reference) * np.conj(scipy.fft.rfft2(fine)), s=fine.shape)
     rows, columns = np.unravel_index(np.argmax(alike), alike.shape)
     moved = np.roll(fine, (int(rows), int(columns)), axis=(0, 1))
@@ -291,7 +295,7 @@ def _aligned(fine: FloatArray, reference: FloatArray) -> FloatArray:
 
 
 def _on_pixels(fine: FloatArray, *, integrated: bool) -> FloatArray:
-    """Let pixels integrate over their parts, or take the one in their middle."""
+    """Pixel values: the sum over the parts of a pixel, or its central part scaled to the whole pixel."""
     if not integrated:
         return np.asarray(_PARTS**2 * fine[_PARTS // 2 :: _PARTS, _PARTS // 2 :: _PARTS])
     rows, columns = fine.shape

@@ -1,4 +1,4 @@
-"""What models change at places in the field, where there is less light, and calibration acts otherwise."""
+"""How models change the uncertainty off axis, where there is less light and calibration errors act differently."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from tradestudy.study.acting import in_closed_form, with_models
 
 
 def closed_form_of(law: PictureDisparityError, models: Models) -> PictureModels:
-    """The models of a law with others in their slots, by Fresnel at most, as far as its picture has them."""
+    """A law's models with those of `models` in their slots: Fresnel's law at most, and only effects of its picture."""
     own = with_models(law.models, in_closed_form(models))
-    return own if law.settings.spectrum else replace(own, spectrum=OFF)  # which other forms of the camera may have
+    return own if law.settings.spectrum else replace(own, spectrum=OFF)  # other forms of the camera may have a spectrum
 
 
 def moved_off_axis(reference: DepthCamera, places: FloatArray, fields: Sequence[float], models: Models) -> float:
-    """The largest relative change of the uncertainty at distances [m] and places in the field, by the line.
+    """The largest relative change of the uncertainty off axis, by linear propagation.
 
     Parameters
     ----------
     reference
-        With the most complete models in closed form.
+        The camera with the most complete models in closed form.
     places, fields
-        Where.
+        Distances [m] and places in the field.
     models
-        In place of those.
+        Models that replace those of the reference.
     """
     return max((_moved(reference, places, field, models) for field in fields), default=0.0)
 
 
 def _moved(reference: DepthCamera, places: FloatArray, field: float, models: Models) -> float:
     noise = linear_reading(reference, places, field, "noise").standard_deviation
-    known = has_covariance(reference)  # else as if noise were all, which it moves the most
+    known = has_covariance(reference)  # without a covariance: noise alone, which models move the most
     both = linear_reading(reference, places, field, "both").standard_deviation if known else noise
     moved = noise * _noise_changed(reference, places, field, models)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -49,7 +49,7 @@ def _moved(reference: DepthCamera, places: FloatArray, field: float, models: Mod
 
 
 def _noise_changed(reference: DepthCamera, places: FloatArray, field: float, models: Models) -> FloatArray:
-    """The factor by which noise changes; 1 where nothing is derived or passes."""
+    """The factor by which noise changes; 1 where the disparity error is declared or the lens forms no picture."""
     law = reference.disparity_error_px
     if not isinstance(law, PictureDisparityError):
         return np.ones(places.shape)

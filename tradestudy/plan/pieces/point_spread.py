@@ -1,4 +1,4 @@
-"""The spread of points behind single lenses: which law of propagation their width calls for."""
+"""The choice of a propagation law for the images of points behind single lenses."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _TRIED: Final = 2  # steepest cases
 
 
 class PointSpreadPiece(Piece):
-    """The declared images of points; their width is the radius that holds half the light.
+    """The declared images of points; their width is the radius that encloses half of the light.
 
-    A run computes each image by both laws, as each is the other's check: leaving Kirchhoff's out saves no time.
+    A run computes each image by both laws, since each checks the other: leaving out Kirchhoff's law saves no time.
     """
 
     def __init__(self, part: PointSpreadPart, forced: Models) -> None:
@@ -32,13 +32,13 @@ class PointSpreadPiece(Piece):
         self._fresnel: float | None = None
 
     def changes(self, models: Models) -> Changes:
-        """What Fresnel's law changes in the width."""
+        """Relative change of the width by Fresnel's law in place of Kirchhoff's."""
         if models == self.complete:
             return {"psf_width": Change(relative=0.0)}
         return {"psf_width": Change(relative=math.inf if self._fresnel is None else self._fresnel, evidence="trial")}
 
     def try_out(self, models: Models) -> bool:
-        """Compute by both laws the images that rays reach at the steepest angles, where Fresnel's errs most."""
+        """Compute by both laws the images with the steepest rays, where Fresnel's law errs most."""
         if self._fresnel is not None or models == self.complete:
             return False
         steepest = sorted(every_case(self._part), key=lambda case: case.f_number / (1.0 + case.field_angle))[:_TRIED]

@@ -1,4 +1,4 @@
-"""Pictures of the study's scene: whether diffraction shows in them."""
+"""The choice between rays and waves for pictures of the study's scene."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from tradestudy.imaging.render.tiles import Tile, expected_electrons
 from tradestudy.imaging.render.wave_set_up import waves_of
 from tradestudy.study.definition import StudyDefinition
 
-_PATCHES: Final = 3  # along each side of a picture, where both models are rendered
-_SIDE: Final = 24  # pixels of a patch
-_SAMPLES: Final = 16  # so that what differs is the models
+_PATCHES: Final = 3  # along each side of a picture; both models render them
+_SIDE: Final = 24  # pixels along a patch
+_SAMPLES: Final = 16  # enough that the models, and not the samples, make the difference
 TRIAL_TEXTURE: Final = 1024
-"""Samples after which the texture of a trial repeats itself, which a few places do not show."""
-_MARGIN: Final = 1.3  # of the trial, for a few places do not see all of a picture
-_MOST_WAVES: Final = 60.0  # of defocus, beyond which the spot of rays is hundreds of wavelengths wide
+"""Samples after which the texture of a trial repeats; patches are too few to show the repetition."""
+_MARGIN: Final = 1.3  # on the trial, since a few patches do not represent the whole picture
+_MOST_WAVES: Final = 60.0  # of defocus; beyond, the ray spot is hundreds of wavelengths wide
 
 
 def name_of(camera: str) -> str:
-    """Of the piece that a camera's pictures are."""
+    """Name of the problem that a camera's pictures are."""
     return f"{camera}-pictures"
 
 
 def picture_pieces(definition: StudyDefinition, forced: Models) -> Iterator[ScenePicturesPiece]:
-    """One for each camera that takes pictures; each as designed, for its errors move what waves do and do not make it.
+    """One problem for each camera that takes pictures, as designed: its errors shift effects of waves but create none.
 
     Raises
     ------
     StudyError
-        For a scene that cannot be rendered.
+        If the scene cannot be rendered.
     """
     image, picture = declared_image(definition)
     scene, cameras = set_up(definition, rig="as-designed", texture_side=TRIAL_TEXTURE)
@@ -56,18 +56,18 @@ def picture_pieces(definition: StudyDefinition, forced: Models) -> Iterator[Scen
 
 
 class ScenePicturesPiece(Piece):
-    """A camera's pictures of the scene, by rays or by waves on every leg of the way; a trial tells what rays change.
+    """A camera's pictures of the scene, by rays or by waves on all legs; a trial finds what rays change.
 
     Parameters
     ----------
     name, title
-        Of the piece.
+        Name and title of the problem.
     pictures
-        Each as one tile.
+        The pictures, each as one tile.
     wavelength
-        Of the light [m].
+        Wavelength of the light [m].
     forced
-        Models that the study insists on; those that pictures do not have are not for them.
+        Models that the study prescribes; those that pictures do not have are ignored.
 
     Raises
     ------
@@ -83,7 +83,7 @@ class ScenePicturesPiece(Piece):
         microlenses = not isinstance(pictures[0].exposure.cones(middle, middle).lens_type, int)
         self._legs = LENSES if microlenses else LENSES[:1]
         self._forced = {leg: forced[leg] for leg in self._legs if forced.get(leg) in models_of(leg, "picture")}
-        reason = "" if self._forced or self._in_reach() else "blurred by hundreds of wavelengths, as rays are"
+        reason = "" if self._forced or self._in_reach() else "a blur of hundreds of wavelengths, for which rays suffice"
         self.slots = tuple(
             Slot(
                 name=leg,
@@ -94,7 +94,7 @@ class ScenePicturesPiece(Piece):
         )
         if self._by_waves(self.complete) is None:
             raise OutOfRangeError(
-                f"forced models of the pictures of {pictures[0].camera}",
+                f"forced models of the pictures of {pictures[0].camera} cannot be combined",
                 value=", ".join(f"{leg}: {model}" for leg, model in self._forced.items()),
                 limit="rays on both legs, or waves on both",
                 remedy="force off on both legs, or fresnel on both",
@@ -102,7 +102,7 @@ class ScenePicturesPiece(Piece):
         self._done: list[tuple[float, float]] = []
 
     def changes(self, models: Models) -> Changes:
-        """Relative L2 change of the pixels by rays in place of waves, over patches of every picture."""
+        """Relative L2 change of the pixels by rays instead of waves, over patches of every picture."""
         if (by_waves := self._by_waves(models)) is None:
             return {"pixel_intensity": Change(relative=math.inf, least=math.inf)}
         if by_waves == self._by_waves(self.complete):
@@ -114,38 +114,38 @@ class ScenePicturesPiece(Piece):
         return {"pixel_intensity": Change(relative=relative, evidence="trial")}
 
     def try_out(self, models: Models) -> bool:
-        """Render patches of one more picture both ways."""
+        """Render patches of one more picture by rays and by waves."""
         by_waves = self._by_waves(models)
         if by_waves is None or by_waves == self._by_waves(self.complete) or len(self._done) == len(self._pictures):
             return False
         tile = self._pictures[len(self._done)]
-        self._done.append(_changed(_Trial(told=fingerprint(tile, self._wavelength), tile=tile, line=self._wavelength)))
+        self._done.append(_changed(_Trial(key=fingerprint(tile, self._wavelength), tile=tile, line=self._wavelength)))
         return True
 
     def _by_waves(self, models: Models) -> bool | None:
-        """None for legs that cannot stand together; rays on one leg mean both, unless waves are forced."""
+        """None for legs that cannot be combined; rays on one leg mean rays on both, unless waves are forced."""
         if all(models[leg] != OFF for leg in self._legs):
             return True
         return None if any(model != OFF for model in self._forced.values()) else False
 
     def _in_reach(self) -> bool:
-        """Whether no picture shows anything so far out of focus that waves are as good as rays."""
+        """Whether all pictures are close enough to focus that waves could differ from rays."""
         found = (waves_of(one.exposure, one.scene, self._wavelength) for one in self._pictures)
         return all(max(map(abs, lens.defocus)) < _MOST_WAVES for waves in found for lens in waves.lenses)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Trial:
-    """A picture that both models render parts of; equal where the same is rendered."""
+    """A picture of which both models render patches; trials of the same picture are equal."""
 
-    told: bytes
+    key: bytes
     tile: Tile = field(compare=False)
     line: float
 
 
-@lru_cache(maxsize=64)  # a run comes to the pictures of its study again
+@lru_cache(maxsize=64)  # a run plans the same pictures more than once
 def _changed(trial: _Trial) -> tuple[float, float]:
-    """Sum of squares over patches of what rays change, and of the picture by waves [electrons²]."""
+    """Sums of squares over patches: of the change by rays, and of the picture by waves [electrons²]."""
     tile = replace(trial.tile, samples=_SAMPLES)
     waves = waves_of(tile.exposure, tile.scene, trial.line)
     changed = own = 0.0
@@ -159,6 +159,6 @@ def _changed(trial: _Trial) -> tuple[float, float]:
 
 
 def _patches(size: int) -> list[tuple[int, int]]:
-    """First and last pixel of patches in the middle of as many equal parts."""
+    """First and end pixel of patches, each centred in one of `_PATCHES` equal parts."""
     middles = [(2 * k + 1) * size // (2 * _PATCHES) for k in range(_PATCHES)]
     return [(max(0, middle - _SIDE // 2), min(size, middle + _SIDE // 2)) for middle in middles]

@@ -1,4 +1,4 @@
-"""The forms in which a study asks for its cameras: as declared, under readings, in designs, for inverse questions."""
+"""The forms in which a study uses its cameras: as declared, under readings, in designs, for inverse questions."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from tradestudy.study.document import Entry
 from tradestudy.study.sweep import SweepAxis, sweep_axes
 from tradestudy.study.varying import Varying
 
-# Designs of a sweep that are looked at: all, or so many at most, evenly along each axis with its ends. Nothing changes
-# steadily from end to end where a design between them is in focus and they are not.
+# The largest number of designs examined in a sweep, evenly along each axis with its ends. The ends alone are not
+# enough: changes are not monotonic where a design between them is in focus and they are not.
 _MOST_DESIGNS: Final = 48
 _ENDS: Final = 2
-# Values of what an inverse question varies, its ends among them.
+# Values examined of the parameter that an inverse question varies, with its ends.
 _OF_QUESTIONS: Final = 5
 
 
 def every_variant(definition: StudyDefinition) -> Iterator[tuple[str, StudyDefinition]]:
-    """The study, its readings, the designs of its sweep, and some between the ends of its inverse questions.
+    """The study, its readings, designs of its sweep, values of its inverse questions and ends of its assumptions.
 
-    With the name of the reading or the question, which can take models of their own.
+    Each comes with the name of its reading or question, which may use models of its own; "" for study and designs.
     """
     yield "", definition
     yield from definition.readings.items()
@@ -41,7 +41,7 @@ def every_variant(definition: StudyDefinition) -> Iterator[tuple[str, StudyDefin
 
 
 def _assumed(definition: StudyDefinition) -> Iterator[StudyDefinition]:
-    """Each assumption at either end, the others as declared."""
+    """The study with each assumption at either of its ends, the others as declared."""
     part = definition.file.value_of_information
     for one in part.assumptions.values() if part is not None else ():
         if one.readings is None:
@@ -52,7 +52,7 @@ def _assumed(definition: StudyDefinition) -> Iterator[StudyDefinition]:
 
 
 def _designs(axes: Sequence[SweepAxis]) -> Iterator[tuple[Entry, ...]]:
-    """Values of each axis, of every design that is looked at."""
+    """The values along all axes, for every design examined."""
     sizes = [len(axis.values) for axis in axes]
     while math.prod(sizes) > _MOST_DESIGNS and max(sizes) > _ENDS:
         sizes[sizes.index(max(sizes))] -= 1

@@ -1,4 +1,4 @@
-"""Hard cases: places where formulas break, computed by the usual formula and by ours, against thirty digits.
+"""Hard cases: inputs at which formulas break, computed by the textbook formula and by ours, against thirty digits.
 
-Formulas are computed anew at each run; only the references are stored. One file per family.
+Both formulas are evaluated at each run; only the references are stored. One file per family.
 """

@@ -1,4 +1,4 @@
-"""What a hard case is, and how it is judged: the formula as it is usually written beside the one this package uses."""
+"""Hard cases and their verdicts: the textbook formula and this package's, each against a reference."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike
 WELL_CONDITIONED: Final = 1e-12
 """Relative error allowed where a case is well conditioned."""
 
-_ROUNDINGS: Final = 10.0  # roundings of the size of one epsilon that a condition number may magnify
-_DIGITS: Final = 60  # of the difference to the reference: far more than either side has
+_ROUNDINGS: Final = 10.0  # roundings of one epsilon each, which the condition number may magnify
+_DIGITS: Final = 60  # of the difference to the reference: far more than either number has
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stated:
-    """A value with the error that its own computation states for it, in the unit of the value."""
+    """A value with the error that its computation states, in the unit of the value."""
 
     value: float
     error: float
@@ -36,12 +36,12 @@ class Law:
     Parameters
     ----------
     name
-        The law in a few words, as the report prints it; its reference has the same name.
+        The law in a few words, as the report prints it.
     naive, ours
-        The formula as textbooks print it, and the function of this package; both take the inputs of a case by name.
+        The textbook formula, and the function of this package; both take the inputs of a case by name.
     magnified
-        Whether the condition number may magnify the error allowed. False where the ill-conditioned step is a
-        difference of inputs, which floating point forms without error.
+        Whether the condition number may magnify the allowed error. False where the ill-conditioned step is a difference
+        of inputs, which floating point computes without error.
     epsilon
         Machine epsilon of the inputs' precision.
     """
@@ -55,7 +55,7 @@ class Law:
 
 @dataclass(frozen=True, kw_only=True)
 class NumericCase:
-    """A law at a hard place, judged by its relative error against a reference of thirty digits."""
+    """A law at hard inputs, judged by its relative error against a reference of thirty digits, stored by case name."""
 
     name: str
     law: Law
@@ -64,16 +64,16 @@ class NumericCase:
 
 @dataclass(frozen=True, kw_only=True)
 class OutcomeCase:
-    """A place where the right answer is no number: a refusal in words, a count, a sign.
+    """A case whose right answer is not a number but a refusal, a count or a sign.
 
     Parameters
     ----------
     name, law
-        What is hard, and what is asked.
+        The difficulty, and what is right there.
     naive, ours
-        What the usual way and this package answer, in words.
+        The answers of the textbook method and of this package, in words.
     expected
-        Parts of the right answer, all of which must stand in it.
+        Parts of the right answer; the answer must contain all of them.
     """
 
     name: str
@@ -94,14 +94,14 @@ class Family:
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """What multiple precision gives for a case.
+    """The result of a case in multiple precision.
 
     Parameters
     ----------
     value
         Thirty digits, or ``inf``.
     scale
-        What errors are relative to, where that is not the value itself; it may pass through zero.
+        The number that errors are relative to; it differs from the value where the value can pass through zero.
     condition_number
         Relative change of the value per relative change of each input, summed.
     """
@@ -113,21 +113,21 @@ class Reference:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What came of a case.
+    """The verdict on a case.
 
     Parameters
     ----------
     family, case, law
-        Which case.
+        Names of the family, the case and its law.
     naive_answer, our_answer, reference
         The answers, as text.
     naive_error, our_error, bound
-        Relative errors and the one allowed; NaN for an outcome in words, infinite for an answer that is wrong by more
-        than any number says.
+        Relative errors and the largest one allowed; NaN for answers in words, infinite for answers that are no number
+        or wrongly infinite.
     condition_number
-        NaN for an outcome in words.
+        Condition number of the case; NaN for answers in words.
     met
-        Whether ours is right.
+        Whether our answer is right.
     """
 
     family: str
@@ -149,9 +149,9 @@ def judge(family: Family, case: NumericCase | OutcomeCase, references: Mapping[s
     Parameters
     ----------
     family, case
-        The case.
+        The case and its family.
     references
-        Of the cases of the family that are numbers, by name.
+        References of the family's numeric cases, by name.
     """
     if isinstance(case, OutcomeCase):
         return _judge_outcome(family, case)
@@ -175,7 +175,7 @@ def judge(family: Family, case: NumericCase | OutcomeCase, references: Mapping[s
 
 
 def allowed_error(case: NumericCase, reference: Reference, ours: Stated | str) -> float:
-    """1e-12; more where ten roundings, magnified by the condition number, or a stated error come to more."""
+    """The largest of 1e-12 and the stated error or, without one, ten roundings magnified by the condition number."""
     if isinstance(ours, Stated) and not math.isnan(ours.error):
         scale = abs(float(reference.scale))
         return max(WELL_CONDITIONED, ours.error / scale) if scale > 0.0 else WELL_CONDITIONED
@@ -185,7 +185,7 @@ def allowed_error(case: NumericCase, reference: Reference, ours: Stated | str) -
 
 
 def relative_error(value: float, reference: Reference) -> float:
-    """|value − reference| over the scale, exact to many digits; an infinity is right or infinitely wrong."""
+    """|value − reference| over the scale, exact to many digits; 0 or infinite where either number is infinite."""
     if reference.value in ("inf", "-inf") or not math.isfinite(value):
         return 0.0 if value == float(reference.value) else math.inf
     with localcontext() as context:
@@ -198,7 +198,7 @@ def relative_error(value: float, reference: Reference) -> float:
 
 
 def _naive(case: NumericCase) -> float | str:
-    """The usual formula, whatever it does."""
+    """The answer of the textbook formula; the name of its exception if it raises one."""
     with np.errstate(all="ignore"):  # its warnings are the point of the comparison
         try:
             return _scalar(case.law.naive(**case.inputs))
@@ -207,7 +207,7 @@ def _naive(case: NumericCase) -> float | str:
 
 
 def _ours(case: NumericCase) -> Stated | str:
-    """Our formula; a floating-point warning that it has not foreseen is a wrong answer."""
+    """The answer of our formula; an unhandled floating-point warning counts as a wrong answer."""
     with np.errstate(divide="raise", invalid="raise", over="raise"):
         try:
             answer = case.law.ours(**case.inputs)

@@ -1,4 +1,4 @@
-"""Hard cases of the depth of field: at and around the hyperfocal distance, no blur, more diffraction than allowed."""
+"""Hard cases of the depth of field: around the hyperfocal distance, without blur, with too much diffraction."""
 
 from __future__ import annotations
 

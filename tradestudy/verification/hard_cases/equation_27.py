@@ -21,7 +21,7 @@ def _naive_zero(f: float, a: float, wavelength: float, more: int) -> FloatArray:
     return np.asarray(f / (2.0 * radius4**0.25))
 
 
-# The inputs are decimal numbers, and the law takes them as such: no rounding stands before the fractional part.
+# The law treats the inputs as decimal numbers: nothing is rounded before the fractional part is taken.
 FRACTIONAL_PART: Final = Law(
     name="fractional part of 4 (a + b)/λ",
     naive=_naive_part,
@@ -45,7 +45,7 @@ SECOND_ZERO: Final = Law(
     magnified=False,
 )
 
-# f = 50 mm and a = 100 mm make a + b = 200 mm: 1.6 million quarter waves of 500 nm, without a rest.
+# f = 50 mm and a = 100 mm make a + b = 200 mm: exactly 1.6 million quarter waves of 500 nm.
 _PERIOD: Final = {
     "at the jump": 500e-9,
     "a millionth after the jump": 4.999999999996875e-07,

@@ -1,4 +1,4 @@
-"""Hard cases of fields behind an aperture: f/0.5 to f/1000, a few λ wide, on the shadow's edge, metres off the axis."""
+"""Hard cases of fields behind an aperture: f/0.5 to f/1000, holes of a few λ, the shadow's edge, metres off axis."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from tradestudy.verification.hard_cases.case import Family, Law, NumericCase, St
 
 _GREEN: Final = 550e-9
 _FAR: Final = 1e8
-"""A source as good as at infinity, and a lens as good as none [m]."""
+"""A distance [m] that makes a source practically infinitely distant, and half of it a lens practically absent."""
 
 _TOLERANCE: Final = 1e-7
 _NAIVE_GRID: Final = 256
 
 
 def _naive(radius: float, f: float, a: float, x: float, z: float, wavelength: float) -> float:
-    """Whole paths, summed over a square grid that is cut by the aperture."""
+    """Sum over a square grid inside the aperture, with complete paths in the phase."""
     axis = (np.arange(_NAIVE_GRID) + 0.5) * (2.0 * radius / _NAIVE_GRID) - radius
     u, v = np.meshgrid(axis, axis)
     inside = u**2 + v**2 <= radius**2
@@ -52,7 +52,7 @@ def _in_focus(f_number: float) -> NumericCase:
 
 
 def _hole(name: str, radius: float, x: float, z: float, wavelength: float = _GREEN) -> NumericCase:
-    """No lens, and light from infinity."""
+    """A hole without a lens, lit from infinity."""
     return _case(name, radius=radius, f=_FAR / 2.0, a=_FAR, x=x, z=z, wavelength=wavelength)
 
 

@@ -38,7 +38,7 @@ PHASE: Final = Law(
     magnified=False,
 )
 SINGLE_PRECISION: Final = Law(
-    name="phase k (√(z² + ρ²) − z) of single precision input",
+    name="phase k (√(z² + ρ²) − z) of single-precision input",
     naive=_naive_single,
     ours=_single,
     epsilon=2.0**-23,

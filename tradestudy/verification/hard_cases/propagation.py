@@ -1,4 +1,4 @@
-"""Hard cases of the propagation of uncertainty: no moments, no ranked draw, singular covariances, extreme scales."""
+"""Hard cases of uncertainty propagation: no moments, no valid draws, singular covariances, extreme scales."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ Response = Callable[[Mapping[str, FloatArray]], FloatArray]
 """Parameters of shape (draws, 1) → outputs (draws, 1)."""
 
 
-_CONFIDENCE: Final = 6.0  # standard errors, of eight replicates
+_CONFIDENCE: Final = 6.0  # standard errors, from eight replicates
 _YAW = {"distance": 10.0, "baseline": 0.1, "yaw": math.radians(0.2)}
 _NAMES: Final = ("x", "y", "z")
-# A few thousand draws show what breaks; the cases bound themselves by the error that goes with that.
+# A few thousand draws show what breaks; the bound of a case is the error that so many draws leave.
 _SAMPLING: Final = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**15, first_draws=2**12)
 _SOBOL_DRAWS: Final = 2**9
 
@@ -131,7 +131,7 @@ def _without_moments() -> tuple[NumericCase | OutcomeCase, ...]:
 
 
 def _weighted(*, monte_carlo: bool) -> tuple[Callable[..., float], Callable[..., Stated]]:
-    """Half width of a weighted sum of normals: by Cholesky as usual, and as this package propagates it."""
+    """Half width of a weighted sum of normals: by a Cholesky factor, and as this package propagates it."""
 
     def naive(weights: tuple[float, ...], covariance: FloatArray) -> float:
         return float(np.linalg.norm(np.linalg.cholesky(covariance).T @ np.array(weights)))
@@ -153,7 +153,7 @@ def _weighted(*, monte_carlo: bool) -> tuple[Callable[..., float], Callable[...,
 
 
 def _singular() -> tuple[NumericCase, ...]:
-    """Correlations of ±1, and a covariance that is singular but for rounding."""
+    """Correlations of ±1, and a covariance that is singular up to rounding."""
     plus, minus = ({"xx": 0.01, "xy": sign * 0.01, "yy": 0.01} for sign in (1.0, -1.0))
     dependent = {"xx": 0.01, "xy": 0.003, "yy": 0.09}
     tiers = ((False, "linear"), (True, "Monte Carlo"))
@@ -190,12 +190,12 @@ def _pair(xx: float, xy: float, yy: float) -> FloatArray:
 
 
 def _sum_as_third(xx: float, xy: float, yy: float) -> FloatArray:
-    """Covariance of x, y and x + y: its rank is two, and rounding makes its least eigenvalue negative."""
+    """Covariance of x, y and x + y: its rank is two, and rounding makes its smallest eigenvalue negative."""
     return np.array([[xx, xy, xx + xy], [xy, yy, xy + yy], [xx + xy, xy + yy, xx + 2.0 * xy + yy]])
 
 
 def _scales() -> tuple[OutcomeCase, ...]:
-    """Outputs whose squares no longer fit into a double."""
+    """Outputs whose squares underflow or overflow in double precision."""
 
     def naive(scale: float) -> Callable[[], str]:
         draws = np.random.default_rng(0).normal(0.0, 1.0, 1000) * scale
@@ -252,7 +252,7 @@ def _scales() -> tuple[OutcomeCase, ...]:
 
 
 def _failing() -> tuple[OutcomeCase, ...]:
-    """Draws without a rank, one draw, an output that is not a number among those of Sobol indices."""
+    """Only failed draws, a single draw, and Sobol indices of outputs that include NaN."""
 
     def naive_sobol() -> str:
         from scipy.stats import norm, sobol_indices
@@ -286,7 +286,7 @@ def _failing() -> tuple[OutcomeCase, ...]:
         ),
         OutcomeCase(
             name="one draw",
-            law="one value is no distribution",
+            law="one value does not make a distribution",
             naive=lambda: _quietly(lambda: f"standard deviation {np.std([1.0], ddof=1)}"),
             ours=lambda: _answer(lambda: str(Empirical(draws=np.array([1.0])))),
             expected=("empirical draws", "at least two"),
@@ -302,7 +302,7 @@ def _failing() -> tuple[OutcomeCase, ...]:
 
 
 def _degenerate() -> tuple[OutcomeCase, ...]:
-    """No variance at all, and an ensemble of walkers that stays apart."""
+    """No variance at all, and an ensemble of walkers stuck in a mode of its own."""
 
     def naive_constant() -> str:
         outputs = np.full(1000, 3.0)
@@ -327,14 +327,14 @@ def _degenerate() -> tuple[OutcomeCase, ...]:
     return (
         OutcomeCase(
             name="an output without variance",
-            law="there is no variance to share out",
+            law="without variance there are no shares of it",
             naive=naive_constant,
             ours=constant,
             expected=("nan", "does not vary"),
         ),
         OutcomeCase(
             name="an ensemble of walkers in a mode of its own",
-            law="the draws are not believed, and the ensemble is named",
+            law="the draws are rejected, and the ensemble is named",
             naive=lambda: f"mean {float(np.mean(chains())):.3g}, from {chains().size} draws",
             ours=stuck,
             expected=("not converged", "ensembles disagree", "(1,)"),
@@ -343,14 +343,14 @@ def _degenerate() -> tuple[OutcomeCase, ...]:
 
 
 def _quietly(ask: Callable[[], str]) -> str:
-    """What is answered without the warnings, of which the usual way is full."""
+    """The answer, without the many warnings of the textbook method."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return ask()
 
 
 def _answer(ask: Callable[[], str]) -> str:
-    """What is answered, or how it is refused."""
+    """The answer, or the message of its refusal."""
     try:
         return ask()
     except TradestudyError as error:

@@ -1,4 +1,4 @@
-"""Hard cases of study files: extreme but legal values, and files made to exhaust or to leave the machine's bounds."""
+"""Hard cases of study files: extreme but legal values, and files made to exhaust the machine or to reach outside."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SCENE: Final = "{distances: [1 m, 2 m], wavelength: 550 nm}"
 def study(
     *, name: str = "hard", cameras: str = f"{{rig: {_CAMERA}}}", scene: str = _SCENE, title: str = "T", more: str = ""
 ) -> str:
-    """A small legal study with one part made hard."""
+    """A small legal study with one hard part."""
     return f"format: 2\nstudy: {name}\ntitle: {title}\nquestion: Q\ncameras: {cameras}\nscene: {scene}\n{more}\n"
 
 
@@ -67,8 +67,8 @@ def _too_much() -> tuple[OutcomeCase, ...]:
             "larger than 1 MB",
         ),
         _case(
-            "two hundred brackets in each other",
-            "refused at the depth that no study needs",
+            "two hundred nested brackets",
+            "refused beyond the depth that any study needs",
             study(more="sweep: " + "[" * 200 + "]" * 200),
             "refused",
             "nested more than",
@@ -82,7 +82,7 @@ def _too_much() -> tuple[OutcomeCase, ...]:
         ),
         _case(
             "an anchor inside itself",
-            "refused: it has no end",
+            "refused: its expansion is endless",
             study(more="sweep: &s {a: *s}"),
             "refused",
             "without end",
@@ -97,22 +97,24 @@ def _outward() -> tuple[OutcomeCase, ...]:
         *(
             _case(
                 f"a study called {name if len(name) < 20 else 'by 200 letters'}",
-                "its name is that of its folder",
+                "the name of a study names its folder",
                 study(name=name),
                 "refused",
             )
             for name in names
         ),
-        _case("a camera called '../../etc'", "names are names", study(cameras=inside), "refused", "this is no name"),
+        _case(
+            "a camera called '../../etc'", "refused: not a name", study(cameras=inside), "refused", "this is no name"
+        ),
         _case(
             "a camera from a file outside",
-            "another file is read as a camera or refused, and not shown",
+            "read as a camera or refused; its content is never shown",
             study(cameras="{rig: {from: ../../../../../../../../etc/passwd}}"),
             "refused",
         ),
         _case(
             "a camera from a device",
-            "refused: it could go on for ever",
+            "refused: it could be endless",
             study(cameras="{rig: {from: /dev/zero}}"),
             "refused",
             "not a regular file",
@@ -133,7 +135,7 @@ def _not_what_they_seem() -> tuple[OutcomeCase, ...]:
         _case("the title 'no'", "YAML 1.2 has no Norway problem", study(title="no"), "accepted"),
         _case(
             "a wavelength of 1e400 m",
-            "a number beyond all is refused, not infinite",
+            "an overflowing number is refused, not read as infinite",
             study(scene="{distances: [1 m, 2 m], wavelength: 1e400 m}"),
             "refused",
         ),
@@ -148,7 +150,7 @@ def _not_what_they_seem() -> tuple[OutcomeCase, ...]:
 
 
 def _checked(text: str) -> str:
-    """What our reader says of a text, from a file in a folder of its own; slow or untidy is wrong whatever it says."""
+    """Our reader's answer to a text in a file; wrong if it takes too long or leaves other files behind."""
     with tempfile.TemporaryDirectory(prefix="tradestudy-") as folder:
         path = Path(folder) / "study.yaml"
         path.write_text(text, encoding="utf-8")
@@ -162,7 +164,7 @@ def _checked(text: str) -> str:
 
 
 def _check(path: Path) -> str:
-    """What `check` makes of a study file: a count of what it holds, or its first mistakes."""
+    """The answer of `check` to a study file: the number of cameras and distances, or its first mistakes."""
     try:
         definition = load_definition(path)
     except StudyError as error:
@@ -172,7 +174,7 @@ def _check(path: Path) -> str:
 
 
 def _plainly(text: str) -> str:
-    """What a parser alone makes of a text: how many values it would hand on, or how it ends."""
+    """The answer of a plain YAML parser: the number of values that it returns, or its exception."""
     from ruamel.yaml import YAML
 
     try:
@@ -182,15 +184,15 @@ def _plainly(text: str) -> str:
     except Exception as error:
         return _short(f"{type(error).__name__}: {' '.join(str(error).split())}")
     count = _count(loaded, {})
-    return f"takes it: {count:.3g} values" if count >= 1e6 else f"takes it: {count} values"
+    return f"accepted: {count:.3g} values" if count >= 1e6 else f"accepted: {count} values"
 
 
 def _count(value: Any, known: dict[int, float]) -> float:
-    """Values in a structure whose parts are shared, each counted as often as it is used; endless ones are infinite."""
+    """Number of values in a structure, shared parts counted at each use; infinite for one that contains itself."""
     if not isinstance(value, dict | list):
         return 1
     if id(value) not in known:
-        known[id(value)] = float("inf")  # while it is open it contains itself
+        known[id(value)] = float("inf")  # holds if it meets itself before it is counted
         parts = value.values() if isinstance(value, dict) else value
         known[id(value)] = 1 + sum(_count(part, known) for part in parts)
     return known[id(value)]

@@ -1,4 +1,4 @@
-"""Hard cases of the thin lens and of the relay behind it: far objects, the focal plane, an image on the array."""
+"""Hard cases of the thin lens and the relay behind it: far objects, the focal plane, an image on the array."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ EQUATION_8: Final = Law(name="depth from two micro-images, eq. 8", naive=_naive_
 _R5 = {"baseline": 126.5e-6, "z": 14.773e-3, "gap": 0.568e-3, "f": 12.5e-3}
 # Where the main lens focuses an infinitely distant point: s = 0.
 _INFINITE = _R5["gap"] * _R5["baseline"] / (_R5["z"] - _R5["f"])
-# Lengths that binary numbers hold exactly, so that one ulp is the whole distance from the array.
+# Lengths that are exact in binary, so that one ulp is the whole distance from the array.
 _ON_ARRAY = {"a": 3.0 * 0.078125, "z": 1.5 * 0.078125, "f": 0.078125}
 
 

@@ -1,4 +1,4 @@
-"""Hard cases of the stereo rig: disparity zero and beyond, turned axes, a baseline that vanishes, parallel rays."""
+"""Hard cases of the stereo rig: zero and negative disparity, rotated axes, vanishing baselines, parallel rays."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DEPTH: Final = Law(
     naive=lambda disparity, baseline, f: f * baseline / np.float64(disparity),
     ours=lambda disparity, baseline, f: stereo_depth(disparity, baseline, f),
 )
-# A yaw of θ between the axes is usually added to the disparity as f θ.
+# Textbooks add a yaw of θ between the axes to the disparity as f θ.
 TURNED_DEPTH: Final = Law(
     name="depth with axes at an angle",
     naive=lambda disparity, baseline, f, angle: f * baseline / (np.float64(disparity) + f * angle),
@@ -33,7 +33,7 @@ TURNED_DISPARITY: Final = Law(
 
 
 def _naive_midpoint(left: float, right: float, baseline: float) -> FloatArray:
-    """The usual solution of the normal equations, by scalar products."""
+    """The textbook solution of the normal equations, by scalar products."""
     u, v = np.array([left, 0.0, 1.0]), np.array([right, 0.0, 1.0])
     offset = np.array([baseline, 0.0, 0.0])
     a, b, c, d, e = u @ u, u @ v, v @ v, u @ offset, v @ offset
@@ -67,12 +67,12 @@ def _rays(name: str, left: float, right: float) -> NumericCase:
 
 
 def _pole(step: float) -> OutcomeCase:
-    """Depth where the yaw has turned the rays parallel, and one ulp to either side."""
+    """Depth at the yaw that makes the rays parallel, and one ulp to either side of it."""
     angle = {0: _POLE, 1: math.nextafter(_POLE, 0.0), -1: math.nextafter(_POLE, -1.0)}[int(step)]
     disparity, baseline, f = _AT_TEN_METRES, _RIG["baseline"], _RIG["f"]
     return OutcomeCase(
         name=f"yaw pole{ {0: '', 1: ', one ulp inside', -1: ', one ulp outside'}[int(step)] }",
-        law="a ray that meets no other has infinite depth, never a negative one",
+        law="rays that do not meet have infinite depth, never negative depth",
         naive=lambda: _words(f * baseline / (disparity + f * angle)),
         ours=lambda: _words(float(stereo_depth(disparity, baseline, f, convergence_angle=angle))),
         expected=("in front",),
