@@ -1,4 +1,4 @@
-"""Two cameras as a calibration found them: what depth is read with in place of a design."""
+"""A calibrated pair of cameras, which reads depth in place of the design."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from tradestudy.optics.lens_models.lens_model import LensModel
 from tradestudy.optics.lens_models.rational import IDEAL
 
 Lenses = tuple[LensModel, LensModel]
-"""Of the left camera and of the right one."""
+"""Lens models of the left and the right camera."""
 PINHOLES: Final[Lenses] = (IDEAL, IDEAL)
 RADIAL: Final = ("k1", "k2")
-"""The coefficients that are parameters of a camera unless others are named."""
+"""The coefficients that are parameters of a camera by default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,13 +22,13 @@ class CalibratedPair:
     Parameters
     ----------
     parameters
-        Of the left camera and of the right one: focal lengths and principal point [px], and coefficients of its lens
+        For the left and then the right camera: focal lengths and principal point [px], and coefficients of its lens
         model [1, rad]. Then the rotation vector [rad] and the translation [m] from the left camera's frame to the right
-        one's, as `calibration.projection` takes them.
+        one's, as `calibration.projection` expects them.
     lenses
         Lens models of both cameras.
     free
-        Which coefficients are among the parameters, and can be in error: those of these names in both cameras.
+        Names of the coefficients, of both cameras, that are parameters and can be in error.
     """
 
     parameters: tuple[float, ...]

@@ -1,4 +1,4 @@
-"""What is uncertain about one camera, and how that is propagated to depth."""
+"""The uncertainty of one camera's calibration, and how it is propagated to depth."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:  # whoever draws errors has loaded it
     from tradestudy.uncertainty.sources import Group
 
 Reading = Callable[[FloatArray, Field, Errors, Environment | None], InverseDepthReading]
-"""Inverse depths that a camera reads at true distances [m], at a place in the field, under given errors."""
+"""Inverse depths that a camera reads at true distances [m] and a place in the field, with given errors."""
 PropagationModel = Literal["off", "linear", "exact"]
 SourceName = Literal["errors", "target", "corners", "posterior"]
 ONE_SIGMA: Final = 0.6826894921370859
-"""Content of the central interval whose half width is the depth uncertainty."""
+"""Probability in the central interval whose half width is the depth uncertainty."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,18 +31,18 @@ class Calibration:
     Parameters
     ----------
     groups
-        Independent groups of parameters, under the names of the camera's vocabulary (or of ``vocabulary``); what has
-        aged since stands beside them with ``ageing_`` before its name, and session changes under their own names.
+        Independent groups of parameters, named as in the camera's vocabulary (or in ``vocabulary``). Ageing since the
+        calibration has the parameter's name with ``ageing_`` before it; session changes have names of their own.
     environment
-        How the camera answers to temperature and pressure; None: not at all.
+        How the camera responds to temperature and pressure; None if it does not.
     source
-        Where the distribution comes from.
+        Source of the distribution.
     reading
-        The exact model that the parameters belong to, where the source brings its own; None: the camera's.
+        The exact model that the parameters belong to, if the source has its own; None for the camera's.
     vocabulary
-        The parameters of that model; None: the camera's.
+        The parameters of that model; None for the camera's.
     inferred
-        False while the posterior of a target or of corners is not known yet: then ``groups`` is empty.
+        False until the posterior of a target or of corners is known; until then, ``groups`` is empty.
     """
 
     groups: tuple[Group, ...] = ()
@@ -53,7 +53,7 @@ class Calibration:
     inferred: bool = True
 
     def errors(self, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        """Draws by the names of the camera's model: what has aged is added to what it was."""
+        """Draws by the parameter names of the camera's model, with ageing added to the parameters."""
         found = {name: value for name, value in values.items() if not name.startswith(AGEING)}
         for name, value in values.items():
             if name.startswith(AGEING):
@@ -63,7 +63,7 @@ class Calibration:
 
 
 PERFECT: Final = Calibration()
-"""Nothing is uncertain but the noise of a measurement."""
+"""A calibration without errors: only measurement noise is uncertain."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,20 +73,20 @@ class Propagation:
     Parameters
     ----------
     model
-        ``off``: noise alone stands for the whole. ``linear``: the covariance of all parameters through the Jacobian of
-        the exact reading to inverse depth, counted in deviations of the noise, at which the ends of intervals are read.
-        ``exact``: scrambled Sobol draws through the exact reading. Calibration alone is linear where it is left out of
-        the whole.
+        ``off``: the total uncertainty is that of noise alone. ``linear``: the Jacobian of the exact reading propagates
+        the covariance of all parameters to inverse depth; its standard deviation over that by noise alone scales the
+        noise at which interval ends are read. ``exact``: scrambled Sobol draws go through the exact reading. With
+        ``off``, the uncertainty by calibration alone is linear.
     seed
-        Of the draws.
+        Seed of the draws.
     tolerance
-        Relative error that the sampling of a reported half width may leave.
+        Relative sampling error allowed in a reported half width.
     max_draws
-        Most draws for each camera, place in the field and way, over all scrambles.
+        Largest number of draws over all scrambles, for each camera, place in the field and way.
     coverages
-        Contents of the central intervals that are reported; the first is that of the depth uncertainty.
+        Coverage of the central intervals that are reported; the first is that of the depth uncertainty.
     judged
-        Distances [m] at which the number of draws is settled.
+        Distances [m] that decide the number of draws.
     """
 
     model: PropagationModel = "linear"
@@ -98,10 +98,10 @@ class Propagation:
 
     @property
     def probabilities(self) -> tuple[float, ...]:
-        """Of the quantiles that are reported: the ends of every interval and the median, rising."""
+        """Probabilities of the reported quantiles: the ends of every interval and the median, rising."""
         low = sorted((1.0 - coverage) / 2.0 for coverage in self.coverages)
         return (*low, 0.5, *(1.0 - p for p in reversed(low)))
 
 
 LINEAR: Final = Propagation()
-"""The cheapest way, and the default coverages."""
+"""The cheapest model, with default coverages."""

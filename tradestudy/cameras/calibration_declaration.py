@@ -1,4 +1,4 @@
-"""What studies declare of a calibration: the errors of a camera, their source, and what has happened since."""
+"""The declaration of a calibration: the errors of a camera, their source, and changes since the calibration."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ SquareSizeUncertainty = Annotated[float, *quantity(units.FRACTION, at_least=0.0,
 
 _OF_UNIT: Final = {"m": LengthDistribution, "rad": AngleDistribution, "1": NumberDistribution}
 _SOURCES: Final[tuple[SourceName, ...]] = ("corners", "target", "posterior")
-_ROUNDING: Final = 1e-9  # of correlations written with nine digits, as for draws
+_ROUNDING: Final = 1e-9  # of correlations written with nine digits, as in files of draws
 
 
 class ErrorsPart(Part):
     """Errors of a camera's parameters by name, each with its distribution."""
 
     def given(self) -> dict[str, AnyDistribution]:
-        """Those that are given, by name."""
+        """The declared errors by name."""
         return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}
 
 
@@ -53,29 +53,29 @@ class CalibratedAtPart(Part):
 
 
 class StabilityPart(Part):
-    """What has happened since the calibration; what is left out has not changed."""
+    """Changes since the calibration; by default, none."""
 
     temperature: TemperatureDistribution | None = Field(default=None, description="Change since the calibration.")
     pressure: PressureDistribution | None = Field(default=None, description="Change since the calibration.")
     color: LengthDistribution | None = Field(
-        default=None, description="Focal length in the color of the object less that in the color of the target."
+        default=None, description="Focal length in the color of the object minus that in the color of the target."
     )
     ageing: ErrorsPart = Field(
-        default_factory=ErrorsPart, description="What has been added to the error of a parameter since."
+        default_factory=ErrorsPart, description="Errors of parameters added since the calibration."
     )
     calibrated_at: CalibratedAtPart = Field(
         default_factory=CalibratedAtPart, description="Default: 20 degC and 1013.25 hPa."
     )
     housing_expansion: ThermalExpansion | None = Field(
-        default=None, description="Linear expansion of what holds the parts apart; temperature needs it."
+        default=None, description="Linear thermal expansion of the housing between the parts; temperature needs it."
     )
     focal_length_expansion: ThermalExpansion | None = Field(
         default=None, description="Relative change of the focal length per kelvin; temperature needs it."
     )
     glass_index: Annotated[float, Field(gt=1.1, lt=5.0)] | None = Field(
         default=None,
-        description="Refractive index of the lens taken as one glass: it says what the air around it does to the focal "
-        "length; temperature and pressure need it.",
+        description="Refractive index of the lens, taken as one glass: it decides how the surrounding air changes the "
+        "focal length; temperature and pressure need it.",
     )
 
     @model_validator(mode="after")
@@ -108,39 +108,39 @@ class StabilityPart(Part):
 
 
 class CornersPart(Part):
-    """A measured calibration: corners of a board that both cameras of the rig saw."""
+    """A measured calibration: corners of a board seen by both cameras of the rig."""
 
-    file: Text = Field(description="CSV of corners, beside the file that holds this.")
+    file: Text = Field(description="CSV file of corners, relative to this file.")
     lens_model: FittedLensModel | None = Field(
         default=None, description="Lens model of both cameras; left out: radial distortion with k1 and k2."
     )
     compared_with: Annotated[tuple[FittedLensModel, ...], Field(max_length=10)] = Field(
-        default=(), description="Other lens models to fit: whether the corners support them, what they change in depth."
+        default=(), description="Other lens models to fit, to see if the corners support them and how depth changes."
     )
     square_size_uncertainty: SquareSizeUncertainty = Field(
         default=0.0, description="Relative standard deviation of the size of the squares, which no corner reveals."
     )
-    max_steps: MostSteps = Field(default=20_000, description="Most steps of each sampler of the posterior.")
+    max_steps: MostSteps = Field(default=20_000, description="Largest number of steps of each posterior sampler.")
 
 
 class PosteriorPart(Part):
     """A saved calibration: a covariance or joint draws."""
 
-    file: Text = Field(description="CSV or NetCDF, beside the file that holds this.")
+    file: Text = Field(description="CSV or NetCDF file, relative to this file.")
 
 
 class CalibrationPart(Part):
-    """The calibration of a camera: its errors, at most one source that they are known from, and its stability."""
+    """The calibration of a camera: its errors, at most one source of them, and its stability."""
 
     camera: ClassVar[type[DepthCamera]]
     kind: ClassVar[str]
 
     errors: ErrorsPart = Field(
         default_factory=ErrorsPart,
-        description="Without a source, all that is in error; with one, the priors and what it does not determine.",
+        description="Without a source, all errors; with one, the priors and the errors that it does not determine.",
     )
     correlations: dict[str, dict[str, Correlation]] = Field(
-        default={}, description="Between any two errors, of their normal scores; each pair once."
+        default={}, description="Correlations between the normal scores of two errors; each pair once."
     )
     corners: CornersPart | None = None
     target: TargetPart | None = None
@@ -149,7 +149,7 @@ class CalibrationPart(Part):
 
     @property
     def source(self) -> SourceName:
-        """Where the errors are known from."""
+        """The source of the errors' distribution."""
         return next((name for name in _SOURCES if getattr(self, name) is not None), "errors")
 
     @model_validator(mode="after")
@@ -168,7 +168,7 @@ class CalibrationPart(Part):
         elif self.corners is not None and self.errors.given():
             what = (
                 "corners determine every parameter of the rig; leave errors out (null takes inherited ones back), and "
-                "put what has changed since under stability"
+                "put changes since the calibration under stability"
             )
             yield MistakeAt(("errors",), what)
         if self.target is not None:
@@ -177,7 +177,7 @@ class CalibrationPart(Part):
     def _mistakes_of_priors(self) -> Iterator[MistakeAt]:
         given = self.errors.given()
         if not given:
-            yield MistakeAt(("target",), "needs errors: the priors of what it is to determine")
+            yield MistakeAt(("target",), "needs errors: the priors of the parameters that it determines")
         known = self.camera.error_vocabulary
         priors = {name for name in given if known[name].error_class is ErrorClass.RIG}
         for name in given:
@@ -187,7 +187,8 @@ class CalibrationPart(Part):
         for name, others in self.correlations.items():
             if priors & {name, *others}:
                 what = (
-                    "priors of a target are independent, it finds their correlation; null takes an inherited one back"
+                    "priors of a target are independent, since it finds their correlation; leave this out (null takes "
+                    "an inherited one back)"
                 )
                 yield MistakeAt(("correlations", name), what)
 
@@ -202,7 +203,7 @@ class CalibrationPart(Part):
                 elif pair in seen:
                     wrong.append(MistakeAt(path, f"{second} with {first} is given already; each pair once"))
                 elif pair <= given.keys() and (classes := self._classes(first, second)) is not None:
-                    wrong.append(MistakeAt(path, f"what is drawn {classes} cannot be correlated"))
+                    wrong.append(MistakeAt(path, f"errors drawn {classes} cannot be correlated"))
                 seen.add(pair)
         yield from wrong or _indefinite(self.correlations)
 
@@ -213,13 +214,13 @@ class CalibrationPart(Part):
                     yield MistakeAt(path, f"{name!r} is not among the errors of this camera{nearest_name(name, given)}")
 
     def _classes(self, first: str, second: str) -> str | None:
-        """How often each of two parameters is drawn, where that differs."""
+        """How often each of two parameters is drawn; None where both are drawn equally often."""
         one, other = (self.camera.error_vocabulary[name].error_class for name in (first, second))
-        return None if one is other else f"{one.value} and what is drawn {other.value}"
+        return None if one is other else f"{one.value} and errors drawn {other.value}"
 
 
 def correlated(correlations: Mapping[str, Mapping[str, float]]) -> list[tuple[str, ...]]:
-    """Errors that are tied to each other, directly or through others, as groups in the order of their first one."""
+    """Groups of errors correlated with each other, directly or through others, in the order of their first one."""
     groups: list[list[str]] = []
     for first, others in correlations.items():
         joined = [group for group in groups if {first, *others} & set(group)]
@@ -243,15 +244,15 @@ def correlation_matrix(
 
 
 def _indefinite(correlations: Mapping[str, Mapping[str, float]]) -> Iterator[MistakeAt]:
-    """Groups whose correlations no distribution can have."""
+    """Mistakes for groups whose correlation matrix is not positive semidefinite."""
     for names in correlated(correlations):
         smallest = float(np.linalg.eigvalsh(correlation_matrix(names, correlations))[0])
         if smallest < -len(names) * _ROUNDING:
             yield MistakeAt(
                 ("correlations", next(name for name in correlations if name in names)),
-                f"no errors are correlated like this: the matrix of {', '.join(names)} has the eigenvalue "
-                f"{smallest:.3g}; at least 0 is expected. Declare the pairs that are missing, for a pair that is left "
-                "out is uncorrelated, or bring the correlations nearer to 0",
+                f"errors cannot be correlated like this: the matrix of {', '.join(names)} has the eigenvalue "
+                f"{smallest:.3g}; at least 0 is expected. Declare the missing pairs, since a pair left out is "
+                "uncorrelated, or reduce the correlations",
             )
 
 
@@ -261,9 +262,9 @@ def calibration_part(camera: type[DepthCamera], kind: str) -> type[CalibrationPa
     Parameters
     ----------
     camera
-        The kind; the noise of its measurements is declared as its disparity error.
+        Class of the cameras; the noise of their measurements is declared as their disparity error instead.
     kind
-        What studies call it.
+        Name of the kind in study files.
     """
     title = "".join(word.capitalize() for word in kind.split("-"))
     fields: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""What every camera tells of itself, whether it measures depth or not; the rest of the program asks nothing else."""
+"""The interface of all cameras, whether or not they measure depth; the rest of the program uses nothing else."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ Properties = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True, kw_only=True)
 class Camera(ABC):
-    """A camera: pixels, a lens that gathers light, and a focus. One that measures depth is a `DepthCamera` too.
+    """A camera: pixels, a lens that gathers light, and a focus. Cameras that measure depth are `DepthCamera`s.
 
     Parameters
     ----------
     sensor
-        Of each of its pictures.
+        The sensor that takes each of its pictures.
     """
 
     family: ClassVar[str]
-    """Which idea it is; reports compare cameras of one family side by side."""
+    """Its working principle; reports compare cameras of one family side by side."""
     corners_calibrate: ClassVar[bool] = False
-    """Whether the corners of a board in its pictures calibrate it as two cameras."""
+    """Whether corners of a board in its pictures can calibrate it as a pair of cameras."""
     lens_count: ClassVar[int] = 1
-    """How many equal lenses take a picture at the same time."""
+    """Number of equal lenses that take a picture at the same time."""
 
     sensor: Sensor
 
@@ -52,57 +52,57 @@ class Camera(ABC):
     @property
     @abstractmethod
     def focus(self) -> Focus:
-        """What it keeps sharp."""
+        """Its focus, which decides what is sharp."""
 
     @abstractmethod
     def properties(self) -> Properties:
-        """Name and value of what follows from the inputs, in reading order."""
+        """Names and values of derived properties, in reading order."""
 
     @abstractmethod
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:
-        """Hold over-determined inputs against each other, to a relative ``tolerance`` of depth."""
+        """Check over-determined inputs against each other, to a relative ``tolerance`` of depth."""
 
     @abstractmethod
     def depth_behind_lens(self, nearest: float) -> float:
-        """Principal plane to sensor [m] where the scene asks for a focus as near as ``nearest`` [m]."""
+        """Distance from principal plane to sensor [m] when focused as near as the scene requires, ``nearest`` [m]."""
 
     @property
     def makes_depth_map(self) -> bool:
-        """Whether a depth map comes out of the exposures of one scene."""
+        """Whether the exposures of one scene give a depth map."""
         return True
 
     @property
     def separation(self) -> float:
-        """How far its parts stand apart across the line of sight [m]; 0 for what looks through one lens."""
+        """Distance of its parts across the line of sight [m]; 0 for cameras with one lens."""
         return 0.0
 
     @property
     def view_baseline(self) -> float:
-        """Distance [m] of the two views farthest apart that depth is taken from; 0 for a single image."""
+        """Largest distance [m] between two views that depth is measured from; 0 for a single image."""
         return self.separation or (self.gathering_lens.pupil_diameter if self.makes_depth_map else 0.0)
 
     @property
     def takes_stack(self) -> bool:
-        """Whether it takes several images one after another, each at a focus of its own."""
+        """Whether it takes several images one after another, each with its own focus."""
         return False
 
     @property
     def time_per_image(self) -> float | None:
-        """From one image of a stack to the next [s]; None where it is not known."""
+        """Time from one image of a stack to the next [s]; None if unknown."""
         return None
 
     def microlenses_seeing(self, distance: FloatArray) -> FloatArray:
-        """Mean number of microlenses that see a point at distances [m]; NaN for a camera without."""
+        """Mean number of microlenses that see a point at distances [m]; NaN for cameras without microlenses."""
         return np.full_like(distance, math.nan)
 
     @property
     def elements(self) -> int:
-        """How many parts of it have an error each of their own, such as microlenses."""
+        """Number of parts with individual errors, such as microlenses."""
         return 0
 
     def exposures(
         self,
-        reference_distance: float,  # noqa: ARG002 - none unless the kind has some
+        reference_distance: float,  # noqa: ARG002 - kinds that take pictures use it
         errors: Errors,  # noqa: ARG002 - as above
         environment: Environment | None,  # noqa: ARG002 - as above
         stop_separation: float,  # noqa: ARG002 - as above
@@ -112,22 +112,22 @@ class Camera(ABC):
         Parameters
         ----------
         reference_distance
-            Of the middle of the scene [m]: what refocuses is focused there.
+            Distance of the middle of the scene [m]; cameras that refocus are focused there.
         errors
-            What the camera is less its design, by the names of its vocabulary and of `SESSION_PARAMETERS`; those that
-            every element has of its own have shape (elements, 2).
+            Deviations of the camera from its design, by the names of its vocabulary and of `SESSION_PARAMETERS`;
+            individual errors of elements have shape (elements, 2).
         environment
-            How it answers to its surroundings; None: not at all.
+            How the camera responds to its surroundings; None if it does not.
         stop_separation
-            Of a second stop before the lens, which cuts the pupil away from the axis [m]; 0: there is none.
+            Distance of a second stop before the lens, which vignettes off axis [m]; 0 for none.
 
         Raises
         ------
         OutOfRangeError
-            Where pictures of this kind of camera, or with such errors, cannot be rendered.
+            If pictures of this kind of camera, or with such errors, cannot be rendered.
         """
         raise OutOfRangeError(
-            "no pictures of this kind of camera can be rendered", remedy="leave it out of scene.image with cameras: […]"
+            "pictures of this kind of camera cannot be rendered", remedy="leave it out of scene.image with cameras: […]"
         )
 
     @property

@@ -1,4 +1,4 @@
-"""Over-determined inputs held against each other: what a source states and what its other values imply."""
+"""Checks of over-determined inputs: the values that a source states against those that its other values imply."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tradestudy.units import ANGLE, ELECTRONS, LENGTH, PHOTONS, Dimension, prett
 if TYPE_CHECKING:  # pydantic is not needed to compute with a camera
     from tradestudy.cameras.stated_declaration import StatedPart
 
-# Values printed with three or four digits agree better than this.
+# Values printed with three or four digits agree within this.
 PRINTED_TOLERANCE = 5e-3
 _ANGLE_TOLERANCE = 1e-3
 
@@ -29,7 +29,7 @@ class Contradiction:
 
 
 def lens_contradictions(lens: Lens, sensor: Sensor, stated: StatedPart | None) -> list[Contradiction]:
-    """What is stated of field of view, hyperfocal distance and sensitivity, against focal length, aperture, sensor."""
+    """Check stated field of view, hyperfocal distance and sensitivity against focal length, aperture and sensor."""
     if stated is None:
         return []
     found = _sensitivity_contradictions(sensor, stated.absolute_sensitivity_threshold)
@@ -59,7 +59,7 @@ def lens_contradictions(lens: Lens, sensor: Sensor, stated: StatedPart | None) -
 
 
 def digitiser_contradictions(sensor: Sensor, full_well: float, bits: int) -> list[Contradiction]:
-    """A full well [electrons] that the system gain carries beyond the last digital number."""
+    """Check that the system gain maps the full well [electrons] to at most the last digital number."""
     gain = sensor.system_gain
     if gain is None or full_well * gain <= 2.0**bits * (1.0 + PRINTED_TOLERANCE):
         return []
@@ -74,9 +74,9 @@ def digitiser_contradictions(sensor: Sensor, full_well: float, bits: int) -> lis
 
 
 def _sensitivity_contradictions(sensor: Sensor, stated: float | None) -> list[Contradiction]:
-    """The threshold ``μ_p.min = (√(σ² + 1/4) + 1/2)/η, σ² = σ_d² + 1/(12 K²)``, or ``(σ + 1/2)/η`` as printed before.
+    """Check the threshold ``μ_p.min = (√(σ² + 1/4) + 1/2)/η, σ² = σ_d² + 1/(12 K²)``, formerly ``(σ + 1/2)/η``.
 
-    Source: EMVA 1288, releases 4.0 and 3.1. Without a quantum efficiency and a dark noise nothing is implied.
+    Source: EMVA 1288, releases 4.0 and 3.1. Nothing is implied without quantum efficiency and dark noise.
     """
     efficiency, dark = sensor.quantum_efficiency, sensor.temporal_dark_noise
     if stated is None or efficiency is None or dark is None:
@@ -96,5 +96,5 @@ def _sensitivity_contradictions(sensor: Sensor, stated: float | None) -> list[Co
 
 
 def show(value: float, dimension: Dimension) -> str:
-    """A value with as many digits as tell contradicting ones apart."""
+    """A value with enough digits to distinguish contradictory values."""
     return pretty(value, dimension, digits=4)

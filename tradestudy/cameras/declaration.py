@@ -1,4 +1,4 @@
-"""What studies declare of every kind of camera: lens, sensor, errors, and how well disparity is measured."""
+"""The parts of every camera's declaration: lens, sensor, attributes, and the precision of disparity."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ PixelCount = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 
 
 class LensPart(Part):
-    """A lens: its focal length, or the field of view that gives it, and its f-number."""
+    """A lens: its focal length or field of view, and its f-number."""
 
     ways: ClassVar[tuple[int, ...]] = (1,)
-    """How many ways to its focal length a lens may give."""
+    """How many of focal length and field of view a lens may give."""
 
     focal_length: FocalLengthOrPixels | None = Field(
         default=None, description="Focal length f; in px, as calibrations give it, it counts pixel pitches."
@@ -57,7 +57,7 @@ class LensPart(Part):
         default=None, description="Full angle when focused at infinity, instead of a focal length."
     )
     across: Literal["width", "diagonal"] = Field(
-        default="width", validate_default=True, description="What of the sensor the field of view covers."
+        default="width", validate_default=True, description="The extent of the sensor that the field of view covers."
     )
     f_number: FNumber = Field(description="Focal length over pupil diameter.")
 
@@ -72,11 +72,11 @@ class LensPart(Part):
         return self
 
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
-        """As of every part; what the field of view covers is assumed only where there is one."""
+        """As for every part, but `across` is an assumption only if a field of view is given."""
         yield from (one for one in super().assumed() if one[0] != ("across",) or self.field_of_view is not None)
 
     def lens(self, sensor: Sensor) -> Lens:
-        """In SI, its focal length given or from the field of view on a sensor."""
+        """The lens in SI, with its focal length as given or from the field of view on a sensor."""
         focal_length = self.focal_length
         if isinstance(focal_length, InPixels):
             focal_length = focal_length.pixels * sensor.pixel_pitch
@@ -93,7 +93,7 @@ class SensorPart(Part):
     pixels: tuple[PixelCount, PixelCount] = Field(description="Columns and rows.")
     pixel_pitch: PixelPitch = Field(description="Distance of neighbouring pixel centres.")
     quantum_efficiency: QuantumEfficiency | None = Field(
-        default=None, description="Electrons for a photon (EMVA 1288: η); scene.picture.light.photons needs it."
+        default=None, description="Electrons per photon (EMVA 1288: η); scene.picture.light.photons needs it."
     )
     temporal_dark_noise: NonNegativeElectrons | None = Field(
         default=None, description="EMVA 1288: σ_d; of this sensor, instead of scene.picture.read_noise."
@@ -102,11 +102,11 @@ class SensorPart(Part):
         default=None, description="EMVA 1288: μ_e.sat; of this sensor, instead of scene.picture.full_well."
     )
     system_gain: SystemGain | None = Field(
-        default=None, description="EMVA 1288: K; default: what digitises the full well with all bits."
+        default=None, description="EMVA 1288: K; default: the gain that maps the full well to the full bit depth."
     )
 
     def sensor(self) -> Sensor:
-        """In SI."""
+        """The sensor in SI."""
         return Sensor(
             columns=self.pixels[0],
             rows=self.pixels[1],
@@ -119,7 +119,7 @@ class SensorPart(Part):
 
 
 class DisparityPart(Part):
-    """How well disparity is measured."""
+    """The precision with which disparity is measured."""
 
     disparity_error: PositivePixels | Literal["derived"] = Field(
         description="Standard deviation of one measurement; derived: the Cramér–Rao bound of matching in the picture "
@@ -127,12 +127,12 @@ class DisparityPart(Part):
     )
     error_of: Literal["disparity", "coordinate"] = Field(
         default="disparity",
-        description="Whether the error is that of the disparity or of each image coordinate (× √2).",
+        description="Whether the error is that of the disparity or of each image coordinate (disparity: × √2).",
     )
     discrimination_step: PositivePixels = Field(description="Disparity step of the depth discrimination.")
     matcher: MatcherPart | None = Field(
         default=None,
-        description="What a real matcher adds to a derived error; what is left out is that of scene.picture.matcher.",
+        description="What a real matcher adds to a derived error; keys left out default to scene.picture.matcher.",
     )
 
     @model_validator(mode="after")
@@ -153,7 +153,7 @@ class DisparityPart(Part):
 
     @property
     def declared_error_px(self) -> float | None:
-        """Of the disparity [px], whichever way it was given; None where it is derived."""
+        """Standard deviation of the disparity [px], by either definition; None where it is derived."""
         if self.disparity_error == "derived":
             return None
         return self.disparity_error * (math.sqrt(2.0) if self.error_of == "coordinate" else 1.0)
@@ -164,7 +164,7 @@ class DisparityPart(Part):
         Raises
         ------
         OutOfRangeError
-            A derived error without a picture to derive it from.
+            For a derived error without a picture to derive it from.
         """
         declared = self.declared_error_px
         if declared is not None:
@@ -178,47 +178,46 @@ class DisparityPart(Part):
 
 
 class AttributesPart(Part):
-    """What decides a trade besides curves, declared; what is left out is derived where the other inputs allow it."""
+    """Attributes that decide a trade beside curves; those left out are derived where possible."""
 
     moving_parts: Count | None = Field(
-        default=None, description="Default: one for each lens that is refocused by a mechanism."
+        default=None, description="Number of moving parts; default: one for each lens with a focus mechanism."
     )
-    bits_per_pixel: PositiveCount | None = Field(default=None, description="Of a raw image; data volumes need it.")
+    bits_per_pixel: PositiveCount | None = Field(
+        default=None, description="Bits per pixel of a raw image; data volumes need it."
+    )
     envelope: tuple[PositiveLength, PositiveLength, PositiveLength] | None = Field(
         default=None, description="Length, width and height of the whole instrument."
     )
     others: dict[AttributeName, Annotated[QuantityText, Field(min_length=1, max_length=200)]] = Field(
         default={},
-        description="Anything else worth a row of the comparison: a number with its unit (mass: 380 g), by which "
-        "requirements and trade-offs can go, or words.",
+        description="Anything else worth a row of the comparison: words, or a number with its unit (mass: 380 g) that "
+        "requirements and trade-offs can use.",
     )
 
 
 class CameraDeclaration(Part, ABC):
-    """A camera of a study.
-
-    What a kind adds has a ``kind`` of its own, the name by which studies call it.
-    """
+    """A camera of a study; every kind has its own ``kind``, its name in study files."""
 
     camera: ClassVar[type[Camera]]
-    """What it declares: it tells what is true of every camera of the kind."""
+    """The class of the cameras that it declares."""
     reader: ClassVar[DepthReaderOfKind | None] = None
-    """What measures depth in the pictures of such a camera; None: nothing does."""
+    """Sets up the reader that measures depth in pictures of such a camera; None if there is none."""
     imports: ClassVar[tuple[type, ...]] = ()
-    """What of a calibration file becomes such a camera."""
+    """Types of calibration-file contents that can become such a camera."""
 
-    title: str = Field(default="", max_length=80, description="Name in figures and tables; default: that of its key.")
-    note: str | None = Field(default=None, max_length=2000, description="What a reader should know about it.")
+    title: str = Field(default="", max_length=80, description="Name in figures and tables; default: its key.")
+    note: str | None = Field(default=None, max_length=2000, description="What a reader should know about the camera.")
     stated: StatedPart | None = None
     attributes: AttributesPart = AttributesPart()
     read_as: dict[AttributeName, Text] = Field(
-        default={}, description="How a calibration file was read that this camera comes from: what, and how."
+        default={}, description="How the calibration file of this camera was read: each convention with its meaning."
     )
     kind: str
 
     @classmethod
     def stated_by(cls, imported: Imported) -> Iterator[Stated]:
-        """The values of such a camera that a calibration file gives; `imports` says of what."""
+        """The values of such a camera that a calibration file states; its types are those in `imports`."""
         raise NotImplementedError(imported)
 
     @abstractmethod
@@ -228,12 +227,12 @@ class CameraDeclaration(Part, ABC):
         Parameters
         ----------
         picture_law
-            What a derived disparity error follows; None in a study without a picture.
+            The law of a derived disparity error; None in a study without a picture.
 
         Raises
         ------
         OutOfRangeError
-            Where the parts do not make a camera.
+            If the parts do not make a camera.
         """
 
 
@@ -245,7 +244,7 @@ class DepthCameraDeclaration(CameraDeclaration):
     sensor: SensorPart
     depth: DisparityPart
     calibration: CalibrationPart
-    """Of its kind, see `calibration_part`."""
+    """The calibration part of its kind; see `calibration_part`."""
 
     @abstractmethod
     def design(self, picture_law: DisparityErrorLaw | None) -> DepthCamera:

@@ -1,4 +1,4 @@
-"""What every camera that measures depth can tell, so that a study treats all of them alike."""
+"""The interface of cameras that measure depth, by which a study treats all of them alike."""
 
 from __future__ import annotations
 
@@ -36,20 +36,20 @@ class Limit:
 
 @dataclass(frozen=True, kw_only=True)
 class UsableCriteria:
-    """The bounds of the usable range that a study declares; None leaves a condition out.
+    """The bounds of the usable range that a study declares; None omits a condition.
 
     Parameters
     ----------
     overlap
-        Least share of each stereo image that the other sees too.
+        Smallest share of each stereo image that the other one sees too.
     availability
-        Least share of points for which the estimator's microlenses exist.
+        Smallest share of points for which the estimator's microlenses exist.
     virtual_depth
-        Least the absolute v: 2 is the total covering plane.
+        Smallest absolute virtual depth v: 2 is the total covering plane.
     blur_px
         Largest blur on the sensor [px], of the sharpest microlens type or of the stereo lenses.
     disparity_step_px
-        The disparity step [px] that must still separate the distance from infinity.
+        The disparity [px] by which the distance must at least differ from infinity.
     failed_fraction
         Largest share of measurements that end beyond infinity or are false matches.
     relative_uncertainty
@@ -66,10 +66,10 @@ class UsableCriteria:
 
 
 class DisparityErrorLaw(Protocol):
-    """A disparity error that follows from the picture that a camera takes at a distance.
+    """A disparity error derived from the picture that a camera takes at a distance.
 
-    It is given the camera with every question, so that it stays true when the camera is changed. Places in the field
-    are as of `DepthCamera.read`.
+    Every method takes the camera, so that a law stays valid when the camera is changed. Places in the field are defined
+    as in `DepthCamera.read`.
     """
 
     @property
@@ -86,18 +86,18 @@ class DisparityErrorLaw(Protocol):
         ...
 
     def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
-        """Where a matcher can reach the bound that it follows from."""
+        """Where a matcher can reach the bound from which the error is derived."""
         ...
 
     def margin(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
-        """By how much the nearest condition of `limit` holds; negative where one is broken, NaN without a picture."""
+        """Margin of the tightest condition of `limit`; negative where one is broken, NaN without a picture."""
         ...
 
     def broken_conditions(self, camera: DepthCamera, distance: float) -> tuple[str, ...]:
         """Conditions of `limit` that do not hold at a distance [m], in words."""
 
     def saturation(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
-        """Electrons of the brightest pixels over what a pixel holds: at most 1."""
+        """Electrons of the brightest pixels over the capacity of a pixel: at most 1."""
         ...
 
 
@@ -111,13 +111,13 @@ class DepthCamera(Camera):
     Parameters
     ----------
     disparity_error_px
-        Standard deviation of the disparity of one measurement [samples], the same everywhere or by a law.
+        Standard deviation of the disparity of one measurement [samples], constant or by a law.
     discrimination_step_px
         The disparity step of the depth discrimination [samples].
     calibration
-        The joint distribution of everything else that is uncertain about it.
+        The joint distribution of all other uncertain parameters.
     propagation
-        How that is propagated to depth.
+        How these are propagated to depth.
 
     Raises
     ------
@@ -126,11 +126,11 @@ class DepthCamera(Camera):
     """
 
     method: ClassVar[Method]
-    """How depth follows from its pictures, for readers of a report."""
+    """How depth is measured from its pictures, for readers of a report."""
     error_vocabulary: ClassVar[ErrorVocabulary]
     """Every parameter of its exact model that can be in error, `PIXEL_NOISE` among them."""
     pictured_by_microlenses: ClassVar[bool] = False
-    """Whether microlenses blur the picture that is matched."""
+    """Whether microlenses blur the matched picture."""
 
     disparity_error_px: DisparityError
     discrimination_step_px: float
@@ -143,16 +143,16 @@ class DepthCamera(Camera):
 
     @property
     def calibrated_pair(self) -> CalibratedPair | None:
-        """The calibrated pair that depth is read with; None: the design."""
+        """The calibrated pair that reads depth; None if the design does."""
         return None
 
     def exported(self, fitted: CalibratedPair | None = None) -> ImportedRig | None:  # noqa: ARG002 - of a pair
-        """The camera as calibration files state cameras, or what a fit found of it; None where they have no form."""
+        """The camera, or the pair that a fit found, in the form of calibration files; None if they cannot state it."""
         return None
 
     @property
     def sample_pitch(self) -> float:
-        """Distance of neighbouring samples that disparities count in [m]: the pixel pitch unless the kind differs."""
+        """Distance of neighbouring samples, the unit of disparities [m]: the pixel pitch unless the kind differs."""
         return self.sensor.pixel_pitch
 
     @abstractmethod
@@ -161,11 +161,11 @@ class DepthCamera(Camera):
 
     @abstractmethod
     def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
-        """What the disparity [m] of the estimator, as it is set up at a distance, would be for a point at infinity."""
+        """The disparity [m] of a point at infinity, for the estimator as set up at a distance."""
 
     @abstractmethod
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
-        """The depth [m] that the estimator, as it is set up at a true distance, reads from a disparity [m].
+        """The depth [m] that the estimator, as set up at a true distance, reads from a disparity [m].
 
         It falls with disparity; +infinity at and beyond the disparity of infinity.
         """
@@ -177,25 +177,25 @@ class DepthCamera(Camera):
 
     @abstractmethod
     def field_angle(self, field: float) -> float:
-        """Of the chief ray against the axis [rad], at a place in the field as of `read`."""
+        """Angle between the chief ray and the axis [rad], at a place in the field as in `read`."""
 
     @abstractmethod
     def read(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
     ) -> InverseDepthReading:
-        """Inverse depths read in changed surroundings with a calibration that is off by ``errors``.
+        """Inverse depths read in changed surroundings with a calibration in error by ``errors``.
 
         Parameters
         ----------
         distance
             True distances [m], shape (distances,).
         field
-            Where the point lies: 0 on the axis, 1 in the corner of the sensor.
+            Place of the point: 0 on the axis, 1 in the corner of the sensor.
         errors
-            By the names of `error_vocabulary` and `SESSION_PARAMETERS`, arrays of shape (draws, 1); the pixel noise
-            may be (draws, distances).
+            Arrays of shape (draws, 1) by the names of `error_vocabulary` and `SESSION_PARAMETERS`; pixel noise may have
+            shape (draws, distances).
         environment
-            How the camera, as designed at calibration, answers to its surroundings; None: not at all.
+            How the camera, as designed at calibration, responds to its surroundings; None if it does not.
 
         Raises
         ------
@@ -205,22 +205,23 @@ class DepthCamera(Camera):
 
     @abstractmethod
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
-        """What a camera that deviates from its design by ``errors`` measures of points of a target [m on the sensor].
+        """Measurements of target points by a camera that deviates from its design by ``errors`` [m on the sensor].
 
-        The components come last in what inference takes of them; x, y, z as of the camera's own frame [m].
+        Returns one array for each component; inference stacks them along the last axis. The points x, y, z are in the
+        camera's own frame [m].
         """
 
     @abstractmethod
     def target_noise_px(self, corner_noise_px: float) -> FloatArray:
-        """Noise of each component of `observe_target`, where one coordinate of a corner has the given one."""
+        """Noise of each component of `observe_target` [px], for a given noise of one coordinate of a corner [px]."""
 
     @abstractmethod
     def seen_on_sensor(self, observed_px: FloatArray) -> BoolArray:
-        """Which components of `observe_target` [px] lie on the sensor, in the same shape (…, components)."""
+        """Whether each component of `observe_target` [px] lies on the sensor, shape (…, components)."""
 
     @abstractmethod
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
-        """Baseline [m] of the parallel pair of the same focal length and disparity error that measures as well."""
+        """Baseline [m] of the parallel pair with the same focal length, disparity error and depth uncertainty."""
 
     @abstractmethod
     def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
@@ -228,19 +229,19 @@ class DepthCamera(Camera):
 
     @abstractmethod
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
-        """Where and how large it pictures objects at distances [m]: what blur, noise and window depend on."""
+        """How it pictures objects at distances [m]: the quantities that blur, noise and window depend on."""
 
     def as_pictured(self) -> Self:
-        """The camera without what its picture does not know of: its calibration, and how its errors are found."""
+        """The camera without what does not affect its picture: calibration, propagation and disparity error."""
         return replace(self, calibration=PERFECT, propagation=LINEAR, disparity_error_px=1.0)
 
     def reading(self, distance: FloatArray, field: float, values: Mapping[str, FloatArray]) -> InverseDepthReading:
-        """Inverse depths read under draws of its calibration and noise, by the exact model that these belong to."""
+        """Inverse depths read for draws of its calibration and noise, by the exact model that these belong to."""
         read = self.read if self.calibration.reading is None else self.calibration.reading
         return read(distance, field, self.calibration.errors(values), self.calibration.environment)
 
     def parameter(self, name: str) -> ErrorParameter:
-        """What is known of one drawn parameter: its unit, class and part."""
+        """Unit, class and part of one drawn parameter."""
         known = self.error_vocabulary if self.calibration.vocabulary is None else self.calibration.vocabulary
         base = name.removeprefix(AGEING)
         found = known[base] if base in known else SESSION_PARAMETERS[base]
@@ -251,7 +252,7 @@ class DepthCamera(Camera):
         return disparity_error_at(self, distance, field) * self.sample_pitch
 
     def images(self, distance: ArrayLike) -> BoolArray:
-        """Where an object lies beyond the focal length, so that a real image of it is formed."""
+        """Whether an object lies beyond the focal length, so that a real image of it is formed."""
         return np.asarray(np.asarray(distance, dtype=np.float64) > self.gathering_lens.focal_length)
 
     def disparity_px(self, distance: ArrayLike) -> FloatArray:
@@ -261,19 +262,19 @@ class DepthCamera(Camera):
     def depth_discrimination(self, distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Change of true depth [m] that moves the disparity by the declared step, towards and away from the camera.
 
-        The estimator stays as it is set up at the distance. The second may be infinite: a step beyond the disparity of
-        infinity ends where the disparity tends to before it.
+        The estimator stays as set up at the distance. The second value is infinite where the step reaches beyond the
+        disparity of infinity.
         """
         a = np.asarray(distance, dtype=np.float64)
         d, step = self.disparity(a), self.discrimination_step_px * self.sample_pitch
         return a - self.depth_of_disparity(d + step, a), self.depth_of_disparity(d - step, a) - a
 
     def virtual_depth(self, distance: ArrayLike) -> FloatArray:
-        """a_L/b_L behind microlenses; NaN for a camera without."""
+        """Virtual depth a_L/b_L behind microlenses; NaN for cameras without microlenses."""
         return np.full(np.shape(distance), np.nan)
 
     def limits(self, distance: ArrayLike, criteria: UsableCriteria) -> Mapping[str, Limit]:
-        """The geometric conditions of the usable range at distances [m], as far as the criteria ask for them."""
+        """The geometric conditions of the usable range at distances [m] that the criteria bound."""
         a = np.asarray(distance, dtype=np.float64)
         found = {"real_image": Limit(value=a, bound=self.gathering_lens.focal_length, met=self.images(a))}
         found |= self.limits_of_kind(a, criteria)
@@ -309,29 +310,29 @@ def numerical_error_of_disparity_error(camera: DepthCamera, distance: ArrayLike,
 
 
 def false_match_share(camera: DepthCamera) -> float:
-    """Share of all measurements that are false: 0 where the disparity error is declared, and says nothing of them."""
+    """Share of all measurements that are false; 0 where the disparity error is declared, which excludes them."""
     error = camera.disparity_error_px
     return 0.0 if isinstance(error, float | int) else error.false_matches
 
 
 def require_disparity_error(error: DisparityError) -> None:
-    """Refuse a declared error that is not a finite number above zero; a law answers for itself."""
+    """Refuse a declared error that is not a finite number above zero; a law checks itself."""
     if isinstance(error, float | int):
         require_positive("disparity error", error, "px")
 
 
 def declared_disparity_error(camera: DepthCamera) -> float:
-    """The one disparity error [px] of a camera that declares it, for what knows no error that depends on distance.
+    """The declared disparity error [px] of a camera, for laws in which it cannot depend on distance.
 
     Raises
     ------
     OutOfRangeError
-        The error is derived from the picture.
+        If the error is derived from the picture.
     """
     error = camera.disparity_error_px
     if isinstance(error, float | int):
         return float(error)
     raise OutOfRangeError(
-        "the disparity error of this camera is derived from its picture and differs from distance to distance",
+        "the disparity error of this camera is derived from its picture and depends on distance",
         remedy="declare disparity_error in pixels",
     )

@@ -1,4 +1,4 @@
-"""Depth maps from the pictures of one camera: what goes in, what comes out, and who makes one of the other."""
+"""Depth maps from the pictures of one camera: their inputs, their result, and the reader that measures them."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from tradestudy.optics.arrays import BoolArray, FloatArray, Samples
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlatPicture:
-    """A picture over the light that an even white scene would give every pixel.
+    """A flat-field corrected picture: divided by the light of an even white scene at every pixel.
 
     Parameters
     ----------
     values
-        Brightness, shape (rows, columns); NaN where hardly any light comes.
+        Brightness, shape (rows, columns); NaN where hardly any light arrives.
     variance
-        Of the noise of each pixel.
+        Noise variance of each pixel.
     pure
-        Where the light of one lens is nearly all: what several microlenses send is no picture.
+        Where nearly all light comes from one lens; light from several microlenses does not form a picture.
     """
 
     values: Samples
@@ -35,12 +35,12 @@ class FlatPicture:
 
 @dataclass(frozen=True, kw_only=True)
 class DepthSearch:
-    """What depth is looked for.
+    """The settings of a search for depth.
 
     Parameters
     ----------
     near, far
-        Distances searched [m].
+        Range of distances searched [m].
     window_px
         Side of the matching window [samples].
     largest_deviation_px
@@ -49,7 +49,7 @@ class DepthSearch:
     Raises
     ------
     OutOfRangeError
-        For distances that are no range.
+        If the distances are not a range.
     """
 
     near: float
@@ -60,27 +60,27 @@ class DepthSearch:
     def __post_init__(self) -> None:
         if not 0.0 < self.near < self.far:
             raise OutOfRangeError(
-                "depth is searched", value=f"from {self.near:g} to {self.far:g} m", limit="0 < near < far"
+                "search range of depth", value=f"{self.near:g} to {self.far:g} m", limit="0 < near < far"
             )
 
     @property
     def distances(self) -> FloatArray:
-        """Evenly spaced in inverse distance from near to far [m], for tables."""
+        """Distances from near to far [m], evenly spaced in inverse distance, for tables."""
         return np.asarray(1.0 / np.linspace(1.0 / self.near, 1.0 / self.far, 513))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthMap:
-    """Depth as a camera measured it, upright, in the pixels of what it was measured in.
+    """Depth as a camera measured it, upright, in the pixels of the picture that it was measured in.
 
     Parameters
     ----------
     depth
-        Along the axis [m]; NaN where none was measured.
+        Depth along the axis [m]; NaN where none was measured.
     deviation
-        Standard deviation that the noise of the pictures gives it, from the texture of each window [m].
+        Standard deviation of depth from the noise of the pictures and the texture of each window [m].
     disparity_deviation
-        The same of the disparity over the estimator's baseline [samples]; NaN throughout where depth comes without one.
+        The same for the disparity over the estimator's baseline [samples]; all NaN where depth is measured without one.
     reason
         `Reason` of each pixel.
     """
@@ -93,14 +93,14 @@ class DepthMap:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrueDepth:
-    """What a depth map should say.
+    """The depth that a map should show.
 
     Parameters
     ----------
     depth
-        In the frame and the pixels of the map [m]; NaN or infinite where nothing is seen.
+        True depth in the frame and the pixels of the map [m]; NaN or infinite where nothing is seen.
     measurable
-        Where the estimator sees the point at all: two pictures of it, neither hidden by what stands before it.
+        Where the estimator sees the point: two pictures show it, neither occluded by nearer objects.
     """
 
     depth: Samples
@@ -108,20 +108,20 @@ class TrueDepth:
 
 
 class DepthReader(ABC):
-    """One camera, as it was designed, set up to measure depth from its pictures."""
+    """One camera, as designed, set up to measure depth from its pictures."""
 
     @abstractmethod
     def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
-        """Depth from all pictures, by their names."""
+        """Depth measured from all pictures, given by name."""
 
     @abstractmethod
     def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
-        """True depth of the map from that of every picture, and from where these are pure, by their names."""
+        """True depth of the map, from the true depth and the pure pixels of every picture, by name."""
 
     def made_of(self, pictures: Mapping[str, FlatPicture], found: DepthMap, middle: float) -> dict[str, Samples]:  # noqa: ARG002 - none unless the kind makes some
-        """Pictures that the camera makes of its own with their depth, by name: brightness, NaN where there is none.
+        """Pictures that the camera computes from its own pictures and depth, by name: brightness, or NaN without any.
 
-        ``middle`` is the distance of the middle of the scene [m], which one may be refocused on.
+        ``middle`` is the distance of the middle of the scene [m]; pictures can be refocused there.
         """
         return {}
 
@@ -130,10 +130,10 @@ class DepthReaderOfKind(Protocol):
     """Sets up a reader for a camera of one kind."""
 
     def __call__(self, *, camera: Any, search: DepthSearch) -> DepthReader:
-        """For a design of that kind.
+        """Set up a reader for a design of that kind.
 
         Raises
         ------
         OutOfRangeError
-            Where such a camera cannot measure depth in its pictures.
+            If such a camera cannot measure depth in its pictures.
         """

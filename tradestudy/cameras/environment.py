@@ -1,4 +1,4 @@
-"""How a camera answers to temperature and ambient pressure."""
+"""The response of a camera to temperature and ambient pressure."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from tradestudy.optics.arrays import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class Environment:
-    """The surroundings in which a camera was calibrated, and what changes of them do to it.
+    """The surroundings in which a camera was calibrated, and its response to changes of them.
 
     Parameters
     ----------
     housing_expansion
-        Linear thermal expansion of what holds the parts apart [1/K]; aluminium 23e-6.
+        Linear thermal expansion of the housing between the parts [1/K]; aluminium 23e-6.
     focal_length_expansion
         Relative change of the focal length per kelvin [1/K].
     glass_index
-        Refractive index of the lens, taken as one glass; it says how ambient pressure moves the focal length.
+        Refractive index of the lens, taken as one glass; it decides how the surrounding air changes the focal length.
     wavelength
-        In vacuum [m].
+        Wavelength in vacuum [m].
     temperature, pressure
-        During calibration [K], [Pa].
+        Values during calibration [K], [Pa].
 
     Raises
     ------
     OutOfRangeError
-        For a glass that is optically thinner than air, or a temperature or pressure that is not possible.
+        For a glass index of at most 1.1, or a temperature or pressure that is not possible.
     """
 
     housing_expansion: float
@@ -45,18 +45,18 @@ class Environment:
     def __post_init__(self) -> None:
         if not (self.glass_index > 1.1 and self.temperature > 0.0 and self.pressure >= 0.0):
             raise OutOfRangeError(
-                "an environment of calibration",
+                "impossible environment of the calibration",
                 value=f"glass {self.glass_index:g}, {self.temperature:g} K, {self.pressure:g} Pa",
                 limit="glass above 1.1, temperature above 0 K, pressure 0 Pa or more",
                 remedy="correct the values",
             )
 
     def length_factor(self, changes: Errors) -> FloatArray:
-        """Lengths of the housing now over those at calibration [1]."""
+        """Ratio of housing lengths now to those at calibration [1]."""
         return 1.0 + self.housing_expansion * value_of(changes, "temperature_change")
 
     def focal_length_factor(self, changes: Errors) -> FloatArray:
-        """Focal length of a lens now over that at calibration [1]: thermal drift, and the air around the glass."""
+        """Ratio of the focal length now to that at calibration [1]: thermal drift, and the air around the glass."""
         warmer = value_of(changes, "temperature_change")
         factor: FloatArray = 1.0 + self.focal_length_expansion * warmer
         return factor * focal_length_change_with_medium(

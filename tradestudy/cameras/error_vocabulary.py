@@ -1,4 +1,4 @@
-"""What can be in error about a camera: each parameter with its unit, how often it is drawn, and its part."""
+"""The parameters of a camera that can be in error, each with its unit, part, and how often it is drawn."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class ErrorParameter:
     unit
         SI unit, or px.
     part
-        The group of causes that it is reported under: "noise", "interior orientation", "relative rotation", "array".
+        The group of error sources under which it is reported: "noise", "interior orientation", "array", for instance.
     meaning
-        One sentence for whoever declares it.
+        One sentence for the authors of studies.
     error_class
-        How often it is drawn anew.
+        How often it is drawn.
     """
 
     unit: Unit
@@ -45,24 +45,24 @@ SESSION_PARAMETERS: Final[ErrorVocabulary] = {
     "temperature_change": ErrorParameter(
         unit="K",
         part="temperature",
-        meaning="Temperature less that of the calibration.",
+        meaning="Temperature minus that of the calibration.",
         error_class=ErrorClass.SESSION,
     ),
     "pressure_change": ErrorParameter(
         unit="Pa",
         part="pressure",
-        meaning="Ambient pressure less that of the calibration.",
+        meaning="Ambient pressure minus that of the calibration.",
         error_class=ErrorClass.SESSION,
     ),
     "color_shift": ErrorParameter(
         unit="m",
         part="color",
-        meaning="Focal length in the colour of the object less that in the colour of the calibration target.",
+        meaning="Focal length in the colour of the object minus that in the colour of the calibration target.",
         error_class=ErrorClass.SESSION,
     ),
 }
-"""What changes since the calibration; the camera changes by it, its calibration does not."""
+"""Changes since the calibration, of the camera but not of its calibration."""
 INTERIOR: Final = "interior orientation"
-"""The part of what is inside a camera: focal length, principal point, distortion, distances behind the lens."""
+"""The part of parameters inside a camera: focal length, principal point, distortion, distances behind the lens."""
 AGEING: Final = "ageing_"
-"""Before the name of a parameter: what has been added to its error since the calibration."""
+"""Prefix of a parameter's name for what has been added to its error since the calibration."""

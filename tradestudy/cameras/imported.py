@@ -1,4 +1,4 @@
-"""What a calibration file says of cameras, whatever its format: pixels, slopes and metres, and how it was read."""
+"""The contents of calibration files in any format: cameras in pixels, slopes and metres, and how they were read."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LensModelName = Literal[
     "stereographic",
     "longitude-latitude",
 ]
-"""The families of `optics.lens_models`, by their names, and two that no camera here can have."""
+"""Names of the families of `optics.lens_models`, and of two that no camera here can have."""
 Vector = tuple[float, float, float]
 Rotation = tuple[Vector, Vector, Vector]
 Value = str | float | Sequence["Value"]
@@ -24,18 +24,18 @@ Value = str | float | Sequence["Value"]
 
 @dataclass(frozen=True, kw_only=True)
 class Convention:
-    """How something that numbers alone do not say was read.
+    """The interpretation of something that numbers alone do not determine.
 
     Parameters
     ----------
     name
-        What, such as "direction of transforms".
+        The subject, such as "direction of transforms".
     says
-        How.
+        The interpretation.
     key
-        File and key that say so, such as "camchain.yaml: cam1.T_cn_cnm1".
+        File and key that determine it, such as "camchain.yaml: cam1.T_cn_cnm1".
     is_assumed
-        Whether neither the file nor the definition of its format says so.
+        Whether neither the file nor the definition of its format determines it.
     """
 
     name: str
@@ -51,13 +51,13 @@ class Stated:
     Parameters
     ----------
     path
-        Keys of the camera, from the outside.
+        Keys in the camera's declaration, outermost first.
     value
-        As a study file could hold it, with its unit.
+        The value as written in a study file, with its unit.
     key
         File and key that it comes from.
     basis, note
-        On what it rests.
+        What it rests on.
     """
 
     path: tuple[str, ...]
@@ -74,13 +74,13 @@ class ImportedCamera:
     Parameters
     ----------
     name
-        As the file calls it, for messages.
+        Name of the camera in the file, for messages.
     focal_lengths, centre
-        Across and down, and where the axis meets the picture; the centre of the first pixel is (0, 0) [px].
+        Focal lengths across and down, and the principal point; the centre of the first pixel is (0, 0) [px].
     pixels
-        Columns and rows; None where the file does not say.
+        Columns and rows; None if the file does not state them.
     lens_model, coefficients
-        From slopes to the distorted slopes that the focal lengths multiply; coefficients by their usual names
+        Maps slopes to the distorted slopes that the focal lengths multiply; coefficients by their usual names
         (k1 … k6, p1, p2, s1 … s4, tau_x, tau_y; xi; alpha; beta; w) [1], in radians where they are angles.
     conventions
         How the file was read.
@@ -100,16 +100,16 @@ class ImportedCamera:
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedRig:
-    """Two cameras of calibration files, and where the second one stands.
+    """Two cameras of calibration files, and their relative pose.
 
     Parameters
     ----------
     left, right
-        As seen from behind.
+        The cameras, as seen from behind.
     rotation, translation
         From the frame of the left camera to that of the right one, ``x_right = R x_left + t`` [1, m].
     conventions
-        How the files were read, beyond those of either camera.
+        How the files were read, beside the conventions of either camera.
     keys
         File and key of ``rotation`` and ``translation``.
     """
@@ -131,9 +131,9 @@ class ImportedCorners:
     file
         Name of the corner file.
     focal_length, noise
-        Mean of all focal lengths, and the deviation of one image coordinate of a corner [px].
+        Mean of all focal lengths, and the standard deviation of one image coordinate of a corner [px].
     baseline
-        [m].
+        Distance of the centres of projection [m].
     conventions
         How the file was read.
     key
@@ -155,17 +155,17 @@ class ImportedPlenoptic:
     Parameters
     ----------
     focal_length, f_number
-        Of the main lens [m, 1].
+        The main lens [m, 1].
     pixels, pixel_pitch
-        Of the sensor [m].
+        The sensor [m].
     layout, pitch, focal_lengths
-        Of the microlens array [m].
+        The microlens array [m].
     gap, mla_distance
-        Array to sensor d, and main lens to array D [m].
+        Distances d from array to sensor and D from main lens to array [m].
     conventions
         How the file was read.
     keys
-        File and key of each of these by its name.
+        File and key of each of these values, by name.
     """
 
     focal_length: float
@@ -185,7 +185,7 @@ Imported = ImportedCamera | ImportedRig | ImportedCorners | ImportedPlenoptic
 
 
 def conventions_stated(conventions: tuple[Convention, ...], prefix: str = "") -> Iterator[Stated]:
-    """How a file was read, for the register of assumptions."""
+    """The conventions by which a file was read, for the register of assumptions."""
     for one in conventions:
         yield Stated(
             path=("read_as", f"{prefix}{one.name}"),

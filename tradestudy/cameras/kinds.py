@@ -1,4 +1,4 @@
-"""Every kind of camera that a study may declare. A new kind is one room beside these, and one entry here."""
+"""All kinds of cameras that a study may declare. A new kind is a package beside these and an entry here."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KINDS: Final[tuple[type[CameraDeclaration], ...]] = (
 DEPTH_PARAMETERS: Final = frozenset(
     name for kind in KINDS if issubclass(kind, DepthCameraDeclaration) for name in kind.camera.error_vocabulary
 )
-"""Names of everything that can be in error about some camera that measures depth."""
+"""Names of all parameters that can be in error in any kind of camera that measures depth."""
 
 if TYPE_CHECKING:
     CameraPart = CameraDeclaration

@@ -1,8 +1,8 @@
-"""What a camera asks of a scene: for every pixel, the cones of rays that its lenses gather onto it.
+"""The light that a camera gathers from a scene: for every pixel, the cones of rays that its lenses send to it.
 
-Everything is upright: x to the right, y down, z along the axis into the scene, and a place on the sensor where an
-upright picture has it. A ray starts in the plane z = 0 of its camera and is linear in the place δ on the pixel and the
-place η on the lens that it passes last, both counted from their centres:
+All coordinates are upright: x to the right, y down, z along the axis into the scene, and places on the sensor as in an
+upright picture. A ray starts in the plane z = 0 of its camera. It is linear in the place δ on the pixel and the place η
+on the lens that it passes last, both relative to their centres:
 
     start = start₀ + start_δ δ + start_η η,    slope = slope₀ + slope_δ δ + slope_η η    (x and y alike).
 """
@@ -24,7 +24,7 @@ PerCone = float | FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stop:
-    """A round aperture elsewhere on the way, which a ray meets at ``place + by_pixel δ + by_lens η`` from its centre.
+    """A round aperture elsewhere on the path, which a ray meets at ``place + by_pixel δ + by_lens η`` from its centre.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Stop:
     by_pixel, by_lens
         One number, or one for each cone.
     radius
-        Of the aperture [m].
+        Radius of the aperture [m].
     """
 
     place: FloatArray
@@ -49,23 +49,24 @@ class LightCones:
     Parameters
     ----------
     pixel
-        Which of the pixels that were asked for each cone belongs to, shape (cones,).
+        Index of the requested pixel that each cone belongs to, shape (cones,).
     start, slope
-        Of the ray through the centres of pixel and lens, shape (2, cones) [m] and [1].
+        Start and slope of the ray through the centres of pixel and lens, shape (2, cones) [m] and [1].
     start_by_pixel, start_by_lens, slope_by_pixel, slope_by_lens
-        Their change with δ and η; one number, or one for each cone.
+        Their derivatives with respect to δ and η; one number, or one for each cone.
     lens_radius
-        Of the aperture of that lens [m].
+        Aperture radius of that lens [m].
     stop
-        What else cuts the cone; None: nothing.
+        Another aperture that cuts the cone; None if there is none.
     light
-        ``cos⁴θ/N²`` of the whole lens, N its f-number towards the pixel and θ the angle of the ray through the centre
-        of the pupil, as of `field_illumination`; shape (cones,).
+        ``cos⁴θ/N²`` of the whole lens, with N its f-number towards the pixel and θ the angle of the ray through the
+        centre of the pupil, as in `field_illumination`; shape (cones,).
     image_distance
-        From the lens to the pixel [m]; negative where δ is turned by 180° against η, as behind a single lens whose
-        picture is upright. Waves need it: a kink of the ray by κ at the lens acts as ``δ = −κ × image_distance``.
+        Distance from the lens to the pixel [m]; negative where δ is rotated by 180° against η, as behind a single lens
+        whose picture is upright. Waves need it: a deflection of the ray by κ at the lens acts as
+        ``δ = −κ × image_distance``.
     lens_type
-        Which type of lens each passes; those of one type are alike but for errors and the curvature of the field.
+        Type of the lens that each cone passes; lenses of one type differ only by errors and the field curvature.
     """
 
     pixel: NDArray[np.intp]
@@ -82,7 +83,7 @@ class LightCones:
     lens_type: NDArray[np.intp] | int
 
     def only(self, kept: NDArray[np.intp]) -> LightCones:
-        """Some of the cones, by their places."""
+        """Some of the cones, by their indices."""
 
         def of(value: PerCone) -> PerCone:
             return value[kept] if isinstance(value, np.ndarray) and value.ndim else value
@@ -108,14 +109,14 @@ class LightCones:
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """Where a camera stands in the scene, and where it looks.
+    """Position and orientation of a camera in the scene.
 
     Parameters
     ----------
     centre
-        Of its lens [m].
+        Centre of its lens [m].
     rotation
-        Rows of the matrix that takes directions of the camera to those of the scene.
+        Rows of the matrix that converts directions from the camera's frame to the scene's.
     """
 
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -126,7 +127,7 @@ AT_ORIGIN: Final = Pose()
 
 
 def pose_of(centre: FloatArray, rotation: FloatArray) -> Pose:
-    """From arrays of shape (3,) and (3, 3)."""
+    """A pose from arrays of shape (3,) and (3, 3)."""
     x, y, z = (float(one) for one in centre)
     a, b, c = ((float(row[0]), float(row[1]), float(row[2])) for row in rotation)
     return Pose(centre=(x, y, z), rotation=(a, b, c))
@@ -137,22 +138,22 @@ class Exposure(Protocol):
 
     @property
     def name(self) -> str:
-        """Of the picture among those of its camera."""
+        """Name of the picture among those of its camera."""
 
     @property
     def sensor(self) -> Sensor:
-        """What takes it."""
+        """The sensor that takes it."""
 
     @property
     def pose(self) -> Pose:
-        """Where its lens is."""
+        """The pose of its lens."""
 
     def cones(self, x: FloatArray, y: FloatArray, beyond: float = 0.0) -> LightCones:
-        """Of pixels whose centres lie at upright places [m] from the middle of the sensor, shape (pixels,).
+        """The cones of pixels with centres at upright places [m] from the middle of the sensor, shape (pixels,).
 
-        So far ``beyond`` the last place on the sensor [m] that rays through a lens reach, light bent by diffraction
-        shall still find its cone.
+        ``beyond`` is how far [m] past the last place that rays through a lens reach cones are still needed, for light
+        bent by diffraction.
         """
 
     def description(self) -> Description:
-        """What a program needs to make use of the picture: lengths in SI, as the camera that took it has them."""
+        """The numbers that other programs need to use the picture, in SI, with the errors of that camera."""

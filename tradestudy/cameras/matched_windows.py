@@ -1,4 +1,4 @@
-"""What the pictures that an estimator compares share of an object: the windows that a matcher can have."""
+"""The windows that a matcher can use: the parts of an object that the compared pictures share."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from tradestudy.optics.arrays import FloatArray
 
 
 def largest_common_square(diameter: ArrayLike, apart: ArrayLike) -> FloatArray:
-    """Side of the largest square in what two equal discs share: ``w = (√(2 n² − d²) − d)/2``, 0 where d ≥ n.
+    """Side of the largest square in the overlap of two equal discs: ``w = (√(2 n² − d²) − d)/2``, 0 where d ≥ n.
 
-    What two discs share is convex and the same seen from either side, so some largest square has the same centre. Its
-    corners lie r = w/√2 from there, the one farthest along the line of centres at an angle α ≤ 45° to it, and
-    that one stays in the farther disc while ``r² + r d cos α + d²/4 ≤ n²/4``. The square is the largest at α = 45°,
-    with two sides along the line of centres; w/2 on both axes then gives the equation above. It falls from n/√2 for
-    the same disc to 0 for two that touch.
+    The overlap is convex and symmetric, so some largest square has the same centre. Its corners lie r = w/√2 from the
+    centre. The corner farthest along the line of centres is at an angle α ≤ 45° to it, and stays in the farther disc
+    while ``r² + r d cos α + d²/4 ≤ n²/4``. The square is largest at α = 45°, with two sides parallel to the line of
+    centres; w/2 on both axes then gives the equation above. It falls from n/√2 for identical discs to 0 for discs that
+    touch.
 
     Parameters
     ----------
     diameter
-        n of the discs.
+        Diameter n of the discs.
     apart
-        d between their centres, in the same unit; broadcast.
+        Distance d between their centres, in the same unit; broadcast.
     """
     n, d = np.asarray(diameter, dtype=np.float64), np.asarray(apart, dtype=np.float64)
     within = np.minimum(d, n)
@@ -34,14 +34,14 @@ def largest_common_square(diameter: ArrayLike, apart: ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MatchedWindow:
-    """The window that stands for all pairs of an estimator; arrays over distance.
+    """The window equivalent to all pairs of an estimator; arrays over distance.
 
     Parameters
     ----------
     side_px
         Side of the square [samples].
     apart_px
-        How far the two pictures are apart where their textures coincide [samples]; the window lies halfway.
+        Offset of the two pictures where their textures coincide [samples]; the window lies halfway.
     """
 
     side_px: FloatArray
@@ -57,10 +57,10 @@ class MatchedPairs:
     largest_px
         Side of the largest square that both show [samples].
     apart_px
-        As of `MatchedWindow`.
+        As in `MatchedWindow`.
     weight
-        What each pair adds to the information on the disparity of the estimator, over that by a window of the same
-        size in which all of its pairs are compared through the whole pupil: there they sum to 1.
+        Contribution of each pair to the information on the estimator's disparity, relative to a window of the same size
+        in which all pairs are compared through the whole pupil; through the whole pupil the weights sum to 1.
     """
 
     largest_px: FloatArray
@@ -68,9 +68,9 @@ class MatchedPairs:
     weight: FloatArray
 
     def window(self, asked_px: ArrayLike) -> MatchedWindow:
-        """The window of one pair that tells as much: ``W² = Σ_j g_j min(w_j, w)²``, w the side asked for.
+        """The window of one pair with the same information: ``W² = Σ_j g_j min(w_j, w)²``, w the requested side.
 
-        Information on a disparity grows with the area of the window; that of all pairs adds up.
+        Information on a disparity is proportional to the area of the window and adds up over pairs.
         """
         area = np.square(np.minimum(self.largest_px, np.asarray(asked_px, dtype=np.float64)))
         information = self.weight * area
@@ -81,23 +81,23 @@ class MatchedPairs:
 
 
 class ComparedPictures(Protocol):
-    """What an estimator compares, over distances."""
+    """The pictures that an estimator compares, over distances."""
 
     @property
     def stops_dim(self) -> bool:
-        """Whether every pixel looks through the whole pupil, so that stops that cut it take light from all of them.
+        """Whether every pixel sees the whole pupil, so that vignetting dims them all.
 
-        Pixels behind microlenses look through parts of it: some lose their part, the others nothing.
+        Pixels behind microlenses see parts of the pupil: vignetting takes all light from some, and none from others.
         """
         ...
 
     @property
     def widest_px(self) -> float:
-        """Side of the largest square in one picture, whatever it shares with another [samples]."""
+        """Side of the largest square in one picture alone [samples]."""
         ...
 
     def through(self, width: float) -> MatchedPairs:
-        """The pairs where so much is left of the pupil's width."""
+        """The pairs where a share `width` of the pupil's width is left."""
         ...
 
     def at(self, index: NDArray[np.intp]) -> Self:
@@ -112,7 +112,7 @@ class WholePictures:
     Parameters
     ----------
     side_px
-        Of the largest square in them [samples], over distance.
+        Side of the largest square in them [samples], over distance.
     """
 
     stops_dim: ClassVar[bool] = True
@@ -124,7 +124,7 @@ class WholePictures:
         """The side."""
         return float(np.max(self.side_px))
 
-    def through(self, width: float) -> MatchedPairs:  # noqa: ARG002 - whatever the pupil, the pictures are as large
+    def through(self, width: float) -> MatchedPairs:  # noqa: ARG002 - the size of these pictures does not depend on the pupil
         """One pair."""
         side = self.side_px[np.newaxis]
         return MatchedPairs(largest_px=side, apart_px=np.zeros_like(side), weight=np.ones_like(side))

@@ -1,4 +1,4 @@
-"""How depth follows from the pictures of a kind of camera, in words and equations that a report sets."""
+"""How a kind of camera measures depth from its pictures, in words and equations for reports."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ class Formula:
     Parameters
     ----------
     typst
-        In the mathematics of typst.
+        The equation in typst's mathematics.
     alt
-        Read aloud.
+        The equation as read aloud.
     reference
-        Where it is published; empty for a derivation of our own.
+        Publication; empty for our own derivations.
     """
 
     typst: str
@@ -31,13 +31,13 @@ class Method:
     Parameters
     ----------
     name
-        Short, in letters and hyphens: what the report's section is linked by.
+        Anchor of the report's section: short, in letters and hyphens.
     title
-        Of the section.
+        Title of the section.
     statements
         Paragraphs, in the light markup of reports, and equations, in reading order.
     baseline_note
-        Why the equivalent baseline of such a camera may differ from the declared one; empty where it cannot.
+        Why the equivalent baseline of such a camera can differ from the declared one; empty where it cannot.
     """
 
     name: str

@@ -19,12 +19,12 @@ from tradestudy.optics.microlens_coverage.lattice import lattice_of
 from tradestudy.optics.thin_lens import image_distance
 
 Indices = NDArray[np.intp]
-_FARTHEST: Final = 0.87  # pitches from a place to the lattice point whose rounded coordinates it has
+_FARTHEST: Final = 0.87  # largest distance, in pitches, from a place to the lattice point at its rounded coordinates
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MicrolensExposure:
-    """Main lens, array and sensor, every parameter in error as `PLENOPTIC_ERRORS` has it.
+    """Main lens, array and sensor with errors in all parameters of `PLENOPTIC_ERRORS`.
 
     Parameters
     ----------
@@ -33,11 +33,11 @@ class MicrolensExposure:
     main_lens, microlenses, geometry
         The design.
     errors
-        What the camera is less its design: one number by name, and of ``microlens_center_scatter`` one pair for every
-        microlens, shape (microlenses, 2).
+        Deviations of the camera from its design: one number by name; for ``microlens_center_scatter``, one pair for
+        every microlens, shape (microlenses, 2).
     reference_distance
-        Where field curvature, depth distortion and radial distortion are exact [m]; nearer and farther they are right
-        to first order.
+        Distance [m] at which field curvature, depth distortion and radial distortion are exact; elsewhere they are
+        right to first order.
     """
 
     name: str
@@ -72,7 +72,7 @@ class MicrolensExposure:
         return np.array([self._error("principal_point_x"), self._error("principal_point_y")])
 
     def centres(self, first: Indices, second: Indices) -> FloatArray:
-        """Centres of microlenses on the array [m] by their numbers along both basis vectors, shape (2, …)."""
+        """Centres of microlenses on the array [m], shape (2, …), by their numbers along both basis vectors."""
         basis = self._basis
         found = np.stack([basis[k, 0] * first + basis[k, 1] * second for k in (0, 1)])
         scatter = value_of(self.errors, "microlens_center_scatter")
@@ -83,7 +83,7 @@ class MicrolensExposure:
         return found
 
     def cones(self, x: FloatArray, y: FloatArray, beyond: float = 0.0) -> LightCones:
-        """One cone for each pair of a pixel and a microlens that light of the pupil can pass to it."""
+        """One cone for each pixel and each microlens that can send it light from the pupil."""
         place = np.stack([x, y]) - self._offset[:, np.newaxis]
         over = (self.geometry.gap + self._error("microlens_gap")) / (
             self.geometry.mla_distance + self._error("mla_distance") + self._error("pupil_distance")
@@ -117,14 +117,14 @@ class MicrolensExposure:
         )
 
     def _reach(self, over: float, beyond: float) -> float:
-        """How far from the middle of its micro-image a microlens sends light, in pitches of the array."""
+        """Largest distance from the centre of its micro-image to which a microlens sends light, in array pitches."""
         array, gap = self.microlenses, self.geometry.gap
         blur = max(abs(gap / one - over - 1.0) for one in array.focal_lengths) * array.aperture_diameter / 2.0
         reach = self.main_lens.pupil_diameter / 2.0 * over + blur + self.sensor.pixel_pitch + beyond
         return reach / (1.0 + over) / array.pitch
 
     def _steps_within(self, reach: float) -> list[tuple[int, int]]:
-        """Steps on the lattice to all microlenses within so many pitches."""
+        """Steps on the lattice to all microlenses within `reach` pitches."""
         lattice = lattice_of(self.microlenses.layout)
         span = math.ceil(reach / lattice.second_vector[1]) + 1
         steps = [(i, j) for i in range(-2 * span, 2 * span + 1) for j in range(-span, span + 1)]
@@ -137,9 +137,9 @@ class MicrolensExposure:
     def _through(
         self, place: FloatArray, first: Indices, second: Indices, beyond: float
     ) -> tuple[Indices, FloatArray, FloatArray, FloatArray, FloatArray, Indices]:
-        """Cones of pixels at places on the array's plane through one microlens each, as far as any light passes.
+        """Cones of pixels, at places in the array's plane, through one microlens each; only those that light passes.
 
-        Behind the main lens the frame is turned by 180° about the axis, so that pictures are upright: a point u' there
+        Behind the main lens the frame is rotated by 180° about the axis, so that pictures are upright: a point u' there
         is −u' in the plane of the lens.
         """
         centre = self.centres(first, second) - self._axis[:, np.newaxis]
@@ -181,7 +181,7 @@ class MicrolensExposure:
         return lit, -on_lens, seen, meets, numbers, types[lit]
 
     def _focal_length(self, centre: FloatArray) -> FloatArray:
-        """f_M [m] of a lens that images flat where the main lens does not: exact at the reference distance."""
+        """f_M [m] of a flat-field lens with the images of the main lens: exact at the reference distance."""
         f = self.geometry.focal_length_with(self.errors)
         place = PlaceOnArray(geometry=self.geometry, errors=self.errors, x=centre[0], y=centre[1])
         b = image_distance(self.reference_distance, f)
@@ -189,7 +189,7 @@ class MicrolensExposure:
         return np.asarray(f + moved * (f / b) ** 2)
 
     def description(self) -> Description:
-        """Distances, the lattice of the array and its types, as they are with the errors."""
+        """Distances, lattice and types of the array, with the errors."""
         geometry, errors = self.geometry, self.errors
         return {
             "focal_length": float(geometry.focal_length_with(errors)),
@@ -208,7 +208,7 @@ class MicrolensExposure:
 
 
 def lattice_counts(array: MicrolensArray, sensor: Sensor) -> tuple[int, int]:
-    """Rows and columns of lattice numbers that hold every microlens before a sensor, with some to spare."""
+    """Rows and columns of lattice numbers that include every microlens before a sensor, with some to spare."""
     skew, rise = lattice_of(array.layout).second_vector
     rows = math.ceil(sensor.height / (rise * array.pitch)) + 8
     return rows, math.ceil(sensor.width / array.pitch + skew * rows) + 8

@@ -1,4 +1,4 @@
-"""The micro-images of a raw picture, each in a small square of whole pixels, and how one is moved against another."""
+"""The micro-images of a raw picture, each in a small square of whole pixels, and interpolation between them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tradestudy.optics.interpolation import cubic_weights
 
 Indices = NDArray[np.intp]
 MARGIN: Final = 1
-"""Pixels around a micro-image, so that all its pixels have neighbours."""
+"""Pixels added around a micro-image, so that all its pixels have neighbours."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,18 +26,16 @@ class MicrolensGrid:
     Parameters
     ----------
     first, second
-        Numbers of each, shape (lenses,).
-    centre
-        Of each microlens, and of its micro-image, on the sensor [px], x and y as columns and rows of pixels, shape
+        Numbers of each microlens, shape (lenses,).
+    centre, image_centre
+        Centre of each microlens and of its micro-image on the sensor [px], x and y as columns and rows of pixels, shape
         (2, lenses).
-    image_centre
-        See ``centre``.
     radius
-        Of a micro-image [px].
+        Radius of a micro-image [px].
     index
-        Which lens has which numbers, counted from `low`; −1: none.
+        Index of the lens with given numbers, relative to `low`; −1 for none.
     low
-        Smallest numbers.
+        Smallest numbers along both directions.
     basis
         Columns are the steps from a microlens to its neighbours [px].
     """
@@ -58,7 +56,7 @@ class MicrolensGrid:
 
     @property
     def side(self) -> int:
-        """Of a square [px]."""
+        """Side of a square [px]."""
         return 2 * self.half + 1
 
     @property
@@ -67,7 +65,7 @@ class MicrolensGrid:
         return np.asarray(np.rint(self.image_centre).astype(np.intp) - self.half)
 
     def beside(self, step: tuple[int, int]) -> Indices:
-        """Which lens stands a step away from each; −1: none."""
+        """Index of the lens one step away from each; −1 for none."""
         i, j = self.first + step[0] - self.low[0], self.second + step[1] - self.low[1]
         rows, columns = self.index.shape
         there = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
@@ -75,8 +73,8 @@ class MicrolensGrid:
 
 
 def microlens_grid(camera: PlenopticCamera) -> MicrolensGrid:
-    """Of a camera as it was designed."""
-    (exposure,) = camera.exposures(1.0, {}, None, 0.0)  # where errors are exact does not matter without them
+    """The grid of a camera as designed."""
+    (exposure,) = camera.exposures(1.0, {}, None, 0.0)  # without errors, the reference distance does not matter
     array, sensor, geometry = exposure.microlenses, exposure.sensor, exposure.geometry
     rows, columns = lattice_counts(array, sensor)
     first, second = (
@@ -129,7 +127,7 @@ def squares(grid: MicrolensGrid, picture: Samples, pure: BoolArray) -> Samples:
 
 
 def moved(source: Samples, lenses: Indices, place: Samples, side: int) -> Samples:
-    """Squares of lenses from a fractional place (2, lenses) on: cubic, linear beside missing pixels."""
+    """Squares of lenses interpolated from a fractional place (2, lenses) on: cubic, linear beside missing pixels."""
     whole = np.floor(place).astype(np.intp)
     across, down = (cubic_weights(place[k] - whole[k]).astype(source.dtype) for k in (0, 1))
     wide, last = side + 3, source.shape[-1] - 1
@@ -145,7 +143,7 @@ def moved(source: Samples, lenses: Indices, place: Samples, side: int) -> Sample
 
 
 def _weighted(near: Samples, across: Samples, down: Samples, first: int) -> Samples:
-    """Sums of neighbours, from a given one on."""
+    """Weighted sums of neighbours, starting at neighbour `first`."""
     side = near.shape[-1] - 3
     n = across.shape[1]
     columns = np.zeros((len(near), near.shape[1], side), near.dtype)
@@ -158,7 +156,7 @@ def _weighted(near: Samples, across: Samples, down: Samples, first: int) -> Samp
 
 
 def sampled(picture: Samples, place: Samples) -> Samples:
-    """A picture read at places (2, points) [px]: cubic, linear beside missing pixels, NaN on them."""
+    """A picture interpolated at places (2, points) [px]: cubic, linear beside missing pixels, NaN on them."""
     corner = np.floor(place).astype(np.intp)
     rows, columns = picture.shape
     x, y = (np.add.outer(np.arange(-1, 3), corner[k]) for k in (0, 1))

@@ -1,4 +1,4 @@
-"""What the corners of a board say of two cameras is held against: the geometry that a pair declares."""
+"""The declared geometry of a camera pair, with which a calibration from corners is compared."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class PairGeometry(Protocol):
 
     @property
     def sensor(self) -> Sensor:
-        """Of each camera."""
+        """The sensor of each camera."""
 
     @property
     def baseline(self) -> float:
@@ -24,7 +24,7 @@ class PairGeometry(Protocol):
 
     @property
     def principal_distance(self) -> float:
-        """From the centre of projection to the sensor [m]."""
+        """Distance from the centre of projection to the sensor [m]."""
 
     @property
     def distortion(self) -> LensModel:
@@ -32,8 +32,8 @@ class PairGeometry(Protocol):
 
     @property
     def convergence_angle(self) -> float:
-        """Between the optical axes [rad]."""
+        """Angle between the optical axes [rad]."""
 
     @property
     def field_of_view(self) -> float:
-        """Across, of one camera [rad]."""
+        """Horizontal field of view of one camera [rad]."""

@@ -1,4 +1,4 @@
-"""The parts that cameras are made of: lens, sensor, microlens array. Frozen, in SI floats, checked once."""
+"""The parts of cameras: lens, sensor, microlens array. Frozen, in SI units, checked once."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Sensor:
     pixel_pitch
         Distance of neighbouring pixel centres [m], the same both ways.
     quantum_efficiency, temporal_dark_noise, saturation_capacity, system_gain
-        As EMVA 1288 measures them: electrons for a photon η [1], σ_d and μ_e.sat [electrons], K [DN/electron]; None
-        where that is not known of this sensor.
+        As defined by EMVA 1288: electrons per photon η [1], σ_d and μ_e.sat [electrons], K [DN/electron]; None where
+        unknown.
     """
 
     columns: int
@@ -53,17 +53,17 @@ class Sensor:
 
     @property
     def width(self) -> float:
-        """Across [m]."""
+        """Width [m]."""
         return self.columns * self.pixel_pitch
 
     @property
     def height(self) -> float:
-        """Down [m]."""
+        """Height [m]."""
         return self.rows * self.pixel_pitch
 
     @property
     def diagonal(self) -> float:
-        """Corner to corner [m]."""
+        """Diagonal [m]."""
         return math.hypot(self.width, self.height)
 
 
@@ -149,5 +149,5 @@ class MicrolensArray:
 
     @property
     def types(self) -> int:
-        """How many types there are."""
+        """Number of microlens types."""
         return len(self.focal_lengths)

@@ -1,4 +1,4 @@
-"""Where and how large a camera pictures an object: what blur, noise and window of a picture depend on."""
+"""The geometry of a camera's pictures: the quantities that blur, noise and matching window depend on."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from tradestudy.optics.arrays import FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LensStage:
-    """One lens of a camera as it forms a picture; arrays over distance unless said otherwise.
+    """One lens of a camera as it forms a picture; arrays over distance unless noted.
 
     Parameters
     ----------
     aperture_diameter
-        Of the lens, or of the part of it that one view uses [m], one number.
+        Aperture of the lens, or of the part of it that one view uses [m], one number.
     focal_length
-        [m].
+        Focal length [m].
     object_distance
-        What it pictures to the lens [m]; negative for an image of the lens before it that lies behind it.
+        Distance from its object to the lens [m]; negative for a virtual object behind it, imaged by the lens before.
     plane_distance
-        Lens to the plane in which its picture is looked at [m].
+        Distance from the lens to the plane of its picture [m].
     blur_diameter
-        Of the geometric blur in that plane [m].
+        Diameter of the geometric blur in that plane [m].
     relay
         Magnification from that plane to the sensor: 1, or that of the microlenses.
     """
@@ -43,7 +43,7 @@ class LensStage:
 
     @cached_property
     def f_number(self) -> FloatArray:
-        """Working f-number: distance of the plane over the aperture."""
+        """Working f-number: distance of the picture plane over the aperture."""
         return np.asarray(self.plane_distance / self.aperture_diameter)
 
     @cached_property
@@ -52,7 +52,7 @@ class LensStage:
         return column(self.relay), column(self.f_number), column(self.blur_diameter)
 
     def finest_period(self, wavelength: float) -> float:
-        """Of what passes the lens at some distance, on the sensor [m]; infinite where it forms no picture."""
+        """Shortest period on the sensor [m] that passes the lens at any distance; infinite without a picture."""
         period = wavelength * self.f_number * self.relay
         return float(np.min(period, initial=np.inf, where=period > 0.0))
 
@@ -75,33 +75,33 @@ class LensStage:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PictureGeometry:
-    """How a camera pictures objects at given distances; arrays over distance unless said otherwise.
+    """How a camera pictures objects at given distances; arrays over distance unless noted.
 
     Parameters
     ----------
     distance
-        [m]; NaN in all arrays where the camera forms no picture.
+        Distances of the objects [m]; NaN in all arrays where the camera forms no picture.
     magnification
-        Object to samples: size on the sensor over size on the object.
+        Size on the sensor over size on the object.
     sample_pitch
-        Distance of neighbouring samples of the picture that is matched [m]: the pixel, or the microlens where views are
-        matched that have one sample for each. One number, as all below but the stages.
+        Distance of neighbouring samples of the matched picture [m]: the pixel pitch, or the microlens pitch for views
+        with one sample per microlens. One number, like all below but the stages and ``light_f_number``.
     sample_width
         Side of the square, or diameter of the disc, that a sample collects light from [m].
     sample_shape
         ``square`` for pixels, ``disc`` for microlenses.
     pixel_pitch
-        Of the sensor [m]: what collects electrons.
+        Pixel pitch of the sensor [m], whose pixels collect the electrons.
     compared
-        The pictures that the estimator compares: how large a window they share.
+        The pictures that the estimator compares, with the windows that they share.
     light_f_number
         f-number of the cone that reaches a pixel, over distance.
     pupil_diameter
-        Of the main lens [m].
+        Pupil of the main lens [m].
     main_lens, microlens
         The stages of the picture; no microlens where none blurs it.
     micro_image_diameter
-        Of the light behind one microlens [m]; infinite for a picture of the whole sensor.
+        Diameter of the light behind one microlens [m]; infinite for a picture of the whole sensor.
     """
 
     distance: FloatArray

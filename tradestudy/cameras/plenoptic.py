@@ -1,4 +1,4 @@
-"""What cameras with a microlens array behind their main lens share: one vocabulary of errors, and how they are read."""
+"""The common part of cameras with a microlens array behind the main lens: their errors and their reading of depth."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
     from tradestudy.optics.microlens_camera import MicrolensCamera
 
-# f-number matching is a rule of thumb of lens design; a few percent neither wastes nor mixes pixels.
+# f-number matching is a rule of thumb of lens design; a mismatch of a few per cent neither wastes nor mixes pixels.
 _MATCHING_TOLERANCE: Final = 0.05
 _FIELD_PLACES: Final = 101  # of a table: between them a parabola is straight to 1e-4 of its depth
-_ANY_COLOUR: Final = 550e-9  # of a table that is the same for all
+_ANY_COLOUR: Final = 550e-9  # the table is the same for all wavelengths
 _CELL_OVER_PITCH_SQUARED: Final = {"hexagonal": math.sqrt(3.0) / 2.0, "square": 1.0}
 
 
@@ -44,8 +44,8 @@ class PlenopticCamera(DepthCamera):
     main_lens, microlenses
         The parts.
     field_curvature
-        How much farther from the main lens its image lies in the corner of the sensor than on the axis [m]: what is
-        known of it; the error of the same name is the rest.
+        Known part of how much farther from the main lens its image lies in the corner of the sensor than on the axis
+        [m]; the error of the same name is the unknown part.
     """
 
     family: ClassVar[str] = "plenoptic"
@@ -67,7 +67,7 @@ class PlenopticCamera(DepthCamera):
     @property
     @abstractmethod
     def geometry(self) -> ArrayGeometry:
-        """The design that both what is seen and what is read follow from."""
+        """The design, on which both observations and readings are based."""
 
     def geometry_at(self, mla_distance: float) -> ArrayGeometry:
         """The geometry with the array at a distance [m] behind the main lens."""
@@ -82,24 +82,24 @@ class PlenopticCamera(DepthCamera):
 
     @abstractmethod
     def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Observation:
-        """What a camera that deviates from its design by ``errors`` sees of a point [m]."""
+        """The observation of a point [m] by a camera that deviates from its design by ``errors``."""
 
     @abstractmethod
     def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:
-        """The inverse depth [1/m] that a calibration which is off by ``errors`` reads, and where there is one.
+        """The inverse depth [1/m] read with a calibration in error by ``errors``, and where it is valid.
 
-        The true distance [m] tells which microlenses or views the estimator uses.
+        The true distance [m] determines which microlenses or views the estimator uses.
         """
 
     def field_angle(self, field: float) -> float:
-        """By the diagonal of the sensor, seen from the main lens at the distance of the array."""
+        """Angle of the place on the sensor's diagonal, seen from the main lens at the distance of the array [rad]."""
         require_field(field)
         return math.atan(field * self.sensor.diagonal / 2.0 / self.geometry.mla_distance)
 
     def read(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
     ) -> InverseDepthReading:
-        """See `DepthCamera.read`, and `ArrayGeometry.changed` for what the surroundings do."""
+        """See `DepthCamera.read`, and `ArrayGeometry.changed` for the effect of the surroundings."""
         require_known(errors, PLENOPTIC_ERRORS, "a plenoptic camera")
         require_field(field)
         a, geometry = np.asarray(distance, dtype=np.float64), self.geometry
@@ -115,14 +115,14 @@ class PlenopticCamera(DepthCamera):
         )
 
     def light_chain(self) -> MicrolensCamera:
-        """Numbers of main lens, array and sensor, as `tradestudy.optics.microlens_image` takes them.
+        """The camera in the form that `tradestudy.optics.microlens_image` expects.
 
-        Lenses send every point to its thin-lens image; `dataclasses.replace` gives them aberrations. Field curvature is
-        a table of focal lengths that moves images near the array as the design has it. Positions are those of the
-        light, upside down against the picture.
+        Lenses image every point to its thin-lens image; `dataclasses.replace` adds aberrations. Field curvature is a
+        table of focal lengths that moves images near the array as in the design. Positions are those of the light,
+        upside down compared with the picture.
         """
         from tradestudy.optics.focal_lengths import FocalLengths
-        from tradestudy.optics.microlens_camera import MicrolensCamera  # who reads studies propagates no waves
+        from tradestudy.optics.microlens_camera import MicrolensCamera  # reading a study needs no waves
 
         f, z, corner = self.main_lens.focal_length, self.geometry.mla_distance, self.sensor.diagonal / 2.0
         height = corner * np.linspace(0.0, 1.0, _FIELD_PLACES)
@@ -148,7 +148,7 @@ class PlenopticCamera(DepthCamera):
 
     @property
     def elements(self) -> int:
-        """Microlenses, with some to spare beyond the edges of the sensor."""
+        """Number of microlenses, with some to spare beyond the edges of the sensor."""
         return math.prod(lattice_counts(self.microlenses, self.sensor))
 
     def exposures(
@@ -159,7 +159,7 @@ class PlenopticCamera(DepthCamera):
         Raises
         ------
         OutOfRangeError
-            With a second stop: behind microlenses only the pupil is known to cut the light.
+            For a second stop: behind microlenses, only vignetting by the pupil is modelled.
         """
         require_known(errors, PLENOPTIC_ERRORS, "a plenoptic camera")
         if stop_separation > 0.0:
@@ -184,19 +184,19 @@ class PlenopticCamera(DepthCamera):
         ]
 
     def seen_on_sensor(self, observed_px: FloatArray) -> BoolArray:
-        """A corner is seen where its pictures lie on the sensor."""
+        """Whether the pictures of a corner lie on the sensor."""
         half = np.array([self.sensor.columns, self.sensor.rows]) / 2.0
         inside = np.all(np.abs(observed_px[..., 1:]) <= half, axis=-1)
         return np.repeat(inside[..., np.newaxis], 3, axis=-1)
 
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:  # noqa: ARG002 - none of depth
-        """Those of the main lens and of the array."""
+        """Contradictions of the main lens and of the array."""
         array = array_contradictions(self.main_lens, self.microlenses, self.geometry.mla_distance, stated)
         return [*lens_contradictions(self.main_lens, self.sensor, stated), *array]
 
 
 def fill_factor(array: MicrolensArray) -> str:
-    """Share of the array that passes light, and the diameters behind it."""
+    """Share of the array that transmits light, with the diameters that it follows from."""
     aperture, pitch = array.aperture_diameter, array.pitch
     area = math.pi / 4.0 * aperture**2 / (_CELL_OVER_PITCH_SQUARED[array.layout] * pitch**2)
     return f"{pretty(area, FRACTION)} ({pretty(aperture, LENGTH, 4)} on {pretty(pitch, LENGTH, 4)})"
@@ -205,7 +205,7 @@ def fill_factor(array: MicrolensArray) -> str:
 def array_contradictions(
     lens: Lens, array: MicrolensArray, mla_distance: float, stated: StatedPart | None
 ) -> list[Contradiction]:
-    """Distances as stated, and the f-numbers of microlenses and main lens, held against each other."""
+    """Check stated distances against those used, and the f-numbers of microlenses and main lens against each other."""
     pairs = (
         ("microlens gap", stated.microlens_gap if stated else None, array.gap),
         ("distance from main lens to array", stated.mla_distance if stated else None, mla_distance),

@@ -1,4 +1,4 @@
-"""What can be in error about a camera with a microlens array behind its main lens."""
+"""The parameters that can be in error in a camera with a microlens array behind its main lens."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
         unit="m", part="array", meaning="Mean distance of neighbouring microlens centres."
     ),
     "array_rotation": ErrorParameter(
-        unit="rad", part="array", meaning="Turn of the array against the pixel rows, about the optical axis."
+        unit="rad", part="array", meaning="Rotation of the array against the pixel rows, about the optical axis."
     ),
     "array_tilt_x": ErrorParameter(
         unit="rad",
@@ -31,7 +31,8 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "pupil_distance": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Exit pupil to array less main lens to array; it tells microlens centres from their white images.",
+        meaning="Distance from exit pupil to array minus that from main lens to array; it shifts the centres of white "
+        "images against microlens centres.",
     ),
     "principal_point_x": ErrorParameter(
         unit="m",
@@ -46,7 +47,7 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "field_curvature": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="How much farther from the main lens its image lies in the corner than the known field curvature says; "
+        meaning="How much farther from the main lens its image lies in the corner than by the known field curvature; "
         "it grows with the square of the distance from the axis.",
     ),
     "depth_distortion": ErrorParameter(
@@ -68,7 +69,7 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "microlens_center_scatter": ErrorParameter(
         unit="m",
         part="microlens centres",
-        meaning="One coordinate of the centre of one microlens, from which the coordinates under it count; the "
+        meaning="One coordinate of the centre of one microlens, the origin of coordinates in its micro-image; the "
         "disparity of two lenses is off by √2 of it.",
         error_class=ErrorClass.ELEMENT,
     ),
@@ -77,5 +78,5 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
 """Errors of a plenoptic camera, focused or not, in the order in which they are drawn.
 
 Depth distortion: O. Johannsen et al., "On the calibration of focused plenoptic cameras", 2013. A microlens's own focal
-length changes blur, not geometry, and is none of them. The principal point is counted on the array, on which a tilt
-acts; ``array_offset_x`` and ``_y`` move the array on the sensor."""
+length changes blur, not geometry, and is not among them. The principal point is a place on the array, where tilts act;
+``array_offset_x`` and ``_y`` move the array on the sensor."""

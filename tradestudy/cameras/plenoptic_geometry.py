@@ -1,4 +1,4 @@
-"""Main lens, microlens array and sensor with every parameter in error: what all plenoptic cameras share of it."""
+"""Main lens, microlens array and sensor with errors in all parameters, for all plenoptic cameras."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from tradestudy.optics.lens_models.rational import Rational
 from tradestudy.optics.thin_lens import focus_shift
 
 Observation = tuple[FloatArray, FloatArray, FloatArray]
-"""What depth is measured from, and where on the sensor it is seen, x and y [m]."""
+"""The quantity that depth is measured from, and its place on the sensor, x and y [m]."""
 
 
 def disparity_error(errors: Errors) -> FloatArray:
-    """Error of one disparity [m]: its noise, and two lens centres that are each off by the scatter of one.
+    """Error of one disparity [m]: its noise, and the scatter of two lens centres.
 
     Coordinates count from the centre of their own microlens; the baseline is that of the regular grid.
     """
@@ -40,17 +40,17 @@ class ArrayGeometry:
     Parameters
     ----------
     focal_length
-        Of the main lens f_M [m].
+        Focal length of the main lens f_M [m].
     mla_distance
-        Main lens to array z [m].
+        Distance from main lens to array z [m].
     gap
-        Array to sensor b_L [m].
+        Distance from array to sensor b_L [m].
     pitch
-        Of the microlenses [m].
+        Pitch of the microlenses [m].
     corner
-        From the axis to the corner of the sensor [m].
+        Distance from the axis to the corner of the sensor [m].
     field_curvature
-        How much farther from the main lens its image lies in the corner than on the axis [m], as it is known.
+        Known part of how much farther from the main lens its image lies in the corner than on the axis [m].
     """
 
     focal_length: float
@@ -61,7 +61,7 @@ class ArrayGeometry:
     field_curvature: float
 
     def changed(self, errors: Errors, environment: Environment | None) -> Errors:
-        """What the surroundings and the colour of the object have changed since the calibration, as errors.
+        """Changes since the calibration by the surroundings and by the colour of the object, as errors.
 
         z, b_L and the pitch grow with the housing; the focal length of the main lens has its own drift, follows the
         index of the air, and differs from colour to colour.
@@ -88,14 +88,14 @@ class ArrayGeometry:
         return 1.0 + value_of(errors, "microlens_pitch") / self.pitch
 
     def place_of(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> PlaceOnArray:
-        """Where the ray from a point [m] through the centre of the main lens meets the array."""
+        """The place where the ray from a point [m] through the centre of the main lens meets the array."""
         a = np.asarray(z, dtype=np.float64)
         slopes = _distortion(errors).image(x, y, a)
         distance = self.mla_distance + value_of(errors, "mla_distance")
         return PlaceOnArray(geometry=self, errors=errors, x=slopes[0] * distance, y=slopes[1] * distance)
 
     def place_seen(self, errors: Errors, x: FloatArray, y: FloatArray) -> PlaceOnArray:
-        """Where on the array a place on the sensor [m] is, as a calibration that is off by ``errors`` believes."""
+        """The place on the array of a place on the sensor [m], by a calibration in error by ``errors``."""
         x, y = (
             seen - value_of(errors, f"array_offset_{axis}") - value_of(errors, f"principal_point_{axis}")
             for seen, axis in ((x, "x"), (y, "y"))
@@ -103,9 +103,9 @@ class ArrayGeometry:
         return PlaceOnArray(geometry=self, errors=errors, x=x, y=y)
 
     def microlens_object_distance(self, errors: Errors, place: PlaceOnArray, distance: ArrayLike) -> FloatArray:
-        """a_L [m] of a point at a distance [m], as depth distortion leaves it: array less image of the main lens.
+        """a_L [m] of a point at a distance [m], from the image of the main lens to the array, with depth distortion.
 
-        NaN for points that it does not image.
+        NaN for points that the main lens does not image.
         """
         a, f = np.asarray(distance, dtype=np.float64), self.focal_length_with(errors)
         image = f + focus_shift(np.where(a > f, a, np.nan), f)
@@ -119,9 +119,9 @@ class PlaceOnArray:
     Parameters
     ----------
     geometry, errors
-        The design, and what the camera (or its calibration) is less that.
+        The design, and the deviations of the camera (or of its calibration) from it.
     x, y
-        From the axis of the main lens [m]; upright.
+        Coordinates from the axis of the main lens [m]; upright.
     """
 
     geometry: ArrayGeometry
@@ -131,7 +131,7 @@ class PlaceOnArray:
 
     @cached_property
     def _tilt(self) -> FloatArray:
-        """How much farther from the main lens the array stands here [m]; a tilt turns it about its own centre."""
+        """How much farther from the main lens the array is here [m]; a tilt rotates it about its own centre."""
         return np.asarray(
             sum(
                 value_of(self.errors, f"array_tilt_{axis}") * (at + value_of(self.errors, f"principal_point_{axis}"))
@@ -146,27 +146,27 @@ class PlaceOnArray:
 
     @cached_property
     def distance(self) -> FloatArray:
-        """Main lens to array z [m]."""
+        """Distance from main lens to array z [m]."""
         return self.geometry.mla_distance + value_of(self.errors, "mla_distance") + self._tilt
 
     @cached_property
     def gap(self) -> FloatArray:
-        """Array to sensor b_L [m]."""
+        """Distance from array to sensor b_L [m]."""
         return self.geometry.gap + value_of(self.errors, "microlens_gap") - self._tilt
 
     @cached_property
     def flat_distance(self) -> FloatArray:
-        """z [m] less what field curvature moves the image: as if the main lens imaged flat."""
+        """z [m] minus the shift of the image by field curvature, as if the main lens had a flat field."""
         return self.distance - (self.geometry.field_curvature + value_of(self.errors, "field_curvature")) * self._square
 
     @cached_property
     def stretch(self) -> FloatArray:
-        """By how much depth distortion stretches a_L [1]."""
+        """Factor by which depth distortion stretches a_L [1]."""
         return 1.0 + value_of(self.errors, "depth_distortion") * self._square
 
     @cached_property
     def on_sensor(self) -> tuple[FloatArray, FloatArray]:
-        """Where it is seen [m]."""
+        """The same place on the sensor [m]."""
         x, y = (
             at + value_of(self.errors, f"principal_point_{axis}") + value_of(self.errors, f"array_offset_{axis}")
             for axis, at in (("x", self.x), ("y", self.y))
@@ -175,6 +175,6 @@ class PlaceOnArray:
 
     @cached_property
     def valid(self) -> BoolArray:
-        """Where the lengths are positive and the distortion has an inverse."""
+        """Whether the lengths are positive and the distortion has an inverse."""
         valid = (self.geometry.focal_length_with(self.errors) > 0.0) & (self.gap > 0.0) & (self.distance > 0.0)
         return np.asarray(valid & _distortion(self.errors).has_ray(self.x / self.distance, self.y / self.distance))

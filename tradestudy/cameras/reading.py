@@ -1,4 +1,4 @@
-"""What all error models take and return."""
+"""The arguments and results of all error models."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 Errors = Mapping[str, ArrayLike]
-"""Errors by name, in SI; what is missing is zero. Arrays of shape (draws, 1) give one row per draw."""
+"""Errors by name, in SI; missing ones are zero. Arrays of shape (draws, 1) give one row per draw."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,7 +36,7 @@ Field = float | PicturePlaces
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InverseDepthReading:
-    """Inverse depths that were read.
+    """Inverse depths that a camera read.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class InverseDepthReading:
     no_overlap
         Where the camera does not see the point at all; broadcasts against ``inverse_depth``.
     out_of_range
-        Where the errors leave no camera: a length that is not positive, a distortion without an inverse.
+        Where the errors make the camera impossible: a length that is not positive, a distortion without an inverse.
     """
 
     inverse_depth: FloatArray
@@ -76,7 +76,7 @@ def require_field(field: float) -> None:
     """Refuse a place beyond the edge of the sensor."""
     if not 0.0 <= field <= 1.0:
         raise OutOfRangeError(
-            "a place in the field",
+            "place outside the field",
             value=f"{field:g}",
             limit="0 (axis) to 1 (corner of the sensor)",
             remedy="give the share of the way from the axis to the corner",

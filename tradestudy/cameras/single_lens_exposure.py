@@ -1,4 +1,4 @@
-"""A picture through one thin lens: each pixel sees through the whole pupil."""
+"""A picture through one thin lens, in which each pixel sees the whole pupil."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ class SingleLensExposure:
     name, sensor, pose
         See `Exposure`.
     lens
-        What gathers the light.
+        The lens that gathers the light.
     focus_distance
-        In focus [m]; infinity is allowed.
+        Distance in focus [m]; infinity is allowed.
     principal_distance
-        What turns places on the sensor into slopes [m]; None: the image distance of the focus.
+        Distance that converts places on the sensor to slopes [m]; None for the image distance of the focus.
     principal_point
-        Where the axis meets the sensor [m].
+        Place where the axis meets the sensor [m].
     distortion
         Lens model of the slopes.
     stop_separation
-        Of a second, equal stop before the pupil [m]; see `field_illumination`.
+        Distance of a second, equal stop before the pupil [m]; 0 for none; see `field_illumination`.
     """
 
     name: str
@@ -48,7 +48,7 @@ class SingleLensExposure:
 
     @property
     def image_distance(self) -> float:
-        """Lens to sensor [m], which the light on the sensor follows."""
+        """Distance from lens to sensor [m], which decides the light on the sensor."""
         return float(image_distance(self.focus_distance, self.lens.focal_length))
 
     @property

@@ -1,4 +1,4 @@
-"""What a source states of a camera beside the values that decide it."""
+"""Values that a source states about a camera beside those that determine it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tradestudy.declarations.quantities import Angle, Length, PositiveLength, Po
 
 
 class StatedPart(Part):
-    """What a data sheet or paper states and the other values already decide: cross-checked, never used."""
+    """Values of a data sheet or paper that other values already determine: checked against these, never used."""
 
     field_of_view: Angle | None = Field(default=None, description="Full angle of view that the data sheet states.")
     microlens_gap: Length | None = Field(
@@ -24,4 +24,6 @@ class StatedPart(Part):
     absolute_sensitivity_threshold: PositivePhotons | None = Field(
         default=None, description="EMVA 1288: μ_p.min, the photons at which signal and noise are equal."
     )
-    depth_of_field: PositiveLength | None = Field(default=None, description="Of one image of a conventional camera.")
+    depth_of_field: PositiveLength | None = Field(
+        default=None, description="Depth of field of one image of a conventional camera."
+    )

@@ -1,4 +1,4 @@
-"""What studies declare of a simulated calibration: the board, and how it is held before the camera."""
+"""The declaration of a simulated calibration: the board and its poses before the camera."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ HalfFieldAngle = Annotated[float, *quantity(units.ANGLE, above=0.0, at_most=80.0
 MostSteps = Annotated[int, Field(ge=100, le=1_000_000, strict=True)]
 MOST_VIEWS: Final = 1000
 LEAST_TILT: Final = 1.0 * units.DEGREE
-"""Between two boards of unknown position. Parallel boards leave open whether all is nearer and the focal length shorter
-in proportion; tilted by less, a board looks foreshortened by less than the noise of its corners."""
+"""Smallest angle between two boards of unknown position. Parallel boards cannot distinguish a shorter focal length from
+nearer boards; with a smaller tilt, the foreshortening of a board is below the noise of its corners."""
 _DRAWN: Final = ("views", "distances", "half_field_angle", "tilt")
 _REMEDY: Final = "tilt it by some 20 deg, differently in each view, or declare position_known_to"
 
 
 class PosePart(Part):
-    """How one view shows the board: turned about its centre, and where that is in the frame of the camera.
+    """The pose of the board in one view: its rotation about its centre, and its position in the frame of the camera.
 
-    Of a stereo rig the frame begins midway between the cameras; x points right, y down, z along the axis.
+    For a stereo rig the origin is midway between the cameras; x points right, y down, z along the axis.
     """
 
     rotation: tuple[Angle, Angle, Angle] = Field(
         description="Rotation vector: its direction is the axis, its length the angle; 0 deg faces the camera."
     )
-    position: tuple[Length, Length, ObjectDistance] = Field(description="Of the board's centre: x, y, z.")
+    position: tuple[Length, Length, ObjectDistance] = Field(description="Position of the board's centre: x, y, z.")
 
     @property
     def normal(self) -> tuple[float, float, float]:
-        """Of the board: ``e_z cos θ + (k × e_z) sin θ + k k_z (1 − cos θ)``, θ the angle and k the axis (Rodrigues)."""
+        """Normal ``e_z cos θ + (k × e_z) sin θ + k k_z (1 − cos θ)`` for rotation by θ about the axis k (Rodrigues)."""
         angle = math.hypot(*self.rotation)
         x, y, z = (component / (angle or 1.0) for component in self.rotation)
         sine, cosine = math.sin(angle), math.cos(angle)
@@ -58,11 +58,11 @@ class PosePart(Part):
 class TargetPart(Part):
     """A simulated calibration: a board shown to the camera; the declared errors are its priors.
 
-    Its views are as many as asked, spread evenly over distances, field and tilts, or those of ``poses``.
+    Its views are either spread evenly over distances, field and tilts, or given by ``poses``.
     """
 
     views: Annotated[int, Field(ge=3, le=MOST_VIEWS, strict=True)] | None = Field(
-        default=None, description="How many pictures of the board are taken."
+        default=None, description="Number of pictures taken of the board."
     )
     columns: Annotated[int, Field(ge=2, le=100, strict=True)] = Field(
         description="Inner corners of the board along its rows."
@@ -79,12 +79,17 @@ class TargetPart(Part):
         default=None, description="Standard deviation of each component of the board's rotation."
     )
     poses: Annotated[tuple[PosePart, ...], Field(min_length=3, max_length=MOST_VIEWS)] | None = Field(
-        default=None, description="Every view by itself, instead of views, distances, half_field_angle and tilt."
+        default=None, description="Poses of all views, instead of views, distances, half_field_angle and tilt."
     )
     corner_noise: PositivePixels = Field(description="Standard deviation of one image coordinate of a corner.")
-    rotation_known_to: PositiveAngle | None = Field(default=None, description="Left out: poses are not known.")
-    position_known_to: PositiveLength | None = Field(default=None, description="Left out: poses are not known.")
-    max_steps: MostSteps = Field(default=20_000, description="Most steps of each sampler of the posterior.")
+    rotation_known_to: PositiveAngle | None = Field(
+        default=None,
+        description="Standard deviation of each rotation component where poses are known; left out: unknown.",
+    )
+    position_known_to: PositiveLength | None = Field(
+        default=None, description="Standard deviation of each coordinate where poses are known; left out: unknown."
+    )
+    max_steps: MostSteps = Field(default=20_000, description="Largest number of steps of each posterior sampler.")
 
     @property
     def half_field(self) -> float:
@@ -121,7 +126,7 @@ class TargetPart(Part):
 
 
 def _largest_angle(poses: tuple[PosePart, ...]) -> float:
-    """Between the planes of any two boards [rad]."""
+    """Largest angle between the planes of two boards [rad]."""
     normals = np.array([pose.normal for pose in poses])
     sines = np.linalg.norm(np.cross(normals[:, None], normals[None]), axis=-1)
     return float(np.arcsin(np.clip(sines, 0.0, 1.0)).max())

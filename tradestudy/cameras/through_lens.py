@@ -12,9 +12,9 @@ from tradestudy.optics.thin_lens import blur_diameter, image_distance
 
 
 def picture_through_lens(distance: FloatArray, lens: Lens, sensor: Sensor, focus: FloatArray) -> PictureGeometry:
-    """Objects at distances [m], NaN where there is no picture, by a lens focused at ``focus`` [m] for each of them.
+    """The picture of objects at distances [m], NaN where there is none, by a lens focused at ``focus`` [m] for each.
 
-    The largest window is the sensor.
+    The largest window is the whole sensor.
     """
     f, pupil = lens.focal_length, lens.pupil_diameter
     to_sensor = image_distance(focus, f)
