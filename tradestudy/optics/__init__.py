@@ -1,4 +1,4 @@
-"""Wave optics of a lens, of a microlens array behind it, and of its pixels: arrays in, arrays and their errors out.
+"""Wave optics of a lens, of a microlens array behind it, and of its pixels: arrays in, arrays with error estimates out.
 
 Start here:
 
@@ -11,12 +11,13 @@ Start here:
   `MicrolensCamera`. `chain_image` does the same for any `LightPath`.
 
 Lengths are in metres, angles in radians. Positions of sources, apertures and targets share axes; nothing is mirrored.
-Every result states its error. What misses its tolerance is refused, except where nodes may be starved on purpose:
-images of a `LightPath` then say so by `within_tolerance`, `aperture_field` with node counts of your own by its error.
+Every result states its error. A result that misses its tolerance is refused, with two exceptions: an image of a
+`LightPath` is returned and says so in `within_tolerance`, and `aperture_field` with your own node counts states the
+error that they leave.
 
 Examples
 --------
-The point spread of an f/2.8 lens with a tenth of a wave (rms) of coma, its MTF, and the spot that it makes behind a
+The point-spread function of an f/2.8 lens with a tenth of a wave (rms) of coma, its MTF, and the spot behind a
 microlens array:
 
 >>> from tradestudy import optics
@@ -55,8 +56,8 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    # Loaded when asked for: a study that is only checked needs single laws, and neither SciPy nor Fourier transforms.
-    # A module of this package is on its way in by itself.
+    # Loaded on first use: checking a study needs a few laws, but neither SciPy nor Fourier transforms.
+    # Python imports the modules of this package itself.
     if name == "__all__" or not (name.startswith("_") or find_spec(f"{__name__}.{name}")):
         public = import_module(f"{__name__}._public")
         if name == "__all__" or name in public.__all__:

@@ -14,26 +14,26 @@ from tradestudy.optics.propagation.lens import PointSource
 
 @dataclass(frozen=True, kw_only=True)
 class FocalLengths:
-    """Focal length f(θ, λ) that puts the image of a point at b = a f/(a − f), tabulated; linear between entries.
+    """Table of focal lengths f(θ, λ), linear between entries.
 
-    The focal length of a direction is that with which this law gives the image's distance along the axis: on a Petzval
-    surface of radius R_P it is f − (f tan θ)²/(2 R_P) for a distant point.
+    f(θ, λ) is defined by the image distance along the axis, b = a f/(a − f). For a distant point imaged onto a Petzval
+    surface of radius R_P it is f − (f tan θ)²/(2 R_P).
 
     Parameters
     ----------
     field_angles
-        θ of the source against the axis [rad], from 0 up, shape (n,). One angle stands for all: no field curvature.
+        θ of the source from the axis [rad], increasing from 0, shape (n,). A single angle means no field curvature.
     wavelengths
-        λ [m], increasing, shape (m,). One wavelength stands for all: no axial colour.
+        λ [m], increasing, shape (m,). A single wavelength means no axial colour.
     focal_lengths
         f [m], shape (n, m).
     reference_wavelength
-        In light of which the camera is focused, on the axis [m].
+        Wavelength at which the camera is focused on the axis [m].
 
     Raises
     ------
     OutOfRangeError
-        If shapes or orders are not as above, or a focal length is zero.
+        If shapes or order differ from the above, or a focal length is zero or not finite.
 
     References
     ----------
@@ -84,7 +84,7 @@ class FocalLengths:
         return self.at(field_angle=0.0, wavelength=self.reference_wavelength)
 
     def at(self, *, field_angle: float, wavelength: float) -> float:
-        """Focal length for a point in this direction in light of this wavelength [m].
+        """Focal length for a field angle and a wavelength [m].
 
         Raises
         ------
@@ -107,7 +107,7 @@ class FocalLengths:
 
 
 def focal_length_for(given: float | FocalLengths, source: PointSource, wavelength: float) -> float:
-    """Focal length of a lens for a point in light of a wavelength [m]."""
+    """Focal length of a lens for a source and a wavelength [m]."""
     if not isinstance(given, FocalLengths):
         return given
     angle = math.atan2(math.hypot(source.x, source.y), abs(source.distance))
@@ -115,5 +115,5 @@ def focal_length_for(given: float | FocalLengths, source: PointSource, wavelengt
 
 
 def reference_focal_length(given: float | FocalLengths) -> float:
-    """Focal length with which a camera is focused [m]."""
+    """Focal length at which a camera is focused [m]."""
     return given.reference if isinstance(given, FocalLengths) else given

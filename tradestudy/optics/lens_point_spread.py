@@ -1,4 +1,4 @@
-"""From lens data to how far a point spreads, in one call."""
+"""The point-spread function of a lens from its data, in one call."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ _ON_AXIS_AT_INFINITY = PointSource.at_infinity()
 
 @dataclass(frozen=True, kw_only=True)
 class LensPointSpread(PointSpread):
-    """What `point_spread` returns: the samples of a `PointSpread`, and the lens's own numbers.
+    """Result of `point_spread`: the samples of a `PointSpread` with the data of the lens.
 
-    The intensity is a share of the light through the pupil [1/m²], so that `pupil_power` is 1. Every number that a
-    method returns carries its error.
+    The intensity is the share of the light through the pupil per area [1/m²], so `pupil_power` is 1. Every number that
+    a method returns carries its error.
 
     Attributes
     ----------
@@ -59,11 +59,11 @@ class LensPointSpread(PointSpread):
     airy_radius
         Radius of the first dark ring without aberration, 1.2197 λ b/D [m].
     reference_peak
-        Peak without aberration [1/m²], of the same amplitude over the pupil in the same direction.
+        Peak without aberration [1/m²], for the same pupil amplitude and direction.
     method
-        How it was computed.
+        Law of propagation used.
     effort
-        Nodes, seconds.
+        Nodes and seconds that it took.
 
     Examples
     --------
@@ -81,7 +81,7 @@ class LensPointSpread(PointSpread):
 
     @property
     def relative_intensity(self) -> FloatArray:
-        """Intensity over the peak without aberration: its largest value is the Strehl ratio."""
+        """Intensity relative to the peak without aberration; its maximum is the Strehl ratio."""
         return np.asarray(self.intensity / self.reference_peak)
 
     def width(self, *, angle: float = 0.0) -> Measured:
@@ -97,7 +97,7 @@ class LensPointSpread(PointSpread):
         return encircled_energy_radius(self, centre=self.centre, share=share)
 
     def strehl_ratio(self) -> Measured:
-        """Peak over that without aberration, by `strehl_ratio`."""
+        """Ratio of the peak to the peak without aberration, by `strehl_ratio`."""
         return strehl_ratio(self, reference_peak=self.reference_peak)
 
     def modulation_transfer(self, frequency: npt.ArrayLike, *, angle: float = 0.0) -> Measured:
@@ -106,7 +106,7 @@ class LensPointSpread(PointSpread):
         return modulation_transfer(self, frequency_x=f * math.cos(angle), frequency_y=f * math.sin(angle))
 
     def plot(self, file: str | Path | None = None) -> Figure:
-        """Picture of the spot, its cuts, encircled energy and MTF with their errors; written to a file if given."""
+        """Plot the spot, its cuts, encircled energy and MTF with their errors; save the figure if a file is given."""
         from tradestudy.optics.spread_plot import spread_figure
 
         figure = spread_figure(
@@ -137,37 +137,37 @@ def point_spread(
     Parameters
     ----------
     focal_length
-        f [m], > 0; or a table of it over field and wavelength (field curvature, axial colour).
+        f [m], > 0; or its table over field angle and wavelength (field curvature, axial colour).
     f_number
-        N = f/D; the pupil is f/N wide.
+        N = f/D; the pupil diameter is D = f/N.
     wavelength
         λ [m], > 0 and less than the pupil's diameter.
     source
-        Point at a finite position or `PointSource.at_infinity`; on the axis at infinity if not given.
+        Point at a finite position or `PointSource.at_infinity`. Default: on the axis at infinity.
     method
-        ``geometric``, ``boundary_wave``, ``fresnel`` or ``kirchhoff``, as of `aperture_field`.
+        ``geometric``, ``boundary_wave``, ``fresnel`` or ``kirchhoff``, as in `aperture_field`.
     tolerance
         Relative L2 error allowed for the intensity over the window, in 1e-10 … 0.1.
     focus_distance
-        Distance in focus [m]; the source's if not given. The image plane is where points on the axis there have their
-        image in light of the reference wavelength of the table, if there is one.
+        Object distance in focus [m]. Default: the source's. The image plane holds the image of the axial point at this
+        distance; with a table of focal lengths, at its reference wavelength.
     lens_phase
         ``perfect``: sends every source point exactly to its thin-lens image; ``stigmatic``: a fixed element exact for
-        `focus_distance` on the axis, with coma off it; ``parabolic``: the paper's lens, with spherical aberration.
+        `focus_distance` on the axis, with coma off axis; ``parabolic``: the paper's lens, with spherical aberration.
     pupil
-        Amplitude and aberrations; none if not given.
+        Amplitude and aberrations. Default: a clear aperture without aberration.
     window
-        Half the side of the sampled square about the chief ray, in Airy radii. What lies beyond enters the errors of
-        the MTF: 0.8 % of the light at 20, falling as its inverse.
+        Half the side of the sampled square about the chief ray, in Airy radii. The light outside enters the error of
+        the MTF: 0.8 % of the light for a window of 20, inversely proportional to the window.
     obliquity
-        Of Kirchhoff's integral, as of `aperture_field`.
+        Obliquity factor of Kirchhoff's integral, as in `aperture_field`.
     limits
-        Memory and time; left out: 2 GB, 600 s.
+        Memory and time allowed. Default: 2 GB, 600 s.
 
     Returns
     -------
     LensPointSpread
-        Intensity, its stated error, width, encircled energy, Strehl ratio, MTF and a plot.
+        Intensity with its stated error; methods give width, encircled energy, Strehl ratio, MTF and a plot.
 
     Raises
     ------
@@ -176,7 +176,7 @@ def point_spread(
     UnaffordableError
         The nodes needed exceed the limits.
     NotConvergedError
-        The tolerance is not reached; no answer beyond it is returned.
+        The tolerance is not reached.
 
     References
     ----------
@@ -250,7 +250,7 @@ def _of_field(
     obliquity: Obliquity,
     airy: float,
 ) -> LensPointSpread:
-    """Samples in shares of the light through the pupil, with the numbers of the lens."""
+    """Intensity as a share of the light through the pupil, with the data of the lens."""
     samples = as_point_spread(field)
     flat = replace(lens, pupil=replace(lens.pupil, zernikes={}, path=None)) if lens.pupil else lens
     paraxial = field.method == "fresnel"
@@ -276,7 +276,7 @@ def _of_field(
 
 
 def _peak_in_phase(wave: LensWave, kernel: Kernel, at: tuple[float, float, float]) -> float:
-    """Intensity at a point if all of the pupil arrived there in phase."""
+    """Intensity at a point if the light of the whole pupil arrived there in phase."""
     nodes = wave.power_nodes()
     cosine = wave.axial_cosine(nodes.x, nodes.y) if wave.obliquity == "textbook" else None
     strength = wave.amplitude(nodes.x, nodes.y) * kernel.amplitude(nodes.x, nodes.y, cosine, *(np.array(c) for c in at))

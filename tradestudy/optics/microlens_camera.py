@@ -1,4 +1,4 @@
-"""From numbers to the spot behind a microlens array, in one call, refined until it is as accurate as was asked."""
+"""The spot behind a microlens array from the data of a camera, in one call, refined to a tolerance."""
 
 from __future__ import annotations
 
@@ -20,51 +20,51 @@ from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSou
 from tradestudy.optics.propagation.pupil import Pupil
 
 _ROUNDS = 3
-_FINEST = 1e-6  # tolerance that a chain takes
-_LENSES_BEYOND = 1.0  # pitches beyond the light of the rays, for what the main lens diffracts
+_FINEST = 1e-6  # smallest tolerance that `ChainAccuracy` accepts
+_LENSES_BEYOND = 1.0  # pitches beyond the geometric light, for the light that the main lens diffracts
 
 
 @dataclass(frozen=True, kw_only=True)
 class MicrolensCamera:
-    """Numbers of a camera with a microlens array, from which `light_path` makes what the light of a point meets.
+    """Data of a camera with a microlens array; `light_path` derives the lenses and pixels that a source lights.
 
     Parameters
     ----------
     focal_length
-        f of the main lens [m], or a table of it over field and wavelength.
+        f of the main lens [m], or its table over field angle and wavelength.
     f_number
-        N of the main lens; its pupil is f/N wide.
+        N of the main lens; its pupil diameter is f/N.
     array_distance
-        Main lens to array, z [m].
+        Distance from main lens to array, z [m].
     microlens_focal_lengths
-        f_L of the types [m]: one, or three of a hexagonal array, of which neighbours differ.
+        f_L of each type [m]: one, or three in a hexagonal array, where neighbours are of different types.
     microlens_pitch
-        [m].
+        Distance between the centres of neighbouring microlenses [m].
     gap
-        Array to detector, b_L [m].
+        Distance from array to detector, b_L [m].
     pixel_pitch
-        [m].
+        Side of a pixel [m].
     layout
-        ``hexagonal`` with rows along x, or ``square``; a microlens lies on the axis.
+        ``hexagonal`` with rows along x, or ``square``; one microlens is centred on the axis.
     microlens_aperture
-        Diameter [m]; the pitch if not given.
+        Diameter [m]. Default: the pitch.
     gaps
-        ``opaque`` or ``clear``, what lies between the apertures.
+        ``opaque`` or ``clear``: the area between the apertures.
     lens_phase, microlens_phase
-        ``perfect``, ``stigmatic`` or ``parabolic``, as of `CircularLens`; stigmatic lenses are made for the source.
+        ``perfect``, ``stigmatic`` or ``parabolic``, as in `CircularLens`; stigmatic lenses are exact for the source.
     pupil, microlens_pupil
-        Amplitude and aberrations.
+        Amplitude and aberrations of the main lens and of every microlens.
     odd_pixels
-        Whether the sensor has odd numbers of (rows, columns), so that the axis meets the middle of a pixel.
+        For (rows, columns): whether the sensor has an odd number, so that the axis meets the middle of a pixel.
 
     Raises
     ------
     OutOfRangeError
-        If the f-number, or the number of types, is impossible; lengths are refused when a path is made.
+        If the f-number or the number of types is impossible; `light_path` checks the lengths.
 
     Examples
     --------
-    The Raytrix R5 of the paper, and the microlenses that a point at 0.5 m lights:
+    The Raytrix R5 of the paper, and the number of microlenses on the light path of a point at 0.5 m:
 
     >>> from tradestudy import optics
     >>> camera = optics.MicrolensCamera(
@@ -101,7 +101,9 @@ class MicrolensCamera:
             raise OutOfRangeError("f-number", value=f"{self.f_number:g}", limit="> 0, finite")
         if len(self._types) not in ((1, 3) if self.layout == "hexagonal" else (1,)):
             raise OutOfRangeError(
-                f"types of microlenses of a {self.layout} array", value=str(len(self._types)), limit="1, or hexagonal 3"
+                f"types of microlenses of a {self.layout} array",
+                value=str(len(self._types)),
+                limit="1, or 3 in a hexagonal array",
             )
 
     @property
@@ -109,19 +111,19 @@ class MicrolensCamera:
         return np.atleast_1d(np.asarray(self.microlens_focal_lengths, dtype=np.float64))
 
     def light_path(self, source: PointSource | DiscSource, *, wavelength: float) -> LightPath:
-        """Return the lenses that the source's light meets, a ring of others around them, and the pixels behind.
+        """Return the microlenses that the source lights, a ring of others around them, and the pixels behind.
 
         Parameters
         ----------
         source
             Point or disc.
         wavelength
-            Of the light, for the table of focal lengths [m].
+            Wavelength at which a table of focal lengths is read [m].
 
         Raises
         ------
         OutOfRangeError
-            If parts do not fit together, or a table of focal lengths does not hold the source.
+            If the parts do not fit together, or the source lies beyond the table of focal lengths.
         """
         points = [source]
         if isinstance(source, DiscSource):
@@ -156,7 +158,7 @@ class MicrolensCamera:
         )
 
     def _focal_length(self, source: PointSource | DiscSource, wavelength: float) -> float:
-        """Focal length for the source; for a disc, one that holds all over it."""
+        """Focal length for the source; refuses a disc over which it varies."""
         if isinstance(source, PointSource):
             return focal_length_for(self.focal_length, source, wavelength)
         away = math.hypot(source.x, source.y)
@@ -169,12 +171,12 @@ class MicrolensCamera:
                 "field curvature over a disc",
                 value=f"focal lengths from {min(found):g} to {max(found):g} m",
                 limit="one",
-                remedy="take points, or a table of one field angle",
+                remedy="use point sources, or a table with a single field angle",
             )
         return found[0]
 
     def _lattice(self, about: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
-        """Centres of the microlenses within reach of a point on the array, and the types they are of."""
+        """Centres and types of the microlenses within reach of a point on the array."""
         skew, rise = (0.5, math.sqrt(3) / 2) if self.layout == "hexagonal" else (0.0, 1.0)
         near = about / self.microlens_pitch
         across = reach / self.microlens_pitch
@@ -220,29 +222,29 @@ def microlens_image(
     tolerance: float = 1e-3,
     seed: int = 0,
 ) -> ChainImage:
-    """Light of a point or a disc behind main lens and microlens array on the pixels, within a tolerance.
+    """Image of a point or a disc behind main lens and microlens array, integrated over pixels, within a tolerance.
 
     Parameters
     ----------
     camera
-        Its numbers; a plenoptic camera of a study gives them by ``camera.light_chain()``.
+        Data of the camera; a plenoptic camera of a study provides them as ``camera.light_chain()``.
     source
-        Point, at a finite position or `PointSource.at_infinity`, or disc.
+        A point, at a finite position or `PointSource.at_infinity`, or a disc.
     wavelength
         λ [m]; or several, shape (n,), whose images add as intensities.
     weights
-        Power in the pupil at each of several wavelengths; equal if not given.
+        Power in the pupil at each of several wavelengths. Default: equal.
     legs
-        Law of each leg, as of `chain_image`.
+        Law of propagation on each leg, as in `chain_image`.
     tolerance
         Largest relative L2 error over the pixels, in 1e-6 … 0.2.
     seed
-        Of the points that are checked: the same request gives the same digits.
+        Seed that draws the check points: the same call gives the same digits.
 
     Returns
     -------
     ChainImage
-        Share of the pupil's power on each pixel; its stated error is within the tolerance.
+        Share of the pupil's power on each pixel, with a stated error within the tolerance.
 
     Raises
     ------
@@ -251,7 +253,7 @@ def microlens_image(
     UnaffordableError
         If nodes or samples need more memory than allowed.
     NotConvergedError
-        If the stated error stays above the tolerance after refinement; no image beyond it is returned.
+        If the stated error stays above the tolerance after refinement.
 
     References
     ----------
@@ -302,5 +304,5 @@ def _refined(
         "the image does not reach its tolerance",
         value=f"stated relative L2 error {image.numerical_error:.2g}",
         limit=f"{tolerance:g}",
-        remedy="raise the tolerance, or see error_terms of chain_image for what limits it",
+        remedy="raise the tolerance; the error_terms of chain_image show what limits the error",
     )

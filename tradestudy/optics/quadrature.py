@@ -73,15 +73,15 @@ def disc_nodes(
     radius
         Radius of the disc [m], > 0.
     radial_count, angular_count
-        Number of rings and of nodes on each ring, ≥ 1; or on every ring its own number, from the innermost, shape
-        (radial_count,): a wave turns less often along a smaller ring.
+        Number of rings, and of nodes on each ring, ≥ 1. An array of shape (radial_count,) gives each ring its own
+        number, from the innermost out: a smaller ring crosses fewer periods of a wave.
     centre
         Centre of the disc [m].
 
     Returns
     -------
     QuadratureNodes
-        ``radial_count * angular_count`` nodes, or as many as the rings have, ring by ring from the innermost.
+        ``radial_count * angular_count`` nodes, or the sum of the array, ring by ring from the innermost.
 
     Raises
     ------
@@ -116,7 +116,7 @@ def disc_nodes(
 
 
 def ring_angles(counts: npt.NDArray[np.int_]) -> FloatArray:
-    """Equally spaced angles of rings that have so many nodes, ring by ring, from 0 up [rad]."""
+    """Equally spaced angles of the nodes of each ring, ring by ring, starting at 0 [rad]."""
     place = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
     return np.asarray(2.0 * np.pi * place / np.repeat(counts, counts))
 
@@ -171,8 +171,8 @@ def rectangle_nodes(
 def gauss_legendre(count: int) -> tuple[FloatArray, FloatArray]:
     """Nodes and weights of the Gauss–Legendre rule of `count` points on the interval [0, 1].
 
-    Newton's method from Tricomi's values for the right half of the nodes, which the left half mirrors; in O(n²), where
-    the eigenvalues of the companion matrix cost O(n³). Returned arrays are shared and read-only.
+    Newton's method from Tricomi's values gives the right half of the nodes, and symmetry the left. It costs O(n²); the
+    eigenvalues of the companion matrix would cost O(n³). The returned arrays are shared and read-only.
     """
     i = np.arange(1, (count + 1) // 2 + 1, dtype=np.float64)
     x = np.cos(np.pi * (i - 0.25) / (count + 0.5)) * (1 - (count - 1) / (8.0 * count**3))
@@ -180,7 +180,7 @@ def gauss_legendre(count: int) -> tuple[FloatArray, FloatArray]:
         value, slope = _legendre_and_slope(count, x)
         x = x - value / slope
     w = 2.0 / ((1.0 - x**2) * _legendre_and_slope(count, x)[1] ** 2)
-    left = slice(0, count // 2)  # of an odd rule without the node in the middle
+    left = slice(0, count // 2)  # leaves out the middle node of an odd rule
     nodes = 0.5 * (1.0 + np.concatenate([-x[left], x[::-1]]))
     weights = 0.5 * np.concatenate([w[left], w[::-1]])
     nodes.setflags(write=False)
@@ -190,7 +190,7 @@ def gauss_legendre(count: int) -> tuple[FloatArray, FloatArray]:
 
 def _legendre_and_slope(count: int, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """P_n and its derivative."""
-    from scipy.special import eval_legendre  # a study that is only checked needs no rule
+    from scipy.special import eval_legendre  # checking a study needs no rule
 
     value = eval_legendre(count, x)
     return value, count * (x * value - eval_legendre(count - 1, x)) / (x**2 - 1.0)

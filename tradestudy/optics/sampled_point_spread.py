@@ -1,7 +1,7 @@
-"""A point's image on a grid of samples: interpolation, peak, disc moments, and the error of a number from it.
+"""A sampled point-spread function: interpolation, peak, disc moments, and the errors of numbers computed from it.
 
 The intensity is sampled on a uniform grid and interpolated by a quintic spline. Each number is computed three
-times, from all samples, from every second and from every fourth; the changes give its numerical error.
+times: from all samples, from every second and from every fourth. The changes give its numerical error.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ _BEST_REDUCTION = 1 / 16  # of the error when the spacing is halved; a quintic s
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """A number, or an array of them, and the size of its numerical error (same shape, same unit).
+    """A number or an array, with its numerical error (same shape, same unit).
 
-    Printed, each value has as many digits as its error leaves.
+    `str` prints each value to the digits that its error supports.
 
     Attributes
     ----------
     value, error
-        Arrays of one shape; of shape () for a single number.
+        Arrays of the same shape; shape () for a single number.
 
     Examples
     --------
@@ -47,7 +47,7 @@ class Measured:
 
 
 def _with_error(value: float, error: float) -> str:
-    """Value with its digits down to the first one of the error."""
+    """Value to the digit at which its error starts, with the error."""
     digits = 6
     if error > 0 and value != 0 and np.isfinite(error) and np.isfinite(value):
         digits = int(np.clip(np.floor(np.log10(abs(value))) - np.floor(np.log10(error)) + 1, 1, 15))
@@ -61,19 +61,19 @@ class PointSpread:
     Attributes
     ----------
     x, y
-        Sample positions [m], increasing and equally spaced along each axis; 4 n + 1 ≥ 33 of them each.
+        Sample positions [m], increasing and equally spaced; 4 n + 1 ≥ 33 along each axis.
     intensity
-        I [W/m²], shape (len(y), len(x)): row by row along y.
+        I [W/m²], shape (len(y), len(x)).
     pupil_power
-        Power [W] that passed the pupil; energies are shares of it.
+        Power that passed the pupil [W]; energies are shares of it.
     relative_error
-        Stated relative L2 error of the samples, which every number taken from them adds to its own; 0 for samples of a
-        closed form.
+        Stated relative L2 error of the samples, included in the error of every number computed from them; 0 for samples
+        of a closed form.
 
     Raises
     ------
     OutOfRangeError
-        If shapes, spacing, sign, power or error are not as above.
+        If shapes, spacing, sign, power or error violate the above.
 
     Examples
     --------
@@ -108,7 +108,7 @@ class PointSpread:
                     f"number of samples along {name}",
                     value=str(axis.size),
                     limit=f"4 n + 1, at least {_LEAST_SAMPLES}",
-                    remedy="the error estimate drops every second sample twice and keeps the window",
+                    remedy="sample so that the error estimate can halve the samples twice within the same window",
                 )
             step = (axis[-1] - axis[0]) / (axis.size - 1)
             if not step > 0 or not np.allclose(np.diff(axis), step, rtol=1e-6, atol=0):
@@ -118,7 +118,7 @@ class PointSpread:
                 "intensity",
                 value=f"from {self.intensity.min():g} to {self.intensity.max():g} W/m²",
                 limit="≥ 0 and finite",
-                remedy="rays are infinite in a focus: take waves, or a plane out of it",
+                remedy="rays give infinite intensity in focus: use wave optics, or a plane out of focus",
             )
         if not (self.pupil_power > 0 and np.isfinite(self.pupil_power)):
             raise OutOfRangeError("pupil power", value=f"{self.pupil_power:g} W", limit="positive and finite")
@@ -135,7 +135,7 @@ class PointSpread:
 
     @property
     def spacing(self) -> float:
-        """The smaller of both [m]."""
+        """The smaller of the two spacings [m]."""
         return min(self.spacings)
 
     @property
@@ -146,7 +146,7 @@ class PointSpread:
 
     @property
     def sample_error(self) -> float:
-        """The most that any one sample may be wrong by [W/m²]: all of the stated error, in that sample."""
+        """Largest possible error of a single sample [W/m²]: the whole stated error falls on it."""
         return self.relative_error * float(np.linalg.norm(self.intensity))
 
     @cached_property
@@ -179,10 +179,11 @@ class PointSpread:
 def measured(
     psf: PointSpread, metric: Callable[[PointSpread], FloatArray | float], *, carried: FloatArray | float
 ) -> Measured:
-    """Evaluate a metric on the three grids and take the change, reduced as it shrinks, for its error.
+    """Evaluate a metric on the three grids and estimate its error from the changes.
 
-    The reduction is what the last halving showed, never better than a quintic spline may be trusted with. `carried` is
-    added: the most that the stated error of the intensity may change the metric by.
+    The error is the last change times the reduction that the last halving showed, which is trusted down to
+    `_BEST_REDUCTION`. `carried` is added: the largest change of the metric that the stated error of the intensity
+    allows.
     """
     fine, middle, coarse = (np.asarray(metric(grid), dtype=np.float64) for grid in (psf, *psf.coarser))
     last, before = np.abs(fine - middle), np.abs(middle - coarse)
@@ -195,7 +196,7 @@ def measured(
 def peak_position(psf: PointSpread) -> tuple[float, float]:
     """Position (x, y) of the largest intensity [m], between samples.
 
-    Newton's iteration on the spline from the brightest sample; the step is held within one spacing of it.
+    Newton's iteration on the spline from the brightest sample, within one spacing of it.
 
     Raises
     ------
@@ -223,8 +224,8 @@ def peak_position(psf: PointSpread) -> tuple[float, float]:
 class DiscMoments:
     """∫ rⁿ I dA over discs about one centre: Gauss–Legendre panels in radius, trapezoid in angle.
 
-    The azimuthal means are taken once; a disc that ends inside a panel integrates the polynomial through its
-    nodes.
+    The azimuthal means are computed once. Where a disc ends inside a panel, the polynomial through the panel's nodes is
+    integrated.
     """
 
     _ORDER = 6
@@ -249,7 +250,7 @@ class DiscMoments:
 
 
 def _azimuthal_mean(psf: PointSpread, centre: tuple[float, float], radius: float) -> float:
-    """Mean intensity on a circle; the trapezoid rule resolves all that the samples do."""
+    """Mean intensity on a circle; the trapezoid rule resolves everything that the samples resolve."""
     count = 16 + int(np.ceil(2 * np.pi * radius / psf.spacing))
     angles = 2 * np.pi * np.arange(count) / count
     return float(psf.spline.ev(centre[1] + radius * np.sin(angles), centre[0] + radius * np.cos(angles)).mean())

@@ -1,4 +1,4 @@
-"""Whatever holds the light of a point on a regular grid, as the samples that every metric takes."""
+"""Conversion of fields on regular grids to the samples that every metric takes."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ SpreadField = PointSpread | ApertureField
 
 
 def as_point_spread(field: SpreadField) -> PointSpread:
-    """Samples of a field with its power and its stated error; samples stay what they are.
+    """Samples of a field with its pupil power and stated error.
 
-    Of a field whose rows or columns are not 4 n + 1 in number, up to three at the far side are left out, as the errors
-    of metrics need it.
+    The errors of metrics need 4 n + 1 rows and columns. From any other number, up to three at the far side are dropped.
 
     Parameters
     ----------
@@ -27,12 +26,12 @@ def as_point_spread(field: SpreadField) -> PointSpread:
     Returns
     -------
     PointSpread
-        A `PointSpread` comes back as it is.
+        The samples; a `PointSpread` is returned unchanged.
 
     Raises
     ------
     OutOfRangeError
-        The targets are no regular grid in one plane, or have fewer than 33 rows or columns.
+        The targets do not form a regular grid in one plane, or have fewer than 33 rows or columns.
 
     References
     ----------

@@ -1,10 +1,11 @@
-"""How far a point spreads: widths, encircled energy and Strehl ratio, with error bars.
+"""Metrics of a point-spread function: widths, encircled energy and Strehl ratio, with error bars.
 
-Shares refer to the power that passed the pupil. What lies outside the sampled window is never guessed: a
-number that would need light from there is refused.
+Shares refer to the power that passed the pupil. The light outside the sampled window is never guessed: a number that
+depends on it is refused.
 
-An error has two parts: what the sampling leaves open, and the most that the stated error of the samples can do. An
-integral ∫∫ w I dA changes by at most ‖w‖ ‖δI‖ (Cauchy–Schwarz); a value at a point, by the whole error in one sample.
+An error is the sum of the error of sampling and a bound on the effect of the stated error of the samples. The latter
+changes an integral ∫∫ w I dA by at most ‖w‖ ‖δI‖ (Cauchy–Schwarz), and a value at a point by at most the whole error
+concentrated in one sample.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ from tradestudy.optics.spread_fields import SpreadField, as_point_spread
 
 
 def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
-    """FWHM of the cut through the peak: distance of the first half-maximum crossings on both sides [m].
+    """FWHM of the cut through the peak: distance between the first half-maximum crossings on both sides [m].
 
     Parameters
     ----------
     field
         Sampled intensity, or a field on a regular grid.
     angle
-        Direction of the cut against the x axis [rad].
+        Direction of the cut, measured from the x axis [rad].
 
     Returns
     -------
@@ -46,7 +47,7 @@ def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
 
     References
     ----------
-    Airy's pattern: 1.029 λ N, N the working f-number; 0.2 % more at f/8 by exact paths.
+    Airy's pattern: 1.029 λ N, with the working f-number N; exact paths add 0.2 % at f/8.
 
     Examples
     --------
@@ -64,7 +65,7 @@ def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
         return [_half_maximum_distance(grid, peak, (s * direction[0], s * direction[1])) for s in (1, -1)]
 
     peak = peak_position(psf)
-    # The crossing moves as the intensity there does, and as half the peak does.
+    # The crossing moves with the error of the intensity there, and with half the error of the peak.
     moved = sum(
         1.5 * psf.sample_error / abs(_slope(psf, peak, (s * direction[0], s * direction[1]), at))
         for s, at in zip((1, -1), sides(psf), strict=True)
@@ -111,7 +112,7 @@ def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius:
     field
         Sampled intensity, or a field on a regular grid.
     centre
-        Centre of the circles (x, y) [m]; take the chief ray, the peak or the centroid, and say which.
+        Centre of the circles (x, y) [m]: chief ray, peak or centroid, for example; state which with the result.
     radius
         Radii [m], any shape.
 
@@ -170,7 +171,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
     Raises
     ------
     OutOfRangeError
-        If the largest circle that fits into the window holds less.
+        If the largest circle that fits into the window holds a smaller share.
 
     References
     ----------
@@ -202,7 +203,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
         target = share * grid.pupil_power
         energy = DiscMoments(grid, centre, largest)
         if energy(largest) <= target:
-            return largest  # a grid this coarse loses the light; its large change then is the error
+            return largest  # a grid this coarse loses light; the large change then counts as the error
         return float(brentq(lambda r: energy(r) - target, 0.0, largest, xtol=1e-13 * largest))
 
     found, step = radius(psf), psf.spacing / 4
@@ -213,8 +214,8 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
 def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float) -> Measured:
     """Root-mean-square distance from the centre within a circle: √(∫ r² I dA / ∫ I dA) [m].
 
-    The radius belongs to the number: behind a hard aperture I falls as r⁻³ and the width without a limit
-    diverges.
+    State the radius with the width: behind a hard aperture I falls as r⁻³, and the width grows without limit with the
+    radius.
 
     Parameters
     ----------
@@ -223,7 +224,7 @@ def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float)
     centre
         Centre (x, y) [m].
     radius
-        Declared limit [m].
+        Radius of the circle [m].
 
     Returns
     -------
@@ -237,7 +238,7 @@ def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float)
 
     References
     ----------
-    Second moment of the spot about a point, as of ISO 11146-1, cut at the declared radius.
+    Second moment of the spot about a point, as in ISO 11146-1, truncated at the radius.
 
     Examples
     --------
@@ -263,7 +264,7 @@ def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float)
 
 
 def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:
-    """Largest intensity over that of the same pupil without aberration.
+    """Ratio of the peak intensity to the peak of the same pupil without aberration.
 
     Parameters
     ----------
@@ -275,7 +276,7 @@ def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:
     Returns
     -------
     Measured
-        Ratio [1], shape (), with the errors of sampling and of the samples; the reference counts as exact.
+        Ratio [1], shape (), with the errors of sampling and of the samples; the reference is taken as exact.
 
     Raises
     ------
@@ -288,7 +289,7 @@ def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:
 
     Examples
     --------
-    `point_spread` knows the peak of its own lens without aberration; of λ/14 rms Maréchal expects 0.8:
+    `point_spread` provides the reference peak of its lens. By Maréchal's criterion, λ/14 rms gives about 0.8:
 
     >>> from tradestudy import optics
     >>> psf = optics.point_spread(
@@ -312,7 +313,7 @@ def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:
 
 
 def diffraction_limited_peak(*, pupil_power: float, pupil_area: float, wavelength: float, distance: float) -> float:
-    """Peak of a uniformly lit pupil in focus: P A/(λ z)² [W/m²].
+    """Peak intensity at the focus of a uniformly lit pupil: P A/(λ z)² [W/m²].
 
     Parameters
     ----------
@@ -326,7 +327,7 @@ def diffraction_limited_peak(*, pupil_power: float, pupil_area: float, wavelengt
     Returns
     -------
     float
-        [W/m²]; paraxial, so good to 1/(16 F²), F = z over the diameter.
+        Intensity [W/m²]; paraxial, with a relative error of 1/(16 F²), where F is z over the pupil diameter.
 
     Raises
     ------

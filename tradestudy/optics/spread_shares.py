@@ -1,6 +1,6 @@
-"""Where the light of a point goes: modulation transfer, shares outside a disc and on pixels, with error bars.
+"""MTF, and the shares of a point's light in the window, outside a disc and on pixels, with error bars.
 
-Shares refer to the power that passed the pupil; errors are made up as in `spread_metrics`.
+Shares refer to the power that passed the pupil; errors are composed as in `spread_metrics`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
     field
         Sampled intensity, or a field on a regular grid.
     frequency_x, frequency_y
-        Spatial frequencies [cycles/m], broadcast.
+        Spatial frequencies [cycles/m], broadcast against each other.
 
     Returns
     -------
@@ -40,7 +40,7 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
 
     References
     ----------
-    J. W. Goodman, *Introduction to Fourier Optics*, section 6.3; of a perfect lens 2/π (arccos s − s √(1 − s²)) with
+    J. W. Goodman, *Introduction to Fourier Optics*, section 6.3. A perfect lens has 2/π (arccos s − s √(1 − s²)) with
     s = λ N f.
 
     Examples
@@ -94,11 +94,11 @@ def window_share(field: SpreadField) -> Measured:
     Raises
     ------
     OutOfRangeError
-        If the field is on no regular grid.
+        If the field does not lie on a regular grid.
 
     References
     ----------
-    Outside a circle of radius r Airy's pattern keeps 2 λ N/(π² r), Born and Wolf, section 8.5.2.
+    The share of Airy's pattern outside a circle of radius r is 2 λ N/(π² r); Born and Wolf, section 8.5.2.
 
     Examples
     --------
@@ -154,7 +154,7 @@ def share_outside_disc(field: SpreadField, *, centre: tuple[float, float], radiu
 
 
 def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float], shape: tuple[int, int]) -> Measured:
-    """Share of the pupil's power on each pixel, the intensity integrated over the pixel's square.
+    """Share of the pupil's power on each pixel: the intensity integrated over its square.
 
     Parameters
     ----------
@@ -170,7 +170,8 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
     Returns
     -------
     Measured
-        Shape ``shape``; row i spans y from corner_y + i pitch on. With the errors of sampling and of the samples.
+        Shares [1], shape ``shape``, with the errors of sampling and of the samples; row i starts at
+        y = corner_y + i pitch.
 
     Raises
     ------
@@ -179,7 +180,7 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
 
     References
     ----------
-    The definition: an integral over the square, by the spline through the samples.
+    The definition; the spline through the samples is integrated over each square.
 
     Examples
     --------
@@ -203,7 +204,7 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
             "pixels leave the sampled window",
             value=f"x {x_edges[0]:g}…{x_edges[-1]:g} m, y {y_edges[0]:g}…{y_edges[-1]:g} m",
             limit=f"x {psf.x[0]:g}…{psf.x[-1]:g} m, y {psf.y[0]:g}…{psf.y[-1]:g} m",
-            remedy="widen the window or ask for fewer pixels",
+            remedy="widen the window or request fewer pixels",
         )
 
     def shares(grid: PointSpread) -> FloatArray:
@@ -230,7 +231,7 @@ def share_on_neighbouring_pixels(field: SpreadField, *, pitch: float, centre: tu
     Returns
     -------
     Measured
-        Share [1], shape (), with the errors of `pixel_shares` added up.
+        Share [1], shape (), with the sum of the errors of `pixel_shares`.
 
     Raises
     ------
@@ -255,7 +256,7 @@ def share_on_neighbouring_pixels(field: SpreadField, *, pitch: float, centre: tu
 
 
 def _over_window(psf: PointSpread) -> float:
-    """The most that the stated error may do to an integral over the window with weights of magnitude 1/P."""
+    """Bound on the change that the stated error makes to an integral over the window with weights of magnitude 1/P."""
     area = float((psf.x[-1] - psf.x[0]) * (psf.y[-1] - psf.y[0]))
     return float(np.sqrt(area)) * psf.intensity_error / psf.pupil_power
 

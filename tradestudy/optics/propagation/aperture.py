@@ -1,4 +1,4 @@
-"""A point source behind one circular lens by the method of choice, of which rays alone are computed here."""
+"""The field of a point source behind a circular lens: dispatch to the chosen method, and the method of rays."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ def geometric_field(
 ) -> ApertureField:
     """Geometrical optics behind a lens: |U|² = Σ |A|²/|∂P/∂q| over the rays that reach a target.
 
-    The field adds the rays with their phases (a caustic passed turns one by −i); the intensity adds them
+    The field adds the rays with their phases (each caustic passed multiplies a ray by −i); the intensity adds them
     without interference. Both are 0 where no ray arrives and infinite on a caustic.
 
-    The stated error comes from tracing neighbours of the rays to the check targets plainly: where they land, and
-    the area that they cover, against the closed-form derivatives. It says nothing about diffraction.
+    The stated error comes from tracing the neighbours of rays to the check targets: where they land, and the area that
+    they cover, is compared with the closed-form derivatives. It does not cover diffraction.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def geometric_field(
     Raises
     ------
     NotConvergedError
-        Traced and computed intensities differ by more than the tolerance.
+        Intensities by tracing and in closed form differ by more than the tolerance.
     """
     started = time.perf_counter()
     centre = wave.lens.centre
@@ -91,7 +91,7 @@ def geometric_field(
 def _traced(
     wave: LensWave, u: FloatArray, v: FloatArray, each: np.ndarray, x: FloatArray, y: FloatArray, z: FloatArray
 ) -> tuple[float, int]:
-    """Largest relative error of the intensity of single rays against tracing their neighbours, and how many."""
+    """Largest relative error of single rays' intensities against tracing their neighbours, and the number of rays."""
     lit = np.isfinite(each) & (np.abs(each) > 0)
     if not lit.any():
         return 0.0, 0
@@ -126,7 +126,7 @@ def aperture_field(
 ) -> ApertureField:
     """Field and intensity of a point source behind a circular lens, with their error.
 
-    U(P) = ∬ U_source(q) exp(i φ_lens(q)) K(q, P) dq over the aperture, with the laws of the method for both legs.
+    U(P) = ∬ U_source(q) exp(i φ_lens(q)) K(q, P) dq over the aperture; the method sets the law of both legs.
 
     Parameters
     ----------
@@ -139,9 +139,9 @@ def aperture_field(
     wavelength
         Wavelength [m], > 0.
     method
-        ``geometric``: rays. ``boundary_wave``: rays and the wave from the edge, Kirchhoff where they are singular.
-        ``fresnel``: paths to second order, unit cosines, eqs. 17–22; the conjugate paths that a stigmatic or
-        perfect lens cancels are of second order too, so that all lens phases are one.
+        ``geometric``: rays. ``boundary_wave``: rays and the wave from the edge, with Kirchhoff's integral where these
+        are singular. ``fresnel``: paths to second order, unit cosines, eqs. 17–22; the conjugate paths that a
+        stigmatic or perfect lens cancels are also of second order, so all lens phases give the same result.
         ``kirchhoff``: exact paths and cosines, eqs. 9–16.
     accuracy
         Relative L2 tolerance of the intensity over the targets, and the check.
@@ -149,17 +149,17 @@ def aperture_field(
         ``paper``, ``textbook`` or ``rayleigh-sommerfeld-1``, see `KirchhoffKernel` and `LensWave.amplitude`; the
         Fresnel integral has none and takes only the default.
     limits
-        Memory and time; left out: 2 GB, 600 s.
+        Memory and time allowed. Default: 2 GB, 600 s.
     counts
-        Node counts on the disc, for studies of convergence: nothing is refined then, and the stated error is what it is
-        (on the edge only the angular count is used; rays have no nodes and refuse it). Left out: from the slope of
-        the net path.
+        Node counts on the disc, for convergence studies: nothing is then refined, and the stated error may exceed the
+        tolerance. A boundary wave uses only the angular count; rays have no nodes and refuse counts. Default: from the
+        slope of the net path.
 
     Returns
     -------
     ApertureField
-        Field [1/m² for a unit point of eqs. 10–12] and intensity in the shape of the targets, the stated error, the
-        effort. The field leaves out the lens's constant phase n Δ.
+        Field [1/m² for the unit point source of eqs. 10–12] and intensity in the shape of the targets, the stated
+        error and the effort. The field leaves out the lens's constant phase n Δ.
 
     Raises
     ------
@@ -167,14 +167,14 @@ def aperture_field(
         An argument is outside the validity of the laws, the wavelength exceeds the aperture, a target lies within a
         wavelength of it, or an option has no meaning for the method.
     UnaffordableError
-        The nodes needed exceed the limits; nothing is undersampled instead.
+        The nodes needed exceed the limits.
     NotConvergedError
         The tolerance is below what the method or double precision can give at these targets.
 
     References
     ----------
-    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–22. Of its errata the one in eq. 23
-    (2πi/(λ a) where πi/(λ a) belongs) does not enter here.
+    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–22. The erratum in eq. 23
+    (2πi/(λ a) in place of πi/(λ a)) does not affect this function.
 
     Examples
     --------
@@ -205,10 +205,10 @@ def aperture_field(
         raise OutOfRangeError("node counts of rays", value=str(counts), limit="None", remedy="leave them out")
     if method in ("boundary_wave", "geometric") and lens.pupil is not None and not lens.pupil.evenly_lit:
         raise OutOfRangeError(
-            "rays or boundary waves of an aperture that is not lit evenly",
+            "rays or boundary waves with a nonuniform pupil",
             value=f"amplitude or obscuration, by method {method!r}",
             limit="neither",
-            remedy="take method 'kirchhoff' or 'fresnel'",
+            remedy="use method 'kirchhoff' or 'fresnel'",
         )
     wave = lens_wave(source=source, lens=lens, wavelength=wavelength, paraxial=method == "fresnel", obliquity=obliquity)
     nearest = float(targets.coordinates()[2].min())

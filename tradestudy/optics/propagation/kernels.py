@@ -1,4 +1,4 @@
-"""Laws of propagation from an aperture to a target: Kirchhoff's integral with its relatives, and Fresnel's."""
+"""Laws of propagation from an aperture to a target: Kirchhoff's integral with its variants, and Fresnel's."""
 
 from __future__ import annotations
 
@@ -20,17 +20,18 @@ class KirchhoffKernel:
     * ``textbook``: (cos θ of the arriving wave + z/s)/2, the Fresnel–Kirchhoff obliquity.
     * ``rayleigh-sommerfeld-1``: z/s (1 + i/(k s)), exact for a known field in the plane.
 
-    The arriving wave of the textbook law is the one behind the lens, for which alone the boundary-diffracted wave is
-    exact. In the focus of an f/3.8 microlens the intensities of the three then differ by 1e-5 (textbook) and 1e-7 (the
-    last) of their L2 norm, a quarter of the distance behind it by 5e-4 and 2e-7; the field of the last is turned by
-    1/(k s), 2e-4 there. With the direction before the lens the textbook intensity in focus is 0.4 % above the paper's.
+    The textbook law takes the direction of the wave behind the lens; only for it is the boundary-diffracted wave exact.
+    In focus behind an f/3.8 microlens, the intensity then differs from the paper's by 1e-5 (textbook) and 1e-7
+    (Rayleigh–Sommerfeld) in the L2 norm; a quarter of the distance farther, by 5e-4 and 2e-7. The Rayleigh–Sommerfeld
+    field is turned by the phase 1/(k s), 2e-4 there. With the direction before the lens, the textbook intensity in
+    focus would be 0.4 % above the paper's.
 
     Parameters
     ----------
     wavelength
         Wavelength [m].
     obliquity
-        Which of the three.
+        One of the three laws above.
 
     References
     ----------
@@ -57,7 +58,7 @@ class KirchhoffKernel:
         return np.asarray(np.sqrt(x * x + y * y + z * z))
 
     def path_from_node(self, u: Array, v: Array, x: Array, y: Array, z: Array) -> Array:
-        """Path from a node less the path from the centre [m], without cancellation."""
+        """Path from a node minus the path from the centre [m], without cancellation."""
         a, b = x - u, y - v
         s = np.sqrt(a * a + b * b + z * z)
         return np.asarray((u * (u - 2 * x) + v * (v - 2 * y)) / (s + np.sqrt(x * x + y * y + z * z)))
@@ -132,7 +133,7 @@ class FresnelKernel:
         return np.asarray(z + (x * x + y * y) / (2 * z))
 
     def path_from_node(self, u: Array, v: Array, x: Array, y: Array, z: Array) -> Array:
-        """Path from a node less the path from the centre [m]."""
+        """Path from a node minus the path from the centre [m]."""
         return np.asarray((u * (u - 2 * x) + v * (v - 2 * y)) / (2 * z))
 
     def slope_at_target(self, u: Array, v: Array, x: float, y: float, z: float) -> tuple[Array, Array, Array]:
@@ -149,11 +150,11 @@ class FresnelKernel:
         return np.asarray(dz + (dx * dx + dy * dy) / (2 * c) - squared * dz / (2 * c * (c + dz)))
 
     def amplitude(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """Everything but the phase: 1/(iλ z) [1/m²]; the distance alone enters."""
+        """Everything but the phase: 1/(iλ z) [1/m²]; it depends only on the distance."""
         del cosine  # one signature for all kernels
         shape = np.broadcast_shapes(np.shape(u), np.shape(v), np.shape(x), np.shape(y), np.shape(z))
         return np.broadcast_to(-1j / (self.wavelength * z), shape)
 
 
 Kernel = KirchhoffKernel | FresnelKernel
-"""What tells of the path and the amplitude between a node (u, v) of an aperture and a target."""
+"""Law of the path and the amplitude between a node (u, v) of an aperture and a target."""

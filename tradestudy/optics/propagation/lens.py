@@ -19,20 +19,20 @@ LensPhase = Literal["parabolic", "stigmatic", "perfect"]
 LENS_PHASES: tuple[LensPhase, ...] = ("parabolic", "stigmatic", "perfect")
 Obliquity = Literal["paper", "textbook", "rayleigh-sommerfeld-1"]
 OBLIQUITIES: tuple[Obliquity, ...] = ("paper", "textbook", "rayleigh-sommerfeld-1")
-# As good as infinity: over an aperture of a metre its sphere departs from a plane by 1e-16 m, all that doubles hold.
+# As good as infinity: over an aperture of a metre its sphere departs from a plane by 1e-16 m, the limit of doubles.
 _AS_AT_INFINITY = 1e15
 
 
 @dataclass(frozen=True, kw_only=True)
 class PointSource:
-    """A monochromatic point of unit strength before a lens, or a virtual one behind it.
+    """A monochromatic point source of unit strength in front of a lens, or a virtual one behind it.
 
     Parameters
     ----------
     x, y
         Transverse position [m], in the same axes as the centre of the lens.
     distance
-        Distance before the lens plane [m]; < 0: light that converges to a point behind the lens plane.
+        Distance in front of the lens plane [m]; < 0 for light that converges to a point behind it.
 
     Raises
     ------
@@ -64,17 +64,17 @@ class PointSource:
 
     @classmethod
     def at_infinity(cls, *, angle_x: float = 0.0, angle_y: float = 0.0) -> PointSource:
-        """Return a point so far away that its wave is plane: 1e15 m.
+        """Return a point source at 1e15 m, so far away that its wave is plane.
 
         Parameters
         ----------
         angle_x, angle_y
-            Angle of its direction against the axis, as seen in the x–z and in the y–z plane [rad], within ±π/2.
+            Angles of its direction from the axis in the x–z and the y–z plane [rad], within ±π/2.
 
         Raises
         ------
         OutOfRangeError
-            An angle is a right one or larger.
+            The magnitude of an angle is π/2 or more.
         """
         if not (abs(angle_x) < math.pi / 2 and abs(angle_y) < math.pi / 2):
             raise OutOfRangeError("field angle", value=f"{angle_x:g}, {angle_y:g} rad", limit="between −π/2 and π/2")
@@ -92,27 +92,27 @@ class CircularLens:
     radius
         Radius of the aperture [m], > 0.
     focal_length
-        Focal length [m], ≠ 0; < 0 diverges.
+        Focal length [m], ≠ 0; < 0 for a diverging lens.
     lens_phase
         ``parabolic``: −π r²/(λ f), the paper's lens; with exact paths it has the spherical aberration
-        r⁴/8 (1/a³ + 1/b³). ``stigmatic``: a fixed element that cancels the exact paths between its vertex normal's
-        point at `focus_distance` and that point's image; off axis it has coma. ``perfect``: sends every source point
-        exactly to its thin-lens image, as a well-corrected objective does.
+        r⁴/8 (1/a³ + 1/b³). ``stigmatic``: a fixed element that cancels the exact paths between the axial point at
+        `focus_distance` and its image; off axis it has coma. ``perfect``: sends every source point exactly to its
+        thin-lens image, as a well-corrected objective does.
     focus_distance
-        Object distance [m] for which a stigmatic lens is exact; required for it, forbidden for the others.
+        Object distance [m] for which a stigmatic lens is exact; required for a stigmatic lens, refused for the others.
     centre
         Centre of the aperture and vertex of the lens [m].
     pupil
-        Amplitude and aberrations of the aperture, the same for all source points. Fresnel, too, keeps them as they are.
+        Amplitude and aberrations of the aperture, the same for all source points and methods.
 
     Raises
     ------
     OutOfRangeError
-        A length is out of range, or `focus_distance` is missing or has no meaning.
+        A length is out of range, or `focus_distance` is missing or does not apply.
 
     Examples
     --------
-    An f/2.8 lens that would be perfect but for a tenth of a wave of coma along x:
+    An f/2.8 lens that is perfect except for a tenth of a wave of coma along x:
 
     >>> from tradestudy import optics
     >>> lens = optics.CircularLens(
@@ -142,13 +142,13 @@ class CircularLens:
                 f"focus_distance of a {self.lens_phase} lens",
                 value=str(self.focus_distance),
                 limit="a distance for a stigmatic lens, none for the others",
-                remedy="give the object distance for which the stigmatic element is made, or choose another phase",
+                remedy="give the object distance for which the stigmatic lens is exact, or choose another lens phase",
             )
 
     def without_obscuration(self, nodes_of: Callable[[float], QuadratureNodes]) -> QuadratureNodes:
-        """Nodes of the aperture, from which those of its dark middle are taken away: both are discs, to full accuracy.
+        """Nodes of the aperture, with the obscuration subtracted as a second disc at full accuracy.
 
-        `nodes_of` gives the nodes of a disc of a radius [m] about the centre of the aperture.
+        `nodes_of` returns the nodes of a disc of a given radius [m] about the centre of the aperture.
         """
         whole = nodes_of(self.radius)
         if self.pupil is None or self.pupil.obscuration == 0.0:
@@ -167,7 +167,7 @@ class CircularLens:
         Raises
         ------
         OutOfRangeError
-            A function given for it gives something else than finite numbers, one for each position.
+            The pupil's function does not return one finite number for each position.
         """
         passed = None if self.pupil is None else self.pupil.transmission
         if passed is None:
@@ -202,9 +202,9 @@ def finite_image_distance(object_distance: float, focal_length: float) -> float:
 
 
 def lens_paths(source: PointSource, lens: CircularLens, *, paraxial: bool) -> PathSum:
-    """Path behind the lens, source leg and lens together with its pupil, relative to the vertex, in lens coordinates.
+    """Path behind the lens relative to the vertex, in lens coordinates: source leg, lens and pupil.
 
-    `paraxial` takes every conjugate path to second order, as Fresnel does; the three lens phases are then one.
+    `paraxial` expands every conjugate path to second order, as Fresnel does; the three lens phases then agree.
     """
     aberrations = () if lens.pupil is None else lens.pupil.path_terms(lens.radius)
     return PathSum(terms=(*_conjugate_paths(source, lens, paraxial=paraxial), *aberrations))
@@ -217,7 +217,7 @@ def _conjugate_paths(source: PointSource, lens: CircularLens, *, paraxial: bool)
         incoming = ParabolicPath(x=x, y=y, distance=source.distance)
         return (incoming, ParabolicPath(x=0.0, y=0.0, distance=-lens.focal_length))
     if lens.lens_phase == "perfect":
-        # The lens takes the exact path from the source away and adds the one to the image: only the latter is left.
+        # The lens subtracts the exact path from the source and adds the path to the image: only the latter remains.
         image_x, image_y, b = lens.image_of(source)
         return (SphericalPath(x=image_x - lens.centre[0], y=image_y - lens.centre[1], distance=-b),)
     spherical = SphericalPath(x=x, y=y, distance=source.distance)
@@ -255,7 +255,7 @@ class LensWave:
         return lens_paths(self.source, self.lens, paraxial=self.paraxial)
 
     def amplitude(self, x: Array, y: Array) -> Array:
-        """Slowly varying complex amplitude [1/m²] of a unit point, with that of the pupil.
+        """Slowly varying complex amplitude [1/m²] of a unit point source, times the pupil's amplitude.
 
         Paper's law (eq. 10): a/(iλ r²); textbook: 1/(iλ r), the free spherical wave; full Rayleigh–Sommerfeld I:
         a/(iλ r²) (1 + i/(k r)); Fresnel (eq. 18): 1/(iλ a).
@@ -301,7 +301,7 @@ class LensWave:
         Raises
         ------
         OutOfRangeError
-            The phase of the lens is steeper than any propagating wave.
+            The phase behind the lens is steeper than that of any propagating wave.
         """
         p_x, p_y = self.paths.slope(x, y)
         transverse = p_x**2 + p_y**2

@@ -1,4 +1,4 @@
-"""What an aperture does to a wave beside its lens phase: Zernike aberrations, and any amplitude and path."""
+"""Amplitude and path that an aperture adds to a wave besides the lens phase, as Zernike coefficients or as maps."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.paths import Array, Expansion
 
 PupilMap = Callable[[FloatArray, FloatArray], FloatArray] | FloatArray
-_LARGEST_INDEX = 153  # radial order 16: beyond, the polynomials' coefficients cancel digits that a tolerance may need
+_LARGEST_INDEX = 153  # radial order 16: at higher orders the coefficients cancel digits that a tolerance may need
 _LEAST_SAMPLES = 6  # a side of a map, for a quintic spline
-_STEP = 1e-4  # of the radius, for the slope of a function: differences of fourth order are then right to 1e-12
+_STEP = 1e-4  # of the radius, for the slope of a function: fourth-order differences are then accurate to 1e-12
 
 
 def noll_order(index: int) -> tuple[int, int]:
-    """Radial order n and azimuthal order m of Noll's Zernike polynomial; m < 0 is the sine.
+    """Radial order n and azimuthal order m of Noll's Zernike polynomial; m < 0 denotes a sine.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def noll_order(index: int) -> tuple[int, int]:
     Raises
     ------
     OutOfRangeError
-        If the index is none of these.
+        If the index is not in this range.
 
     References
     ----------
@@ -61,33 +61,33 @@ def noll_order(index: int) -> tuple[int, int]:
 
 @dataclass(frozen=True, kw_only=True)
 class Pupil:
-    """Amplitude and optical path that an aperture adds to a wave, beside the lens phase.
+    """Amplitude and optical path that an aperture adds to a wave, besides the lens phase.
 
-    The wave is multiplied by t exp(i k W). A longer path W retards. Positions are relative to the radius R of the
+    The wave is multiplied by t exp(i k W); a positive W delays it. Positions are relative to the radius R of the
     aperture, (x/R, y/R), along the axes of source and targets.
 
     Parameters
     ----------
     zernikes
-        Coefficients of W [m rms] by Noll's index, of polynomials of unit variance over the disc.
+        Coefficients of W by Noll's index [m rms]; the polynomials have unit variance over the disc.
     path
-        More of W [m]: a function of (x/R, y/R), or an array.
+        Path added to W [m]: a function of (x/R, y/R), or an array.
     amplitude
-        t [1]: likewise. 1 if not given.
+        t [1]: a function or an array, like the path. Default: 1.
     obscuration
-        Radius of a dark disc in the middle over R, in [0, 1); of a main lens only.
+        Radius of a central dark disc over R, in [0, 1); for main lenses only.
 
-    Arrays have shape (n, n), n ≥ 6, over the square around the aperture: row i lies at y/R = −1 + 2 i/(n − 1), column j
-    at x/R likewise; a quintic spline goes through them, so that they must go on smoothly beyond the rim. Functions must
-    be smooth: behind a step within the aperture quadrature converges slowly, and a tolerance may be refused. A dark
-    middle is an `obscuration`, which costs no accuracy.
+    Arrays have shape (n, n), n ≥ 6, and cover the square around the aperture: row i lies at y/R = −1 + 2 i/(n − 1),
+    column j at x/R likewise. A quintic spline interpolates them, so they must continue smoothly beyond the rim.
+    Functions must be smooth: with a step inside the aperture, quadrature converges slowly and may miss the tolerance.
+    Model a dark centre as an `obscuration`, which costs no accuracy.
 
-    Rays and boundary waves need derivatives everywhere and take Zernike coefficients only.
+    Rays and boundary waves need derivatives everywhere; they accept only Zernike coefficients.
 
     Raises
     ------
     OutOfRangeError
-        A Noll index is unknown, a coefficient is not finite, or an array or the obscuration is not as above.
+        A Noll index is unknown, a coefficient is not finite, or an array or the obscuration violates the above.
 
     References
     ----------
@@ -130,7 +130,7 @@ class Pupil:
                     f"{name} of the pupil",
                     value="not finite",
                     limit="finite over the whole square",
-                    remedy="let the values go on smoothly beyond the rim",
+                    remedy="continue the values smoothly beyond the rim",
                 )
 
     @classmethod
@@ -153,17 +153,17 @@ class Pupil:
 
     @property
     def aberrated(self) -> bool:
-        """Whether it changes the path."""
+        """Whether the pupil changes the path."""
         return self.path is not None or any(self.zernikes.values())
 
     @property
     def evenly_lit(self) -> bool:
-        """Whether all of the aperture passes light alike."""
+        """Whether the aperture transmits uniformly."""
         return self.amplitude is None and self.obscuration == 0.0
 
     @property
     def round(self) -> bool:
-        """Whether no turn about the axis changes it: Zernike coefficients without azimuth alone."""
+        """Whether the pupil is rotationally symmetric: only Zernike coefficients of azimuthal order 0."""
         even = all(noll_order(index)[1] == 0 for index, coefficient in self.zernikes.items() if coefficient)
         return even and self.path is None and self.amplitude is None
 
@@ -190,7 +190,7 @@ def scaled(given: PupilMap, factor: float) -> PupilMap:
 
 
 def pupil_function(given: PupilMap) -> Callable[[FloatArray, FloatArray], FloatArray]:
-    """Map as a function of relative positions: itself, or the quintic spline through its samples."""
+    """A map as a function of relative positions: the function itself, or the quintic spline through the array."""
     if callable(given):
         return given
     axis = np.linspace(-1.0, 1.0, given.shape[0])
@@ -215,7 +215,7 @@ class ZernikePath:
 
     @cached_property
     def _polynomial(self) -> Array:
-        """Coefficients of p^i q^j: ρⁿ cos mθ = (p^m + q^m)(p q)^((n − m)/2)/2, and with a minus over i the sine."""
+        """Coefficients of p^i q^j: ρⁿ cos mθ = (p^m + q^m)(p q)^((n − m)/2)/2, ρⁿ sin mθ likewise by (p^m − q^m)/i."""
         largest = max(noll_order(index)[0] for index in self.zernikes)
         total = np.zeros((largest + 1, largest + 1), dtype=np.complex128)
         for index, coefficient in self.zernikes.items():
@@ -259,7 +259,7 @@ class ZernikePath:
         return np.asarray(padded / self.radius ** (along_p + along_q))
 
     def _at(self, polynomial: Array, x: Array, y: Array) -> Array:
-        """Evaluate it; real at real positions."""
+        """Value of a polynomial at (x, y); real at real positions."""
         x, y = np.broadcast_arrays(x, y)
         found = np.asarray(polyval2d((x + 1j * y) / self.radius, (x - 1j * y) / self.radius, polynomial))
         return found if np.iscomplexobj(x) or np.iscomplexobj(y) else found.real
@@ -286,14 +286,14 @@ class MapPath:
         Raises
         ------
         OutOfRangeError
-            The function gives something else than finite numbers, one for each position.
+            The function does not return one finite number for each position.
         """
         x, y = np.broadcast_arrays(x, y)
         found = np.asarray(self.map(x / self.radius, y / self.radius), dtype=np.float64)
         return checked_map(found, x, "path")
 
     def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Gradient of the path; of a spline near the rim from the inside."""
+        """Gradient of the path by differences, slightly inside each position: a spline ends at the rim."""
         h = _STEP * self.radius
         inside = 1 - 2 * _STEP
         x, y = inside * x, inside * y
@@ -305,7 +305,7 @@ class MapPath:
         return along_x / (12 * h), along_y / (12 * h)
 
     def expansion(self, x: Array, y: Array) -> Expansion:  # noqa: ARG002  (one signature for all paths)
-        """Refuse: what needs second derivatives is for Zernike coefficients.
+        """Refuse: second derivatives exist only for Zernike coefficients.
 
         Raises
         ------
@@ -315,12 +315,12 @@ class MapPath:
         raise OutOfRangeError(
             "rays or boundary waves behind a pupil whose path is a function or an array",
             limit="a path of Zernike coefficients",
-            remedy="fit Zernike coefficients to the path, or take method 'fresnel' or 'kirchhoff'",
+            remedy="fit Zernike coefficients to the path, or use method 'fresnel' or 'kirchhoff'",
         )
 
 
 def checked_map(found: FloatArray, x: Array, name: str) -> FloatArray:
-    """Refuse what a function of the pupil must not give."""
+    """Values of a pupil's function, refused unless there is one finite number for each position."""
     if found.shape not in ((), x.shape) or not np.isfinite(found).all():
         raise OutOfRangeError(
             f"{name} of the pupil",

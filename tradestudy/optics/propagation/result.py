@@ -1,4 +1,4 @@
-"""What a propagation returns: the field, what it took, and the error that a check at random targets states."""
+"""Result of a propagation: the field, the effort, and the error estimated at random targets."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from tradestudy.optics.propagation.direct import ComplexArray
 from tradestudy.optics.propagation.sampling import Targets
 
 Method = Literal["geometric", "boundary_wave", "fresnel", "kirchhoff"]
-# An estimate from sixteen targets scatters, by more where errors are uneven: with 2 one case in twelve exceeded it by
-# up to a third, see tests/benchmarks/aperture_audit.py.
+# An estimate from sixteen targets scatters, more so where errors are uneven. With a factor of 2, one case in twelve
+# exceeded the stated error, by up to a third; see tests/benchmarks/aperture_audit.py.
 _SAFETY = 4.0
-_CORNER_SHARE = 0.02  # of the targets, for which the worst corner stands: aliasing grows towards the corners by powers
-_UNIFORM_SHARE = 0.3  # of the draws; the others prefer bright targets, whose errors count most in the intensity
+_CORNER_SHARE = 0.02  # of the targets, represented by the worst corner: aliasing grows towards the corners by powers
+_UNIFORM_SHARE = 0.3  # of the draws; the others favour bright targets, whose errors count most in the intensity
 
 
 @dataclass(frozen=True, kw_only=True)
 class NumericalError:
     """Stated numerical error: how far the result may be from the exact value of the same integral.
 
-    All entries are relative L2 norms over the targets, of the field unless said otherwise. The two totals are
-    meant to hold in at least 95 % of cases; the parts are what was measured or asked for.
+    All entries are relative L2 norms over the targets, of the field unless stated otherwise. The two totals should
+    hold in at least 95 % of cases; the parts are measured or requested values.
 
     Attributes
     ----------
@@ -35,11 +35,11 @@ class NumericalError:
     intensity
         Stated error of the intensity.
     nodes
-        Measured at the check targets: the sum over the nodes against twice as many in each direction.
+        Measured at the check targets: the sum over the nodes against the sum over twice as many in each direction.
     low_rank
-        Met on nodes and targets kept out of the low-rank factor's making.
+        Measured on nodes and targets that the low-rank factor was not built from.
     nufft
-        Asked from the nonuniform Fourier transform.
+        Requested from the nonuniform Fourier transform.
     check
         Measured at the check targets: the result against direct quadrature with twice the nodes in each direction.
     """
@@ -54,7 +54,7 @@ class NumericalError:
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """What a result took.
+    """Effort that a result took.
 
     Attributes
     ----------
@@ -63,17 +63,17 @@ class Effort:
     radial_nodes, angular_nodes
         Rings and nodes per ring.
     rank
-        Terms of the low-rank factor; 0 where everything was summed directly.
+        Terms of the low-rank factor; 0 if everything was summed directly.
     tiles
         Parts into which the targets were split.
     rounds
-        How often the computation was refined until its stated error met the tolerance.
+        Rounds of computation until the stated error met the tolerance; 1 without refinement.
     seconds
         Wall time of the result, set-up included.
     check_seconds
         Wall time of the check against direct quadrature.
     check_targets
-        Targets at which it was checked.
+        Number of check targets.
     """
 
     nodes: int
@@ -96,19 +96,19 @@ class ApertureField:
     field
         Complex field in the shape of the targets.
     intensity
-        Its squared magnitude; for `geometric` the sum over rays without interference.
+        Squared magnitude of the field; for ``geometric``, the sum over rays without interference.
     error
         Stated numerical error.
     effort
         Nodes, rank, seconds.
     method
-        How it was computed.
+        Law of propagation used.
     targets
-        Where.
+        Where the field was computed.
     pupil_power
-        ∫ |U|² over the aperture, in the unit of the intensity times m²: energies are shares of it.
+        ∫ |U|² over the aperture, in the unit of the intensity times m²; energies are shares of it.
     handed_over
-        Share of the targets that the boundary wave handed over to Kirchhoff; 0 for the other methods.
+        Share of the targets that the boundary wave left to Kirchhoff's integral; 0 for the other methods.
 
     Examples
     --------
@@ -144,16 +144,16 @@ def squared_magnitude(field: ComplexArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class CheckTargets:
-    """Targets drawn at random, and the weights that make means over them estimates of means over all targets.
+    """Targets drawn at random, weighted so that means over them estimate means over all targets.
 
     Attributes
     ----------
     index
-        Their places among the flat targets.
+        Indices into the flat targets.
     weight
-        Inverse of the probability of the draw, relative to an even one; 0 for the corners.
+        Inverse of the probability of the draw, relative to a uniform draw; 0 for the corners.
     corner
-        Which of them were not drawn but are corners of the set, where too few nodes show first.
+        Whether a target is a corner of the set rather than drawn; too few nodes show at corners first.
     x, y, z
         Positions [m].
     """
@@ -166,7 +166,7 @@ class CheckTargets:
     z: FloatArray
 
     def norm(self, error: ComplexArray) -> float:
-        """Root mean squared magnitude over all targets, as estimated from these."""
+        """Root mean squared magnitude over all targets, estimated from these."""
         return self._mean(squared_magnitude(error))
 
     def intensity_norm(self, error: ComplexArray, field: ComplexArray) -> float:
@@ -175,7 +175,7 @@ class CheckTargets:
         return self._mean((2 * np.abs(field) * size + size**2) ** 2)
 
     def shares(self, finer: ComplexArray, field: ComplexArray) -> tuple[float, float]:
-        """Size of the finer field over that of the result, and of their intensities; 1 where that is no smaller."""
+        """Ratio of the finer field's size to the result's, and of their intensities' sizes, each at most 1."""
         sizes = []
         for one in (finer, field):
             intensity = squared_magnitude(one)[~self.corner]
@@ -186,7 +186,7 @@ class CheckTargets:
         return float(shares[0]), float(shares[1])
 
     def _mean(self, squared: FloatArray) -> float:
-        """Root of the weighted mean over the drawn targets, and of what the corners stand for."""
+        """Root of the weighted mean over the drawn targets plus the share that the worst corner represents."""
         drawn = float(np.mean((self.weight * squared)[~self.corner]))
         corners = float(np.max(squared[self.corner], initial=0.0))
         return math.sqrt(drawn + _CORNER_SHARE * corners)
@@ -194,20 +194,20 @@ class CheckTargets:
 
 @dataclass(frozen=True, kw_only=True)
 class CheckErrors:
-    """Root mean square errors over the targets, as estimated at the check targets.
+    """Root-mean-square errors over the targets, estimated at the check targets.
 
     Attributes
     ----------
     nodes
-        Of the field, by doubling the nodes.
+        Error of the field: direct sum against direct sum on doubled nodes.
     sums
-        Of the field, fast sum against direct sum on the same nodes.
+        Error of the field: fast sum against direct sum on the same nodes.
     total
-        Of the field, result against direct sum on doubled nodes.
+        Error of the field: result against direct sum on doubled nodes.
     intensity
-        Of the intensity, likewise.
+        Error of the intensity: result against direct sum on doubled nodes.
     field_share, intensity_share
-        Root mean square of field and intensity by the finer computation over that of the result, at most 1.
+        Root mean square of the finer field and intensity over that of the result, at most 1.
     seconds
         Wall time of the check.
     targets
@@ -225,7 +225,7 @@ class CheckErrors:
 
 
 def choose_check_targets(targets: Targets, field: ComplexArray, *, count: int, seed: int) -> CheckTargets:
-    """Draw targets, mostly in proportion to their intensity; all of them where they are few."""
+    """Draw targets, mostly in proportion to their intensity; take all if there are no more than `count`."""
     x, y, z = targets.coordinates()
     if x.size <= count:
         index, weight, corner = np.arange(x.size), np.ones(x.size), np.zeros(x.size, dtype=bool)
@@ -253,11 +253,11 @@ def stated_error(
     low_rank: float = 0.0,
     nufft: float = 0.0,
 ) -> NumericalError:
-    """Relative errors over all targets: four times the ones estimated at the check targets, and rounding.
+    """Relative errors over all targets: four times those estimated at the check targets, plus rounding.
 
-    `rounding`, `low_rank` and `nufft` are relative to `largest`, the field that all nodes could give in phase. The
-    errors are relative to the smaller of the result and of what it is checked against: starved nodes invent light. They
-    are infinite where doubling the nodes changes the field by as much as there is of it.
+    `rounding`, `low_rank` and `nufft` are relative to `largest`, the field that all nodes would give in phase. The
+    errors are relative to the smaller of the result and its check, because too few nodes invent light. They are
+    infinite where doubling the nodes changes the field by its whole size.
     """
     rounding *= largest
     intensity = squared_magnitude(field)
@@ -268,7 +268,7 @@ def stated_error(
         return NumericalError(
             field=nothing, intensity=nothing, nodes=nothing, low_rank=nothing, nufft=nothing, check=nothing
         )
-    # Nodes that differ from twice as many by all there is may both be starved: by how much, none of them tells.
+    # Where doubling the nodes changes the field by its whole size, both sums may be undersampled by an unknown amount.
     unknown = 0.0 if check.nodes < max(typical, check.sums) or math.isnan(check.nodes) else math.inf
     return NumericalError(
         field=unknown + _SAFETY * check.total / typical + rounding / typical,

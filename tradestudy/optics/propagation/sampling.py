@@ -1,4 +1,4 @@
-"""Targets of a propagation, and how many nodes an aperture needs for them: by the net path's slope, never guessed."""
+"""Targets of a propagation, and the number of nodes that an aperture needs for them, from the net path's slope."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ class TargetPoints:
     x, y
         Positions [m], any shapes that broadcast.
     distance
-        Distance behind the lens plane [m], > 0; a number or an array that broadcasts with x and y, so that tilted or
-        curved surfaces are points too.
+        Distance behind the lens plane [m], > 0; a number or an array that broadcasts with x and y, so the points may
+        lie on tilted or curved surfaces.
 
     Raises
     ------
     OutOfRangeError
-        A coordinate is not finite, a distance is not positive, or there is no point.
+        A coordinate is not finite, a distance is not positive, or there are no points.
 
     Examples
     --------
@@ -67,7 +67,7 @@ class TargetPoints:
 
 @dataclass(frozen=True, kw_only=True)
 class TargetGrid:
-    """A regular grid in one plane, the fast case.
+    """A regular grid of targets in one plane, for which propagation is fast.
 
     Results have shape (y count, x count): row i lies at ``y_start + i * y_pitch``, column j at
     ``x_start + j * x_pitch``; nothing is mirrored.
@@ -113,7 +113,7 @@ class TargetGrid:
 
     @classmethod
     def centred(cls, *, centre: tuple[float, float], pitch: float, count: int, distance: float) -> TargetGrid:
-        """Square grid of `count` × `count` points, its middle at `centre`, as pixels lie about a sensor's middle."""
+        """Square grid of `count` × `count` points centred on `centre`, as pixel centres lie on a sensor."""
         half = pitch * (count - 1) / 2
         return cls(
             x_start=centre[0] - half,
@@ -157,13 +157,13 @@ def _check(x: FloatArray, y: FloatArray, z: FloatArray) -> None:
             "targets",
             value=f"nearest at {np.min(z):g} m behind the lens plane",
             limit="finite coordinates, distance > 0",
-            remedy="measure the distance along the light, from the lens plane",
+            remedy="measure the distance from the lens plane in the direction of the light",
         )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What a computation may take; it is refused beforehand if it needs more.
+    """Resources that a computation may use; it is refused in advance if it needs more.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ class Limits:
     memory_bytes
         Peak memory.
     seconds
-        Wall time of everything: set-up, computation, check, and every refinement.
+        Wall time in total: set-up, computation, check and every refinement.
 
     Examples
     --------
@@ -232,14 +232,14 @@ def needed_nodes(
     radius
         Radius of the aperture [m].
     x, y, z
-        Targets relative to the centre of the aperture [m]: those on the outline of the set are enough.
+        Targets relative to the centre of the aperture [m]; the outline of the set is enough.
     tolerance
-        Error allowed relative to the largest field that the aperture could give.
+        Error allowed, relative to the largest field that the aperture could produce.
 
     Returns
     -------
     NodeCounts
-        For `tradestudy.optics.quadrature.disc_nodes`.
+        Counts for `tradestudy.optics.quadrature.disc_nodes`.
     """
     half_range, turns = net_phase(paths, kernel, radius=radius, x=x, y=y, z=z)
     return NodeCounts(
@@ -298,12 +298,12 @@ def outline(x: FloatArray, y: FloatArray, z: FloatArray) -> tuple[FloatArray, Fl
 
 
 def check_affordable(counts: NodeCounts, *, targets: int, check_targets: int, limits: Limits) -> None:
-    """Refuse what memory or time cannot afford.
+    """Refuse a computation that exceeds the limits of nodes, memory or time.
 
     Raises
     ------
     UnaffordableError
-        With the node count, the bytes, the seconds, and the knob to turn.
+        With the node count, the bytes, the seconds and the setting to change.
     """
     memory = _BYTES_PER_NODE * counts.total + _BYTES_PER_TARGET * targets
     seconds = (counts.total + targets) / _TERMS_PER_SECOND + 5.0 * counts.total * check_targets / _PAIRS_PER_SECOND
@@ -313,7 +313,7 @@ def check_affordable(counts: NodeCounts, *, targets: int, check_targets: int, li
             value=f"{counts.radial} × {counts.angular} = {counts.total} nodes for {targets} targets, "
             f"{memory:.3g} bytes, {seconds:.3g} s",
             limit=f"{limits.nodes} nodes, {limits.memory_bytes:.3g} bytes, {limits.seconds:.3g} s",
-            remedy="raise limits=Limits(nodes, memory_bytes, seconds), take fewer or less distant targets, or use "
+            remedy="raise limits=Limits(nodes, memory_bytes, seconds), use fewer or less distant targets, or use "
             "method='boundary_wave', whose nodes lie on the edge only",
         )
 
@@ -324,7 +324,7 @@ def check_time(*, spent: float, needed: float, limits: Limits) -> None:
     Raises
     ------
     UnaffordableError
-        With the seconds spent and those that the next round would take, as the last one did.
+        With the seconds spent and the seconds predicted for the next round from the last one.
     """
     if spent + needed > limits.seconds:
         raise UnaffordableError(
@@ -336,16 +336,16 @@ def check_time(*, spent: float, needed: float, limits: Limits) -> None:
 
 
 def refuse_near_zone(*, width: float, nearest: float, wavelength: float) -> None:
-    """Refuse what scalar diffraction at an aperture does not describe.
+    """Refuse apertures and targets that scalar diffraction does not describe.
 
     Parameters
     ----------
     width
-        Of the aperture [m].
+        Width of the aperture [m].
     nearest
         Distance of the nearest target [m].
     wavelength
-        [m].
+        Wavelength [m].
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A wave on an aperture to its field on targets, with a stated error: the building block of every diffraction leg."""
+"""From a wave on an aperture to its field on targets, with a stated error: the core of every diffraction leg."""
 
 from __future__ import annotations
 
@@ -69,17 +69,17 @@ def nodes_for(wave: LensWave, kernel: Kernel, targets: Targets, accuracy: FieldA
 
 @dataclass(frozen=True, kw_only=True)
 class FieldAccuracy:
-    """How well, and how it is checked.
+    """Tolerance of a field, and how the result is checked.
 
     Parameters
     ----------
     tolerance
         Relative L2 error allowed for the intensity over the targets, in 1e-10 … 0.1.
     check_targets
-        Random targets, bright ones preferred, at which the result is compared with direct quadrature on twice the nodes
-        in each direction, ≥ 4.
+        Number of random targets, mostly bright ones, at which the result is compared with direct quadrature on twice
+        the nodes in each direction, ≥ 4.
     seed
-        Seed of the choice of check targets: the same request gives the same digits.
+        Seed that draws the check targets: the same call gives the same digits.
 
     Raises
     ------
@@ -103,14 +103,14 @@ class FieldAccuracy:
                 "tolerance of the intensity",
                 value=f"{self.tolerance:g}",
                 limit="1e-10 … 0.1",
-                remedy="double precision ends near 1e-11; beyond 0.1 a picture is not a result",
+                remedy="choose a tolerance in this range: double precision ends near 1e-11",
             )
         if self.check_targets < _SMALLEST_CHECK:
             raise OutOfRangeError(
                 "check_targets",
                 value=str(self.check_targets),
                 limit=f"≥ {_SMALLEST_CHECK}",
-                remedy="the stated error is measured there",
+                remedy="raise check_targets: the error is measured there",
             )
 
 
@@ -128,16 +128,16 @@ def propagate_samples(
     targets
         Points or grid.
     accuracy
-        Tolerance of the sum. **The nodes themselves cannot be doubled here**: `error.nodes` is NaN, and whether
-        the array samples the wave finely enough for these targets is the caller's to know (see `needed_nodes`); a
-        wave that can be evaluated anywhere belongs in `propagate_wave`.
+        Tolerance of the sum. **The nodes themselves cannot be doubled here**: `error.nodes` is NaN, and the caller must
+        ensure that the array samples the wave finely enough for these targets (see `needed_nodes`). Use
+        `propagate_wave` for a wave that can be evaluated anywhere.
     limits
         Memory and time allowed.
 
     Returns
     -------
     ApertureField
-        With the error of the summation.
+        Field and intensity, with the error of the summation.
 
     Raises
     ------
@@ -145,17 +145,17 @@ def propagate_samples(
         The kernel needs directions that `samples` does not have, the wavelength exceeds the aperture, or a target lies
         within a wavelength of it.
     UnaffordableError
-        The limits do not allow it.
+        The computation needs more than the limits allow.
     NotConvergedError
         The tolerance is below what double precision gives at these targets.
 
     References
     ----------
-    As of `KirchhoffKernel` and `FresnelKernel`.
+    See `KirchhoffKernel` and `FresnelKernel`.
 
     Examples
     --------
-    On the axis behind an aperture of an odd number of Fresnel zones, four times the intensity without it:
+    On the axis behind an aperture of an odd number of Fresnel zones, the intensity is four times the unobstructed one:
 
     >>> import numpy as np
     >>> from tradestudy import optics
@@ -201,9 +201,9 @@ def propagate_wave(
     Parameters
     ----------
     sample
-        Gives the wave on nodes of the counts asked for: in the check, twice as many in each direction.
+        Samples the wave on nodes of given counts; the check requests twice as many in each direction.
     counts
-        Node counts to begin with, from `needed_nodes`, or a function that finds them, which is then timed as set-up.
+        Initial node counts, from `needed_nodes`, or a function that finds them, whose time counts as set-up.
     kernel
         `KirchhoffKernel` or `FresnelKernel`.
     targets
@@ -213,12 +213,12 @@ def propagate_wave(
     limits
         Memory and time allowed.
     fixed_nodes
-        Keep `counts` and state the error, whatever it is, in place of refining.
+        Keep `counts` and state the resulting error instead of refining.
 
     Returns
     -------
     ApertureField
-        The stated errors meet ``accuracy.tolerance`` unless `fixed_nodes`.
+        The stated errors meet ``accuracy.tolerance`` unless `fixed_nodes` is set.
 
     Raises
     ------
@@ -265,7 +265,7 @@ def _refined(
     size, nodes, last = math.prod(targets.shape), counts.total, math.nan
     for rounds in range(1, _MAX_ROUNDS + 1):
         spent = time.perf_counter() - begun
-        # Of the first round the seconds are predicted; the others take as long for each node as the one before.
+        # The time of the first round is predicted; later rounds take as long per node as the one before.
         allowed = replace(limits, seconds=limits.seconds - spent if rounds == 1 else math.inf)
         check_affordable(counts, targets=size, check_targets=accuracy.check_targets, limits=allowed)
         if rounds > 1:
@@ -299,7 +299,7 @@ def _refined(
             "the intensity does not reach its tolerance",
             value=f"stated relative L2 error {error.intensity:.2g} with {counts.total} nodes",
             limit=f"{accuracy.tolerance:g}",
-            remedy="raise the tolerance, or take targets that are not in the dark only",
+            remedy="raise the tolerance, or include targets outside the dark",
         )
     field = fast.field.reshape(targets.shape)
     return ApertureField(
@@ -351,14 +351,14 @@ def _check(
 
 
 def rounding_error(samples: ApertureSamples, kernel: Kernel, targets: Targets) -> float:
-    """Rounding of the phases over the aperture, relative to the field that all nodes could give together."""
+    """Rounding of the phases over the aperture, relative to the field that all nodes would give in phase."""
     nearest = float(targets.coordinates()[2].min())
     turns = kernel.wavenumber * samples.nodes.half_extent**2 / nearest
     return float(np.finfo(np.float64).eps * (10.0 + 2.0 * turns))
 
 
 def largest_field(samples: ApertureSamples, kernel: Kernel, targets: Targets) -> float:
-    """Field that the nodes could give together if all were in phase."""
+    """Field that the nodes would give if all were in phase."""
     u, v, strength = samples.local()
     x, y, z = (np.asarray([float(np.mean(c))]) for c in targets.coordinates())
     amplitude = kernel.amplitude(
