@@ -1,4 +1,4 @@
-"""Light through main lens and microlens array onto the pixels, by rays and by waves, with an error bar."""
+"""Light through main lens and microlens array onto the pixels, by rays and by waves, with error estimates."""
 
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.image import chain_image, separate_image, spectral_image

@@ -1,4 +1,4 @@
-"""How accurate the chain shall be, each knob that buys accuracy, and the image with its error."""
+"""Tolerance and sampling of the chain, and the image with its error."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ _KNOBS = (
 
 @dataclass(frozen=True, kw_only=True)
 class ChainAccuracy:
-    """The error aimed at, and factors on what follows from it; 2 refines a knob twice.
+    """Tolerance, and factors on the sampling derived from it: a factor of 2 samples twice as finely.
 
     Parameters
     ----------
     tolerance
-        Relative L2 error over pixels to aim at, in 1e-6 … 0.2.
+        Target for the relative L2 error over the pixels, in 1e-6 … 0.2.
     pupil_nodes
         Factor on the phase that the nodes of the main pupil resolve.
     microlens_nodes
-        The same for the nodes of a microlens.
+        Factor on the phase that the nodes of a microlens resolve.
     field_sampling
         Factor on the sampling of the main-lens field.
     diffraction_reach
-        Factor on the distance from its geometric image up to which diffracted light is followed.
+        Factor on the distance from the geometric image up to which diffracted light is followed.
     pixel_sampling
         Factor on the detector samples along a pixel.
     source_sampling
         Factor on the phase that the nodes on an extended source resolve, and on the radii at which the main-lens
         field is computed.
     memory_limit
-        Largest memory [bytes] that the arrays of one pass may take; stating its error takes a second pass beside it.
+        Memory that the arrays of one pass may take [bytes]; the error estimate needs a second pass at the same time.
 
     Raises
     ------
@@ -78,15 +78,15 @@ class ChainAccuracy:
 
     @property
     def fresnel_lengths(self) -> float:
-        """How far diffracted light is followed from where rays land, in Fresnel lengths √(λ z)."""
+        """Distance from the landing of the rays up to which diffracted light is followed, in Fresnel lengths √(λ z)."""
         return 1.2 * math.pow(self.tolerance, -1 / 6) * self.diffraction_reach
 
     def compared(self) -> ChainAccuracy:
-        """The settings whose result is compared with this one's to state its error.
+        """Settings whose result is compared with that of these settings to estimate the error.
 
-        They are coarser; but a knob below 1 is compared with 1, for where samples alias, fewer of them alias alike.
-        The reach is longer instead: what lies beyond it is light from the edges of other microlenses, which comes in
-        steps of their pitch, and a shorter reach may miss the very edges that this one misses.
+        They are coarser, with two exceptions. A factor below 1 is compared with 1: samples that alias would alias
+        alike if there were fewer of them. The reach is longer: the light beyond it comes from the edges of other
+        microlenses, in steps of their pitch, and a shorter reach could miss the same edges.
         """
         tolerance = min(_COARSER_TOLERANCE * self.tolerance, 0.2)
         kept = math.pow(tolerance / self.tolerance, 1 / 6)  # against the shorter reach of the larger tolerance
@@ -102,7 +102,7 @@ class ChainAccuracy:
         )
 
     def unstarved(self) -> ChainAccuracy:
-        """No knob below 1, and a tenth of the tolerance: what single points of a spot are checked against."""
+        """Settings for the check of single points of a spot: a tenth of the tolerance and no factor below 1."""
         return replace(
             self,
             tolerance=max(self.tolerance / 10, 1e-6),
@@ -112,7 +112,7 @@ class ChainAccuracy:
 
 @dataclass(frozen=True, kw_only=True)
 class ChainImage:
-    """Light on the pixels and how far to trust it.
+    """Light on the pixels, with its error.
 
     Attributes
     ----------
@@ -120,21 +120,21 @@ class ChainImage:
         Share of the power through the main pupil that falls on each pixel, shape (rows, columns); an extended source
         is averaged over its area.
     numerical_error
-        Relative L2 error over the pixels: by the change against a coarser computation, or the sum of `error_terms`.
+        Relative L2 error over the pixels: the change against a coarser computation, or the sum of `error_terms`.
     error_terms
-        Parts of it, each relative L2.
+        Contributions to the numerical error, each a relative L2 error.
     direct_check
-        Independent of it: root-mean-square discrepancy from direct quadrature at random points, relative to the
-        root mean square; points on the array (field) and on the detector (intensity, not integrated over pixels,
-        hence larger than the error of the pixels).
+        Independent check: root-mean-square discrepancy from direct quadrature at random points, relative to the root
+        mean square, for the field on the array and for the intensity on the detector. The latter is not integrated over
+        pixels and so exceeds the error of the pixels.
     microlens_share
-        Share of the pupil's power that passes the microlens plane; NaN where it is not asked for.
+        Share of the pupil's power that passes the microlens plane; NaN where it was not computed.
     effort
-        Counts that tell what the computation took (nodes, samples, source points).
+        Counts of nodes, samples and source points that the computation took.
     handed_over
         Share of the points that a boundary wave left to Kirchhoff's integral; 0 for the other methods.
     tolerance
-        What was asked for; infinite where nobody asked.
+        Tolerance requested; infinite if none was.
 
     Examples
     --------
@@ -182,12 +182,12 @@ class ChainImage:
 
     @property
     def within_tolerance(self) -> bool:
-        """Whether the stated error is no larger than what was asked for."""
+        """Whether the stated error is within the tolerance."""
         return self.numerical_error <= self.tolerance
 
 
 def relative_change(fine: FloatArray, other: FloatArray) -> float:
-    """L2 change between two computations over the smaller of both, for starved nodes invent light; 0 for no change."""
+    """L2 change between two computations over the smaller of both, as too few nodes invent light; 0 for no change."""
     change = float(np.linalg.norm(fine - other))
     size = min(float(np.linalg.norm(one)) for one in (fine, other))
     return 0.0 if change == 0.0 else change / size if size > 0.0 else math.inf

@@ -1,6 +1,6 @@
-"""Light of a point, a disc or a spectrum through main lens and microlenses onto the pixels, by the laws asked for.
+"""Image of a point, a disc or a spectrum through main lens and microlenses on the pixels, by a law for each leg.
 
-Microlenses act together, or every pixel sees one of them alone, which leaves an image without cross-talk.
+`chain_image` adds the light of all microlenses; `separate_image` lets every pixel see one alone, without cross-talk.
 """
 
 from __future__ import annotations
@@ -43,51 +43,50 @@ def chain_image(
 ) -> ChainImage:
     """Light on every pixel: source → main lens → array → all microlenses → detector, coherent over microlenses.
 
-    U(σ) = Σ_k ∬ dx ∬ du of the wave behind the main lens, the kernel to the array, the phase and aperture of
-    microlens k and the kernel to the detector; |U|² is integrated over each pixel and divided by the power in
-    the pupil.
+    U(σ) = Σ_k ∬ dx ∬ du of the product of the wave behind the main lens, the kernel to the array, the phase and
+    aperture of microlens k, and the kernel to the detector. |U|² is integrated over each pixel and divided by the power
+    in the pupil.
 
     Parameters
     ----------
     path
         Lenses, distances, pixels.
     source
-        Point, incoherent disc (intensities of its points are averaged) or coherent disc (one phase over it).
+        Point, incoherent disc (the intensities of its points are averaged) or coherent disc (one phase all over it).
     wavelength
         λ [m], > 0.
     legs
-        Law of each leg. Rays to the array and waves behind it: the light of each microlens is the sphere about the
-        main lens's image, cut off by the shadow of the pupil. Waves to the array and rays behind it: each array point
-        sends its irradiance to one place, and nothing interferes. A boundary wave behind the array carries what of each
-        microlens's light is one sphere, and Kirchhoff's integral the rest. A coherent disc takes integrals on both
-        legs.
+        Law of propagation on each leg. Rays to the array and waves behind it: each microlens receives a spherical wave
+        about the main lens's image, cut off by the shadow of the pupil. Waves to the array and rays behind it: each
+        array point sends its irradiance to one place, and nothing interferes. Boundary wave behind the array: it
+        carries the spherical part of each microlens's light, and Kirchhoff's integral the rest. A coherent disc needs
+        ``fresnel`` or ``kirchhoff`` on both legs.
     accuracy
-        What to aim at and how much memory may be used.
+        Tolerance, sampling and memory limit.
     rng
         Draws the targets that are checked against direct quadrature.
     done
-        Hears, while waves of an incoherent disc are followed behind the array, what share of its points is done.
+        Called with the completed share of an incoherent disc's points while their waves propagate behind the array.
     compute
-        Computes groups of those points, on workers if it likes; the image is the same.
+        Computes groups of those points, on workers if desired; the image does not depend on it.
 
     Returns
     -------
     ChainImage
-        Share of the pupil's power on each pixel, with its numerical error. Where that exceeds the tolerance, because
-        the knobs are starved or the coarser computation tells so, `ChainImage.within_tolerance` is False;
-        `microlens_image` refines further and refuses.
+        Share of the pupil's power on each pixel, with its numerical error. An image whose error exceeds the tolerance
+        is returned with `ChainImage.within_tolerance` False; `microlens_image` refines it or refuses.
 
     Raises
     ------
     OutOfRangeError
-        If the wavelength exceeds an aperture or a distance, a coherent source is to be traced by rays or boundary
-        waves, a boundary wave is asked for behind square microlenses, or rays on one leg meet an array in the focus of
-        the main lens.
+        If the wavelength exceeds an aperture or a distance, rays or boundary waves are requested for a coherent source,
+        a boundary wave is requested behind square microlenses, or rays on one leg meet an array in the focus of the
+        main lens.
     UnaffordableError
         If nodes or samples need more memory than allowed.
     NotConvergedError
-        If the fast path disagrees grossly with direct quadrature, or Kirchhoff's
-        integral misses the tolerance where a boundary wave is left to it.
+        If the fast path disagrees grossly with direct quadrature, or Kirchhoff's integral misses the tolerance where
+        it replaces a boundary wave.
 
     References
     ----------
@@ -144,7 +143,7 @@ def _image(
     done: Callable[[float], None],
     compute: ComputeParts,
 ) -> ChainImage:
-    """Image by the laws that the legs ask for."""
+    """Image by the laws of the legs."""
     refuse_impossible(path, source, wavelength, legs)
     coherent = isinstance(source, DiscSource) and source.coherent
     if legs.to_detector == "boundary_wave":
@@ -190,17 +189,17 @@ def spectral_image(
     wavelengths
         [m], shape (n,).
     weights
-        Power in the pupil at each, ≥ 0, not all zero; only their ratios matter.
+        Power in the pupil at each wavelength, ≥ 0, not all zero; only the ratios matter.
 
     Raises
     ------
     OutOfRangeError
-        If shapes differ or the weights are not as above; else as `chain_image`.
+        If shapes differ or weights violate the above; otherwise as for `chain_image`.
 
     Returns
     -------
     ChainImage
-        The errors of the wavelengths add up.
+        The mean image, with the weighted errors of the wavelengths added up.
 
     References
     ----------
@@ -245,7 +244,7 @@ def spectral_image(
 
 
 def mean_image(parts: Sequence[ChainImage], wavelengths: FloatArray, share: FloatArray) -> ChainImage:
-    """Mean of images at several wavelengths [m] with shares that add up to 1; so, at worst, add their errors."""
+    """Mean of images at several wavelengths [m], weighted by shares that sum to 1; the errors add up, as at worst."""
     pixels = np.tensordot(share, [part.pixels for part in parts], axes=1)
     size = float(np.linalg.norm(pixels)) or 1.0  # no light: no error
     errors = [
@@ -274,25 +273,24 @@ def separate_image(
     done: Callable[[float], None] = lambda _share: None,
     compute: ComputeParts = in_turn,
 ) -> ChainImage:
-    """Light on every pixel from the microlens alone that lies before it, as seen from the middle of the main lens.
+    """Light on every pixel from its own microlens alone: the nearest one, as seen from the centre of the main lens.
 
-    Each microlens is computed with its own pixels; what lands behind a neighbour is lost, and nothing interferes across
-    microlenses.
+    Light that lands behind a neighbouring microlens is lost, and light of different microlenses does not interfere.
 
     Parameters
     ----------
     path, source, wavelength, legs, accuracy, rng, done, compute
-        As in `chain_image`; `done` hears of every microlens, and `compute` computes them.
+        As in `chain_image`; `done` is called after every microlens, and `compute` computes the microlenses.
 
     Returns
     -------
     ChainImage
-        As of `chain_image`, without cross-talk; the errors of the microlenses add up as their squares do.
+        As for `chain_image`, without cross-talk; the errors of the microlenses add in quadrature.
 
     Raises
     ------
     OutOfRangeError, UnaffordableError, NotConvergedError
-        As `chain_image`.
+        As for `chain_image`.
 
     References
     ----------
@@ -332,7 +330,9 @@ def separate_image(
     """
     owner = nearest_microlens(path)
     present = np.unique(owner)
-    seeds = rng.integers(2**63, size=present.size)  # of its own each, wherever it is computed
+    seeds = rng.integers(
+        2**63, size=present.size
+    )  # one for each microlens, so that the place of computation does not matter
     found: list[ChainImage] = compute(
         [
             partial(_alone, microlenses_alone(path, [index], owner), source, wavelength, legs, accuracy, seed)
@@ -367,28 +367,28 @@ def _alone(
     accuracy: ChainAccuracy,
     seed: int,
 ) -> ChainImage:
-    """Image by one microlens."""
+    """Image through a single microlens."""
     rng = np.random.default_rng(seed)
     return chain_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng)
 
 
 def nearest_microlens(path: LightPath) -> IndexArray:
-    """Index of the microlens before each pixel, shape (rows, columns): centres lie 1 + b_L/z times farther out."""
+    """Index of each pixel's microlens, shape (rows, columns): centres project 1 + b_L/z times farther out."""
     edges = path.pixels.edges_x, path.pixels.edges_y
     x, y = ((edge[1:] + edge[:-1]) / 2 for edge in edges)
     seen = path.microlenses.centres * (1.0 + path.detector_distance / path.array_distance)
     distance: FloatArray = np.hypot(x[None, :, None] - seen[:, 0], y[:, None, None] - seen[:, 1])
-    # A hair in favour of the first, so that rounding does not decide where a pixel lies midway.
+    # A slight preference for the first, so that rounding does not decide for pixels midway between two.
     return np.asarray(np.argmin(distance + 1e-9 * path.microlenses.pitch * np.arange(len(seen)), axis=-1))
 
 
 def _window(mine: BoolArray) -> tuple[slice, slice]:
-    """The smallest rectangle of pixels, as rows and columns, that holds all that are marked."""
+    """Rows and columns of the smallest rectangle that holds all marked pixels."""
     rows, columns = (np.flatnonzero(mine.any(axis=axis)) for axis in (1, 0))
     return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
 def microlenses_alone(path: LightPath, indices: Sequence[int], owner: IndexArray) -> LightPath:
-    """Some microlenses, and the smallest rectangle with the pixels that `nearest_microlens` gives them."""
+    """Light path of some microlenses, with the smallest rectangle around the pixels that they own."""
     window = _window(np.isin(owner, indices))
     return replace(path, microlenses=path.microlenses.only(*indices), pixels=path.pixels.part(*window))

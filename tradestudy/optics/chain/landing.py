@@ -1,9 +1,9 @@
 """Waves to the array and rays behind it: every array point sends its irradiance to one place on the detector.
 
-Behind the microlens at c, light at the array point x travels on along the line from the main lens's image x', bent by
-the lens as a paraxial ray: it lands at m x + t, m = 1 + b_L/a_L − b_L/f_L, t = b_L c/f_L − b_L x'/a_L. A pixel's share
-is the irradiance integrated over the part of each aperture whose light lands on it. Nothing diffracts or interferes
-behind the array.
+At the array point x, light arrives along the line from the main lens's image x', and the microlens at c bends it as a
+paraxial ray. It lands at m x + t, with m = 1 + b_L/a_L − b_L/f_L and t = b_L c/f_L − b_L x'/a_L. A pixel's share is the
+irradiance integrated over the part of each aperture whose light lands on it. Nothing diffracts or interferes behind the
+array.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from tradestudy.optics.propagation.lens import PointSource
 
 _SAFETY = 1.5  # the two computations share some of their error
 _CHECK_POINTS = 16
-_GROSS = 0.2  # discrepancy from direct quadrature that no tolerance excuses
-_FOR_BENDING = 3  # nodes more where an outline ends upright
-_SMALLEST = 1e-12  # scale below which a plane is in focus on the next
+_GROSS = 0.2  # discrepancy from direct quadrature that is refused at any tolerance
+_FOR_BENDING = 3  # extra nodes where an outline ends upright
+_SMALLEST = 1e-12  # scale below which one plane is focused on the next
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ class PixelNodes:
     x, y, weights
         Positions [m] and area weights [m²], shape (n,).
     pixel
-        Flat index of the pixel, −1 beside the detector.
+        Flat index of the pixel, −1 off the detector.
     """
 
     x: FloatArray
@@ -65,24 +65,24 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
     wave
         Camera, source, wavelength and law of the leg to the array.
     accuracy
-        What to aim at; `microlens_nodes` refines the nodes of the irradiance.
+        Tolerance and sampling; `microlens_nodes` refines the nodes of the irradiance.
     rng
         Draws the points that are checked against direct quadrature.
 
     Returns
     -------
     ChainImage
-        The shares add up to `microlens_share` where the detector holds every landing: rays lose nothing.
+        The shares sum to `microlens_share` if all light lands on the detector: rays lose nothing.
 
     Raises
     ------
     OutOfRangeError
-        If the array lies in the focus of the main lens, or pixels are not to integrate.
+        If the array lies in the focus of the main lens, or the pixels do not integrate.
     UnaffordableError
         If the field needs more memory than allowed.
     NotConvergedError
-        If the field disagrees grossly with direct quadrature, or Kirchhoff's integral misses the tolerance
-        where a boundary wave is left to it.
+        If the field disagrees grossly with direct quadrature, or Kirchhoff's integral misses the tolerance where it
+        replaces a boundary wave.
     """
     refuse_pixel_centres(wave.path.pixels)
     refuse_focus_on_array(wave.path, wave.source, wave.wavelength)
@@ -116,7 +116,7 @@ def irradiance_frequency(path: LightPath, wavelength: float) -> float:
 
 
 def landing_parts(path: LightPath, index: int) -> Iterator[tuple[Region, float, float]]:
-    """What of a cell acts: region, power of the lens there [1/m] and sign; a clear gap is a cell less its aperture."""
+    """Parts of a cell: region, lens power there [1/m] and sign; a clear gap is the cell minus its aperture."""
     lenses = path.microlenses
     x, y = (float(c) for c in lenses.centres[index])
     aperture = aperture_region(lenses, x, y)
@@ -136,11 +136,11 @@ def pixel_nodes(
     tolerance: float,
     corners: bool = True,
 ) -> PixelNodes:
-    """Nodes on a region, cut along the edges of the pixels that its points land on at `scale` times them + `offset`.
+    """Nodes on a region, cut along the edges of the pixels; a point x of the region lands at `scale` x + `offset`.
 
-    Between the cuts the integrand is as smooth as the irradiance, and the rule converges as fast as that allows.
-    Without `corners` columns are not cut where the outline crosses the edge of a row, which costs the pixels of the
-    outline about a hundredth of their light and spares half the nodes.
+    Between the cuts the integrand is as smooth as the irradiance, which sets the rate of convergence. Without
+    `corners`, columns are not cut where the outline crosses the edge of a row: pixels on the outline then err by about
+    a hundredth of their light, at half the nodes.
     """
     rows, columns = pixels.shape
     scale = math.copysign(max(abs(scale), _SMALLEST), scale)
@@ -179,7 +179,7 @@ def pixel_nodes(
 
 
 def on_pixels(power: FloatArray, pixel: IndexArray, grid: PixelGrid) -> FloatArray:
-    """Sum of what lands on each pixel, shape (rows, columns)."""
+    """Power that lands on each pixel, shape (rows, columns)."""
     held = pixel >= 0
     total = np.bincount(pixel[held], weights=power[held], minlength=math.prod(grid.shape))
     return np.asarray(total.reshape(grid.shape), dtype=np.float64)
@@ -187,7 +187,7 @@ def on_pixels(power: FloatArray, pixel: IndexArray, grid: PixelGrid) -> FloatArr
 
 @dataclass(frozen=True, kw_only=True)
 class _Landed:
-    """Nodes with the power that each stands for, and the pixels that hold it."""
+    """Nodes with the power of each, and the power on each pixel."""
 
     light: ArrivingLight
     nodes: PixelNodes
@@ -196,7 +196,7 @@ class _Landed:
 
 
 def landing_nodes(path: LightPath, source: PointSource, *, frequency: float, tolerance: float) -> PixelNodes:
-    """Nodes on every cell with the pixel that light of a source point lands on from there; gaps count negatively."""
+    """Nodes on every cell, each with the pixel that its light reaches; `landing_parts` gives the signs of weights."""
     b = path.detector_distance
     image_x, image_y, depth = path.image_at_array(source)
     parts = []

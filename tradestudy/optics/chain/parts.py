@@ -1,4 +1,4 @@
-"""Independent parts of an image: computed here one after another, or wherever the caller has them computed."""
+"""Independent parts of an image, computed one after another here or on the caller's workers."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ Part = Callable[[], Any]
 
 
 class ComputeParts(Protocol):
-    """What computes parts; the values must not depend on where."""
+    """Function that computes parts; the values must not depend on where it computes them."""
 
     def __call__(self, parts: Sequence[Part], told: Callable[[float], None]) -> list[Any]:
-        """Values of the parts in their order; ``told`` hears what share of them is done."""
+        """Values of the parts in their order; ``told`` is called with the completed share."""
         ...
 
 
 def in_turn(parts: Sequence[Part], told: Callable[[float], None]) -> list[Any]:
-    """Compute parts here, one after another."""
+    """Compute parts in this process, one after another."""
     values = []
     for number, part in enumerate(parts, start=1):
         values.append(part())
@@ -27,5 +27,5 @@ def in_turn(parts: Sequence[Part], told: Callable[[float], None]) -> list[Any]:
 
 
 def call(part: Part) -> Any:
-    """Compute one part: the function of a module that workers need."""
+    """Compute one part; defined at module level so that workers can load it."""
     return part()

@@ -1,10 +1,10 @@
-"""Light on square pixels: integrals of finely sampled intensity, and what is thrown farther than light is followed.
+"""Light on square pixels: integrals of finely sampled intensity, and far light, beyond the sampled patches.
 
-Light far from where rays land is known in amount by energy, in shape by its law. The wave from the rim of an aperture
-brings an irradiance ∝ 1/d² of the distance d from the edge of the rays' disc, and two points of the rim send light to
-every point: on average over the fringes E(r) ∝ [1/(r − a)² + 1/(r + a)²]/r about a disc of radius a. In focus a = 0 and
-the law is Airy's: of a circular lens the share 2/(π v) falls beyond v = 2π R r/(λ b). Microlenses interfere there as
-well, which the points of a source average out.
+Conservation of energy gives the amount of far light, and the wave from the rim of an aperture its distribution. That
+wave brings an irradiance ∝ 1/d² at the distance d from the edge of the rays' disc, and two points of the rim send light
+to every point. Averaged over the fringes, E(r) ∝ [1/(r − a)² + 1/(r + a)²]/r about a disc of radius a. In focus a = 0,
+and the law is Airy's: a circular lens sends the share 2/(π v) beyond v = 2π R r/(λ b). The interference of different
+microlenses there averages out over the points of a source.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from tradestudy.optics.chain.scene import PixelGrid
 
 MARGIN = 3  # samples beyond the window on each side that the correction needs
 _CELL_AVERAGE = ((0.0, 1 / 24, -17 / 5760, 367 / 967680), (0.0, 1 / 24, -17 / 5760, 0.0))
-_STEEPNESS = 4.0  # samples along the way from the edge of the rays to that of the patch, where the law is steepest
+_STEEPNESS = 4.0  # samples between the edge of the rays and the edge of the patch, where the law is steepest
 
 
 def refuse_pixel_centres(grid: PixelGrid) -> None:
@@ -28,25 +28,25 @@ def refuse_pixel_centres(grid: PixelGrid) -> None:
     Raises
     ------
     OutOfRangeError
-        If pixels are not to integrate.
+        If the pixels do not integrate.
     """
     if not grid.integrated:
         raise OutOfRangeError(
             "rays at the centre of a pixel",
             value="not integrated, with rays behind the microlenses",
-            limit="rays come as areas over whole pixels",
+            limit="rays give light over whole pixels only",
             remedy="integrate over pixels, or use waves",
         )
 
 
 def samples_per_pixel(grid: PixelGrid, needed: float) -> int:
-    """At least three along a pixel; an odd number where the one at its centre is asked for."""
+    """Samples along a pixel, at least three; an odd number if the pixel takes the one at its centre."""
     count = max(3, math.ceil(needed))
     return count if grid.integrated else count + 1 - count % 2
 
 
 def light_on_pixels(intensity: FloatArray, grid: PixelGrid, *, per_pixel: int) -> tuple[FloatArray, float]:
-    """Integrals over pixels and their relative L2 error as `integrate_pixels` has it, or centre samples, without."""
+    """Integrals over pixels with their relative L2 error by `integrate_pixels`, or centre samples with error 0."""
     spacing = grid.pitch / per_pixel
     if grid.integrated:
         return integrate_pixels(intensity, per_pixel=per_pixel, spacing=spacing)
@@ -56,7 +56,7 @@ def light_on_pixels(intensity: FloatArray, grid: PixelGrid, *, per_pixel: int) -
 
 
 def integrate_pixels(intensity: FloatArray, *, per_pixel: int, spacing: float) -> tuple[FloatArray, float]:
-    """Integrate samples at cell centres over pixels of ``per_pixel``² cells; also say how much the last term changed.
+    """Integrate samples at cell centres over pixels of ``per_pixel``² cells, and return the change by the last term.
 
     The mean over a cell is the sample plus δ²/24 − 17 δ⁴/5760 + 367 δ⁶/967680 along each axis, δ the central
     difference.
@@ -64,7 +64,7 @@ def integrate_pixels(intensity: FloatArray, *, per_pixel: int, spacing: float) -
     Parameters
     ----------
     intensity
-        Samples, shape (rows·per_pixel + 6, columns·per_pixel + 6): three more on every side.
+        Samples, shape (rows·per_pixel + 6, columns·per_pixel + 6): three extra on every side.
     per_pixel
         Samples along a pixel.
     spacing
@@ -73,7 +73,7 @@ def integrate_pixels(intensity: FloatArray, *, per_pixel: int, spacing: float) -
     Returns
     -------
     tuple
-        Integrals, shape (rows, columns), and the relative L2 change by the last term: the error of the one before.
+        Integrals, shape (rows, columns), and their relative L2 change by the last term: the error without it.
     """
     best, lower = (
         _summed(_averaged(_averaged(intensity, terms, 0), terms, 1), per_pixel) * spacing**2 for terms in _CELL_AVERAGE
@@ -83,7 +83,7 @@ def integrate_pixels(intensity: FloatArray, *, per_pixel: int, spacing: float) -
 
 
 def _averaged(samples: FloatArray, terms: tuple[float, ...], axis: int) -> FloatArray:
-    """Mean over the cell about each sample along one axis; three samples are used up on each side."""
+    """Mean over the cell about each sample along one axis; the result is three samples shorter on each side."""
     moved = np.moveaxis(samples, axis, 0)
     difference, result = moved, moved[MARGIN:-MARGIN].copy()
     for order, term in enumerate(terms):
@@ -103,7 +103,7 @@ def _summed(cells: FloatArray, per_pixel: int) -> FloatArray:
 def far_light(
     grid: PixelGrid, middles: FloatArray, half_side: float, power: FloatArray, radii: FloatArray
 ) -> FloatArray:
-    """Spread what leaves square patches over the pixels beyond them, by the law of an edge.
+    """Distribute the light that leaves square patches over the pixels outside, by the law of an edge.
 
     Parameters
     ----------
@@ -114,16 +114,16 @@ def far_light(
     half_side
         Half the side of a patch [m].
     power
-        What leaves each patch, of which most misses the detector, shape (n,).
+        Power that leaves each patch, most of which misses the detector, shape (n,).
     radii
-        Of the disc of rays in each patch, less than half its side [m], shape (n,).
+        Radius of the disc of rays in each patch, less than half its side [m], shape (n,).
 
     Returns
     -------
     ndarray
         Power on every pixel, shape (rows, columns).
     """
-    # Each sample stands for a part of a pixel, and belongs to a patch if its middle does.
+    # Each sample represents a part of a pixel, and belongs to a patch if its middle does.
     parts = max(1, math.ceil(_STEEPNESS * grid.pitch / float(np.min(half_side - radii, initial=math.inf))))
     spacing = grid.pitch / parts
     x, y = (edges[0] + spacing * (np.arange(parts * (edges.size - 1)) + 0.5) for edges in (grid.edges_x, grid.edges_y))

@@ -1,4 +1,4 @@
-"""What the laws of the chain do not hold for, or its short cuts do not know."""
+"""Refusals of what the laws of the chain, or the shortcuts of its computation, do not cover."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from tradestudy.optics.propagation.sampling import refuse_near_zone
 
 
 def refuse_impossible(path: LightPath, source: PointSource | DiscSource, wavelength: float, legs: Legs) -> None:
-    """Refuse lengths of light beyond the laws, and sources and pupils that the laws of the legs do not take.
+    """Refuse wavelengths, sources and pupils that the laws of the legs do not cover.
 
     Raises
     ------
     OutOfRangeError
-        With what to choose instead.
+        With the alternative.
     """
     if not (wavelength > 0 and math.isfinite(wavelength)):
         raise OutOfRangeError("wavelength", value=f"{wavelength:g} m", limit="> 0, finite")
@@ -46,7 +46,7 @@ def refuse_impossible(path: LightPath, source: PointSource | DiscSource, wavelen
     main = path.main_lens.pupil
     if isinstance(source, DiscSource) and not coherent and main is not None and not main.round:
         raise OutOfRangeError(
-            "incoherent disc behind a pupil of the main lens that a turn about the axis changes",
-            limit="Zernike coefficients without azimuth, such as 4, 11 and 22",
-            remedy="add images of points, or leave the other coefficients out",
+            "incoherent disc seen through a main-lens pupil without rotational symmetry",
+            limit="Zernike coefficients of azimuthal order 0, such as 4, 11 and 22",
+            remedy="average images of points, or leave the other coefficients out",
         )

@@ -1,4 +1,4 @@
-"""What light passes on its way: main lens, microlens array, detector, and the method of each leg."""
+"""The light path: main lens, microlens array and detector, and the law of propagation on each leg."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ class Legs:
     """The law of propagation on each leg.
 
     ``geometric``: paraxial rays. ``fresnel``, ``kirchhoff``: the integrals. ``boundary_wave``: rays and the wave from
-    the edge of the aperture in place of Kirchhoff's integral, which fills in where they are singular.
+    the edge of the aperture instead of Kirchhoff's integral, which takes over where they are singular.
 
     Attributes
     ----------
     to_array
-        From the main lens to the microlens array.
+        Law from the main lens to the microlens array.
     to_detector
-        From the microlens array to the detector.
+        Law from the microlens array to the detector.
     exact
-        Rays in the directions of Kirchhoff's exact paths, not paraxial ones; geometric on both legs only.
+        Whether rays follow Kirchhoff's exact paths instead of paraxial ones; needs ``geometric`` on both legs.
 
     Raises
     ------
     OutOfRangeError
-        If a method is none of these, or rays are to be exact beside waves.
+        If a method is unknown, or exact rays are combined with waves.
 
     Examples
     --------
@@ -62,7 +62,7 @@ class Legs:
                 "exact rays beside waves",
                 value=f"{self.to_array} to the array, {self.to_detector} to the detector",
                 limit="geometric on both legs",
-                remedy="take geometric on both legs, or leave exact out",
+                remedy="use geometric on both legs, or leave exact out",
             )
 
 
@@ -92,13 +92,13 @@ class Microlenses:
     layout
         ``square``, or ``hexagonal`` with rows along x.
     gaps
-        ``opaque``, or ``clear``: what lies in a lens's cell beside its aperture passes light unchanged.
+        ``opaque``, or ``clear``: the part of a lens's cell outside its aperture passes light unchanged.
     lens_phase
         As in `CircularLens`; ``perfect`` sends the main lens's image of the source to its thin-lens image.
     focus_distance
-        For ``stigmatic`` only [m].
+        Object distance for which a stigmatic lens is exact [m]; for ``stigmatic`` only.
     pupil
-        Amplitude and aberrations of every microlens, over the circle around its aperture.
+        Amplitude and aberrations of every microlens, over the smallest circle around its aperture.
 
     Raises
     ------
@@ -173,19 +173,19 @@ class Microlenses:
 
     @property
     def reach(self) -> float:
-        """Farthest point of an aperture from its centre [m]."""
+        """Distance from the centre of an aperture to its farthest point [m]."""
         return self.aperture_width / 2 * (math.sqrt(2) if self.aperture == "square" else 1.0)
 
     @property
     def cell_reach(self) -> float:
-        """Farthest point from its centre that passes light [m]."""
+        """Distance from the centre of a cell to its farthest point that passes light [m]."""
         if self.gaps == "opaque":
             return self.reach
         return self.pitch / math.sqrt(2) if self.layout == "square" else self.pitch / math.sqrt(3)
 
     @property
     def fill_factor(self) -> float:
-        """Share of the cell that a lens fills."""
+        """Share of a cell's area that the aperture fills."""
         area = self.aperture_width**2 * (math.pi / 4 if self.aperture == "circular" else 1.0)
         return area / (self.pitch**2 * (1.0 if self.layout == "square" else math.sqrt(3) / 2))
 
@@ -195,7 +195,7 @@ class Microlenses:
         return replace(self, centres=self.centres[kept], focal_lengths=self.focal_lengths[kept])
 
     def lens(self, index: int) -> CircularLens:
-        """Return one microlens in its own coordinates; its radius reaches the farthest aperture point."""
+        """Return one microlens in its own coordinates; its radius reaches the farthest point of the aperture."""
         return CircularLens(
             radius=self.reach,
             focal_length=float(self.focal_lengths[index]),
@@ -207,7 +207,7 @@ class Microlenses:
 
 @dataclass(frozen=True, kw_only=True)
 class PixelGrid:
-    """Square pixels; row i lies at y from ``edges_y[i]`` on, column j at x from ``edges_x[j]`` on.
+    """Square pixels; row i starts at y = ``edges_y[i]``, column j at x = ``edges_x[j]``.
 
     Parameters
     ----------
@@ -216,9 +216,9 @@ class PixelGrid:
     shape
         (rows, columns).
     centre
-        Centre (x, y) of the grid [m], on the main lens's axis if not given.
+        Centre (x, y) of the grid [m]. Default: on the main lens's axis.
     integrated
-        Whether a pixel integrates over its square, or takes what falls on its centre times its area.
+        Whether a pixel integrates over its square or multiplies the irradiance at its centre by its area.
 
     Examples
     --------
@@ -237,7 +237,7 @@ class PixelGrid:
             raise OutOfRangeError("pixels", value=f"{self.shape} of {self.pitch:g} m", limit="≥ 1 × 1, > 0 m")
 
     def part(self, rows: slice, columns: slice) -> PixelGrid:
-        """Return a rectangle of its pixels."""
+        """Return the grid of a rectangle of pixels."""
         x, y = ((e[p.start] + e[p.stop]) / 2 for e, p in ((self.edges_x, columns), (self.edges_y, rows)))
         shape = (rows.stop - rows.start, columns.stop - columns.start)
         return replace(self, shape=shape, centre=(float(x), float(y)))
@@ -270,9 +270,9 @@ class LightPath:
     microlenses
         The array.
     array_distance
-        Main lens → array, z [m], > 0.
+        Distance from main lens to array, z [m], > 0.
     detector_distance
-        Array → detector, b_L [m], > 0.
+        Distance from array to detector, b_L [m], > 0.
     pixels
         The detector.
 
@@ -314,16 +314,16 @@ class LightPath:
 
     @property
     def pupils(self) -> tuple[Pupil, ...]:
-        """Pupils of main lens and microlenses that have one."""
+        """Pupils given for the main lens and the microlenses."""
         return tuple(one for one in (self.main_lens.pupil, self.microlenses.pupil) if one is not None)
 
     def image_at_array(self, source: PointSource) -> tuple[float, float, float]:
-        """Main lens's image of a source: x, y [m] and its signed distance before the array, a_L = z − b [m]."""
+        """Main lens's image of a source: x, y [m] and the signed distance in front of the array, a_L = z − b [m]."""
         x, y, b = self.main_lens.image_of(source)
         return x, y, self.array_distance - b
 
     def object_before(self, index: int, source: PointSource) -> PointSource:
-        """Main lens's image of a source as one microlens sees it, relative to its vertex."""
+        """Main lens's image of a source relative to the vertex of one microlens, as its object."""
         x, y, depth = self.image_at_array(source)
         centre_x, centre_y = self.microlenses.centres[index]
         return PointSource(x=float(x - centre_x), y=float(y - centre_y), distance=depth)

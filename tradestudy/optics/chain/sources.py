@@ -1,4 +1,4 @@
-"""Extended sources: a disc, its quadrature nodes, the symmetry that spares most of them, and the colours of light."""
+"""Extended sources: a disc, its quadrature nodes, the symmetries that save most of them, and spectral shares."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tradestudy.optics.propagation.lens import PointSource
 from tradestudy.optics.quadrature import gauss_legendre, ring_angles
 
 _LARGEST_PHASE = 3e3
-Symmetry = tuple[int, int, bool]  # signs of x and y, then whether x and y change places
+Symmetry = tuple[int, int, bool]  # signs of x and y, then whether x and y are swapped
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,13 +27,13 @@ class DiscSource:
     Parameters
     ----------
     diameter
-        [m], > 0.
+        Diameter [m], > 0.
     distance
-        Distance before the main lens [m], > 0.
+        Distance in front of the main lens [m], > 0.
     x, y
         Centre [m].
     coherent
-        False: every point radiates on its own and intensities add. True: one wave of one phase over the disc.
+        False: the points radiate independently and their intensities add. True: one wave, of one phase over the disc.
 
     Examples
     --------
@@ -62,7 +62,7 @@ class DiscSource:
 
 @dataclass(frozen=True, kw_only=True)
 class SourceNodes:
-    """Polar nodes on a disc, ring by ring, fewer on smaller rings; weights sum to 1.
+    """Polar nodes on a disc, ring by ring, with fewer nodes on smaller rings; the weights sum to 1.
 
     Attributes
     ----------
@@ -85,15 +85,15 @@ class SourceNodes:
 def source_nodes(path: LightPath, source: DiscSource, *, wavelength: float, density: float) -> SourceNodes:
     """Place nodes that resolve how the light on a pixel changes as the source point moves.
 
-    A microlens sees the source through the part of the pupil that lights it, of width w = width · |b/a_L| and at most
-    the pupil: as a function of the source point the light holds no frequency above w/(λ a), the cutoff of that part.
+    A microlens sees the source through the part of the pupil that lights it, of width w = width · |b/a_L|, at most the
+    whole pupil. As a function of the source point, the light has no frequency above the cutoff of that part, w/(λ a).
 
     Parameters
     ----------
     path, source, wavelength
         Camera, disc, wavelength.
     density
-        Share of that cutoff that is resolved.
+        Share of that cutoff to resolve.
     """
     depth = abs(path.image_at_array(source.centre)[2])
     image = abs(path.array_distance - path.image_at_array(source.centre)[2])
@@ -105,7 +105,7 @@ def source_nodes(path: LightPath, source: DiscSource, *, wavelength: float, dens
             "points of the source",
             value=f"a phase of {phase:.2g} rad from its middle to its edge",
             limit=f"{_LARGEST_PHASE:g} rad, about a million points",
-            remedy="take a smaller disc, or rays on both legs",
+            remedy="use a smaller disc, or rays on both legs",
         )
     points, weights = gauss_legendre(max(4, plane_wave_degree(phase) // 4 + 2))
     return SourceNodes(
@@ -116,7 +116,7 @@ def source_nodes(path: LightPath, source: DiscSource, *, wavelength: float, dens
 
 
 def spectral_shares(wavelengths: FloatArray, weights: FloatArray) -> FloatArray:
-    """Shares of the light at each wavelength, which add up to 1.
+    """Shares of the light at each wavelength, which sum to 1.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def spectral_shares(wavelengths: FloatArray, weights: FloatArray) -> FloatArray:
 
 
 def tolerated_density(accuracy: ChainAccuracy) -> float:
-    """Share of the nodes that a tolerance needs of those that resolve everything."""
+    """Share of the cutoff that a tolerance needs resolved."""
     return min(1.0, 0.63 * math.pow(1e-2 / accuracy.tolerance, 1 / 6))
 
 
@@ -147,7 +147,7 @@ def _rings(source: DiscSource, relative_radii: FloatArray, phase: float) -> tupl
 
 
 def symmetries(path: LightPath, source: DiscSource) -> list[Symmetry]:
-    """Mirrors and quarter turns that change neither lenses, nor pixels, nor the disc; the identity comes first."""
+    """Reflections and quarter turns that leave lenses, pixels and the disc unchanged; the identity comes first."""
     if not all(pupil.round for pupil in path.pupils):
         return [(1, 1, False)]
     candidates: list[Symmetry] = [(sx, sy, swap) for swap in (False, True) for sx in (1, -1) for sy in (1, -1)]
@@ -162,7 +162,7 @@ def moved(points: FloatArray, symmetry: Symmetry) -> FloatArray:
 
 
 def moved_image(pixels: FloatArray, symmetry: Symmetry) -> FloatArray:
-    """Image of the moved scene on the last two axes: what lay at a point lies at its `moved` place."""
+    """Apply a symmetry to images on the last two axes: the light of each point moves to its `moved` position."""
     sx, sy, swap = symmetry
     flipped = pixels[..., :: 1 if sy > 0 else -1, :: 1 if sx > 0 else -1]
     return np.asarray(flipped.swapaxes(-1, -2) if swap else flipped)
@@ -182,7 +182,7 @@ def orbits(nodes: SourceNodes, ring: int, group: list[Symmetry]) -> Iterator[tup
 
 
 def lens_orbits(centres: FloatArray, group: list[Symmetry]) -> Iterator[tuple[int, list[Symmetry]]]:
-    """One microlens of each set that symmetries carry into one another, and symmetries that make them all."""
+    """One microlens of each set that symmetries carry into one another, and the symmetries that yield the set."""
     left = set(range(len(centres)))
     while left:
         index = min(left)
@@ -195,7 +195,7 @@ def lens_orbits(centres: FloatArray, group: list[Symmetry]) -> Iterator[tuple[in
 
 
 def _leaves(path: LightPath, source: DiscSource, symmetry: Symmetry) -> bool:
-    """Whether a symmetry changes nothing that the light meets."""
+    """Whether a symmetry leaves the whole light path unchanged."""
     lenses, pixels = path.microlenses, path.pixels
     if symmetry[2] and (lenses.layout == "hexagonal" or pixels.shape[0] != pixels.shape[1]):
         return False
