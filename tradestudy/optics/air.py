@@ -17,7 +17,7 @@ def air_refractive_index(wavelength: float, temperature: ArrayLike, pressure: Ar
     Parameters
     ----------
     wavelength
-        In vacuum [m], 0.2 to 2 µm.
+        Vacuum wavelength [m], 0.2 to 2 µm.
     temperature, pressure
         T [K] and p [Pa]; p = 0 is vacuum, with n = 1. They broadcast.
 

@@ -1,4 +1,4 @@
-"""The Airy pattern's first dark ring, as a number that loads nothing."""
+"""The Airy pattern's first dark ring, as a number that needs no import."""
 
 from __future__ import annotations
 

@@ -9,6 +9,6 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 Samples = NDArray[np.floating[Any]]
-"""Of pictures: single precision does for what is noisier than that."""
+"""Samples of pictures; single precision is enough because their noise is larger."""
 BoolArray = NDArray[np.bool_]
 IndexArray = NDArray[np.intp]

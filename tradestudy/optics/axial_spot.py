@@ -46,11 +46,11 @@ def axial_kirchhoff_spot(
     radius
         r ≥ 0 in the plane [m], ascending, shape (n,).
     wavelength, aperture_diameter
-        λ and of the lens [m], > 0.
+        λ and the diameter of the lens [m], > 0.
     focal_length
-        [m], ≠ 0; < 0 diverges.
+        Focal length [m], ≠ 0; < 0 for a diverging lens.
     object_distance
-        a [m], ≠ 0; < 0 is that of light that converges towards a point behind the lens.
+        a [m], ≠ 0; < 0 for light that converges towards a point behind the lens.
     plane_distance
         b [m], > 0.
     lens_phase
@@ -59,16 +59,16 @@ def axial_kirchhoff_spot(
     Returns
     -------
     tuple
-        Intensity [1/m²], shape (n,), and its relative error (L2): what more nodes change at some of the radii, and the
-        term in η⁴. η is at most a quarter of the sine of the rim's angle, which keeps this term below 1e-4 from f/4 on;
-        faster lenses exceed that only where r is not small beside b.
+        Intensity [1/m²], shape (n,), and its relative error (L2): the change with more nodes at some of the radii, plus
+        the term in η⁴. η is at most a quarter of the sine of the rim's angle, which keeps this term below 1e-4 from f/4
+        on; faster lenses exceed that only where r is not small compared with b.
 
     Raises
     ------
     OutOfRangeError
         The lens phase is neither of the two.
     UnaffordableError
-        Defocus or aberration takes more than 8192 nodes.
+        Defocus or aberration needs more than 8192 nodes.
 
     References
     ----------
@@ -130,9 +130,9 @@ def axial_fresnel_spot(
 
 
 def _mean_around_ring(x: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean over θ in `axial_kirchhoff_spot` for x = kX and q = 1/2km, its real and imaginary parts.
+    """Real and imaginary part of the mean over θ in `axial_kirchhoff_spot`, for x = kX and q = 1/2km.
 
-    ``1 + 3ηc + η²(7c² + 1/2) + η³(15c³ + 5c/2)``, and left out at most 40 η⁴, with η = q x. The means of
+    ``1 + 3ηc + η²(7c² + 1/2) + η³(15c³ + 5c/2)``, with η = q x; the omitted terms are at most 40 η⁴. The means of
     exp(−ixc) times 1, c, c², c³ are J₀, −iJ₁, J₀ − J₁/x and −i(J₁ + J₀/x − 2J₁/x²).
     """
     from scipy.special import j0, j1
@@ -160,7 +160,7 @@ def _blocks(radius: FloatArray) -> list[FloatArray]:
 
 
 def _node_count(steepest: float) -> int:
-    """Of Gauss's rule in t = sin² α for a phase of so many radians per radian of α."""
+    """Number of nodes of Gauss's rule in t = sin² α for a phase of so many radians per radian of α."""
     count = _STEP * math.ceil((steepest / 2.0 + 8.0) / _STEP)
     if count > _MOST_NODES:
         raise UnaffordableError(

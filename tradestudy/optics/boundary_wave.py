@@ -4,10 +4,10 @@ A wave behind an aperture is the light of geometrical optics plus a wave from th
 
     U_B(P) = (1/4π) ∮ A exp(i k (path + s))/s · (p × ŝ)·dl / (1 − p·ŝ),
 
-p the direction of the arriving wave and ŝ the direction to the target, the edge run through from x to y.
-Both parts jump where P crosses the shadow of the edge, their sum does not. The integrand then has a pair
-of poles beside the real edge; the trapezoidal rule over the angle, corrected by their residues, keeps its
-fast convergence right up to the shadow.
+with p the direction of the arriving wave, ŝ the direction to the target, and the edge traversed from x to y.
+Both parts jump where P crosses the shadow of the edge; their sum does not. There the integrand has a pair of
+poles near the real edge; the trapezoidal rule over the angle, corrected by their residues, keeps its fast
+convergence right up to the shadow.
 
 The formula is exact for a spherical wave with the textbook obliquity (and its 1/(k r) terms); for other waves and
 obliquities it is the leading term for many Fresnel zones across the aperture.
@@ -77,7 +77,7 @@ def edge_field(
     wave
         Wave behind the lens, with exact paths.
     kernel
-        Obliquity; other than textbook enters as its ratio to the textbook one on the edge.
+        Obliquity; the others enter by their ratio to the textbook one on the edge.
     rays
         The ray to every target, one branch, from `find_rays`.
     x, y, z
@@ -85,8 +85,8 @@ def edge_field(
     count
         Nodes on the edge.
     tolerance
-        Poles whose effect stays below this share of the light of geometrical optics are left uncorrected; from 1e-5 on
-        the sines are single precision.
+        Poles whose effect stays below this share of the geometric light are left uncorrected; from 1e-5 up, sines are
+        computed in single precision.
 
     Returns
     -------
@@ -248,7 +248,7 @@ def _pole_terms(
     start: FloatArray,
     tolerance: float,
 ) -> tuple[ComplexArray, BoolArray]:
-    """What the trapezoidal rule misses by the poles beside the edge.
+    """Correction of the trapezoidal rule for the poles near the edge.
 
     With residues r above and below the real axis of the angle, the integral is the sum plus
     2πi [Σ_above r/(1 − exp(−i n (θ − θ₀))) + Σ_below r/(exp(i n (θ − θ₀)) − 1)].

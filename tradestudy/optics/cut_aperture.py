@@ -1,4 +1,4 @@
-"""A round aperture of which a second one lets only a part through: where the middle of the light is."""
+"""Centroid of the light through a round aperture that a second one cuts."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ _NODES = 64
 
 
 def centroid_of_common_part(apart: ArrayLike, radius: float, other_radius: float) -> FloatArray:
-    """How far the centroid of what two discs share lies from the centre of the first, towards the second [m].
+    """Distance of the centroid of two discs' overlap from the centre of the first, towards the second [m].
 
     Parameters
     ----------
     apart
         Distance of the centres [m], any shape.
     radius, other_radius
-        Of the discs [m].
+        Radii of the discs [m].
 
     Returns
     -------
     FloatArray
-        0 where the first lies in the second; NaN where they share nothing.
+        0 where the first lies within the second; NaN where they do not overlap.
     """
     s = np.asarray(apart, dtype=np.float64)[..., np.newaxis]
     low, high = np.maximum(-radius, s - other_radius), np.minimum(radius, s + other_radius)
     t, weight = gauss_legendre(_NODES)
-    # Nodes crowd at both ends, where the discs are round.
+    # Nodes cluster at both ends, where the outline is steep.
     x = low + (high - low) * np.square(np.sin(0.5 * np.pi * t))
     height = np.minimum(radius**2 - np.square(x), other_radius**2 - np.square(x - s))
     area = weight * np.sin(np.pi * t) * np.sqrt(np.maximum(height, 0.0))

@@ -1,4 +1,4 @@
-"""From which f-number on the Fresnel approximation may be trusted: closed forms.
+"""Smallest f-numbers for which the Fresnel approximation holds, in closed form.
 
 A lens turns the paths object → aperture → image into a difference whose quadratic part cancels. What the
 Fresnel approximation drops is, to lowest order, ``W(r) = (r⁴/8) (1/a³ + 1/b³)`` at the aperture radius r.
@@ -20,7 +20,7 @@ def dropped_path(
 ) -> FloatArray:
     """Path that Fresnel drops at the rim: W = Σ [ρ²/(d + √(d² + ρ²)) − ρ²/(2 d)] over both legs d = a, b.
 
-    Exact, not only its quartic term −(r⁴/8)(1/a³ + 1/b³); written without the cancellation of √(d² + ρ²) − d.
+    Exact, beyond the quartic term −(ρ⁴/8)(1/a³ + 1/b³), and free of the cancellation in √(d² + ρ²) − d.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def goodman_minimum_f_number(
 ) -> FloatArray:
     """Smallest f-number at which each leg alone drops at most 1 rad: F = (f/2) [π/(4 λ d³)]^¼, d the shorter.
 
-    Goodman's condition knows no lens, so it looks at the legs one by one; the shorter binds. One radian is
+    Goodman's condition does not include a lens, so each leg is judged alone; the shorter one decides. One radian is
     1/(2π) waves.
 
     Parameters
@@ -229,7 +229,7 @@ def collimated_minimum_distance(
 
     Notes
     -----
-    The question is that of W. H. Southwell, "Validity of the Fresnel approximation in the near field", J.
+    The problem is that of W. H. Southwell, "Validity of the Fresnel approximation in the near field", J.
     Opt. Soc. Am. 71, 7–14 (1981): a uniformly lit circular aperture, exact against Fresnel. The law and its
     constant are derived here from the closed forms of `collimated_axis_intensity`; no threshold is quoted
     from that article. The amplitude factor z/ρ adds at most R²/(4 z²).
@@ -263,7 +263,7 @@ def _leg_excess(rho: FloatArray, leg: npt.ArrayLike) -> FloatArray:
 
 
 def require_all_positive(name: str, value: npt.ArrayLike) -> None:
-    """Refuse what is not a positive finite number.
+    """Refuse values that are not positive and finite.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""What size of detail on the object a camera resolves, against distance, and where it resolves a given size.
+"""Lateral resolution of a camera on the object over distance, and the range in which it resolves a given size.
 
 One rule for every camera: a detail is resolved when neither the lateral sample nor the geometric blur, both
-projected to the object, is larger. So the resolution is the larger of the two, and a depth of field *at equal
-resolution* is where it does not exceed a given size. Diffraction is judged by
+projected to the object, is larger. The resolution is therefore the larger of the two, and the depth of field *at
+equal resolution* is the range where it does not exceed a given size. Diffraction is judged by
 `depth_of_field.diffraction_allowance`.
 """
 
@@ -24,7 +24,7 @@ def lateral_resolution(
     pupil_diameter: ArrayLike,
     sample_pitch: ArrayLike,
 ) -> FloatArray:
-    """Resolve with samples in the image plane of a lens: max(p a/b₀, A |a − a₀|/a₀) on the object.
+    """Lateral resolution on the object with samples in the image plane of a lens: max(p a/b₀, A |a − a₀|/a₀).
 
     Parameters
     ----------
@@ -33,14 +33,14 @@ def lateral_resolution(
     focus_distance, focal_length
         a₀ > f and f [m].
     pupil_diameter
-        A [m]: that of the lens; for an unfocused plenoptic camera that of one view (`view_pupil_diameter`).
+        A [m] of the lens; for an unfocused plenoptic camera, of one view (`view_pupil_diameter`).
     sample_pitch
         p [m]: the pixel pitch; for an unfocused plenoptic camera the microlens pitch.
 
     Returns
     -------
-    Size on the object [m], broadcast. For a₀ = ∞ the blur is A at every distance: the beam that comes to a
-    point at infinity.
+    Size on the object [m], broadcast. For a₀ = ∞ the blur is A at every distance, the width of the beam that
+    focuses at infinity.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def depth_of_field_at_resolution(
     near = np.where(nearest > 0, np.where(np.isfinite(a0), a0, 0.0) * nearest, 0.0)
     far = np.minimum(a0 * (1 + r / A), r * (image_distance(a0, f) / p))
     empty = ~reachable | (far < near)
-    reason = "the samples or the blur are nowhere as fine as the resolution asked for" if np.any(empty) else ""
+    reason = "no distance meets the required resolution in both samples and blur" if np.any(empty) else ""
     return DepthOfField(near=np.where(empty, np.nan, near), far=np.where(empty, np.nan, far), reason=reason)
 
 
@@ -102,7 +102,7 @@ def focused_plenoptic_lateral_resolution(
     microlens_aperture: ArrayLike,
     pixel_pitch: ArrayLike,
 ) -> FloatArray:
-    """Resolve with one type of microlens: max(p |v|, D |1 − v/v₀|) f/s on the object.
+    """Lateral resolution on the object with one type of microlens: max(p |v|, D |1 − v/v₀|) f/s.
 
     Parameters
     ----------
@@ -202,13 +202,15 @@ def focused_plenoptic_depth_of_field_at_resolution(
         near = f + f * (f / np.where(empty, np.nan, high))
         far = f + f * (f / np.where(empty, np.nan, np.maximum(low, 0.0)))
     reason = (
-        "no distance on this side of the array has both the samples and the blur fine enough" if np.any(empty) else ""
+        "no distance on this side of the array meets the required resolution in both samples and blur"
+        if np.any(empty)
+        else ""
     )
     return DepthOfField(near=near, far=far, reason=reason)
 
 
 def _solve(*conditions: tuple[ArrayLike, ArrayLike]) -> tuple[FloatArray, FloatArray]:
-    """Smallest and largest s that meet every c s ≥ d; the smallest exceeds the largest where none does."""
+    """Smallest and largest s that satisfy every c s ≥ d; the smallest exceeds the largest where none does."""
     low, high = np.asarray(-np.inf), np.asarray(np.inf)
     for coefficient, constant in conditions:
         c, d = np.broadcast_arrays(*as_floats(coefficient, constant))

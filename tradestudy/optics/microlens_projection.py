@@ -2,7 +2,7 @@
 
 The paper is "Diffraction model of a plenoptic camera for in-situ space exploration". All detector coordinates here are
 *local*: measured from the centre of the microlens that forms the image. Equation 6 of the paper writes them as if they
-were coordinates of the whole detector; fed into eq. 8 as such they turn 300 mm into about 100 mm.
+were coordinates of the whole detector; used that way in eq. 8, they turn 300 mm into about 100 mm.
 
 Every function works for one transverse coordinate; the other obeys the same law.
 """
@@ -103,8 +103,8 @@ def project_to_detector(
     Returns
     -------
     FloatArray
-        Local coordinate [m]; ±infinity where the main lens images onto the array (a_L = 0), NaN there for the microlens
-        hit in its very centre, whose whole micro-image is lit.
+        Local coordinate [m]; ±infinity where the main lens images onto the array (a_L = 0). NaN if the image then falls
+        on the very centre of the microlens, whose whole micro-image is lit.
     """
     x_image = main_lens_image_coordinate(object_coordinate, object_distance, focal_length)
     a_L = microlens_object_distance(object_distance, mla_distance, focal_length)
@@ -124,7 +124,7 @@ def project_to_object(
     microlens_gap: ArrayLike,
     focal_length: ArrayLike,
 ) -> FloatArray:
-    """Eq. 7: the object coordinate ξ [m] at distance a_M of what microlens i shows at σ_i.
+    """Eq. 7: the object coordinate ξ [m] at distance a_M that microlens i images to σ_i.
 
     All points that a pixel can show lie on one straight line ``ξ = c₁ + a_M c₂``; this is its value at one distance,
     computed as ``x' = x_off − v σ`` and ``ξ = −x' f / s`` instead of the paper's expanded sum, whose terms cancel.
@@ -139,7 +139,7 @@ def project_to_object(
     Returns
     -------
     FloatArray
-        ξ [m]; unbounded as a_M grows, as a line of sight is.
+        ξ [m]; grows without bound with a_M, along the line of sight.
     """
     f = np.asarray(focal_length, dtype=np.float64)
     v = virtual_depth(object_distance, mla_distance, microlens_gap, f)

@@ -1,4 +1,4 @@
-"""What one of two views cannot see: the strip beside a depth step, and surfaces that one view sees foreshortened."""
+"""Occlusion and foreshortening between two views: the hidden strip beside a depth step, and tilted surfaces."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def hidden_strip_width(
         Distance Z > 0 of the edge, on the upper surface, from the views [m]. Counted from the lower surface
         at Z' the strip is h B/(Z' − h).
     baseline
-        Distance B ≥ 0 of the views across the edge [m]: of a stereo rig's lenses, or for one camera the part
-        of its pupil that it uses (its whole pupil at most).
+        Distance B ≥ 0 between the views across the edge [m]: between the lenses of a stereo rig, or for a single
+        camera the part of its pupil that it uses (at most the whole pupil).
     obstacle_width
         Width of the upper surface [m]: both sides of a narrow one uncover the lower surface, so the strip
         beside one edge is at most what the obstacle hides from a single view, w (1 + h/Z). Infinite for a

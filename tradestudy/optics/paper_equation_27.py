@@ -1,4 +1,4 @@
-"""The f-number that the paper's equation 27 asks for, as printed: why it is not to be trusted."""
+"""The minimum f-number by the paper's equation 27 as printed, and why it must not be trusted."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tradestudy.optics.fresnel_validity import bounded_minimum_f_number, require
 
 @dataclass(frozen=True, kw_only=True)
 class PaperEq27:
-    """Both readings of the printed criterion, and how far to trust them.
+    """Both readings of the printed criterion, with their condition number.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ def paper_eq27(*, focal_length: float, object_distance: float, wavelength: npt.A
             "object distance within the focal length",
             value=f"{object_distance:g} m",
             limit=f"> {focal_length:g} m",
-            remedy="the printed criterion supposes a real image",
+            remedy="move the object beyond the focal length: the printed criterion assumes a real image",
         )
     wavelengths = np.asarray(wavelength, dtype=np.float64)
     f, a = _decimal(focal_length), _decimal(object_distance)

@@ -1,8 +1,8 @@
-"""How far Fresnel's point-spread function is from Kirchhoff's, measured on the two intensities themselves.
+"""Difference between Fresnel's and Kirchhoff's point-spread functions, measured on the two intensities.
 
 Both are computed in the plane of the thin-lens image on rings about it, out to the largest window. In between they
-are band-limited, so that Chebyshev interpolation in radius and Fourier interpolation in angle are exact but for
-rounding, and the kinks of the absolute difference are met on as fine a grid as they need.
+are band-limited, so Chebyshev interpolation in radius and Fourier interpolation in angle are exact to rounding,
+and the kinks of the absolute difference can be sampled as finely as they need.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ class PsfDifference:
     largest
         max|I_F − I_K| / max I_K over the window.
     peak_error, l1_error, largest_error
-        Numerical errors of these: the stated errors of both intensities, carried through, and the change when every
-        second ring and half the points in between are left out.
+        Numerical errors of these: the propagated stated errors of both intensities, plus the change when every second
+        ring and half the points in between are left out.
     """
 
     peak: FloatArray
@@ -79,20 +79,20 @@ def fresnel_psf_difference(
 ) -> Mapping[LensPhase, PsfDifference]:
     """Measure Fresnel's in-focus point-spread function against Kirchhoff's for several lens phases.
 
-    Fresnel's is one for all of them: to second order every lens phase is the parabola.
+    Fresnel's is the same for all of them: to second order every lens phase is the parabola.
 
     Parameters
     ----------
     focal_length, object_distance
         f and a > f [m]; the image plane lies at b = a f/(a − f).
     f_number
-        N > 0; the pupil is f/N wide.
+        N > 0; the pupil diameter is f/N.
     field_angle
-        Direction of the object point against the axis [rad], in [0, π/2).
+        Angle of the object point from the axis [rad], in [0, π/2).
     wavelength
         λ [m].
     lens_phases
-        Kirchhoff is computed for each; a stigmatic lens is made for ``object_distance``.
+        Kirchhoff is computed for each; a stigmatic lens is exact for ``object_distance``.
     windows
         Radii about the thin-lens image, in Airy radii, increasing.
     tolerance
@@ -209,7 +209,7 @@ def target_count(windows: Sequence[float], *, symmetric: bool) -> int:
 
 
 def _annuli(windows: Sequence[float], *, symmetric: bool) -> list[_Annulus]:
-    """One annulus for each window, from the one before it on."""
+    """One annulus for each window, starting at the previous window."""
     found = []
     for inner, outer in itertools.pairwise((0.0, *windows)):
         # An intensity holds no period shorter than λ N_w: so many go around the outermost ring, two angles for each.

@@ -1,4 +1,4 @@
-"""A picture of a point-spread function with its numbers; matplotlib is loaded when one is asked for."""
+"""Plot of a point-spread function and its metrics; matplotlib is loaded on first use."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def spread_figure(
     Parameters
     ----------
     psf
-        What to draw.
+        The point-spread function to draw.
     centre
-        Where the chief ray lands (x, y), from which positions are counted [m].
+        Where the chief ray lands (x, y) [m]: the origin of the plots.
     airy_radius
         Radius of the first dark ring [m].
     reference_peak
@@ -41,7 +41,7 @@ def spread_figure(
     Returns
     -------
     Figure
-        Of four panels, bound to no window.
+        Figure of four panels, not attached to a window.
     """
     figure = Figure(figsize=(9.0, 7.0), layout="constrained")
     axes = figure.subplots(2, 2)
@@ -74,7 +74,7 @@ def spread_figure(
 
 
 def _spot(axes: Axes, psf: PointSpread, centre: tuple[float, float], reach: float) -> None:
-    """Intensity, its rings raised by a square root."""
+    """Intensity image on a square-root scale, which shows the rings."""
     extent = [1e6 * (at - centre[i]) for i, axis in enumerate((psf.x, psf.y)) for at in (axis[0], axis[-1])]
     axes.imshow(
         np.sqrt(psf.intensity), origin="lower", extent=(extent[0], extent[1], extent[2], extent[3]), cmap="gray"
@@ -83,6 +83,6 @@ def _spot(axes: Axes, psf: PointSpread, centre: tuple[float, float], reach: floa
 
 
 def _band(axes: Axes, at: FloatArray, value: FloatArray, error: FloatArray, label: str) -> None:
-    """A line within its error."""
+    """A line with its error band."""
     axes.fill_between(at, value - error, value + error, alpha=0.3, linewidth=0)
     axes.plot(at, value, label=label)

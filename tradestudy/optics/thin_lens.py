@@ -32,10 +32,10 @@ def focus_shift(object_distance: ArrayLike, focal_length: ArrayLike) -> FloatArr
     Notes
     -----
     The image equation b = a f/(a − f) of section 4.1.1 of "Diffraction model of a plenoptic camera for in-situ space
-    exploration", less f.
+    exploration", minus f.
     """
     a, f = np.asarray(object_distance, dtype=np.float64), np.asarray(focal_length, dtype=np.float64)
-    with np.errstate(divide="ignore"):  # an object in the focal plane is imaged to infinity: that is the answer
+    with np.errstate(divide="ignore"):  # an object in the focal plane is imaged to infinity, as documented
         return np.asarray(f * (f / (a - f)))
 
 
@@ -52,8 +52,8 @@ def object_distance(focus_shift: ArrayLike, focal_length: ArrayLike) -> FloatArr
     Returns
     -------
     FloatArray
-        a [m]; +infinity at s = 0. A negative shift gives what the law gives: a point behind the camera (−f < s < 0 maps
-        to a < 0) or a virtual image's object (s < −f maps into 0 < a < f); callers decide what that means to them.
+        a [m]; +infinity at s = 0. For a negative shift the law still applies: −f < s < 0 gives a point behind the
+        camera (a < 0), s < −f the object of a virtual image (0 < a < f); callers must interpret these.
     """
     s, f = np.asarray(focus_shift, dtype=np.float64), np.asarray(focal_length, dtype=np.float64)
     with np.errstate(divide="ignore"):  # an image in the focal plane comes from infinity
@@ -85,16 +85,16 @@ def blur_diameter(
     Returns
     -------
     FloatArray
-        c [m] on the sensor. With the sensor at S = f + s₀ it is ``A S |1/a − 1/a₀|``, the similar triangles behind the
-        lens: no pole, also not for an object in the front focal plane or nearer, whose rays leave the lens parallel
-        or apart.
+        c [m] on the sensor. With the sensor at S = f + s₀ it is ``A S |1/a − 1/a₀|``, by similar triangles behind
+        the lens. It has no pole, even for an object in the front focal plane or nearer, whose rays leave the lens
+        parallel or diverging.
     """
     a, a0, f, pupil = (
         np.asarray(value, dtype=np.float64) for value in (object_distance, focus_distance, focal_length, pupil_diameter)
     )
     sensor = f + focus_shift(a0, f)
     # (a − a₀)/(a a₀) keeps digits that 1/a − 1/a₀ loses near the focus; an infinite distance leaves the other's 1/a.
-    with np.errstate(invalid="ignore"):  # infinity less itself, sorted out below
+    with np.errstate(invalid="ignore"):  # infinity minus infinity, replaced below
         difference = np.where(np.isinf(a0), 1.0 / a, np.where(np.isinf(a), 1.0 / a0, (a - a0) / a / a0))
     both = np.isinf(a) & np.isinf(a0)
     return np.asarray(np.where(both, 0.0, pupil * sensor * np.abs(difference)))

@@ -101,8 +101,8 @@ def plenoptic_depth_condition(
 ) -> FloatArray:
     """The condition number of eq. 8: the relative change of depth per relative change of its inputs, summed.
 
-    ``Σ |∂ ln a / ∂ ln p|`` over p = Δσ, Δx, b_L (each ``b_L |v| (f/s)² / a``), z and f. It grows as a/f for far points:
-    the digits that depth loses to rounding, whatever the program.
+    ``Σ |∂ ln a / ∂ ln p|`` over p = Δσ, Δx, b_L (each ``b_L |v| (f/s)² / a``), z and f. It grows as a/f for far points
+    and bounds the digits that any program loses to rounding.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def stereo_disparity(
 def depth_of_inverse(inverse_depth: ArrayLike) -> FloatArray:
     """Depth [m] of an inverse depth [1/m]: +infinity where that is zero or negative, NaN where it is NaN."""
     inverse = np.asarray(inverse_depth, dtype=np.float64)
-    with np.errstate(over="ignore"):  # beyond the largest number is infinitely far
+    with np.errstate(over="ignore"):  # overflow counts as infinitely far
         depth = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), np.inf)
     return np.asarray(np.where(np.isnan(inverse), np.nan, depth))
 
@@ -153,8 +153,9 @@ def inverse_depth_on_ray(
 ) -> FloatArray:
     """Inverse depth of a point on a ray by the slope at which a second camera sees it: the law of every stereo pair.
 
-    A point at depth Z on the ray ``Z (a_x, a_y, a_z)`` of the first camera is seen by the second one, t away from it,
-    at the slope ``r = (Z a_x + t_x)/(Z a_z + t_z)``, hence ``1/Z = (r a_z − a_x)/(t_x − r t_z)``.
+    With t from the second camera to the first, a point at depth Z on the first one's ray ``Z (a_x, a_y, a_z)`` lies in
+    the second one's picture at the slope ``r = (Z a_x + t_x)/(Z a_z + t_z)``, hence
+    ``1/Z = (r a_z − a_x)/(t_x − r t_z)``.
 
     Parameters
     ----------

@@ -47,14 +47,14 @@ class Reason(IntEnum):
 
 REASONS: Final = {
     Reason.MEASURED: "measured",
-    Reason.NO_PARTNER: "the estimator has no second picture of it, or too little of its window is in both",
+    Reason.NO_PARTNER: "no second picture shows it, or too little of its window is in both",
     Reason.TEXTURELESS: "too little texture in the window",
     Reason.AMBIGUOUS: "two disparities fit equally well",
     Reason.NO_MATCH: "the two pictures differ by more than their noise",
-    Reason.INCONSISTENT: "the match in the other direction disagrees, as where the point is hidden",
-    Reason.OUT_OF_RANGE: "the best match lies at an end of the range searched",
-    Reason.LESS_SHARP: "its microlens is not of the type that is sharpest at its depth",
-    Reason.NO_LIGHT: "too little light reaches the pixel, or that of several microlenses",
+    Reason.INCONSISTENT: "the match in the opposite direction disagrees, for example because the point is occluded",
+    Reason.OUT_OF_RANGE: "the best match lies at an end of the search range",
+    Reason.LESS_SHARP: "its microlens is not of the sharpest type at its depth",
+    Reason.NO_LIGHT: "too little light reaches the pixel, or several microlenses light it",
 }
 
 
@@ -67,7 +67,7 @@ class Matches:
     disparity
         [steps]; NaN where none was measured.
     deviation
-        Standard deviation that the noise of both pictures gives it [steps], from the texture of the window itself.
+        Standard deviation due to the noise of both pictures [steps], from the texture of the window itself.
     reason
         `Reason` of each.
     """
@@ -118,9 +118,9 @@ class PairOfPictures:
     Parameters
     ----------
     gradient
-        Of a picture of the same place per step of disparity, shape (…, rows, columns); NaN where there is none.
+        Gradient of a picture of the same place per step of disparity, shape (…, rows, columns); NaN where undefined.
     difference
-        Of a whole step: the second picture moved back by it less the first, and where both count.
+        For a whole step: the second picture moved back by it minus the first, and where both are valid.
     """
 
     gradient: Samples
@@ -142,19 +142,19 @@ def match_windows(
     Parameters
     ----------
     pairs
-        One pair, or several with noise of their own that one disparity moves.
+        One pair, or several with independent noise that share one disparity.
     steps
         Six or more consecutive whole steps; disparities between the second and the last but one can be measured.
     window
-        Side of the windows [px], odd. Where a window reaches beyond what both pictures see, the rest of it counts.
+        Side of the windows [px], odd. Where only part of a window is in both pictures, that part is used.
     variance
-        Of the noise of one pixel, the same in both pictures; broadcast.
+        Variance of the noise of one pixel, the same in both pictures; broadcast.
     least_share
-        Of the pixels of a window that must count.
+        Smallest share of a window's pixels that must be valid.
     largest_deviation
-        Above it a window is textureless [steps].
+        Standard deviation above which a window counts as textureless [steps].
     start
-        Whole steps found otherwise, which replace the search; NaN: none was found.
+        Whole steps known in advance, which replace the search; NaN where none is known.
     """
     misfit, error, size, count, middle = _sums(pairs, steps, window)
     noise = 2.0 * np.asarray(variance, np.float64)

@@ -1,4 +1,4 @@
-"""The main lens's field in the array plane: computed once on a grid, interpolated wherever it is needed."""
+"""The main lens's field in the array plane, computed once on a grid and interpolated where it is needed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
 
 _SPLINE_ORDER: Literal[5] = 5
 _END = 12  # grid points beyond each side, where the spline's end effect dies
-_LOOSER = 10.0  # boundary waves err by a hundredth of their tolerance in the intensity: a tenth of the image's is left
+_LOOSER = 10.0  # boundary waves err by a hundredth of their tolerance in the intensity: a tenth of the image's remains
 _LEAST_FRESNEL_NUMBER = 1.0  # of the blur on the array, from which on its spherical wave is taken out
 
 
@@ -59,7 +59,7 @@ class PupilWave:
 
     @property
     def reference(self) -> PupilWave:
-        """Wave whose image shows this one's error: Kirchhoff's integral for a boundary wave, else the same."""
+        """Wave whose image is compared to estimate the error: Kirchhoff's for a boundary wave, else the same."""
         return replace(self, method="kirchhoff") if self.method == "boundary_wave" else self
 
     @property
@@ -189,7 +189,7 @@ class FieldTable:
 def fast_phase(wave: PupilWave, x: Array, y: Array) -> FloatArray:
     """Phase of the sphere about the main lens's image, plus that of the chief ray: what the table leaves out [rad].
 
-    Where the array lies so near the image that the blur has hardly a Fresnel zone, there is no sphere to take out.
+    No sphere is taken out where the array lies so near the image that the blur has less than a Fresnel zone.
     """
     a, z = wave.source.distance, wave.path.array_distance
     chief_x, chief_y = wave.path.chief_point(wave.source)
@@ -248,15 +248,15 @@ def field_table(
     memory_limit
         [bytes].
     edge_tolerance
-        Of the image; nodes, poles and interpolation of the boundary wave take a tenth of it. What it differs from
-        Kirchhoff's integral as a leading term is no matter of sampling; images compare themselves with Kirchhoff's.
+        Tolerance of the image; nodes, poles and interpolation of the boundary wave take a tenth of it. Its difference
+        from Kirchhoff's integral does not depend on sampling; the comparison of images covers it.
 
     Raises
     ------
     UnaffordableError
         If grid and pupil nodes need more memory than allowed.
     NotConvergedError
-        If Kirchhoff's integral misses the tolerance where the boundary wave is left to it.
+        If Kirchhoff's integral misses the tolerance where it replaces the boundary wave.
     """
     chief = wave.path.chief_point(wave.source)
     start = tuple(c - _END * spacing for c in low)
@@ -294,7 +294,7 @@ def field_table(
             "main-lens field on the array",
             value=f"{nodes.count} pupil nodes, {counts[0]} × {counts[1]} points, {needed / 1e9:.3g} GB",
             limit=f"{memory_limit / 1e9:.3g} GB",
-            remedy="take fewer microlenses or a coarser field sampling, or raise the memory limit",
+            remedy="use fewer microlenses or a coarser field sampling, or raise the memory limit",
         )
     result = fast_sum(wave.samples(nodes), wave.kernel, grid, low_rank_tolerance=tolerance, nufft_tolerance=tolerance)
     slow = result.field.reshape(grid.shape) * unit_phasor(-fast_phase(wave, x, y))
@@ -302,7 +302,7 @@ def field_table(
 
 
 def looser_for_edges(tolerance: float) -> float:
-    """Tolerance to ask of a boundary wave for an image of this one."""
+    """Tolerance required of a boundary wave for a given tolerance of the image."""
     return min(_LOOSER * tolerance, 0.1)
 
 
@@ -318,7 +318,7 @@ def blended(tables: list[FieldTable], weights: FloatArray) -> FieldTable:
 
 
 def direct_field(wave: PupilWave, x: FloatArray, y: FloatArray) -> ComplexArray:
-    """Field at a few points by plain summation over more nodes than the fast path takes: the oracle."""
+    """Field at a few points by direct summation over more nodes than the fast path uses, as a reference."""
     nodes = wave.nodes((x, y), density=1.5)
     return direct_sum(wave.samples(nodes), wave.kernel, x, y, np.full_like(x, wave.path.array_distance))
 

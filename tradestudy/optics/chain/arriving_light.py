@@ -102,7 +102,7 @@ def _arriving_slope(
 
 @dataclass(frozen=True, kw_only=True)
 class RayWave:
-    """Wave that the paraxial rays of a point source are on the array.
+    """Wave on the array that the paraxial rays of a point source form.
 
     U(x) = exp(i k s(x))/(√π R |κ|) within R |κ| of the chief ray, else 0; κ = 1 − z/b takes the pupil's radius R to
     that of its shadow, and s is the path of the sphere about the main lens's image, to second order in `paraxial`.
@@ -140,7 +140,7 @@ class RayWave:
 
     @property
     def lit(self) -> Disc:
-        """What the pupil's light covers of the array."""
+        """Part of the array that the pupil's light covers."""
         x, y = self.path.chief_point(self.source)
         return Disc(x=x, y=y, radius=blur_radius(self.path, self.source))
 
@@ -149,7 +149,7 @@ class RayWave:
         return 1.0
 
     def field(self, x: FloatArray, y: FloatArray) -> ComplexArray:
-        """Wave at points of the array that are lit; the shadow is the caller's to leave out."""
+        """Wave at lit points of the array; callers must leave out points in the shadow."""
         image_x, image_y, depth = self.path.image_at_array(self.source)
         kind = ParabolicPath if self.paraxial else SphericalPath
         sphere = kind(x=image_x, y=image_y, distance=depth)
@@ -198,7 +198,7 @@ class ArrivingLight:
 def point_wave(
     path: LightPath, source: PointSource, *, wavelength: float, legs: Legs, coherent_radius: float = 0.0
 ) -> PupilWave | RayWave:
-    """What the first leg carries from a point: waves from the pupil, or the wave that rays are on the array."""
+    """Light of a point after the first leg: a wave from the pupil, or the wave that rays form on the array."""
     if legs.to_array == "geometric":
         return RayWave(path=path, source=source, wavelength=wavelength, paraxial=legs.to_detector == "fresnel")
     return PupilWave(
@@ -214,7 +214,7 @@ def arriving_light(wave: PupilWave | RayWave, accuracy: ChainAccuracy) -> Arrivi
     UnaffordableError
         If its table needs more memory than allowed.
     NotConvergedError
-        If Kirchhoff's integral misses the tolerance where the boundary wave is left to it.
+        If Kirchhoff's integral misses the tolerance where it replaces the boundary wave.
     """
     if isinstance(wave, RayWave):
         return ArrivingLight(read=wave.field)

@@ -1,8 +1,8 @@
-"""Where light of one source point of a disc is followed on the detector: a patch behind each microlens, or all of it.
+"""Where the light of one source point is followed on the detector: on a patch behind each microlens, or everywhere.
 
-Patches are quick, but what light of one microlens does beyond its patch is known in amount only. The whole detector at
-once misses nothing, and is taken where it costs no more, and below the tolerance that patches meet where it costs as
-many times more as that is finer, points side by side fit into memory, and nothing but time is lost.
+Patches are fast, but only the amount of light beyond a patch is known. The whole detector at once misses nothing. It is
+used where it costs no more than patches; below the tolerance that patches meet, it may cost more by the ratio of the
+two tolerances, if the points computed side by side fit into memory.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ POINTS_AT_ONCE = 2  # source points that are followed side by side; each uses on
 SINGLE_PRECISION_FROM = 1e-3  # tolerance from which 32-bit floats add nothing to the error
 _NODE = 10.0  # what a node of a microlens takes, in samples of the detector
 _FEWEST_NODES = 6.0  # of a microlens, over the square of the cycles that they resolve
-# Tolerance that patches meet: of microlenses in focus, which interfere beyond them, points err by 5e-4 to 7e-3. Below
-# it the whole detector may cost as many times more.
+# Tolerance that patches meet: behind microlenses in focus, which interfere beyond the patches, points err by 5e-4 to
+# 7e-3. Below it, the whole detector may cost more by the ratio of the tolerances.
 _MET_BY_PATCHES = 1e-2
 
 
@@ -169,7 +169,7 @@ def field_on_detector(
 
 
 def _farthest(path: LightPath) -> float:
-    """Farthest pixel from any point of a microlens: light that lands beyond is nobody's [m]."""
+    """Farthest pixel from any point of a microlens: light that lands beyond misses all pixels [m]."""
     apart = np.linalg.norm(path.microlenses.centres[:, None] - _corners(path), axis=-1)
     return float(apart.max()) + path.microlenses.cell_reach
 
@@ -206,7 +206,7 @@ class DetectorPatch:
     side
         Samples along a side of what is followed, at most those of the detector.
     cycles
-        Over a half aperture, that the nodes of a microlens resolve.
+        Cycles over a half aperture that the nodes of a microlens resolve.
     per_pixel
         Samples along a pixel.
     tilt
@@ -227,7 +227,7 @@ class DetectorPatch:
     nodes: int
 
     def work(self, path: LightPath, *, lit: float) -> float:
-        """What following one source point takes, in samples of the detector, if it lights this many microlenses."""
+        """Work for one source point that lights this many microlenses, in samples of the detector."""
         if self.whole_detector:
             return self.transfer.count**2 + _NODE * self.nodes * path.microlenses.count
         return lit * (self.transfer.count**2 + _NODE * self.nodes)

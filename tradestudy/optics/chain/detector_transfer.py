@@ -159,7 +159,7 @@ def _tabulated(transfer: Transfer, quadrant: ComplexArray) -> Response:
 def fading_length(
     wavelength: float, distance: float, reach: float, *, paraxial: bool, tolerance: float = _FINEST
 ) -> float:
-    """Distance over which light fades out that lands beyond a reach from where it started [m].
+    """Distance over which light that lands beyond a reach from its start fades out [m].
 
     The band's edge must not ring: as many Fresnel lengths of the slanted path, √(λ b)/cos^{3/2} (without the cosine in
     Fresnel's law), as the tolerance has decimals.
@@ -176,7 +176,7 @@ def sine_towards(offset: float, distance: float, *, paraxial: bool) -> float:
 def half_band(
     wavelength: float, distance: float, kept_reach: float, *, paraxial: bool, tolerance: float = _FINEST
 ) -> float:
-    """Frequency at which light has faded out that lands beyond what is kept [1/m]; samples must resolve it."""
+    """Frequency at which light that lands beyond the kept reach has faded out [1/m]; samples must resolve it."""
     faded = kept_reach + fading_length(wavelength, distance, kept_reach, paraxial=paraxial, tolerance=tolerance)
     return sine_towards(faded, distance, paraxial=paraxial) / wavelength
 
@@ -229,7 +229,7 @@ def choose_transfer(
             "distance of detector samples",
             value=f"{spacing:g} m",
             limit=f"≤ {1 / (2 * band):g} m",
-            remedy="take more samples along a pixel",
+            remedy="use more samples along a pixel",
         )
     farthest = _landing(tilt + band * wavelength, distance, paraxial=paraxial)
     travel = farthest - _landing(tilt, distance, paraxial=paraxial)

@@ -243,7 +243,7 @@ def start_of_rays(path: LightPath, source: PointSource | DiscSource) -> StartOfR
 
 
 def ray_count(path: LightPath, source: PointSource | DiscSource, accuracy: ChainAccuracy) -> float:
-    """Rays that are traced before any refinement, what states the error included."""
+    """Number of rays traced before any refinement, those for the error estimate included."""
     if isinstance(source, DiscSource) and start_of_rays(path, source) == "detector":
         density = _density(path, source, accuracy)
         return sum(backward_rays(path, source, density * factor) for factor in (1.0, _COARSER))

@@ -74,11 +74,11 @@ def landing_spot_image(
     Raises
     ------
     OutOfRangeError
-        If the array lies in the focus of the main lens, or pixels are not to integrate.
+        If the array lies in the focus of the main lens, or the pixels do not integrate.
     UnaffordableError
         If tables need more memory than allowed.
     NotConvergedError
-        If Kirchhoff's integral misses the tolerance where a boundary wave is left to it.
+        If Kirchhoff's integral misses the tolerance where it replaces a boundary wave.
     """
     refuse_pixel_centres(path.pixels)
     refuse_focus_on_array(path, source.centre, wavelength)
@@ -100,7 +100,7 @@ def landing_spot_image(
 
 
 def _coarser(accuracy: ChainAccuracy) -> ChainAccuracy:
-    """What the image is compared with; a starved knob is compared with 1, as `ChainAccuracy.compared` has it."""
+    """Settings of the comparison image; a factor below 1 is compared with 1, as in `ChainAccuracy.compared`."""
     sampling = accuracy.source_sampling
     return replace(accuracy.compared(), source_sampling=_FEWER * sampling if sampling >= 1 else 1.0)
 
@@ -163,7 +163,7 @@ def _over_array(
     depth = path.image_at_array(source.centre)[2]
     pull = b * (path.array_distance - depth) / (depth * source.distance)
     fringes = irradiance_frequency(path, tables.wavelength)
-    # Behind a pixel's share of the disc fringes blur; what is left moves as the pixels do.
+    # A pixel's share of the disc blurs the fringes; what remains of them moves with the pixels.
     moves = max(abs(scale) for scale in _lens_moves(path, source))
     blurred = min(fringes, abs(pull) * source.distance / path.array_distance / pixels.pitch)
     density = accuracy.microlens_nodes * tolerated_density(accuracy)

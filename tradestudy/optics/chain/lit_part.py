@@ -1,6 +1,6 @@
-"""The microlenses that light of a point reaches, and the pixels that it lands on: what dark ones would add is bounded.
+"""The microlenses that light of a point reaches, and the pixels on which it lands, with a bound on the light left out.
 
-Beside the shadow of the pupil, of radius a on the array, the wave from its rim leaves on average the irradiance
+Outside the shadow of the pupil, of radius a on the array, the wave from its rim leaves on average the irradiance
 P λ z/(4 π³ R) [1/(r − a)² + 1/(r + a)²]/r of the power P through the pupil, R its radius; in focus it is Airy's tail.
 """
 
@@ -18,7 +18,7 @@ from tradestudy.optics.chain.arriving_light import RayWave, blur_radius, ray_rea
 from tradestudy.optics.chain.microlens_nodes import lit_share
 from tradestudy.optics.chain.scene import LightPath
 
-_SHARE = 0.25  # of the tolerance, that microlenses left out may take
+_SHARE = 0.25  # share of the tolerance that left-out microlenses may use
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,9 +39,9 @@ class LitPart:
 
 
 def lit_part(wave: PupilWave | RayWave, accuracy: ChainAccuracy) -> LitPart:
-    """Leave out microlenses that rays do not light, and those whose diffracted light the tolerance does not feel.
+    """Leave out microlenses that rays do not light and whose diffracted light is negligible within the tolerance.
 
-    All stay that a coherent disc, an aberrated lens or one that is not lit evenly may light.
+    All microlenses stay for a coherent disc, and for a main lens that is aberrated or not lit evenly.
     """
     lenses = wave.path.microlenses
     away = np.linalg.norm(lenses.centres - wave.path.chief_point(wave.source), axis=1)
@@ -58,7 +58,7 @@ def lit_part(wave: PupilWave | RayWave, accuracy: ChainAccuracy) -> LitPart:
 
 
 def _felt(wave: PupilWave, away: FloatArray, accuracy: ChainAccuracy) -> tuple[BoolArray, float]:
-    """Which microlenses the tolerance feels, and what the others take."""
+    """Microlenses that matter within the tolerance, and the light that the others take."""
     path, lenses = wave.path, wave.path.microlenses
     blur = blur_radius(path, wave.source)
     power = _diffracted(path, blur, away - lenses.cell_reach, wave.wavelength) * lenses.pitch**2
@@ -90,7 +90,7 @@ def _least_norm(wave: PupilWave, away: FloatArray, blur: float) -> float:
 
 
 def reached_pixels(path: LightPath, followed: float) -> tuple[slice, slice]:
-    """Rows and columns of the pixels that light reaches which is followed this far from where it passes the array."""
+    """Rows and columns of the pixels reached by light that is followed this far from where it passes the array."""
     grid, lenses = path.pixels, path.microlenses
     far = lenses.cell_reach + followed
     low, high = lenses.centres.min(axis=0) - far, lenses.centres.max(axis=0) + far

@@ -1,7 +1,7 @@
-"""Boundary waves behind the array: what of a microlens's light is one sphere goes on as rays and a wave from its edge.
+"""Boundary waves behind the array: the spherical part of a microlens's light as rays and a wave from its edge.
 
-The light of a microlens is split into the sphere about the main lens's image that is most like it and the rest, which
-is nothing where rays brought it. The sphere has closed forms, the rest is left to Kirchhoff's integral; so is all light
+The light of a microlens is split into the best-fitting sphere about the main lens's image and the rest, which is zero
+if rays brought the light. The sphere has closed forms, the rest is left to Kirchhoff's integral; so is all light
 of microlenses that the shadow of the pupil cuts, which no single edge surrounds, and of those whose rays meet or cross
 on the detector.
 """
@@ -41,16 +41,16 @@ class _EvenWave(LensWave):
 
 @dataclass(frozen=True, kw_only=True)
 class Spheres:
-    """Light of microlenses as spheres about one point, and what is left of it.
+    """Light of microlenses as spheres about one point, and the rest.
 
     Attributes
     ----------
     which
-        Microlenses that have a sphere to carry on.
+        Microlenses whose sphere is propagated.
     strength
         Field of each one's sphere at its vertex, shape (which,).
     rest
-        What is left of the field on the nodes.
+        Field on the nodes minus the spheres.
     power
         ∫ |U|² over the nodes.
     """
@@ -62,7 +62,7 @@ class Spheres:
 
 
 def refuse_square_edges(lenses: Microlenses) -> None:
-    """Refuse apertures whose edge is no circle.
+    """Refuse apertures whose edge is not a circle.
 
     Raises
     ------
@@ -74,14 +74,14 @@ def refuse_square_edges(lenses: Microlenses) -> None:
             "boundary wave behind the microlenses",
             value=f"{lenses.aperture} apertures",
             limit="circular apertures",
-            remedy="take kirchhoff to the detector, which is the same integral",
+            remedy="use kirchhoff to the detector, which is the same integral",
         )
 
 
 def split_spheres(
     path: LightPath, wave: PupilWave | RayWave, *, which: IndexArray, cell: CellNodes, field: ComplexArray
 ) -> Spheres:
-    """Take out of the field what is the sphere of the source's image, by least squares over each microlens.
+    """Subtract the sphere of the source's image from the field, by least squares over each microlens.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def add_spheres(
     path, wave
         Camera, and the wave of one source point.
     spheres
-        What to carry on.
+        Spheres to propagate.
     reach
         Where rays land.
     half_patch

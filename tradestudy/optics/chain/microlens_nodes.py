@@ -1,4 +1,4 @@
-"""Quadrature nodes of one microlens and of the clear gap about it: on all of its cell, or on what of it is lit."""
+"""Quadrature nodes of one microlens and the clear gap around it: on the whole cell, or on its lit part."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def cell_nodes(lenses: Microlenses, *, cycles: float) -> CellNodes:
 
 
 def cell_node_count(lenses: Microlenses, *, cycles: float) -> int:
-    """How many nodes `cell_nodes` places, for plans that need no more of them."""
+    """Number of nodes that `cell_nodes` places, for plans that do not need the nodes."""
     if lenses.aperture == "circular":
         phase = 2 * math.pi * cycles
         in_lens = int(_nodes_on_rings(phase, phase).sum())
@@ -74,7 +74,7 @@ def tapered_disc_nodes(
 ) -> QuadratureNodes:
     """Nodes on a disc for a wave whose phase at the rim is this much along a radius and along the rim.
 
-    On a smaller ring the phase turns less often, and fewer nodes do.
+    On a smaller ring the phase turns less often, and fewer nodes suffice.
     """
     angles = _nodes_on_rings(radial_phase, angular_phase)
     return disc_nodes(radius=radius, radial_count=angles.size, angular_count=angles, centre=centre)

@@ -18,7 +18,7 @@ from tradestudy.optics.propagation.lens import PointSource, lens_paths
 from tradestudy.optics.propagation.paths import ParabolicPath, SphericalPath
 from tradestudy.optics.quadrature import QuadratureNodes
 
-_ANY_POINT = PointSource(distance=1.0)  # parabolic and stigmatic lenses do not know their source
+_ANY_POINT = PointSource(distance=1.0)  # parabolic and stigmatic lenses do not depend on the source
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,8 +31,8 @@ _SAFETY_OF_EDGES = 3.0  # the coarser Kirchhoff of a boundary wave may err to th
 _SAFETY = 2.0  # the two computations share some of their error: measured by tests/benchmarks/chain_audit.py
 _CHECK_POINTS = 16
 _COUNT_OF_THREADS = 1000  # samples a side from which on threads save more than they take to start
-_GROSS = 0.2  # discrepancy from direct quadrature that no tolerance excuses …
-_GROSS_RATIO = 300.0  # … or that is out of all proportion to the error stated
+_GROSS = 0.2  # discrepancy from direct quadrature that is refused at any tolerance …
+_GROSS_RATIO = 300.0  # … unless it is within this ratio to the stated error
 
 
 def wave_point_image(
@@ -90,7 +90,7 @@ def wave_point_image(
 
 @dataclass(frozen=True, kw_only=True)
 class PointPlan:
-    """What of the camera a point's light is followed on, and where.
+    """Parts of the camera on which a point's light is followed.
 
     Attributes
     ----------
@@ -252,7 +252,7 @@ def _check_memory(plan: DetectorPlan, nodes: int, accuracy: ChainAccuracy) -> No
             "microlens nodes and detector samples",
             value=f"{nodes} nodes, {plan.transfer.count}² samples, {needed / 1e9:.3g} GB",
             limit=f"{accuracy.memory_limit / 1e9:.3g} GB",
-            remedy="take fewer microlenses or pixels, a larger tolerance, or raise the memory limit",
+            remedy="use fewer microlenses or pixels or a larger tolerance, or raise the memory limit",
         )
 
 

@@ -65,7 +65,7 @@ def turned(lens: CircularLens, at: Plane, slope: Plane, *, backward: bool) -> Pl
     if lens.lens_phase == "parabolic":
         cosines = cosines.plus(at, sign / f)
     else:
-        assert lens.focus_distance is not None  # the lens's own promise
+        assert lens.focus_distance is not None  # guaranteed by CircularLens
         for a in (lens.focus_distance, finite_image_distance(lens.focus_distance, f)):
             cosines = cosines.plus(at, sign * math.copysign(1.0, a) / np.sqrt(at.squared + a**2))
     squared = cosines.squared

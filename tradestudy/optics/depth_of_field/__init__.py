@@ -1,4 +1,4 @@
-"""What each kind of camera keeps in focus, near and far, in closed form."""
+"""Depth of field of each kind of camera, in closed form."""
 
 from tradestudy.optics.depth_of_field.focus_stack import (
     FocusStack,

@@ -1,4 +1,4 @@
-"""A stack of images at different focus: what they keep sharp together, and how few are enough."""
+"""Focus stacks: the range that images at different focus keep sharp together, and the number of images needed."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ def union(slices: DepthOfField) -> IntervalUnion:
 
 
 def _stretches(near: FloatArray, far: FloatArray, *, depth: int) -> FloatArray:
-    """Stretches of distance that at least so many intervals hold.
+    """Ranges of distance that at least a given number of intervals cover.
 
     Going outward, a near limit raises the count and a far limit lowers it. Where two limits touch, the near
-    one comes first for the union (no gap) and the far one for overlaps (no overlap).
+    one comes first for the union, which leaves no gap, and the far one for overlaps, which leaves no overlap.
     """
     margin = 1 - TOUCHING if depth == 1 else 1 + TOUCHING
     places = np.concatenate((near, far))
@@ -86,7 +86,7 @@ class FocusStack:
 def focus_stack(
     focus_distances: ArrayLike, *, focal_length: float, pupil_diameter: float, blur_diameter: ArrayLike
 ) -> FocusStack:
-    """What a stack focused at given distances keeps sharp.
+    """Depth of field of a stack focused at given distances.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def images_needed(near: float, far: float, *, focal_length: float, pupil_diamete
         return 1
     ratio = blur_diameter / pupil_diameter
     images = _image_distance_range(near, far, focal_length) / (2 * math.atanh(ratio))
-    return max(1, math.ceil(images * (1 - 1e-12)))  # a range that one image just covers needs one
+    return max(1, math.ceil(images * (1 - 1e-12)))  # rounding must not add an image to a range that they just cover
 
 
 def plan_focus_stack(
@@ -184,7 +184,9 @@ def plan_focus_stack(
     """
     _require_range(near, far, focal_length, blur_diameter)
     if images < 1:
-        raise OutOfRangeError("number of images in a focus stack", value=str(images), limit="≥ 1", remedy="take one")
+        raise OutOfRangeError(
+            "number of images in a focus stack", value=str(images), limit="≥ 1", remedy="take at least one image"
+        )
     if blur_diameter >= pupil_diameter:
         raise OutOfRangeError(
             "blur that counts as sharp",

@@ -1,4 +1,4 @@
-"""Depth of field of plenoptic cameras: of types of microlenses of a focused one, of views of an unfocused one.
+"""Depth of field of plenoptic cameras: of a focused one by types of microlenses, of an unfocused one by views.
 
 Focused: a microlens of aperture D at the gap b_L before the detector, focused at virtual depth v₀, blurs a point at
 virtual depth v to D |1/v − 1/v₀|, so depth of field is symmetric in 1/v. All signs follow v: positive for a Keplerian
@@ -65,7 +65,7 @@ def relay_blur_diameter(
     """
     v, w0, D = as_floats(virtual_depth, inverse_focus_virtual_depth, microlens_aperture)
     require(D > 0, "microlens aperture", D, limit="> 0 m", remedy="check unit and sign")
-    with np.errstate(divide="ignore"):  # an image on the array is blurred without bound: that is the answer
+    with np.errstate(divide="ignore"):  # an image on the array is blurred without bound, as documented
         return np.asarray(D * np.abs(1 / v - w0))
 
 
@@ -158,7 +158,7 @@ def relay_depth_of_field(
         for text, applies in (
             ("a microlens type focuses on the other side of the array", np.any(wrong_side)),
             ("a microlens type is sharp only beyond infinity", np.any(beyond)),
-            ("no blur is left to a microlens type", np.any(np.isnan(half))),
+            ("diffraction leaves no blur to a microlens type", np.any(np.isnan(half))),
         )
         if applies
     )
@@ -177,7 +177,7 @@ def touching_inverse_virtual_depths(
     nearest_virtual_depth
         |v| of the total covering plane, where the first type begins, > 0 [1].
     types
-        How many, ≥ 1.
+        Number of types, ≥ 1.
     blur_px
         Geometric blur that counts as sharp [px], > 0.
 
@@ -201,7 +201,7 @@ def touching_inverse_virtual_depths(
         raise OutOfRangeError(
             "microlens types that touch from the total covering plane on",
             value=str(types),
-            limit=f"≤ {reached}: these reach an infinitely distant relay image already",
+            limit=f"≤ {reached}, which already reach an infinitely distant relay image",
             remedy="use fewer types, more pixels per lens, or a nearer total covering plane",
         )
     return np.asarray(inverse)
@@ -238,7 +238,7 @@ def view_pupil_diameter(
     pixel_pitch: ArrayLike,
     microlens_focal_length: ArrayLike,
 ) -> FloatArray:
-    """Part of the main lens's pupil that one pixel sees through: B = p_px z/f_L, z the image distance of the focus.
+    """Width of the part of the pupil that one pixel sees through: B = p_px z/f_L, z the image distance of the focus.
 
     Parameters
     ----------
@@ -363,7 +363,7 @@ def view_depth_of_field(
     view_pupil_diameter: ArrayLike,
     blur_diameter: ArrayLike,
 ) -> DepthOfField:
-    """Distances at which each single view is sharp, so those the camera can refocus on: a lens of pupil B.
+    """Distances at which each single view is sharp, where the camera can refocus: the depth of field of pupil B.
 
     Parameters
     ----------

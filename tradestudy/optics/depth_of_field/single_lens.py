@@ -1,4 +1,4 @@
-"""Depth of field of the exact thin lens with a sensor at a fixed place, and what diffraction leaves of a criterion."""
+"""Depth of field of the exact thin lens with a fixed sensor, and the geometric blur that diffraction leaves."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class DepthOfField:
     far: FloatArray
     """Far limit [m]; +∞ where everything beyond the near limit is sharp."""
     reason: str = ""
-    """Why there is none, if there is none somewhere; with the values at the worst place."""
+    """Reason if there is no depth of field somewhere, with the values of the worst case."""
 
     @property
     def empty(self) -> BoolArray:
@@ -43,7 +43,7 @@ class DepthOfField:
 
     @property
     def extent(self) -> FloatArray:
-        """Far less near [m]; 0 where nothing is sharp, ∞ where the far limit is."""
+        """Far minus near limit [m]; 0 where nothing is sharp, ∞ where the far limit is ∞."""
         deep = self.far > self.near
         return np.subtract(self.far, self.near, out=np.zeros(np.shape(deep)), where=deep)
 
@@ -54,7 +54,7 @@ class DepthOfField:
 
 
 def intersection(first: DepthOfField, second: DepthOfField) -> DepthOfField:
-    """What is sharp for both, as for the two lenses of a stereo rig: the farther near and the nearer far limit."""
+    """Range that is sharp for both, such as two lenses of a stereo rig: the farther near and the nearer far limit."""
     near, far = np.maximum(first.near, second.near), np.minimum(first.far, second.far)
     apart = near > far
     reasons = [reason for reason in (first.reason, second.reason) if reason]
@@ -66,7 +66,7 @@ def intersection(first: DepthOfField, second: DepthOfField) -> DepthOfField:
 
 
 def as_floats(*values: ArrayLike) -> tuple[FloatArray, ...]:
-    """Give arguments as arrays."""
+    """Return the arguments as arrays."""
     return tuple(np.asarray(value, dtype=np.float64) for value in values)
 
 
@@ -108,21 +108,21 @@ def diffraction_diameter(wavelength: ArrayLike, working_f_number: ArrayLike, mea
             "unknown measure of the diffraction spot",
             value=repr(measure),
             limit=" | ".join(get_args(DiffractionMeasure)),
-            remedy="name one of these",
+            remedy="use one of these",
         )
     return np.asarray(_DIAMETER_IN_WAVELENGTHS_PER_F_NUMBER[measure] * wavelengths * f_numbers)
 
 
 @dataclass(frozen=True, kw_only=True)
 class BlurAllowance:
-    """The geometric blur that a criterion allows beside diffraction."""
+    """Geometric blur that a criterion allows in addition to diffraction."""
 
     geometric_diameter: FloatArray
     """√(c² − d²) [m]; NaN where diffraction alone exceeds the criterion."""
     exceeded: BoolArray
     """Where diffraction alone exceeds the criterion."""
     reason: str
-    """Why there is no allowance somewhere, with the numbers of the worst place; empty if there is everywhere."""
+    """Reason if there is no allowance somewhere, with the numbers of the worst case; empty otherwise."""
 
 
 def blur_allowance(blur_criterion: ArrayLike, diffraction_spot: ArrayLike) -> BlurAllowance:
@@ -155,8 +155,8 @@ def blur_allowance(blur_criterion: ArrayLike, diffraction_spot: ArrayLike) -> Bl
         worst = np.unravel_index(np.argmax(np.where(exceeded, spot / criterion, 0.0)), spot.shape)
         reason = (
             f"diffraction alone ({spot[worst] * 1e6:.3g} µm) exceeds the blur criterion"
-            f" ({criterion[worst] * 1e6:.3g} µm): nothing is sharp by it; declare a larger blur, open the aperture,"
-            " or count the width at half maximum"
+            f" ({criterion[worst] * 1e6:.3g} µm): nothing is sharp; declare a larger blur, open the aperture,"
+            " or measure the spot by its full width at half maximum"
         )
     return BlurAllowance(geometric_diameter=np.where(exceeded, np.nan, remaining), exceeded=exceeded, reason=reason)
 
@@ -255,7 +255,7 @@ def diffraction_inclusive_depth_of_field(
     wavelength
         λ [m].
     measure
-        How wide the diffraction spot counts: ``airy-diameter``, ``fwhm`` or ``none``.
+        Measure of the diffraction spot: ``airy-diameter``, ``fwhm`` or ``none``.
 
     Returns
     -------
@@ -266,7 +266,7 @@ def diffraction_inclusive_depth_of_field(
     Raises
     ------
     OutOfRangeError
-        As `depth_of_field`, and for a focus at which the law of the spot has no meaning.
+        As `depth_of_field`, and for a focus at which the law of the spot does not apply.
     """
     a0, f, A = as_floats(focus_distance, focal_length, pupil_diameter)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
@@ -277,7 +277,7 @@ def diffraction_inclusive_depth_of_field(
 
 
 def _require_lens(f: FloatArray, A: FloatArray, c: FloatArray) -> None:
-    """Refuse lenses and criteria that are none."""
+    """Refuse impossible lenses and criteria."""
     require(f > 0, "focal length", f, limit="> 0 m", remedy="check unit and sign")
     require(A > 0, "pupil diameter", A, limit="> 0 m", remedy="check unit and sign")
     require(c >= 0, "blur diameter", c, limit="≥ 0 m", remedy="declare the blur that counts as sharp")
@@ -286,8 +286,8 @@ def _require_lens(f: FloatArray, A: FloatArray, c: FloatArray) -> None:
 def object_distance_of_magnification(focal_length: ArrayLike, magnification: ArrayLike) -> FloatArray:
     """Object to principal plane: a = f (1 + 1/m).
 
-    A data sheet's working distance counts from the front of the lens instead, which is not where the thin
-    lens is. The scale is the safe way to a: m is the pixel pitch over the size of a pixel on the object.
+    A data sheet counts its working distance from the front of the lens, which is not the principal plane. The
+    magnification gives a reliably: m is the pixel pitch over the size of a pixel on the object.
 
     Parameters
     ----------
@@ -316,8 +316,8 @@ def object_distance_of_working_distance(
 ) -> FloatArray:
     """Object to principal plane for another working distance: a = w + (a_ref − w_ref).
 
-    Supposes that the principal plane keeps its distance from the front of the lens; a lens that focuses by
-    moving its glass inside breaks this away from the reference.
+    Assumes that the principal plane keeps its distance from the front of the lens; with internal focusing this
+    holds only near the reference.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What every lens model shares: projection, its inverse, its derivatives, and the field in which it is one-to-one."""
+"""Base of all lens models: projection, its inverse, its derivatives, and the field in which it is one-to-one."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _ROUNDING: Final = 1e-12  # rad
 
 @dataclass(frozen=True, kw_only=True)
 class LensModel(ABC):
-    """A law that takes directions to places in the normalised picture.
+    """A law that maps directions to places in the normalised picture.
 
     Pixels are those places times the focal lengths, from the principal point. Coefficients are dimensionless (angles in
     rad). Each is a number, or an array that broadcasts with the coordinates: draws of a calibration.
     """
 
     name: ClassVar[str]
-    """What studies and files call the family."""
+    """Name of the family in studies and files."""
 
     @property
     @abstractmethod
@@ -43,7 +43,7 @@ class LensModel(ABC):
 
     @property
     def symmetric(self) -> bool:
-        """Whether the law is the same around the axis."""
+        """Whether the law is rotationally symmetric."""
         return True
 
     @abstractmethod
@@ -74,7 +74,7 @@ class LensModel(ABC):
 
     @classmethod
     def optional_names(cls) -> tuple[str, ...]:
-        """Names of those that may be left out, which are then zero."""
+        """Names of the coefficients that may be left out; they are then zero."""
         return tuple(field.name for field in fields(cls) if field.default is not MISSING)
 
     def with_radial_error(self, k1: FloatArray, k2: FloatArray) -> LensModel:
@@ -144,11 +144,11 @@ class LensModel(ABC):
 
     @cached_property
     def valid_field(self) -> FloatArray:
-        """Largest angle from the axis [rad] up to which the map is one-to-one in every azimuth, and well so.
+        """Largest angle from the axis [rad] up to which the map is safely one-to-one in every azimuth.
 
         It ends where the picture's radial scale falls to `LEAST_SCALE` of that on the axis, where circles about the
         axis no longer enclose its image, or at `widest`. Found by steps of a thousandth of `widest` and bisection: a
-        fold narrower than that is not seen. In shape that of the coefficients.
+        fold narrower than that is not seen. The shape is that of the coefficients.
         """
         top = np.asarray(self.widest) * (1.0 - 1e-9)  # the widest directions themselves may be imaged at infinity
         if self.symmetric:

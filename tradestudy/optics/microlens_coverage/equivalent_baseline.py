@@ -137,7 +137,7 @@ def _baseline(
 
 @dataclass(frozen=True, kw_only=True)
 class _Estimator:
-    """What an estimator makes of a set of lenses."""
+    """Baseline of an estimator as a function of the set of lenses."""
 
     gain: Callable[[FloatArray], FloatArray]
     """1/B² with the lens at the origin less 1/B² without, for sets that grow along each ray."""

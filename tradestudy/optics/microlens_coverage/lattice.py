@@ -66,7 +66,7 @@ LATTICES: Final[dict[Layout, Lattice]] = {
 
 
 def lattice_of(layout: Layout) -> Lattice:
-    """Give the lattice of a layout, or refuse an unknown one."""
+    """Lattice of a layout; refuses an unknown one."""
     if layout not in LATTICES:
         raise OutOfRangeError(
             "unknown layout of microlenses",
@@ -103,10 +103,9 @@ def as_radii(radius_over_pitch: ArrayLike) -> FloatArray:
 
 
 def counted_on_lattice(layout: Layout, types: int, counting: Counting) -> tuple[Counting, float]:
-    """Reduce a question to one lattice: what is counted there, and its pitch in pitches of the whole array.
+    """Reduce a count to one lattice: what is counted there, and its pitch in pitches of the whole array.
 
-    A given type of three sits on a lattice of its own, so the question is that of all lenses of a coarser
-    array.
+    A given type of three sits on a lattice of its own, so its lenses count as all lenses of a coarser array.
     """
     lattice_of(layout)
     require_types(layout, types)
@@ -125,7 +124,7 @@ def counted_on_lattice(layout: Layout, types: int, counting: Counting) -> tuple[
 def distance_to_bisector(positions: FloatArray, direction: FloatArray) -> FloatArray:
     """Distance along each direction (rows) from which each lens (columns) beats the origin: |g|²/(2 g·u).
 
-    Infinite for a lens that never is.
+    Infinite for a lens that never comes closer.
     """
     along = np.cos(direction)[:, np.newaxis] * positions[:, 0] + np.sin(direction)[:, np.newaxis] * positions[:, 1]
     squared = np.sum(positions**2, axis=-1)

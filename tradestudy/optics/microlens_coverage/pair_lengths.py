@@ -1,4 +1,4 @@
-"""Which pairs of microlenses least squares rests on: their lengths, and how much each length tells."""
+"""Lengths of the pairs of microlenses that least squares uses, and the weight of each length."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ class PairLengths:
     over_pitch: FloatArray
     """D/p [1]."""
     share: FloatArray
-    """Of what all pairs tell by windows of the same size [1]: sums to 1, or is 0 where no pair is ever there."""
+    """Share of the information of all pairs, with windows of the same size [1]: sums to 1, or is 0 without pairs."""
 
 
 def least_squares_pairs(radius_over_pitch: ArrayLike, *, layout: Layout, types: int, counting: Counting) -> PairLengths:
-    """What pairs of each length tell of depth in least squares over all lenses.
+    """Share of the information on depth that pairs of each length carry in least squares over all lenses.
 
-    ``Σ_i |x_i − x̄|² = (1/k) Σ_{i<j} |x_i − x_j|²`` for k lenses: least squares tells as much as all pairs together,
-    each in proportion to the square of its length D. A disc of radius r with its centre anywhere holds both lenses of a
-    pair in proportion to C(D), the area that two such discs D apart share. So pairs of a length count in proportion to
-    their number around one lens times ``D² C(D)``, ``C = 2 r² (arccos u − u √(1 − u²)), u = D/2r``.
+    ``Σ_i |x_i − x̄|² = (1/k) Σ_{i<j} |x_i − x_j|²`` for k lenses: least squares carries the information of all pairs
+    together, each in proportion to the square of its length D. A disc of radius r with its centre anywhere holds both
+    lenses of a pair in proportion to C(D), the area that two such discs D apart share. So pairs of a length count in
+    proportion to their number around one lens times ``D² C(D)``, ``C = 2 r² (arccos u − u √(1 − u²)), u = D/2r``.
 
     Parameters
     ----------

@@ -138,12 +138,12 @@ def covering_microlens_object_distance(
             limit=f"≤ {np.min(A):g} m, the pupil diameter, for a Galilean relay",
             remedy="open the aperture or take a smaller microlens pitch",
         )
-    with np.errstate(divide="ignore"):  # the image at infinity is a limit that is meant
+    with np.errstate(divide="ignore"):  # an image at infinity is a valid limit
         return np.asarray(-disc * z / (A - disc))
 
 
 def _positive(*lengths: ArrayLike) -> tuple[FloatArray, ...]:
-    """Give lengths as arrays, or refuse one that is not positive."""
+    """Return lengths as arrays; refuses one that is not positive."""
     arrays = tuple(np.asarray(length, dtype=np.float64) for length in lengths)
     for array in arrays:
         if not np.all(array > 0):
@@ -172,7 +172,7 @@ def seen_count_probability(
         Radius of the disc that the pupil throws onto the array through the image point, over the pitch [1],
         any shape. With matched f-numbers it is |v|/2 · z/b.
     at_least
-        Number of lenses asked for, 1 to 32.
+        Required number of lenses, 1 to 32.
     layout
         ``hexagonal`` or ``square``.
     types
@@ -233,14 +233,14 @@ def mean_seen_count(radius_over_pitch: ArrayLike, *, layout: Layout = "hexagonal
 
 
 def _require_number(at_least: int) -> None:
-    """Refuse numbers of lenses that mean nothing or cost too much."""
+    """Refuse numbers of lenses below one, or too large to compute."""
     if at_least < 1:
         raise OutOfRangeError(
-            "number of microlenses asked for", value=str(at_least), limit="≥ 1", remedy="ask for one or more"
+            "required number of microlenses", value=str(at_least), limit="≥ 1", remedy="require one or more"
         )
     if at_least > LARGEST_COUNT:
         raise UnaffordableError(
-            "number of microlenses asked for",
+            "required number of microlenses",
             value=str(at_least),
             limit=f"≤ {LARGEST_COUNT} (the table grows as its cube)",
             remedy="compare with mean_seen_count instead",
