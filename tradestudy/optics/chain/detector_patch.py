@@ -88,7 +88,7 @@ def plan_detector(
     wavelength, paraxial
         Of the leg to the detector.
     accuracy
-        What to aim at.
+        Tolerance and sampling.
     everywhere
         Follow it to the farthest pixel and the margin beyond, wherever rays land.
     """

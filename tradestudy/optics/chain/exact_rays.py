@@ -199,7 +199,7 @@ def exact_ray_image(path: LightPath, source: PointSource | DiscSource, *, accura
     source
         Point, or disc whose points radiate on their own.
     accuracy
-        What to aim at; `source_sampling` refines all samples.
+        Tolerance and sampling; `source_sampling` refines all samples.
 
     Returns
     -------
@@ -210,7 +210,7 @@ def exact_ray_image(path: LightPath, source: PointSource | DiscSource, *, accura
     Raises
     ------
     OutOfRangeError
-        If pixels are not to integrate.
+        If the pixels do not integrate.
     """
     refuse_pixel_centres(path.pixels)
     if isinstance(source, DiscSource) and start_of_rays(path, source) == "detector":

@@ -77,7 +77,7 @@ def geometric_image(path: LightPath, source: PointSource | DiscSource, *, densit
     Raises
     ------
     OutOfRangeError
-        If pixels are not to integrate.
+        If the pixels do not integrate.
     """
     refuse_pixel_centres(path.pixels)
     fine, coarse = (_shares(path, source, density * factor) for factor in (1.0, 0.7))

@@ -63,11 +63,11 @@ def landing_spot_image(
     path, source
         Camera and disc.
     wavelength
-        [m].
+        Wavelength [m].
     legs
         Law of the leg to the array; `to_detector` is geometric.
     accuracy
-        What to aim at; `microlens_nodes` refines the nodes on the array, `source_sampling` those on the disc.
+        Tolerance and sampling; `microlens_nodes` refines the array's nodes, `source_sampling` the disc's.
     rng
         Draws the points where the interpolated irradiance is checked against direct quadrature.
 

@@ -30,7 +30,7 @@ class MicrolensPlane:
     path
         The camera.
     wavelength
-        [m].
+        Wavelength [m].
     paraxial
         Whether the leg behind the array is Fresnel's.
     cell

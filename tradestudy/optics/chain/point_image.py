@@ -48,7 +48,7 @@ def wave_point_image(
         Law behind the array. The boundary wave carries light of microlenses that is one sphere, and leaves the rest to
         Kirchhoff's integral.
     accuracy
-        What to aim at.
+        Tolerance and sampling.
     rng
         Draws the points that are checked against direct quadrature.
 
@@ -58,7 +58,7 @@ def wave_point_image(
         If nodes or samples need more memory than allowed.
     NotConvergedError
         If the fast path disagrees grossly with direct quadrature, or Kirchhoff's integral misses the tolerance
-        where a boundary wave is left to it.
+        where it replaces a boundary wave.
     """
     fine, terms = stated_point(wave, to_detector, accuracy)
     error = math.hypot(*terms.values())

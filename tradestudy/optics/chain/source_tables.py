@@ -137,7 +137,7 @@ def source_tables(
     wavelength, method
         Of the leg to the array.
     accuracy
-        What to aim at.
+        Tolerance and sampling.
     half_width
         Farthest point from the chief ray that is read [m].
 
@@ -146,7 +146,7 @@ def source_tables(
     UnaffordableError
         If the tables need more memory than allowed.
     NotConvergedError
-        If Kirchhoff's integral misses the tolerance where the boundary wave is left to it.
+        If Kirchhoff's integral misses the tolerance where it replaces the boundary wave.
     """
     low, high = distances
     count = table_count(accuracy)

@@ -30,21 +30,23 @@ from tradestudy.optics.chain.sources import (
 from tradestudy.optics.chain.spot_parts import AskedSpot, FollowedPoints, follow_points, forget_spot, source_density
 from tradestudy.optics.chain.spot_points import point_light, tables_at
 
-_SAFETY_OF_ANGLES = 1.5  # one or two rings stand for all
-_SAFETY_OF_RADII = 2.0  # one azimuth stands for all
-AZIMUTHS = 8  # that every ring has
+_SAFETY_OF_ANGLES = 1.5  # one or two rings represent all
+_SAFETY_OF_RADII = 2.0  # one azimuth represents all
+AZIMUTHS = 8  # common to all rings
 CHECKED_POINTS = 2
-# So few points may err by less than others do (of the light spot at 0.1 %, by 0.006 to 0.012 %), and what all lack
-# alike weighs more in the smoother picture of the spot.
+# The few points checked may err by less than the others (for the light spot at 0.1 %, by 0.006 to 0.012 %), and an
+# error common to all points weighs more in the smoother picture of the spot.
 _SAFETY_OF_TWO = 2.0
-_SHARE_OF_NODES = 0.85  # of the time, about; the rest goes to points between them that tell the error
+_SHARE_OF_NODES = (
+    0.85  # approximate share of the time; the rest goes to points between the nodes that estimate the error
+)
 _MOST_DRAWN = 40
-_AT_ONCE = 8  # points between the rings that make one part of the work
-_HARDLY_ANY = 0.1  # of what a point brings on average
+_AT_ONCE = 8  # points between the rings in one part of the work
+_HARDLY_ANY = 0.1  # of the average light of a point
 
 
 def _turned_ring(asked: AskedSpot, nodes: SourceNodes, ring: int, group: list[Symmetry]) -> partial[FollowedPoints]:
-    """Points halfway between the angles of a ring, without those that symmetries give."""
+    """Points halfway between the angles of a ring, without those that symmetries yield."""
     at, middle = nodes.rings[ring], np.array([asked.source.x, asked.source.y])
     cosine, sine = math.cos(math.pi / len(at)), math.sin(math.pi / len(at))
     turned = middle + (at - middle) @ np.array([[cosine, sine], [-sine, cosine]])
@@ -53,12 +55,12 @@ def _turned_ring(asked: AskedSpot, nodes: SourceNodes, ring: int, group: list[Sy
 
 
 def _angular_error(nodes: SourceNodes, halves: FloatArray, between: dict[int, FloatArray]) -> float:
-    """Error of half the angles, even against odd, which falls to that of all as it is measured to fall.
+    """Error of the mean over all angles, from the difference of even and odd ones and its measured rate of decrease.
 
     Parameters
     ----------
     nodes
-        Of the disc.
+        Nodes of the disc.
     halves
         Mean pixel images of each ring from its even and from its odd angles, shape (rings, 2, rows, columns).
     between
@@ -141,28 +143,28 @@ def wave_spot_image(
     path, source
         Camera and disc.
     wavelength
-        [m].
+        Wavelength [m].
     legs
         Law of each leg; waves behind the array.
     accuracy
-        What to aim at.
+        Tolerance and sampling.
     rng
         Draws the source points whose image is checked.
     done
-        Hears what share of the points is done.
+        Called with the completed share of the points.
     compute
-        Computes the points of rings, and those by which the picture is checked.
+        Computes the points of the rings and those that check the picture.
 
     Raises
     ------
     UnaffordableError
-        If tables, samples, or points by which the picture is checked need more memory than allowed.
+        If tables, samples, or points that check the picture need more memory than allowed.
     NotConvergedError
         If the image of a source point differs grossly from that of the single-point computation.
     """
     asked = AskedSpot(path=path, source=source, wavelength=wavelength, legs=legs, accuracy=accuracy)
     nodes = source_nodes(path, source, wavelength=wavelength, density=source_density(accuracy))
-    for point in (source.centre, outermost(source, nodes)):  # what takes minutes is not begun in vain
+    for point in (source.centre, outermost(source, nodes)):  # refuse before minutes of computation
         wave = point_wave(path, point, wavelength=wavelength, legs=legs)
         plan_point(_reference(wave), reference_law(legs.to_detector), accuracy.unstarved())
     group = symmetries(path, source)
@@ -211,7 +213,7 @@ def wave_spot_image(
 
 
 def followed_points(path: LightPath, source: DiscSource, nodes: SourceNodes) -> float:
-    """Points of a disc that are followed: nodes without those that symmetries give, and points between them, about."""
+    """Approximate number of points followed: nodes without those that symmetries yield, and points between them."""
     group = symmetries(path, source)
     distinct = sum(1 for ring in range(len(nodes.rings)) for _ in orbits(nodes, ring, group))
     return distinct + 2 * max(map(len, nodes.rings)) / len(group) + 2 * len(nodes.rings) + 1
@@ -275,8 +277,8 @@ def _reference(wave: PupilWave | RayWave) -> PupilWave | RayWave:
 def _points_error(asked: AskedSpot, picks: FloatArray, light: float) -> float:
     """Relative L2 difference of random source points' pixels from the single-point computation, times a safety.
 
-    Points that bring hardly any of the light say nothing of the picture and are passed over, unless all do. A boundary
-    wave is compared with Kirchhoff's integral: what its leading term leaves out is stated, not refused.
+    Points with hardly any light say nothing about the picture and are skipped, unless all are such. A boundary wave is
+    compared with Kirchhoff's integral: the error of its leading term is stated, not refused.
     """
     squares: list[float] = []
     sizes: list[float] = []

@@ -1,4 +1,4 @@
-"""Parts of a spot's image that need nothing of one another: what some of its points send to the pixels."""
+"""Independent parts of a spot's image: the light that some of its points send to the pixels."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _PREPARING = Lock()  # threads that begin together prepare a spot once
 class AskedSpot:
     """All that a worker needs to prepare a spot by itself.
 
-    Every request is its own; copies that one arrives as in another process are one object there.
+    Requests compare by identity; all copies of one request that reach another process become one object there.
     """
 
     path: LightPath
@@ -37,14 +37,14 @@ class AskedSpot:
         return _received, (pickle.dumps({one.name: getattr(self, one.name) for one in fields(self)}),)
 
     def prepared(self) -> Spot:
-        """What all points share; that of the last request is kept, as parts of one spot follow each other."""
+        """Data shared by all points; those of the last request are kept, because parts of one spot come in sequence."""
         with _PREPARING:
             return _prepared(self)
 
 
 @lru_cache(maxsize=1)
 def _received(content: bytes) -> AskedSpot:
-    return AskedSpot(**pickle.loads(content))  # what `AskedSpot.__reduce__` has packed
+    return AskedSpot(**pickle.loads(content))  # packed by `AskedSpot.__reduce__`
 
 
 @lru_cache(maxsize=1)
@@ -74,11 +74,11 @@ class FollowedPoints:
     pixel_error
         Relative L2 error of integrating it over the pixels.
     alone
-        Image of each point that was asked for alone, shape (points, rows, columns).
+        Image of each point requested alone, shape (points, rows, columns).
     handed_over
         Largest share that a boundary wave left to Kirchhoff's integral.
     effort
-        Counts of what each point takes.
+        Counts of nodes and samples for each point.
     """
 
     pixels: FloatArray
@@ -91,7 +91,7 @@ class FollowedPoints:
 def follow_points(
     asked: AskedSpot, places: FloatArray, weights: tuple[int, ...], alone: tuple[int, ...] = ()
 ) -> FollowedPoints:
-    """Follow source points, shape (n, 2), of these weights; `alone` are indices of those to be shown alone as well."""
+    """Follow weighted source points, shape (n, 2); `alone` gives the indices of points to return alone as well."""
     spot = asked.prepared()
     images, handed = [], [spot.tables.handed_over if spot.tables else 0.0]
 

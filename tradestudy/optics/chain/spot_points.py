@@ -1,6 +1,6 @@
-"""One point of a spot: what all its points share, and the light of one of them on the detector.
+"""One point of a spot: the data shared by all points, and the light of one point on the detector.
 
-What is shared is computed once: the main-lens field at a few distances of the source from the axis (it turns with the
+Shared data are computed once: the main-lens field at a few distances of the source from the axis (it turns with the
 source, and is interpolated in between), the nodes of a microlens, the transfer to the detector. Behind the array the
 light of all microlenses is followed over the whole detector at once, or of each on a patch about its ray image;
 patches of one source point add as fields.
@@ -42,7 +42,7 @@ from tradestudy.optics.propagation.lens import PointSource
 
 @dataclass(frozen=True, kw_only=True)
 class Spot:
-    """What all source points share; rays to the array need no tables."""
+    """Data shared by all source points; rays to the array need no tables."""
 
     path: LightPath
     source: DiscSource
@@ -82,7 +82,7 @@ def prepare_spot(
 ) -> Spot:
     """Choose every grid from the geometry of centre and rim of the disc, and compute the tables.
 
-    `blank` tables have no light in place of it, for a pilot that times the points.
+    `blank` tables are empty, for a pilot run that times the points.
     """
     distance = np.linalg.norm(nodes.all, axis=1)
     reaches = disc_ends(path, source, nodes)
@@ -143,7 +143,7 @@ class PointLight:
     intensity
         On the fine grid of the detector, as a share of the point's power through the pupil.
     far
-        What falls on each pixel beyond the patches that light is followed on, as such a share.
+        Light on each pixel beyond the patches, as the same share.
     handed_over
         Share of it that a boundary wave behind the array left to Kirchhoff's integral.
     """
@@ -277,7 +277,7 @@ def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTa
 
 
 def _add_light(spot: Spot, canvas: ComplexArray, reach: RayReach, lit: _Lit) -> FloatArray:
-    """Follow the light of some microlenses to their patches of the detector, and add it there; return what leaves."""
+    """Add the light of some microlenses on their patches of the detector; return the light that leaves the patches."""
     transfer, slope = spot.response.transfer, reach.slope[lit.which]
     sine = slope
     if spot.legs.to_detector != "fresnel":
@@ -305,7 +305,7 @@ def _add_light(spot: Spot, canvas: ComplexArray, reach: RayReach, lit: _Lit) -> 
     held = np.sum(np.abs(patches) ** 2, axis=(1, 2), dtype=np.float64) * spot.spacing**2
     half = side * spot.spacing / 2
     middles = centres + start + half - spot.spacing / 2
-    # The law about a disc of rays is one of round edges; squares keep that of a focus, whose mean theirs is far away.
+    # The law around a disc of rays assumes a round edge; square apertures use the law of a focus, their mean far away.
     round_edge = spot.path.microlenses.aperture == "circular"
     radii = reach.spread[lit.which] if round_edge else np.zeros(lit.which.size)
     return far_light(spot.path.pixels, middles, half, np.maximum(sent - held, 0.0), radii)

@@ -1,4 +1,4 @@
-"""Light on an aperture as samples, and its field on targets by plain summation: the oracle of the fast path."""
+"""Light on an aperture as samples, and its field on targets by direct summation: the reference for the fast path."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class ApertureSamples:
     Parameters
     ----------
     nodes
-        Where, with area weights.
+        Positions, with area weights.
     field
         Complex field directly behind the aperture plane, shape (n,).
     axial_cosine
-        Cosine between the wave's direction and the axis at every node, shape (n,); needed by the textbook obliquity,
-        which is an average over two directions, and by nothing else.
+        Cosine between the wave's direction and the axis at every node, shape (n,); needed only by the textbook
+        obliquity, which averages the cosines of two directions.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def direct_sum(samples: ApertureSamples, kernel: Kernel, x: FloatArray, y: Float
     Returns
     -------
     ndarray
-        Complex field, shape (m,). Rounding error about 1e-13 of the largest field that the nodes could give.
+        Complex field, shape (m,). Rounding error about 1e-13 of the largest field that the nodes would give in phase.
 
     Raises
     ------

@@ -42,7 +42,7 @@ _FEW_TARGETS = 100  # a factor of many terms costs as much as that many targets 
 
 @dataclass(frozen=True, kw_only=True)
 class FastField:
-    """Field on flat targets, and what it took.
+    """Field on flat targets, and the effort.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class FastField:
     tiles
         Number of parts into which the targets were split.
     low_rank_error
-        Largest error of the factor met on nodes and targets kept out of its making, relative to its size.
+        Largest error of the factor on nodes and targets that it was not built from, relative to its size.
     """
 
     field: ComplexArray
@@ -81,7 +81,7 @@ def fast_sum(
     targets
         Points or a grid.
     low_rank_tolerance, nufft_tolerance
-        Relative to the largest field that the nodes could give together, in 1e-14 … 0.1.
+        Tolerances relative to the largest field that the nodes would give in phase, in 1e-14 … 0.1.
 
     Returns
     -------

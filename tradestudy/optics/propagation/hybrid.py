@@ -48,8 +48,8 @@ from tradestudy.optics.propagation.wave_optics import (
 LEAST_ZONES = 0.5  # Fresnel zones across the aperture below which rays and edge nearly cancel: the focus
 _MAX_ROUNDS = 4
 _POLAR_SHARE = 0.1  # of the tolerance of an evaluation, for sampling on rings
-_FEW_POINTS = 1000  # of a rectangle, up to which looking for fewer costs more than it saves
-_WORTHWHILE = 0.5  # share of the points of a rectangle from which on rings do not pay
+_FEW_POINTS = 1000  # of a rectangle, up to which a search for fewer costs more than it saves
+_WORTHWHILE = 0.5  # share of the points of a rectangle above which rings do not pay off
 _SHARE = 0.1  # of the tolerance, for nodes, poles and interpolation together; the rest is the method's own error
 
 
@@ -72,14 +72,14 @@ class UncheckedField:
 def unchecked_hybrid_field(
     *, wave: LensWave, kernel: KirchhoffKernel, targets: Targets, tolerance: float, limits: Limits
 ) -> UncheckedField:
-    """What `hybrid_field` computes, for callers that compare their own result with Kirchhoff's: no error is stated.
+    """Field of `hybrid_field` without a stated error, for callers that compare their own result with Kirchhoff's.
 
     Parameters
     ----------
     wave, kernel, targets, limits
-        As of `hybrid_field`.
+        As in `hybrid_field`.
     tolerance
-        Of nodes, poles and interpolation, a tenth of it; what the leading term leaves out refuses nothing.
+        Nodes, poles and interpolation take a tenth of it; the error of the leading term is not refused.
 
     Raises
     ------
@@ -109,11 +109,11 @@ def hybrid_field(
 ) -> ApertureField:
     """Ray optics plus the boundary-diffracted wave; Kirchhoff where they are singular.
 
-    Handed over to Kirchhoff are targets within half a Fresnel zone of a focus or a caustic, targets that several rays
-    may reach, and targets on the shadow of the edge whose pole is not found. The share is reported.
+    Kirchhoff's integral computes targets within half a Fresnel zone of a focus or a caustic, targets that several rays
+    may reach, and targets on the shadow of the edge whose pole is not found. Their share is reported.
 
-    The stated error is measured against direct quadrature of the area integral, so that it contains what the
-    leading term leaves out for waves that are not spherical.
+    The stated error is measured against direct quadrature of the area integral, so it includes the error of the
+    leading term for waves that are not spherical.
 
     Parameters
     ----------
@@ -126,9 +126,9 @@ def hybrid_field(
     accuracy
         Tolerance and check.
     limits
-        Memory and time.
+        Memory and time allowed.
     edge_nodes
-        Nodes on the edge; left out: from the slope of the path along it.
+        Nodes on the edge. Default: from the slope of the path along it.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def hybrid_field(
                 "rays and boundary wave do not reach the tolerance: they are the leading term for many Fresnel zones",
                 value=f"stated relative L2 error of the intensity {error.intensity:.2g}",
                 limit=f"{accuracy.tolerance:g}",
-                remedy="take method 'kirchhoff', a larger tolerance, the textbook obliquity or a perfect lens",
+                remedy="use method 'kirchhoff', a larger tolerance, the textbook obliquity or a perfect lens",
             )
         edge *= 2
     field = field.reshape(targets.shape)
@@ -222,7 +222,7 @@ def _reference(
     accuracy: FieldAccuracy,
     limits: Limits,
 ) -> _Reference:
-    """Direct quadrature of the area integral at the check targets, on half as many nodes again as are needed."""
+    """Direct quadrature of the area integral at the check targets, on 1.5 times the nodes needed each way."""
     started = time.perf_counter()
     finer = nodes_for(wave, kernel, targets, accuracy).scaled(1.5)
     check_affordable(finer, targets=0, check_targets=accuracy.check_targets, limits=limits)
@@ -283,10 +283,10 @@ def _evaluate(wave: LensWave, kernel: KirchhoffKernel, targets: Targets, edge: i
 def _interpolated(
     wave: LensWave, kernel: KirchhoffKernel, grid: TargetGrid, edge: int, tolerance: float
 ) -> ComplexArray | None:
-    """Field on a grid less the path from the centre, from fewer points; None where none are fewer, or one is singular.
+    """Field on a grid without the path from the centre, from fewer points; None if not fewer, or if one is singular.
 
-    About the chief ray the field changes little with the angle, so that few points on rings carry it; elsewhere, and
-    on the way to a fine grid, Chebyshev points of its rectangle do.
+    About the chief ray the field changes little with the angle, so a few points on rings determine it; elsewhere, and
+    for fine grids, Chebyshev points of the rectangle do.
     """
     centre, z = wave.lens.centre, grid.distance
     rim = wave.wavenumber * wave.lens.radius / math.hypot(wave.lens.radius, z)
@@ -380,7 +380,7 @@ def _handed_over(
     accuracy: FieldAccuracy,
     limits: Limits,
 ) -> tuple[ComplexArray, float]:
-    """Fill the singular targets by Kirchhoff; their share."""
+    """Fill the singular targets by Kirchhoff's integral and return their share."""
     if not result.singular.any():
         return result.field, 0.0
     x, y, z = targets.coordinates()

@@ -65,7 +65,7 @@ class SphericalPath:
     distance
         Distance from the centre to the plane [m]; > 0 diverging from before it, < 0 converging behind it.
     weight
-        +1 to add the path, −1 to take it away (a lens that cancels it).
+        +1 to add the path, −1 to subtract it (a lens that cancels it).
     """
 
     x: float
@@ -84,7 +84,7 @@ class SphericalPath:
         return scale * (x - self.x), scale * (y - self.y)
 
     def expansion(self, x: Array, y: Array) -> Expansion:
-        """Path, gradient and second derivatives [1/m], together for the price of one square root."""
+        """Path, gradient and second derivatives [1/m], together at the cost of one square root."""
         r = self._range(x, y)
         sign = self._sign()
         vertex = math.hypot(self.distance, self.x, self.y)

@@ -92,8 +92,8 @@ def ray_fields(wave: LensWave, kernel: Kernel, rays: Rays, x: FloatArray, y: Flo
 def one_ray_per_target(wave: LensWave, z: FloatArray) -> bool:
     """Whether the map from the aperture along the rays to the nearest and farthest target plane is one to one.
 
-    It is not where the phase is steeper than any ray.
-    Sufficient: the symmetric part of the map's derivative keeps one sign over the (convex) aperture.
+    A sufficient criterion: the symmetric part of the map's derivative keeps one sign over the (convex) aperture. False
+    too where the phase is steeper than that of any ray.
     """
     paths = wave.paths
     if len(paths.terms) == 1:
@@ -140,7 +140,7 @@ def _through_focus(sphere: SphericalPath, x: Array, y: Array, z: Array) -> tuple
     with np.errstate(divide="ignore", invalid="ignore"):  # in the focal plane no ray reaches any other point
         share = z / (z + sphere.distance)
         u, v = x - (x - sphere.x) * share, y - (y - sphere.y) * share
-    # In the focus itself all rays meet: any of them stands for the caustic.
+    # In the focus itself all rays meet: any of them represents the caustic.
     miss = np.hypot(np.hypot(x - sphere.x, y - sphere.y), z + sphere.distance)
     absent = np.where(miss < 1e-12 * z, 0.0, np.nan)
     return np.where(np.isfinite(share), u, absent), np.where(np.isfinite(share), v, absent)

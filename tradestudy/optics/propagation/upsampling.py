@@ -32,7 +32,7 @@ class Upsampling:
     Attributes
     ----------
     step
-        Fine samples per coarse one; 1 where nothing is to be gained.
+        Fine samples per coarse one; 1 where upsampling gains nothing.
     first, count
         The coarse samples lie at fine indices ``first + step * arange(count)``; they overhang the fine ones.
     matrix
@@ -176,7 +176,7 @@ class PolarField:
     centre
         [m].
     radius
-        Up to which it is known [m].
+        Radius up to which the field is known [m].
     harmonics
         j, shape (harmonics,).
     table
@@ -226,20 +226,20 @@ def polar_field(
     field
         Field at flat points, or None where it cannot be given.
     centre
-        About which the field changes little with the angle [m].
+        Centre about which the field changes little with the angle [m].
     radius
         Radius of the disc [m].
     wavenumber
         Largest wavenumber of the field along any direction [rad/m]: a plane wave of m radians over the radius needs as
         many Chebyshev points on the diameter as a Bessel function of argument m has orders above the tolerance.
     tolerance
-        Relative to the largest field met.
+        Tolerance relative to the largest field found.
     most
-        Number of points from which on it does not pay.
+        Number of points above which rings do not pay off.
     """
     turns = wavenumber * radius
     steps = math.ceil(turns * (_CUBIC / tolerance) ** 0.25) + 4
-    # Out to the last step of the table: polynomials of this degree magnify what is wrong a step beyond their points.
+    # Out to the last step of the table: polynomials of this degree magnify errors one step beyond their points.
     reach = 1 + 1 / steps
     half = math.ceil((reach * turns + bessel_margin(reach * turns, tolerance)) / 2) + 1
     rings = reach * radius * np.cos(np.pi * (np.arange(half) + 0.5) / (2 * half))
