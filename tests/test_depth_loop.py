@@ -138,9 +138,9 @@ def test_the_report_compares_prediction_and_achievement(ran: tuple[api.Result, P
     [
         (
             LOOP.replace("fitted_at: [150 mm]", "fitted_at: [151 mm]"),
-            "depth_loop.fitted_at.0: is none of the distances",
+            "depth_loop.fitted_at.0: is not one of the distances",
         ),
-        (LOOP.replace("165 mm", "145 mm"), "depth_loop.distances.2: distances increase, each stands once"),
+        (LOOP.replace("165 mm", "145 mm"), "depth_loop.distances.2: distances must increase"),
         (LOOP + "  cameras: [pear]", "depth_loop.cameras.0: no camera is called 'pear'; nearest: 'pair'"),
     ],
 )

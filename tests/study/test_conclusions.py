@@ -316,7 +316,7 @@ def test_a_value_that_two_assumptions_vary_is_refused_at_the_second() -> None:
     yaw = WORTH["value_of_information"]["assumptions"]["yaw"]
     readings = {"careless": {"says": "worse", "set": {yaw["vary"][0]: "0.2 deg"}}}
     both = {"yaw": yaw, "who": {"readings": ["careless"]}}
-    with pytest.raises(StudyError, match=r"who\.readings: .* is varied by 'yaw' already"):
+    with pytest.raises(StudyError, match=r"who\.readings: 'yaw' already varies"):
         tradestudy.load(STUDIES / "robot.yaml").with_values(
             {"readings": readings, "value_of_information": {"assumptions": both}}
         )

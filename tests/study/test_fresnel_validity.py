@@ -259,7 +259,7 @@ def test_figures_and_report_show_it(result: Result, tmp_path: Path) -> None:
     [
         ("fresnel_validity.windows=[10, 5]", "must increase"),
         ("fresnel_validity.elements.main-lens.object_distance=10 mm", "must exceed the focal length"),
-        ("fresnel_validity.lens_phases=[parabolic, parabolic]", "names one twice"),
+        ("fresnel_validity.lens_phases=[parabolic, parabolic]", "lens_phases: repeats"),
         ("claims.F1.element=mainlens", "no element 'mainlens'"),
         ("claims.F4.path_error=0.1 waves", "belongs to the criterion path-error"),
         ("fresnel_validity=null", "has no element"),

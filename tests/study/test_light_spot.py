@@ -264,12 +264,12 @@ def test_the_spread_group_varies_one_thing_at_a_time(result: Result) -> None:
     ("override", "complaint"),
     [
         ("light_spot.microlenses.f_number=2", "wider than their pitch"),
-        ("light_spot.methods=[kirchhoff, kirchhoff]", "names one twice"),
-        ("light_spot.methods=[kirchhoff, geometric]", "none of the methods of light_spot"),
+        ("light_spot.methods=[kirchhoff, kirchhoff]", "methods: repeats"),
+        ("light_spot.methods=[kirchhoff, geometric]", "not one of light_spot.methods"),
         ("light_spot.tolerance=50 %", "out of range"),
         (
             "light_spot.microlenses.focal_length=[0.4 mm]",
-            "a list of one value stands here; the value without brackets or at least 2 are expected",
+            "this list has only one value; the value without brackets or at least 2 are expected",
         ),
         ("light_spot.detector.pixel_pitch=1e6 m", "1e6 m.* 10 nm to 5 mm"),
         (

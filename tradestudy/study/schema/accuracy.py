@@ -1,4 +1,4 @@
-"""What tolerance a study asks for, how long a run may take, and which models it insists on."""
+"""Tolerances of a study, the time limit of its run, and the models that it forces."""
 
 from __future__ import annotations
 
@@ -20,23 +20,31 @@ Tolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=1.
 
 
 class AccuracyPart(Part):
-    """Relative changes that simplifications may make, and the time that a run may take."""
+    """Largest relative changes that simplifications may cause, and the time limit of a run."""
 
-    tolerance: Tolerance = Field(default=0.01, description="For every quantity that is not named itself.")
-    depth_uncertainty: Tolerance | None = Field(default=None, description="Noise and calibration together.")
-    usable_range: Tolerance | None = Field(default=None, description="Of its near and far ends.")
+    tolerance: Tolerance = Field(
+        default=0.01, description="Tolerance on every quantity without a tolerance of its own."
+    )
+    depth_uncertainty: Tolerance | None = Field(
+        default=None, description="Tolerance on depth uncertainty, noise and calibration combined."
+    )
+    usable_range: Tolerance | None = Field(
+        default=None, description="Tolerance on the near and far ends of the usable range."
+    )
     depth_noise: Tolerance | None = Field(
-        default=None, description="Of the uncertainty by noise alone; decides nothing unless it is named."
+        default=None, description="Tolerance on depth uncertainty from noise alone; ignored unless given."
     )
-    depth_of_field: Tolerance | None = Field(default=None, description="Of its near and far ends.")
-    pixel_intensity: Tolerance | None = Field(default=None, description="L2 over the pixels of a picture.")
-    psf_width: Tolerance | None = Field(default=None, description="Of the width of a point's image.")
-    time_limit: PositiveDuration | None = Field(
-        default=None, description="Of the whole run; default: as long as it takes."
+    depth_of_field: Tolerance | None = Field(
+        default=None, description="Tolerance on the near and far ends of the depth of field."
     )
+    pixel_intensity: Tolerance | None = Field(
+        default=None, description="Tolerance on pixel intensity: L2 norm over the pixels of a picture."
+    )
+    psf_width: Tolerance | None = Field(default=None, description="Tolerance on the width of a point's image.")
+    time_limit: PositiveDuration | None = Field(default=None, description="Time limit of the whole run; default: none.")
 
     def asked(self) -> accuracy.Accuracy:
-        """The tolerance of every quantity that counts."""
+        """The tolerance of each quantity that the models are chosen for."""
         everywhere: tuple[Quantity, ...] = (
             "depth_uncertainty", "usable_range", "depth_of_field", "pixel_intensity", "psf_width",
         )  # fmt: skip
@@ -50,10 +58,10 @@ class AccuracyPart(Part):
 
 
 class _EffectsPart(Part):
-    """Models that stand whatever the choice would be; each replaces the choice of its effect."""
+    """Forced models: each replaces the automatic choice for its effect."""
 
     def forced(self) -> dict[SlotName, str]:
-        """The models that the study insists on, by effect."""
+        """The forced models, by effect."""
         slots = cast(Iterable[SlotName], type(self).model_fields)
         return {slot: name for slot in slots if (name := getattr(self, slot)) is not None}
 

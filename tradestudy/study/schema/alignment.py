@@ -33,9 +33,9 @@ class Alignment:
     path
         Keys and positions in the document.
     members
-        The member of each union on the way that the error speaks of: the union's path and the member's label.
+        For each union along the path, the member that the error is about: the union's path and the member's label.
     owner
-        The innermost model on the way that is asked for the last key.
+        The innermost model along the path, which should hold the last key.
     of_key
         Whether the error is about the last key itself and not about its value.
     """
@@ -74,12 +74,12 @@ def align(model: type[BaseModel], location: tuple[str | int, ...]) -> Alignment:
 
 
 def key_names(model: type[BaseModel]) -> list[str]:
-    """List the keys that a model knows, as they stand in a file."""
+    """List the keys that a model knows, as a file spells them."""
     return [field.alias or name for name, field in model.model_fields.items()]
 
 
 def key_meaning(model: type[BaseModel] | None, key: str) -> str:
-    """Say what a key of a model means, as its description does, in the middle of a sentence."""
+    """The first sentence of a key's description, without its full stop."""
     fields = model.model_fields if model else {}
     words = next((field.description or "" for name, field in fields.items() if key in (name, field.alias)), "")
     return words.split(". ")[0].removesuffix(".")
@@ -97,7 +97,7 @@ def _is_model(kind: Any) -> bool:
 
 
 def _tags(kind: Any) -> Iterator[str]:
-    """List the texts by which a discriminated union may know a model."""
+    """List the discriminator values that may select a model in a union."""
     if _is_model(kind):
         for field in kind.model_fields.values():
             if get_origin(field.annotation) is Literal:
@@ -113,7 +113,7 @@ def _is_label(step: str | int, kinds: list[Any]) -> bool:
 
 
 def _chosen(label: str, kinds: list[Any], rest: list[str | int]) -> Any:
-    """Find the member of a union that a label names, else one that has what comes next."""
+    """Find the member of a union that a label names, else one that can hold the next step."""
     for kind in kinds:
         if _is_model(kind) and (label in (kind.__name__, *_tags(kind)) or label.endswith(f", {kind.__name__}]")):
             return kind
@@ -123,7 +123,7 @@ def _chosen(label: str, kinds: list[Any], rest: list[str | int]) -> Any:
 
 
 def _below(kind: Any, step: str | int) -> Any:
-    """Find the type of what stands under a key or at a position."""
+    """Find the type of the value under a key or at a position."""
     if _is_model(kind):
         fields = kind.model_fields
         return next((f.annotation for name, f in fields.items() if step in (name, f.alias)), Any)

@@ -1,4 +1,4 @@
-"""A valid study under other values: only what they change is validated again."""
+"""Validation of a valid study under other values: only the changed parts are validated again."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from tradestudy.study.schema.validation import validate
 
 
 class _WhollyNewError(Exception):
-    """What changed is no part that can be validated by itself."""
+    """The change is not confined to parts that can be validated on their own."""
 
 
 def validate_changes(document: Document, before: Document, valid: StudyFile) -> StudyFile:
-    """Check a document that values were laid over.
+    """Check a document in which values were replaced.
 
-    Only the parts that they changed are validated, and what parts ask of each other. Where these do not pass, the whole
-    document is validated: for the messages, or because a part has come, gone or become one of another kind.
+    Only the changed parts, and the consistency between parts, are validated. If these checks fail, the whole document
+    is validated: for its messages, or because a part was added, removed or changed its kind.
 
     Parameters
     ----------
     document
-        With the values.
+        The document with the new values.
     before
-        Without them; what they leave as it was are the same objects in both.
+        The document without them; unchanged entries are the same objects in both.
     valid
-        What the schema made of `before`.
+        The study file validated from `before`.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def validate_changes(document: Document, before: Document, valid: StudyFile) -> 
 
 
 def _changed_parts(document: Document, before: Document, valid: StudyFile) -> dict[str, Any]:
-    """The parts of a study that changed; where it holds them by name, all of these."""
+    """The changed parts of a study; of parts held by name, the whole mapping."""
     changed: dict[str, Any] = {}
     for key in _changed_keys(document.root, before.root):
         part, entry, entry_before = getattr(valid, key, None), child(document.root, key), child(before.root, key)

@@ -1,4 +1,4 @@
-"""Criteria of cameras by name: those derived for a relief, and what cameras declare, as numbers of one dimension."""
+"""Criteria of cameras by name, as numbers of one dimension: derived for a relief, or declared by cameras."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DERIVED: Final[Mapping[str, Dimension | None]] = {
     "hidden beside a step": LENGTH,
     "foreshortening": NUMBER,
 }
-"""What is worked out for every camera of a study that has a relief, and what its number measures."""
+"""Criteria derived for every camera of a study with a relief, each with its dimension."""
 
 
 def criterion_names(attributes: Iterable[AttributesPart], *, relief: bool) -> list[str]:
@@ -31,17 +31,17 @@ def criterion_names(attributes: Iterable[AttributesPart], *, relief: bool) -> li
 
 
 def criterion_dimension(name: str, attributes: Iterable[AttributesPart]) -> Dimension | None:
-    """What the numbers of a criterion measure; None for words, or numbers with units of different kinds."""
+    """The dimension of a criterion; None for words, or for numbers with units of different kinds."""
     if name in DERIVED:
         return DERIVED[name]
     numbers = [part.others[name] for part in attributes if is_number(part.others.get(name, ""))]
     found = common_dimension(*numbers) if numbers else None
-    # Shown as a number, not in per cent, where nobody writes it so.
+    # A plain number is shown as one, not in per cent.
     return NUMBER if found is FRACTION and all(text.strip()[-1] in "0123456789." for text in numbers) else found
 
 
 def weighed_dimension(name: str, quantity: str | None, attributes: Iterable[AttributesPart]) -> Dimension:
-    """What a criterion of a trade-off without mistakes measures: a length where it is computed."""
+    """The dimension of a criterion in a valid trade-off: a length if the criterion is computed."""
     found = LENGTH if quantity is not None else criterion_dimension(name, attributes)
     assert found is not None
     return found

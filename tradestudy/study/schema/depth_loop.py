@@ -1,4 +1,4 @@
-"""Whether cameras measure depth as predicted: pictures of planes, and the depth that is measured in them."""
+"""Check whether cameras measure depth as predicted: depth measured in rendered pictures of planes."""
 
 from __future__ import annotations
 
@@ -16,36 +16,36 @@ _MOST = 50
 
 
 class DepthLoopPart(Part):
-    """Planes across the axis whose pictures are taken and measured, each with a texture and noise of its own.
+    """Planes across the axis, rendered and measured, each with its own texture and noise.
 
-    Texture, light, noise and window are those of scene.picture. The matcher is fitted to the errors at some of the
-    distances and held against those at all others.
+    Texture, light, noise and window are those of scene.picture. The matcher is fitted to the errors at some distances
+    and tested on the errors at all others.
     """
 
     distances: Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=_MOST)] = Field(
-        description="Of the planes, increasing."
+        description="Distances of the planes, increasing."
     )
     fitted_at: Annotated[
         tuple[ObjectDistance, ...], Field(min_length=1, max_length=_MOST), AfterValidator(distinct)
-    ] = Field(description="Those of the distances whose errors the matcher is fitted to; they share one seed.")
+    ] = Field(description="Distances whose errors the matcher is fitted to; they share one seed.")
     cameras: Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(
-        default=None, description="Those that measure; default: all that measure depth."
+        default=None, description="Cameras to test; default: all that measure depth."
     )
     contrasts: (
         Annotated[tuple[PositiveFraction, ...], Field(min_length=1, max_length=_MOST), AfterValidator(distinct)] | None
-    ) = Field(default=None, description="Of the texture; default: that of scene.picture.")
+    ) = Field(default=None, description="Contrasts of the texture; default: that of scene.picture.")
     electrons: (
         Annotated[tuple[PositiveElectrons, ...], Field(min_length=1, max_length=_MOST), AfterValidator(distinct)] | None
-    ) = Field(default=None, description="Mean electrons of a pixel, as in scene.picture.light; default: those.")
+    ) = Field(default=None, description="Mean electrons of a pixel; default: those of scene.picture.light.")
     texture_scaled_from: ObjectDistance | None = Field(
         default=None,
-        description="Where the texture has its correlation length, elsewhere in proportion to distance, so that a "
-        "camera sees it alike at all distances; default: the same texture everywhere.",
+        description="Distance at which the texture has its declared correlation length; elsewhere the length scales "
+        "with distance, so that a camera sees the same texture at all distances; default: no scaling.",
     )
     windows: Annotated[int, Field(strict=True, ge=100, le=1_000_000)] = Field(
         default=1500,
-        description="Matching windows without common pixels that are measured on each plane, as far as the sensor has "
-        "them; the spread is then known to 1/sqrt(windows), about.",
+        description="Non-overlapping matching windows measured on each plane, as many as fit on the sensor; "
+        "the relative error of the spread is about 1/sqrt(windows).",
     )
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
         default=8, description="Rays for each pixel and lens."
@@ -54,7 +54,7 @@ class DepthLoopPart(Part):
     @model_validator(mode="after")
     def _at_known_distances(self) -> Self:
         if wrong := [k for k, (near, far) in enumerate(itertools.pairwise(self.distances), start=1) if not near < far]:
-            raise MistakeAt(("distances", wrong[0]), "distances increase, each stands once")
+            raise MistakeAt(("distances", wrong[0]), "distances must increase, without repeats")
         if unknown := [k for k, one in enumerate(self.fitted_at) if one not in self.distances]:
-            raise MistakeAt(("fitted_at", unknown[0]), "is none of the distances")
+            raise MistakeAt(("fitted_at", unknown[0]), "is not one of the distances")
         return self

@@ -14,7 +14,7 @@ from tradestudy.declarations.quantities import NonNegativeAngle, PositiveLength,
 
 CriterionName = Annotated[str, Field(pattern=r"^[\w][\w.+-]*$", max_length=60)]
 PIECE: Final = "depth-of-field"
-"""Under which name models are chosen for it."""
+"""Name of the problem that models are chosen for."""
 Diffraction = Literal["none", "airy-diameter", "fwhm"]
 
 
@@ -22,11 +22,11 @@ class BlurPart(Part):
     """What counts as sharp: geometric blur and the diffraction spot in quadrature stay below this."""
 
     blur: PositivePixels = Field(
-        description="In lateral samples: pixels, or microlenses of an unfocused plenoptic camera."
+        description="Largest blur, in lateral samples: pixels, or microlenses of an unfocused plenoptic camera."
     )
     diffraction: Diffraction = Field(
         default="none",
-        description="How wide the diffraction spot counts: not at all, to its first dark ring, or at half maximum.",
+        description="Measured width of the diffraction spot: none, first dark ring, or full width at half maximum.",
     )
 
     def criterion(self, wavelength: float) -> BlurCriterion:
@@ -35,16 +35,16 @@ class BlurPart(Part):
 
 
 class DepthOfFieldPart(Part):
-    """What every camera keeps in focus."""
+    """The depth of field of every camera."""
 
     range: tuple[PositiveLength, PositiveLength] = Field(
         description="Nearest and farthest distance that must be sharp."
     )
     criteria: Annotated[dict[CriterionName, BlurPart], Field(min_length=1, max_length=20)] = Field(
-        description="Blur criteria; the first one is that of the answer."
+        description="Blur criteria by name; the answer uses the first one."
     )
     equal_resolution: PositiveLength | None = Field(
-        default=None, description="Size of detail on the object at which depths of field are compared besides."
+        default=None, description="Size of detail on the object at which depths of field are also compared."
     )
 
     @model_validator(mode="after")
@@ -55,10 +55,14 @@ class DepthOfFieldPart(Part):
 
 
 class ReliefPart(Part):
-    """The relief by which trade criteria that are not curves are worked out, in the middle of what must be sharp."""
+    """The relief for which scalar trade criteria are derived, in the middle of the range that must be sharp."""
 
-    step_height: PositiveLength = Field(description="Height of a depth step, beside which a strip is hidden.")
-    surface_tilt: NonNegativeAngle = Field(description="Tilt of a surface, which two views see foreshortened.")
+    step_height: PositiveLength = Field(
+        description="Height of a depth step that hides a strip beside it from one view."
+    )
+    surface_tilt: NonNegativeAngle = Field(
+        description="Tilt of a surface that two views see foreshortened by different amounts."
+    )
 
     @model_validator(mode="after")
     def _below_a_quarter_turn(self) -> Self:

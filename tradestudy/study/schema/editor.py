@@ -1,4 +1,4 @@
-"""The JSON Schema of study files as they are written: values may carry a basis, cameras may share."""
+"""The JSON Schema of study files as written: values may carry a basis, cameras may come from files or other cameras."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from tradestudy.study.document import BASES
 from tradestudy.study.schema.shared import shared
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
-_SHARING = {"from": "File of the camera, relative to the study.", "like": "Name of the camera that this one is like."}
+_SHARING = {
+    "from": "File of the camera, relative to the study.",
+    "like": "Name of the camera that this one starts from.",
+}
 
 
 def editor_schema(model: type[BaseModel]) -> dict[str, Any]:
     """Describe a study file to an editor.
 
-    pydantic describes what the model reads; a file says more, for the reader unwraps ``{value: …, basis: …, note: …}``
-    and takes cameras from their files and from each other before the model sees them.
+    pydantic describes what the model validates. A file may hold more: before validation, the reader unwraps
+    ``{value: …, basis: …, note: …}`` and resolves cameras that refer to files or to each other.
 
     Parameters
     ----------
@@ -42,7 +45,7 @@ def editor_schema(model: type[BaseModel]) -> dict[str, Any]:
 
 
 def _described(part: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
-    """Describe every key of a part: one that leads to another part, or says which part this is, as that part."""
+    """Give every key of a part a description; a key without its own takes that of the part it holds or selects."""
 
     def meaning(schema: Mapping[str, Any]) -> str:
         if "description" in schema:
@@ -61,8 +64,8 @@ def _described(part: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, A
 
 
 def _telling(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """Leave out what tells an editor nothing: titles that pydantic makes from keys, and that a key may be left out."""
-    is_quantity = "pattern" in schema and "examples" in schema  # whose title says its limits
+    """Drop what does not help an editor: titles that pydantic derives from keys, and null defaults."""
+    is_quantity = "pattern" in schema and "examples" in schema  # its title states its limits
     return {
         name: of for name, of in schema.items() if (name != "title" or is_quantity) and (name, of) != ("default", None)
     }
@@ -87,14 +90,14 @@ def _with_basis(schema: dict[str, Any], parts: Mapping[str, Any]) -> dict[str, A
     """Let a single value or a list be written with the basis it rests on."""
     if not _is_value(schema, parts):
         return schema
-    # What a key means stands beside it; what a value may be is the same for many keys.
+    # The description is the key's own; the possible values are the same for many keys.
     shown: dict[str, Any] = {key: schema[key] for key in ("description", "default") if key in schema}
     bare = {key: of for key, of in schema.items() if key not in shown}
     written = {
         "type": "object",
         "properties": {
             "value": bare,
-            "basis": {"enum": list(BASES), "description": "What the value rests on."},
+            "basis": {"enum": list(BASES), "description": "Basis of the value."},
             "note": {"type": "string", "description": "Where the value comes from, in words."},
         },
         "required": ["value"],
@@ -114,7 +117,7 @@ def _is_value(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> bool:
 
 
 def _shareable(camera: Mapping[str, Any]) -> dict[str, Any]:
-    """Let a camera share instead of being written in full."""
+    """Let a camera name a file or another camera instead of being written in full."""
     shared = [
         {"type": "object", "properties": {key: {"type": "string", "description": meaning}}, "required": [key]}
         for key, meaning in _SHARING.items()

@@ -33,7 +33,7 @@ from tradestudy.study.schema.accuracy import EffectsPart
 from tradestudy.study.schema.wave_optics import LensPhaseName
 from tradestudy.units import LENGTH, UnitError, pretty
 
-# Of both legs, or of the leg to the array and the leg behind it.
+# One method for both legs, or one for the leg to the array and one for the leg behind it.
 MethodName = Literal[
     "geometric", "exact-rays", "boundary-wave", "fresnel", "kirchhoff",
     "geometric-boundary-wave", "geometric-fresnel", "geometric-kirchhoff",
@@ -41,12 +41,12 @@ MethodName = Literal[
     "fresnel-geometric", "fresnel-boundary-wave", "fresnel-kirchhoff",
     "kirchhoff-geometric", "kirchhoff-boundary-wave", "kirchhoff-fresnel",
 ]  # fmt: skip
-# What the propagators accept; double precision ends below, and beyond a picture is no result.
+# What the propagators accept: less is beyond double precision, and more is no usable picture.
 LOOSEST_PICTURE: Final = 0.2
 ImageTolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=LOOSEST_PICTURE)]
 Weight = Annotated[float, *quantity(units.NUMBER, at_least=0.0)]
 
-_ROUNDING: Final = 1e-12  # of widths that are quotients of what is written
+_ROUNDING: Final = 1e-12  # of widths computed as quotients
 _NO_RAYS: Final = (
     "rays have no phase, and light_spot.spot is coherent; take fresnel or kirchhoff, or leave coherent out"
 )
@@ -62,10 +62,10 @@ _WIDEST_SQUARE_IN_HEXAGON: Final = math.sqrt(3.0) - 1.0  # side over pitch, side
 
 
 def _no_list(value: object) -> object:
-    """Let a list be judged as a list alone, not also as a length."""
+    """Refuse lists, so that pydantic reports a list as a list only and not as a length as well."""
     if isinstance(value, list | tuple):
         if len(value) == 1:
-            raise UnitError("a list of one value stands here; the value without brackets")
+            raise UnitError("this list has only one value; the value without brackets")
         raise PydanticKnownError("float_type")
     return value
 
@@ -74,7 +74,7 @@ OneLength = Annotated[FocalLength, BeforeValidator(_no_list)]
 
 
 class MainLensPart(Part):
-    """The main lens of the light path."""
+    """The main lens in the light path."""
 
     focal_length: FocalLength = Field(description="Focal length of the main lens.")
     f_number: FNumber = Field(description="Focal length over the diameter of the aperture.")
@@ -84,25 +84,25 @@ class MainLensPart(Part):
 
 
 class SpotMicrolensesPart(Part):
-    """An array of microlenses about the axis, of one width; of one focal length or of several types."""
+    """An array of microlenses centred on the axis, of one width, with one or several focal lengths."""
 
     layout: Literal["square", "hexagonal"] = Field(default="square", description="A hexagonal array has rows along x.")
     lenses_across: Annotated[int, Field(ge=1, le=15, strict=True)] = Field(
         description="Microlenses along a side of a square; along the middle row of a hexagon, an odd number."
     )
-    pitch: MicrolensPitch = Field(description="Distance of neighbouring microlens centres.")
+    pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres.")
     focal_length: OneLength | Annotated[tuple[FocalLength, ...], Field(min_length=2, max_length=4)] = Field(
-        description="One, or one for each type: along a row the types take turns, and from row to row they shift by "
-        "one; the first is on the axis."
+        description="One focal length, or one for each type: the types alternate along a row and shift by one from "
+        "row to row; the first is on the axis."
     )
     aperture: Literal["circular", "square"] = Field(default="circular", description="Shape of each microlens aperture.")
     f_number: FNumber | None = Field(
-        default=None, description="Focal length over width of the aperture, where there is one focal length."
+        default=None, description="Focal length over aperture width; only with a single focal length."
     )
     aperture_width: MicrolensPitch | None = Field(
-        default=None, description="Diameter, or side along x and y, instead of the f-number."
+        default=None, description="Instead of f_number: diameter of the apertures, or their side along x and y."
     )
-    gap: LensToSensor = Field(description="Array to detector.")
+    gap: LensToSensor = Field(description="Distance from the array to the detector.")
     interstices: Literal["opaque", "clear"] = Field(description="Whether light passes between the apertures.")
     lens_phase: LensPhaseName = Field(description="Phase that each microlens adds.")
 
@@ -132,11 +132,12 @@ class SpotMicrolensesPart(Part):
         kinds = len(self.focal_lengths)
         if self.layout == "hexagonal" and self.lenses_across % 2 == 0:
             yield MistakeAt(
-                ("lenses_across",), f"{self.lenses_across} across is no hexagon about a microlens; give an odd number"
+                ("lenses_across",),
+                f"{self.lenses_across} across gives no hexagon centred on a microlens; give an odd number",
             )
         if len(set(self.focal_lengths)) < kinds:
-            yield MistakeAt(("focal_length",), "names one twice")
-        if kinds > 2 * self.lenses_across - 1:  # the differences of row and column that the array has
+            yield MistakeAt(("focal_length",), "repeats a value; give each focal length once")
+        if kinds > 2 * self.lenses_across - 1:  # how many differences of row and column the array has
             yield MistakeAt(
                 ("focal_length",),
                 f"not all of {kinds} types occur in an array of {self.lenses_across} across; make it larger",
@@ -144,7 +145,7 @@ class SpotMicrolensesPart(Part):
 
     @property
     def focal_lengths(self) -> tuple[float, ...]:
-        """Of every type [m]."""
+        """Focal length of each type [m]."""
         return self.focal_length if isinstance(self.focal_length, tuple) else (self.focal_length,)
 
     @property
@@ -152,7 +153,7 @@ class SpotMicrolensesPart(Part):
         """Diameter or side of the apertures [m]."""
         if self.aperture_width is not None:
             return self.aperture_width
-        assert self.f_number is not None  # one of the two, says the validator
+        assert self.f_number is not None  # the validator requires one of the two
         return self.focal_lengths[0] / self.f_number
 
 
@@ -166,12 +167,12 @@ class SpotDetectorPart(Part):
 class SpotSourcePart(Part):
     """A uniformly bright disc, or a point."""
 
-    diameter: NonNegativeLength = Field(description="0 mm is a point.")
+    diameter: NonNegativeLength = Field(description="Diameter of the disc; 0 mm is a point.")
     distance: ObjectDistance = Field(description="Distance from the main lens to the source.")
     x: Length = Field(default=0.0, description="Horizontal offset of the source from the axis.")
     y: Length = Field(default=0.0, description="Vertical offset of the source from the axis.")
     coherent: bool = Field(
-        default=False, description="Whether the disc is one wave of one phase; else its points radiate on their own."
+        default=False, description="Whether the disc radiates in phase; otherwise its points are incoherent."
     )
 
     @model_validator(mode="after")
@@ -182,7 +183,7 @@ class SpotSourcePart(Part):
 
     @property
     def is_point(self) -> bool:
-        """Whether there is no disc."""
+        """Whether the source is a point."""
         return self.diameter == 0.0
 
 
@@ -193,7 +194,7 @@ class SpectrumPart(Part):
         description="Wavelengths at which the light is sampled."
     )
     weights: Annotated[tuple[Weight, ...], Field(min_length=2, max_length=20)] = Field(
-        description="Power in the pupil at each; only their ratios matter."
+        description="Power in the pupil at each wavelength; only the ratios matter."
     )
 
     @model_validator(mode="after")
@@ -212,11 +213,11 @@ class SpectrumPart(Part):
 
 
 class PublishedTimePart(Part):
-    """What another computation of the same picture is said to have taken."""
+    """The published computing time of the same picture."""
 
     method: MethodName = Field(description="Method that was timed.")
-    says: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="In the words of its source.")
-    takes: PositiveDuration | None = Field(default=None, description="As a number, where one is stated.")
+    says: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="The time in the words of its source.")
+    takes: PositiveDuration | None = Field(default=None, description="The time as a number, if the source states one.")
     source: Annotated[str, Field(min_length=1, max_length=200)] = Field(description="Where the time was published.")
 
 
@@ -224,21 +225,23 @@ class LightSpotPart(Part):
     """A spot of light through main lens and microlenses, by several methods."""
 
     main_lens: MainLensPart
-    mla_distance: LensToSensor = Field(description="Main lens to microlens array.")
+    mla_distance: LensToSensor = Field(description="Distance from the main lens to the microlens array.")
     microlenses: SpotMicrolensesPart
     detector: SpotDetectorPart
     spot: SpotSourcePart
-    wavelength: PositiveWavelength | None = Field(default=None, description="Of light of one wavelength.")
-    spectrum: SpectrumPart | None = Field(default=None, description="Instead of one wavelength.")
+    wavelength: PositiveWavelength | None = Field(default=None, description="Wavelength of monochromatic light.")
+    spectrum: SpectrumPart | None = Field(
+        default=None, description="Instead of wavelength: light of several wavelengths."
+    )
     methods: Annotated[tuple[MethodName, ...], Field(max_length=4)] = Field(
-        default=(), description="To compare, besides the picture by the models that the accuracy wanted calls for."
+        default=(), description="Methods to compare, besides the picture by the models chosen for the tolerance."
     )
     tolerance: ImageTolerance = Field(
-        default=0.01, description="Relative numerical error that is aimed at in the pictures by methods."
+        default=0.01, description="Relative numerical error to aim for in the pictures of methods."
     )
     seed: Seed = Field(default=0, description="Seed of the points drawn on the source.")
     benchmarks: bool = Field(
-        default=False, description="Whether to time one aperture and one source point too, whatever the methods."
+        default=False, description="Whether to time one aperture and one source point as well, whatever the methods."
     )
     published_times: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = Field(
         default=(), description="Published computing times, shown beside the measured ones."
@@ -252,7 +255,7 @@ class LightSpotPart(Part):
 
     def _mistakes_of_comparison(self) -> Iterator[MistakeAt]:
         if len(set(self.methods)) < len(self.methods):
-            yield MistakeAt(("methods",), "names one twice")
+            yield MistakeAt(("methods",), "repeats a method; name each once")
         if "tolerance" in self.model_fields_set and not self.methods:
             yield MistakeAt(
                 ("tolerance",), "belongs to methods that are compared; accuracy.pixel_intensity is for the picture"
@@ -268,7 +271,7 @@ class LightSpotPart(Part):
             yield MistakeAt((), "give exactly one of wavelength and spectrum")
         if self.spot.distance == self.main_lens.focal_length:
             yield MistakeAt(
-                ("spot", "distance"), "is the focal length of the main lens, which images the spot to infinity"
+                ("spot", "distance"), "equals the focal length of the main lens, which images the spot to infinity"
             )
         elif self.microlenses.lens_phase != "parabolic" and self.main_image_distance == self.mla_distance:
             yield MistakeAt(
@@ -283,9 +286,9 @@ class LightSpotPart(Part):
 
     @property
     def lines(self) -> tuple[tuple[float, float], ...]:
-        """Wavelengths that hold light [m], each with its share of it."""
+        """Wavelengths with light [m], each with its share of the power."""
         if self.spectrum is None:
-            assert self.wavelength is not None  # one of the two, says the validator
+            assert self.wavelength is not None  # the validator requires one of the two
             return ((self.wavelength, 1.0),)
         total = math.fsum(self.spectrum.weights)
         pairs = zip(self.spectrum.wavelengths, self.spectrum.weights, strict=True)
@@ -293,14 +296,14 @@ class LightSpotPart(Part):
 
     @property
     def mean_wavelength(self) -> float:
-        """Mean over the light [m]."""
+        """Mean wavelength, weighted by power [m]."""
         if len(self.lines) == 1:
             return self.lines[0][0]
         return math.fsum(share * wavelength for wavelength, share in self.lines)
 
 
 def law_mistakes(spot: LightSpotPart, effects: EffectsPart) -> list[MistakeAt]:
-    """Laws that effects force on a spot or an array which does not have them."""
+    """Models of diffraction that `effects` forces although they cannot apply to this spot or array."""
     forced = effects.forced()
     if spot.spot.coherent:
         words = {"off": _NO_RAYS, "boundary_wave": _NO_EDGE}

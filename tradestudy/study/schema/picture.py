@@ -1,4 +1,4 @@
-"""What a camera's picture of the scene is made of: texture, light, sensor, and the window that is matched."""
+"""What determines a camera's picture of the scene: texture, light, sensor, and the matching window."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from tradestudy.units import UnitError, parse, pretty
 
 
 class Window(NamedTuple):
-    """Side of the window that is matched, and what it is counted in."""
+    """Side of the matching window, in pixels of the picture or as a length on the object [m]."""
 
     size: float
     of: Literal["picture", "object"]
@@ -49,7 +49,7 @@ def _window(value: Any) -> Window:
         except UnitError:
             shown = "a list" if isinstance(value, list | tuple) else f"'{value}'"
             raise UnitError(
-                f"{shown} is no window; pixels such as 9 px, or a length on the object such as 1 mm, are expected"
+                f"{shown} is not a window; pixels such as 9 px, or a length on the object such as 1 mm, are expected"
             ) from None
     if not 0.0 < window.size < float("inf"):
         raise UnitError(f"'{value}' is out of range; a window above 0 px or 0 m is expected")
@@ -80,7 +80,7 @@ class TexturePart(Part):
 
     contrast: PositiveFraction = Field(description="Standard deviation of the radiance over its mean.")
     correlation_length: DetailSize = Field(
-        description="On the object: where the autocorrelation of the radiance is down to 1/e."
+        description="Length on the object at which the autocorrelation of the radiance falls to 1/e."
     )
 
 
@@ -88,25 +88,26 @@ class LightPart(Part):
     """Scene and exposure, the same for all cameras."""
 
     electrons: PositiveElectrons | None = Field(
-        default=None, description="Mean electrons of a pixel at that f-number, on the axis."
+        default=None, description="Mean electrons of a pixel on the axis, at at_f_number."
     )
     photons: PositivePhotons | None = Field(
         default=None,
-        description="Instead: mean photons on a pixel, of which each sensor's quantum_efficiency makes electrons.",
+        description="Instead of electrons: mean photons on a pixel, which each sensor's quantum_efficiency converts.",
     )
     at_f_number: FNumber = Field(description="Working f-number: image distance over pupil diameter.")
     at_pixel_pitch: PixelPitch | None = Field(
-        default=None, description="Of such a pixel; left out, every pixel collects that, whatever its size."
+        default=None,
+        description="Pitch of the pixel that collects this light; default: every pixel collects it, whatever its size.",
     )
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
         if (self.electrons is None) == (self.photons is None):
-            raise MistakeAt((), "give exactly one of electrons and photons (null takes an inherited one back)")
+            raise MistakeAt((), "give exactly one of electrons and photons (null removes an inherited one)")
         return self
 
     def light(self, sensor: Sensor | None) -> Light:
-        """In SI, as a sensor collects it: ``μ_e = η μ_p``, or the electrons that are given.
+        """The light in SI, as a sensor collects it: ``μ_e = η μ_p``, or the declared electrons.
 
         Raises
         ------
@@ -118,7 +119,7 @@ class LightPart(Part):
             assert self.photons is not None  # one of the two is given
             if sensor is None or sensor.quantum_efficiency is None:
                 raise OutOfRangeError(
-                    "light in photons falls on a sensor without a quantum efficiency",
+                    "light is given in photons, but the sensor has no quantum efficiency",
                     value=pretty(self.photons, units.PHOTONS),
                     remedy="give sensor.quantum_efficiency, or scene.picture.light.electrons",
                 )
@@ -134,38 +135,39 @@ class SpectralLinePart(Part):
 
 
 class PicturePart(Part):
-    """What a derived disparity error follows from, the same for every camera that has one."""
+    """Inputs of derived disparity errors, the same for every camera."""
 
     texture: TexturePart
     matching_window: PictureWindow = Field(
-        description="Side of the square that is matched: pixels, or a length on the object. At most what the "
-        "compared pictures share: of two micro-images less the farther apart their lenses are."
+        description="Side of the square matching window: pixels, or a length on the object. At most the overlap "
+        "of the compared pictures; micro-images overlap less the farther apart their lenses are."
     )
     matcher: MatcherPart | None = Field(
         default=None,
-        description="What a real matcher adds to the bound. A camera's own depth.matcher counts before it, key by key; "
+        description="What a real matcher adds to the bound. A camera's own depth.matcher overrides it, key by key; "
         "without either, a derived error is the best that any matcher can reach.",
     )
     light: LightPart
     read_noise: NonNegativeElectrons = Field(
-        description="Standard deviation of one reading of a pixel; a sensor's own temporal_dark_noise counts before it."
+        description="Standard deviation of one reading of a pixel; a sensor's own temporal_dark_noise overrides it."
     )
     full_well: PositiveElectrons = Field(
-        description="Where a pixel saturates, and the top of the digitised scale; a sensor's own saturation_capacity "
-        "and system_gain count before it."
+        description="Electrons at which a pixel saturates: the top of the digitised scale; a sensor's own "
+        "saturation_capacity and system_gain override it."
     )
-    bit_depth: Annotated[int, Field(strict=True, ge=1, le=32)] = Field(description="Of a raw value.")
+    bit_depth: Annotated[int, Field(strict=True, ge=1, le=32)] = Field(description="Bits of a raw value.")
     field_angle: FieldAngle = Field(
         default=0.0,
-        description="Of the place in the picture whose light counts for depth on the axis; needs the vignetting there. "
-        "Each of propagation.field_places has its own.",
+        description="Field angle whose illumination is used for depth on the axis. Each of propagation.field_places "
+        "uses its own; vignetting off ignores them.",
     )
     stop_separation: NonNegativeLength = Field(
-        default=0.0, description="Of two equal round stops that cut the pupil away from the axis; 0 m: none does."
+        default=0.0,
+        description="Distance between two equal round stops that vignette the pupil off the axis; 0 m: none.",
     )
     linear_fill_factor: LinearFillFactor = Field(default=1.0, description="Active width of a pixel over its pitch.")
     spectrum: Annotated[tuple[SpectralLinePart, ...], Field(min_length=1, max_length=100)] | None = Field(
-        default=None, description="Wavelengths with weights; default: the wavelength of the scene."
+        default=None, description="Wavelengths with weights; default: the wavelength of the scene alone."
     )
     lens_phase: Literal["perfect", "parabolic"] = Field(
         default="perfect",
@@ -173,7 +175,7 @@ class PicturePart(Part):
     )
 
     def noise(self, sensor: Sensor | None) -> SensorNoise:
-        """In SI; what a sensor declares of itself counts before what the scene does."""
+        """The noise in SI; values that the sensor declares override those of the scene."""
         noise = SensorNoise(
             read_noise_electrons=self.read_noise, full_well_electrons=self.full_well, bits=self.bit_depth
         )
@@ -195,7 +197,7 @@ class PicturePart(Part):
         wavelength
             The central one [m].
         sensor
-            That of the camera, whose own values count before those of the scene; None: those of the scene alone.
+            The camera's sensor, whose own values override those of the scene; None: the scene's values alone.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""How errors are propagated to depth, and at which distances their sensitivity is asked for."""
+"""How errors are propagated to depth, and at which distances their sensitivities are computed."""
 
 from __future__ import annotations
 
@@ -19,33 +19,33 @@ _SAME_COVERAGE = 1e-4  # 68.27 % is written with four digits
 class PropagationPart(Part):
     """How calibration errors are propagated to depth."""
 
-    seed: Seed = Field(default=0, description="Of all random numbers.")
+    seed: Seed = Field(default=0, description="Seed of all random numbers.")
     field_places: Annotated[tuple[Share, ...], Field(max_length=10), AfterValidator(distinct)] = Field(
         default=(),
-        description="Places beside the axis at which depth is stated too: 0 is the axis, 100 % the corner of the "
+        description="Field positions at which depth is computed as well: 0 is the axis, 100 % the corner of the "
         "sensor.",
     )
     max_draws: Annotated[int, Field(ge=2**12, le=2**26, strict=True)] = Field(
-        default=2**16, description="Most draws for each camera, place in the field and kind of errors."
+        default=2**16, description="Most draws for each camera, field position and kind of error."
     )
     coverage: Annotated[tuple[Coverage, ...], Field(max_length=10), AfterValidator(distinct)] = Field(
-        default=(0.6827, 0.95), description="Contents of the central intervals that are stated; 68.27 % always is."
+        default=(0.6827, 0.95), description="Probabilities of the central intervals to state; 68.27 % is always stated."
     )
 
     @property
     def coverages(self) -> tuple[float, ...]:
-        """Contents of the intervals: that of one standard deviation first, the others rising."""
+        """Probabilities of the intervals: that of one standard deviation first, then the others, increasing."""
         others = sorted(value for value in self.coverage if abs(value - ONE_SIGMA) > _SAME_COVERAGE)
         return (ONE_SIGMA, *others)
 
     def propagation(self, tolerance: float) -> Propagation:
-        """For the engine; ``tolerance`` is the relative error that depth uncertainties may have."""
+        """Settings for the engine; ``tolerance`` is the largest relative error of depth uncertainties."""
         return Propagation(seed=self.seed, max_draws=self.max_draws, coverages=self.coverages, tolerance=tolerance)
 
 
 class SensitivityPart(Part):
-    """What the sensitivity of each camera to each of its errors is asked for."""
+    """Sensitivity of each camera to each of its errors."""
 
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=50), AfterValidator(distinct)] = Field(
-        description="Distances."
+        description="Distances at which the sensitivities are computed."
     )

@@ -1,4 +1,4 @@
-"""What a study asks: decisions, readings of its assumptions, inverse questions, claims and requirements."""
+"""Questions of a study: decisions, readings of its assumptions, inverse questions, claims and sweeps."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from tradestudy.study.schema.wave_optics import ElementName, LensPhaseName, Posi
 
 
 class UsableRangePart(Part):
-    """Limits of the usable range; one that is left out does not limit."""
+    """Limits of the usable range; a limit that is left out does not apply."""
 
-    overlap: Share | None = Field(default=None, description="Least common share of the two stereo views.")
+    overlap: Share | None = Field(default=None, description="Smallest overlap of the two stereo views.")
     availability: Share | None = Field(
-        default=None, description="Least share of points seen by two of the estimator's microlenses."
+        default=None, description="Smallest share of points that two of the estimator's microlenses see."
     )
     virtual_depth: PositiveNumber | None = Field(
-        default=None, description="Least |virtual depth|; 2 is the total covering plane."
+        default=None, description="Smallest |virtual depth|; 2 is the total covering plane."
     )
     blur: PositivePixels | None = Field(default=None, description="Largest geometric blur.")
     disparity_step: PositivePixels | None = Field(
@@ -62,18 +62,19 @@ class UsableRangePart(Part):
 
 
 class DecisionPart(Part):
-    """The headline pair and the distances at which it is decided."""
+    """The headline pair, and the distances at which the best camera is named."""
 
     between: Pair = Field(description="The two cameras of the headline question.")
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] = Field(
         description="Distances at which the best camera is named."
     )
     compare: Annotated[tuple[Pair, ...], Field(max_length=20), AfterValidator(distinct)] = Field(
-        default=(), description="Pairs of which it is worked out how likely each ranks first; default: between."
+        default=(),
+        description="Pairs for which the probability of ranking first is computed; default: the pair of between.",
     )
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1)] | None = Field(
         default=None,
-        description="Cameras among which the best is named; default: all. Other readings of one device are none.",
+        description="Cameras among which the best is named; default: all. Name each device once.",
     )
 
     @property
@@ -92,23 +93,25 @@ class ReadingPart(Part):
 
 
 class SolvePart(Part):
-    """An inverse question: which values make two cameras alike, one as certain as asked, or meet a requirement?"""
+    """An inverse question: the values that make cameras equally certain, one certain enough, or meet a requirement."""
 
     says: Text = Field(description="The question in words.")
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
-        description="Path of the value; of several paths, all take the same value."
+        description="Path of the value to vary; several paths all take the same value."
     )
     low: QuantityText = Field(description="Smallest value to try.")
     high: QuantityText = Field(description="Largest value to try.")
-    equal: Pair | None = Field(default=None, description="Cameras that are to be equally certain.")
-    camera: CameraName | None = Field(default=None, description="Instead: the camera that is to be certain enough.")
+    equal: Pair | None = Field(default=None, description="Two cameras that must be equally certain.")
+    camera: CameraName | None = Field(
+        default=None, description="Instead of equal: the camera that must reach relative or uncertainty."
+    )
     relative: PositiveFraction | None = Field(default=None, description="Its depth uncertainty over the distance.")
     uncertainty: PositiveLength | None = Field(default=None, description="Its depth uncertainty, instead of relative.")
     requirement: CameraName | None = Field(
-        default=None, description="Instead: the requirement that is to be met, whatever its quantity."
+        default=None, description="Instead of equal: the requirement to meet, on any quantity."
     )
-    at: ObjectDistance | None = Field(default=None, description="Where cameras are to be certain.")
-    errors: Way = Field(default="both", description="Which errors count.")
+    at: ObjectDistance | None = Field(default=None, description="Distance of the question; not for a requirement.")
+    errors: Way = Field(default="both", description="Error sources to include.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -117,7 +120,7 @@ class SolvePart(Part):
                 (), "give one of equal (two cameras), camera (with relative or uncertainty), and requirement (its name)"
             )
         if (self.at is None) == (self.requirement is None):
-            raise MistakeAt((), "at belongs to equal and camera; a requirement has distances of its own")
+            raise MistakeAt((), "equal and camera need at; a requirement has its own distances")
         goals = (self.relative is not None) + (self.uncertainty is not None)
         if goals != (self.camera is not None):
             raise MistakeAt(
@@ -127,17 +130,17 @@ class SolvePart(Part):
 
     @property
     def place(self) -> float:
-        """Where cameras are to be certain [m]; NaN of a requirement, which has distances of its own."""
+        """Distance of the question [m]; NaN for a requirement, which has its own distances."""
         return math.nan if self.at is None else self.at
 
     @property
     def goal(self) -> float:
-        """Depth uncertainty that the one camera is to reach [m]."""
+        """Depth uncertainty that the camera must reach [m]."""
         return self.uncertainty if self.uncertainty is not None else (self.relative or 0.0) * self.place
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Of every value that is varied."""
+        """Paths of the varied values."""
         return (self.vary,) if isinstance(self.vary, str) else self.vary
 
 
@@ -145,7 +148,7 @@ class ExpectPart(Part):
     """The expected value of a claim: about a value, or a bound."""
 
     about: QuantityText | None = Field(default=None, description="The expected value.")
-    within: PositiveFraction | None = Field(default=None, description="Relative tolerance of it.")
+    within: PositiveFraction | None = Field(default=None, description="Relative tolerance on the expected value.")
     above: QuantityText | None = Field(default=None, description="The result is expected to exceed this.")
     below: QuantityText | None = Field(default=None, description="The result is expected to stay below this.")
 
@@ -164,10 +167,10 @@ class _ClaimPart(Part):
     tolerance_reason: Text = Field(description="Why this expectation and tolerance follow from the source's wording.")
     expect: ExpectPart
     reading: CameraName | None = Field(
-        default=None, description="The reading that the claim itself takes; default: the study as declared."
+        default=None, description="The reading on which the claim rests; default: the study as declared."
     )
     under: tuple[CameraName, ...] | Literal["all"] = Field(
-        default=(), description="Readings of the assumptions it is also tried under; all: every one of the study."
+        default=(), description="Readings under which the claim is tested as well; all: every reading of the study."
     )
 
 
@@ -180,7 +183,7 @@ class LimitDistanceClaim(_ClaimPart):
         "overlap", "availability", "total_covering_plane", "focus", "last_disparity_step", "failed_fraction",
         "relative_uncertainty", "saturation", "matching",
     ] = Field(description="Limit whose distance is claimed.")  # fmt: skip
-    end: Literal["near", "far"] = Field(description="Whether it is the near or the far end of the range.")
+    end: Literal["near", "far"] = Field(description="Near or far end of the range.")
 
 
 class UncertaintyRatioClaim(_ClaimPart):
@@ -189,18 +192,18 @@ class UncertaintyRatioClaim(_ClaimPart):
     quantity: Literal["uncertainty_ratio"]
     camera: CameraName = Field(description="Camera whose uncertainty is the numerator.")
     against: CameraName = Field(description="Camera whose uncertainty is the denominator.")
-    over: Span = Field(description="Distances over which it is claimed: from, to.")
-    errors: Way = Field(default="both", description="Which errors count.")
+    over: Span = Field(description="Distances that the claim covers: from, to.")
+    errors: Way = Field(default="both", description="Error sources to include.")
 
 
 class ShareBetterClaim(_ClaimPart):
-    """Share of a range, on a logarithmic scale, where a camera is usable and the other is not, or is less certain."""
+    """Share of a range, on a log scale, where one camera is usable and the other is unusable or less certain."""
 
     quantity: Literal["share_better"]
     camera: CameraName = Field(description="Camera claimed to be more certain.")
     against: CameraName = Field(description="Camera that it is compared with.")
-    over: Span = Field(description="Distances over which it is claimed: from, to.")
-    errors: Way = Field(default="both", description="Which errors count.")
+    over: Span = Field(description="Distances that the claim covers: from, to.")
+    errors: Way = Field(default="both", description="Error sources to include.")
 
 
 class RelativeUncertaintyDistanceClaim(_ClaimPart):
@@ -208,31 +211,31 @@ class RelativeUncertaintyDistanceClaim(_ClaimPart):
 
     quantity: Literal["relative_uncertainty_distance"]
     camera: CameraName = Field(description="Camera that the claim is about.")
-    threshold: PositiveFraction = Field(description="Depth uncertainty over distance that is reached there.")
-    errors: Way = Field(default="both", description="Which errors count.")
+    threshold: PositiveFraction = Field(description="Depth uncertainty over distance.")
+    errors: Way = Field(default="both", description="Error sources to include.")
 
 
 class DepthOfFieldClaim(_ClaimPart, BlurPart):
-    """How deep a camera's depth of field is, all its sharp stretches together."""
+    """Total depth of field of a camera: all its sharp stretches together."""
 
     quantity: Literal["depth_of_field"]
     camera: CameraName = Field(description="Camera that the claim is about.")
 
 
 class DepthOfFieldRatioClaim(_ClaimPart):
-    """How many times deeper one camera's depth of field is than another's, at equal blur or at equal resolution."""
+    """Ratio of one camera's depth of field to another's, at equal blur or at equal resolution."""
 
     quantity: Literal["depth_of_field_ratio"]
     camera: CameraName = Field(description="Camera whose depth of field is the numerator.")
     against: CameraName = Field(description="Camera whose depth of field is the denominator.")
-    blur: PositivePixels | None = Field(
-        default=None, description="On the sensor of each, as in depth_of_field.criteria."
+    blur: PositivePixels | None = Field(default=None, description="Blur on each sensor, as in depth_of_field.criteria.")
+    diffraction: Diffraction | None = Field(
+        default=None, description="Measure of the diffraction spot, with blur only; default: none."
     )
-    diffraction: Diffraction | None = Field(default=None, description="Beside blur; default: none.")
     resolution: PositiveLength | None = Field(
-        default=None, description="Size of detail on the object that both must resolve, geometrically, instead of blur."
+        default=None, description="Instead of blur: size of detail on the object that both must resolve, geometrically."
     )
-    over: Span | None = Field(default=None, description="Only what lies in this range counts; default: everything.")
+    over: Span | None = Field(default=None, description="Distances that count; default: all.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -251,8 +254,8 @@ class PsfErrorClaim(_ClaimPart):
     f_number: FNumber = Field(description="F-number at which the error is claimed.")
     wavelength: PositiveWavelength = Field(description="Wavelength at which the error is claimed.")
     lens_phase: LensPhaseName = Field(description="Phase of that lens.")
-    metric: PsfMetric = Field(description="How two point spreads are compared.")
-    window: PositiveNumber = Field(description="In Airy radii.")
+    metric: PsfMetric = Field(description="Metric that compares two point-spread functions.")
+    window: PositiveNumber = Field(description="Radius of the compared window, in Airy radii.")
 
 
 class FresnelFNumberClaim(_ClaimPart):
@@ -260,11 +263,13 @@ class FresnelFNumberClaim(_ClaimPart):
 
     quantity: Literal["fresnel_f_number"]
     element: ElementName = Field(description="Lens of fresnel_validity that the claim is about.")
-    error: PositiveFraction = Field(description="Error of the Fresnel point spread at that f-number.")
+    error: PositiveFraction = Field(
+        description="Largest error of Fresnel's point-spread function from that f-number on."
+    )
     wavelength: PositiveWavelength = Field(description="Wavelength of the claim.")
     lens_phase: LensPhaseName = Field(description="Phase of that lens.")
-    metric: PsfMetric = Field(description="How two point spreads are compared.")
-    window: PositiveNumber = Field(description="In Airy radii.")
+    metric: PsfMetric = Field(description="Metric that compares two point-spread functions.")
+    window: PositiveNumber = Field(description="Radius of the compared window, in Airy radii.")
 
 
 class CriterionFNumberClaim(_ClaimPart):
@@ -276,7 +281,7 @@ class CriterionFNumberClaim(_ClaimPart):
         description="Rule that gives the f-number."
     )
     wavelength: PositiveWavelength = Field(description="Wavelength of the claim.")
-    path_error: PositiveWaves | None = Field(default=None, description="Of the criterion path-error.")
+    path_error: PositiveWaves | None = Field(default=None, description="Path error, for the criterion path-error only.")
 
     @model_validator(mode="after")
     def _path_error_where_it_belongs(self) -> Self:
@@ -322,7 +327,7 @@ SweepValues = Annotated[tuple[Scalar, ...], Field(min_length=1, max_length=1000)
 
 
 class SweepRangePart(Part):
-    """Values on a scale, ends with units."""
+    """Values on a scale; both ends are written with units."""
 
     start: QuantityText = Field(alias="from", description="First value.")
     stop: QuantityText = Field(alias="to", description="Last value.")

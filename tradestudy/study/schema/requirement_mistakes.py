@@ -1,4 +1,4 @@
-"""What requirements may ask for: criteria and depths of field that the study has, of cameras that can have them."""
+"""Checks of requirements: their criteria and depths of field must exist in the study, and cameras must have them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def requirement_mistakes(
     relief: bool,
     measures_depth: bool,
 ) -> Iterator[MistakeAt]:
-    """Requirements that no camera of the study can be held against, at what they name."""
+    """Requirements that no camera of the study can be tested against, each at the key at fault."""
     for key, one in requirements.items():
         place = ("requirements", key, one.quantity)
         if isinstance(one.required, CriterionPart):
@@ -32,7 +32,7 @@ def requirement_mistakes(
 
 
 def criterion_mistake(name: str, attributes: Mapping[str, AttributesPart], *, relief: bool) -> str:
-    """Why a criterion of this name cannot be held against a number; empty where it can."""
+    """Why a criterion of this name cannot be compared with a number; empty if it can."""
     names = criterion_names(attributes.values(), relief=relief)
     if name in DERIVED and not relief:
         return f"{name!r} is derived for a relief; add relief and depth_of_field"
@@ -40,14 +40,14 @@ def criterion_mistake(name: str, attributes: Mapping[str, AttributesPart], *, re
         declared = "" if names else "; no camera declares any (attributes: {others: {mass: 380 g}})"
         return f"no camera has a criterion {name!r}{nearest_name(name, names)}{declared}"
     if criterion_dimension(name, attributes.values()) is None:
-        return f"{name!r} is no number with one kind of unit in all cameras that declare it"
+        return f"{name!r} must be a number with the same kind of unit in all cameras that declare it"
     return ""
 
 
 def bound_mistake(name: str, bound: str, attributes: Mapping[str, AttributesPart]) -> str:
-    """Why a bound is none of a criterion; empty where it is."""
+    """Why a bound does not fit a criterion; empty if it does."""
     dimension = criterion_dimension(name, attributes.values())
-    assert dimension is not None  # asked of criteria without mistakes
+    assert dimension is not None  # only valid criteria get here
     try:
         parse(bound, dimension)
     except UnitError as error:

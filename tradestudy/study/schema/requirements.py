@@ -1,4 +1,4 @@
-"""What a study requires of its cameras: a quantity, its bound, and where there are any, the distances that count."""
+"""Requirements of a study on its cameras: a quantity, its bound and, for most quantities, the distances that count."""
 
 from __future__ import annotations
 
@@ -66,12 +66,12 @@ class LengthBelowPart(Part):
 
 
 class SharpPart(Part):
-    """What the depth of field has to hold, or how deep it has to be, all that is sharp together."""
+    """The range that the depth of field must cover, or its least total depth."""
 
-    over: Span | None = Field(default=None, description="All of it must be sharp.")
-    above: PositiveLength | None = Field(default=None, description="Instead: the least depth of field.")
+    over: Span | None = Field(default=None, description="Distances that must all be sharp: from, to.")
+    above: PositiveLength | None = Field(default=None, description="Instead of over: the least total depth of field.")
     criterion: Text | None = Field(
-        default=None, description="What counts as sharp: one of depth_of_field.criteria; default: the first."
+        default=None, description="Blur criterion: one of depth_of_field.criteria; default: the first."
     )
 
     @model_validator(mode="after")
@@ -85,8 +85,8 @@ class CriterionPart(Part):
     """A criterion of a camera, declared under its attributes or derived for the relief, and its bound."""
 
     name: Text = Field(description="Name of the criterion, as in a camera's attributes.")
-    below: QuantityText | None = Field(default=None, description="It must be less, such as 500 g.")
-    above: QuantityText | None = Field(default=None, description="It must be at least this.")
+    below: QuantityText | None = Field(default=None, description="Upper bound, such as 500 g.")
+    above: QuantityText | None = Field(default=None, description="Lower bound, which itself meets the requirement.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -96,22 +96,24 @@ class CriterionPart(Part):
 
     @property
     def side(self) -> str:
-        """On which side of the bound it has to lie: the key of the bound."""
+        """The key of the bound: the side on which the value must lie."""
         return "below" if self.below is not None else "above"
 
     @property
     def bound(self) -> str:
-        """With its unit."""
+        """The bound with its unit."""
         return self.below if self.below is not None else self.above or ""
 
 
 class GuardBandPart(Part):
-    """How far a value has to stay inside its bound: so many of its standard errors, or by the risk that it leaves."""
+    """Margin that a value must keep from its bound, in standard errors or by the risk that remains."""
 
     standard_errors: PositiveNumber | None = Field(
         default=None, description="Width of the guard band in standard errors of the value."
     )
-    risk: Risk | None = Field(default=None, description="Probability that the bound is broken although it seems kept.")
+    risk: Risk | None = Field(
+        default=None, description="Largest probability that the bound is broken although the requirement counts as met."
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -121,7 +123,7 @@ class GuardBandPart(Part):
 
     @property
     def width(self) -> float:
-        """In standard errors of the value."""
+        """Width of the guard band, in standard errors of the value."""
         if self.standard_errors is not None:
             return self.standard_errors
         from statistics import NormalDist
@@ -139,16 +141,16 @@ Required = MeasuredPart | UsablePart | SharpPart | CriterionPart
 
 
 class RequirementPart(Part):
-    """What a camera must do; ``any`` asks whether at least one camera does it, ``all`` whether every one does."""
+    """A requirement on one camera, on at least one (``any``) or on every one (``all``)."""
 
     says: Text = Field(description="The requirement in words.")
-    camera: CameraName = Field(description="A camera, any or all.")
+    camera: CameraName = Field(description="Name of a camera, any or all.")
     priority: Literal["must", "should"] = Field(
-        default="must", description="What --strict insists on, or what is only wished for."
+        default="must", description="must: --strict fails where it is not met; should: desirable."
     )
     depth_uncertainty: BoundOverPart | None = None
-    usable: UsablePart | None = Field(default=None, description="The usable range reaches at least from here to there.")
-    overlap: ShareAbovePart | None = Field(default=None, description="Least common share of two stereo views.")
+    usable: UsablePart | None = Field(default=None, description="Distances over which the camera must be usable.")
+    overlap: ShareAbovePart | None = Field(default=None, description="Smallest overlap of the two stereo views.")
     lateral_resolution: LengthBelowPart | None = Field(
         default=None, description="Size of detail on the object that blur and samples still resolve."
     )
@@ -156,10 +158,11 @@ class RequirementPart(Part):
         default=None, description="Share of measurements that end beyond infinity or are false matches."
     )
     depth_of_field: SharpPart | None = Field(
-        default=None, description="Of any camera, whether it measures depth or not: what it keeps sharp."
+        default=None, description="Depth of field of any camera, whether it measures depth or not."
     )
     criterion: CriterionPart | None = Field(
-        default=None, description="Of any camera, whether it measures depth or not: mass, power, moving parts, …"
+        default=None,
+        description="Criterion of any camera, whether it measures depth or not: mass, power, moving parts, …",
     )
     guard_band: GuardBandPart | None = None
 
@@ -169,27 +172,27 @@ class RequirementPart(Part):
             raise MistakeAt((), f"give exactly one of {', '.join(_QUANTITIES[:-1])} and {_QUANTITIES[-1]}")
         if self.guard_band is not None and not self.asks_for_depth:
             raise MistakeAt(
-                ("guard_band",), f"{self.quantity} has no standard error to keep off its bound; leave this out"
+                ("guard_band",), f"{self.quantity} has no standard error, so a guard band does not apply; leave it out"
             )
         return self
 
     @property
     def asks_for_depth(self) -> bool:
-        """Whether only cameras that measure depth can be asked."""
+        """Whether the requirement applies only to cameras that measure depth."""
         return self.quantity not in _OF_ANY_CAMERA
 
     @property
     def over(self) -> tuple[float, ...]:
-        """Nearest and farthest distance that it speaks of [m]; none where it speaks of none."""
+        """Nearest and farthest distance that count [m]; empty if the requirement has no distances."""
         return getattr(self.required, "over", None) or ()
 
     @property
     def quantity(self) -> str:
-        """The one that is given."""
+        """The required quantity."""
         return next(name for name in _QUANTITIES if getattr(self, name) is not None)
 
     @property
     def required(self) -> Required:
-        """What is required of it."""
+        """The bound on the quantity."""
         found: Required = getattr(self, self.quantity)
         return found

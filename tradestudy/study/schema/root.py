@@ -68,15 +68,13 @@ class StudyFile(Part):
     point_spread: PointSpreadPart | None = None
     hard_cases: HardCasesPart | None = None
     readings: dict[Name, ReadingPart] = Field(
-        default={}, description="Other readings of what the study assumes, by name."
+        default={}, description="Alternative readings of the study's assumptions, by name."
     )
     solve: dict[Name, SolvePart] = Field(
-        default={}, description="Inverse questions by name: which value of an input gives the result asked for?"
+        default={}, description="Inverse questions by name: which value of an input gives a required result?"
     )
     claims: dict[Name, ClaimPart] = Field(default={}, description="Published statements to check, by name.")
-    requirements: dict[Name, RequirementPart] = Field(
-        default={}, description="What the cameras must or should do, by name."
-    )
+    requirements: dict[Name, RequirementPart] = Field(default={}, description="Requirements on the cameras, by name.")
     value_of_information: ValueOfInformationPart | None = None
     trade_off: TradeOffPart | None = None
     sweep: dict[str, SweepValues | SweepRangePart] = Field(
@@ -87,20 +85,20 @@ class StudyFile(Part):
     @classmethod
     def _is_a_number(cls, value: object) -> object:
         if isinstance(value, bool):  # Python takes true for 1
-            raise MistakeAt((), "'true' stands here; the number 2 is expected")
+            raise MistakeAt((), "'true' is not a format; the number 2 is expected")
         return value
 
     @field_validator("cameras", mode="before")
     @classmethod
     def _titled(cls, cameras: object) -> object:
-        """A camera without a title is called by its key."""
+        """Title cameras without a title by their keys."""
         if not isinstance(cameras, Mapping):
             return cameras
         return {name: {"title": str(name), **one} if isinstance(one, Mapping) else one for name, one in cameras.items()}
 
     @classmethod
     def mistakes_of_names(cls, tree: Mapping[str, Any]) -> list[MistakeAt]:
-        """Cameras, readings and requirements that are spoken of and do not exist."""
+        """References to cameras, readings and requirements that do not exist."""
         found: list[MistakeAt] = []
         for kind, named in (
             ("camera", _named_cameras(tree)),
@@ -129,7 +127,9 @@ class StudyFile(Part):
         ]
         without_cameras = (self.fresnel_validity, self.light_spot, self.point_spread, self.hard_cases)
         if not self.cameras and all(part is None for part in without_cameras):
-            mistakes.append(MistakeAt(("cameras",), "this key is missing or empty, and nothing else is asked for"))
+            mistakes.append(
+                MistakeAt(("cameras",), "this key is missing or empty, and the study asks no other question")
+            )
         if self.cameras and self.scene is None:
             mistakes.append(MistakeAt(("scene",), "this key is missing; cameras need it"))
         picture = None if self.scene is None else self.scene.picture
@@ -137,17 +137,19 @@ class StudyFile(Part):
         if picture is not None and picture.stop_separation > 0.0 and not (picture.field_angle > 0.0 or off_axis):
             place = ("scene", "picture", "stop_separation")
             mistakes.append(
-                MistakeAt(place, "cuts nothing on the axis; give a field_angle or propagation.field_places")
+                MistakeAt(place, "has no effect on the axis; give a field_angle or propagation.field_places")
             )
         if self.depth_loop is not None and picture is None:
-            mistakes.append(MistakeAt(("depth_loop",), "needs scene.picture, whose light and sensor its pictures have"))
-        if self.light_spot is not None and not self.cameras:  # of which forced effects may speak instead
+            mistakes.append(
+                MistakeAt(("depth_loop",), "needs scene.picture, which gives its pictures their light and noise")
+            )
+        if self.light_spot is not None and not self.cameras:  # with cameras, forced effects may concern them instead
             mistakes += law_mistakes(self.light_spot, self.effects)
         mistakes += wave_claim_mistakes(self.claims, self.fresnel_validity, self.light_spot)
         if self.depth_of_field is not None and not self.cameras:
             mistakes.append(MistakeAt(("depth_of_field",), "needs cameras"))
         if self.relief is not None and self.depth_of_field is None:
-            mistakes.append(MistakeAt(("relief",), "needs depth_of_field, whose scene it is worked out for"))
+            mistakes.append(MistakeAt(("relief",), "needs depth_of_field, whose range it is derived for"))
         attributes = {name: part.attributes for name, part in self.cameras.items()}
         measuring = {name for name, part in self.cameras.items() if isinstance(part, DepthCameraDeclaration)}
         if self.value_of_information is not None:
@@ -173,7 +175,7 @@ class StudyFile(Part):
 
     @property
     def ranked(self) -> tuple[str, ...]:
-        """Cameras that the trade-off ranks; none without one."""
+        """Cameras that the trade-off ranks; empty without a trade-off."""
         if self.trade_off is None:
             return ()
         among = None if self.decision is None else self.decision.candidates
@@ -185,7 +187,7 @@ class StudyFile(Part):
         Raises
         ------
         MistakeAt
-            Where these and the others ask for what cannot be answered.
+            If the new parts and the others are inconsistent.
         """
         changed = self.model_copy(update=dict(parts))
         if mistakes := changed._mistakes_between_parts():
@@ -200,7 +202,7 @@ class StudyFile(Part):
                 continue
             if path[0] == "scene":  # pictures can be taken by any camera
                 continue
-            if path[0] == "trade_off":  # which says so of the criteria that ask for depth
+            if path[0] == "trade_off":  # it checks its depth criteria itself
                 continue
             if path[0] == "requirements" and not self.requirements[str(path[1])].asks_for_depth:
                 continue
@@ -209,7 +211,7 @@ class StudyFile(Part):
 
 
 def _named_cameras(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
-    """Every place of a study that speaks of a camera by name, with the name as written."""
+    """Every place of a study that names a camera, with the name as written."""
     named: list[tuple[Location, Any]] = []
     decision = _mapping(tree.get("decision"))
     for word in ("between", "candidates"):
@@ -253,7 +255,7 @@ def _named_requirements(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
 
 
 def _mapping(value: Any) -> Mapping[Any, Any]:
-    """A mapping of a tree, or the part that it was read into."""
+    """A mapping of a tree, or a validated part as one; else an empty mapping."""
     if isinstance(value, Part):
         return dict(value)
     return value if isinstance(value, Mapping) else {}

@@ -1,4 +1,4 @@
-"""The scene: at which distances, in which light."""
+"""The scene: its distances, its light, and the surfaces in it."""
 
 from __future__ import annotations
 
@@ -16,26 +16,24 @@ from tradestudy.study.schema.scene_image import SceneImagePart
 
 
 class ScenePart(Part):
-    """What is looked at."""
+    """The scene that the cameras observe."""
 
     distances: (
         DistanceRangePart | Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=MOST_DISTANCES)]
     ) = Field(description="Distances at which cameras are evaluated: a range or a list.")
     wavelength: PositiveWavelength = Field(description="Wavelength of the light.")
     picture: PicturePart | None = Field(
-        default=None, description="Texture, light and sensor: what derived disparity errors follow from."
+        default=None, description="Texture, light and sensor: the inputs of derived disparity errors."
     )
 
     image: SceneImagePart | None = Field(
-        default=None, description="Surfaces with depth, for the pictures that `tradestudy render` makes."
+        default=None, description="Surfaces with depth, which `tradestudy render` makes pictures of."
     )
 
     @model_validator(mode="after")
     def _image_needs_light(self) -> Self:
         if self.image is not None and self.picture is None:
-            raise MistakeAt(
-                ("image",), "needs scene.picture beside it, whose texture, light and sensor it is taken with"
-            )
+            raise MistakeAt(("image",), "needs scene.picture beside it, which gives its texture, light and noise")
         return self
 
     @model_validator(mode="after")
@@ -43,7 +41,7 @@ class ScenePart(Part):
         pairs = enumerate(itertools.pairwise(self.distance_values()), start=1)
         if wrong := [index for index, (near, far) in pairs if not near < far]:
             at = () if isinstance(self.distances, DistanceRangePart) else (wrong[0],)
-            raise MistakeAt(("distances", *at), "distances increase, each stands once")
+            raise MistakeAt(("distances", *at), "distances must increase, without repeats")
         return self
 
     def distance_values(self) -> tuple[float, ...]:

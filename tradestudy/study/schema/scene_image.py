@@ -1,4 +1,4 @@
-"""The scene as pictures of it are rendered: surfaces with depth, and how they are taken."""
+"""The scene for rendered pictures: surfaces with depth, and how pictures of them are taken."""
 
 from __future__ import annotations
 
@@ -36,22 +36,22 @@ class PlanePart(Part):
     """A textured plane, upright or slanted."""
 
     shape: Literal["plane"]
-    distance: ObjectDistance = Field(description="Of its centre, along the axis.")
-    centre: Place = Field(default=(0.0, 0.0), description="To the right of the axis, and below it.")
+    distance: ObjectDistance = Field(description="Distance of its centre along the axis.")
+    centre: Place = Field(default=(0.0, 0.0), description="Offsets to the right of the axis and below it.")
     size: tuple[DetailSize, DetailSize] | None = Field(default=None, description="Width and height; default: endless.")
     tilt_x: Tilt = Field(default=0.0, description="Slope along x: farther away to the right.")
     tilt_y: Tilt = Field(default=0.0, description="Slope along y: farther away downwards.")
 
 
 class StairsPart(Part):
-    """Upright treads from near (left) to far (right), with the risers between them; two treads are a step."""
+    """Upright treads from near (left) to far (right), with risers between them; two treads make a step."""
 
     shape: Literal["step", "staircase"]
-    near: ObjectDistance = Field(description="Of the nearest tread.")
-    far: ObjectDistance = Field(description="Of the farthest tread.")
-    treads: Annotated[int, Field(strict=True, ge=2, le=MOST_STEPS)] = Field(default=2, description="How many.")
+    near: ObjectDistance = Field(description="Distance of the nearest tread.")
+    far: ObjectDistance = Field(description="Distance of the farthest tread.")
+    treads: Annotated[int, Field(strict=True, ge=2, le=MOST_STEPS)] = Field(default=2, description="Number of treads.")
     tread_width: DetailSize | None = Field(
-        default=None, description="Of each but the first and the last, which are endless; a step needs none."
+        default=None, description="Width of each tread but the first and the last, which are endless; a step has none."
     )
     edge: Length = Field(default=0.0, description="Middle of all edges, to the right of the axis.")
 
@@ -70,24 +70,24 @@ class SpherePart(Part):
     """A textured sphere."""
 
     shape: Literal["sphere"]
-    distance: ObjectDistance = Field(description="Of its centre, along the axis.")
-    centre: Place = Field(default=(0.0, 0.0), description="To the right of the axis, and below it.")
+    distance: ObjectDistance = Field(description="Distance of its centre along the axis.")
+    centre: Place = Field(default=(0.0, 0.0), description="Offsets to the right of the axis and below it.")
     radius: DetailSize = Field(description="Radius of the sphere.")
 
     @model_validator(mode="after")
     def _before_the_camera(self) -> Self:
         if not self.radius < self.distance:
-            raise MistakeAt(("radius",), "the camera would be inside; less than the distance is expected")
+            raise MistakeAt(("radius",), "puts the camera inside; less than the distance is expected")
         return self
 
 
 class RockPart(Part):
-    """A rough surface by seeded noise; it repeats itself after 32 features."""
+    """A rough surface of seeded noise, which repeats after 32 features."""
 
     shape: Literal["rock"]
-    near: ObjectDistance = Field(description="Of its highest place.")
-    far: ObjectDistance = Field(description="Of its deepest place.")
-    feature_size: DetailSize = Field(description="Of its largest features; below it follows a power law.")
+    near: ObjectDistance = Field(description="Distance of its nearest point.")
+    far: ObjectDistance = Field(description="Distance of its farthest point.")
+    feature_size: DetailSize = Field(description="Size of its largest features; smaller ones follow a power law.")
     hurst: Share = Field(default=0.8, description="Hurst exponent: 1 is smooth, 0 is rugged.")
 
     @model_validator(mode="after")
@@ -98,19 +98,20 @@ class RockPart(Part):
 
 
 class DepthMapPart(Part):
-    """A surface by a depth map (PNG of 8 or 16 bits, TIFF or NPY), with a picture on it or the texture of the scene."""
+    """A surface from a depth map (8- or 16-bit PNG, TIFF or NPY), with a picture or the scene's texture on it."""
 
     shape: Literal["depth-map"]
-    depth: FileName = Field(description="File of the map; distances along the axis, without holes.")
-    unit: DetailSize = Field(description="Distance for each unit of its values, such as 1 mm.")
-    first_row: Literal["top", "bottom"] = Field(description="Which end of the scene its first row is.")
-    width: DetailSize | None = Field(default=None, description="Of the whole map, seen along parallel lines.")
+    depth: FileName = Field(description="File of the map: distances along the axis, without holes.")
+    unit: DetailSize = Field(description="Distance per unit of its values, such as 1 mm.")
+    first_row: Literal["top", "bottom"] = Field(description="Side of the scene that its first row shows.")
+    width: DetailSize | None = Field(default=None, description="Width of the whole map, seen along parallel lines.")
     field_of_view: PositiveAngle | None = Field(
-        default=None, description="Across the whole map, seen from the origin as by a pinhole, instead of a width."
+        default=None,
+        description="Instead of width: field of view across the whole map, seen from the origin as by a pinhole.",
     )
     picture: FileName | None = Field(
         default=None,
-        description="File of brightness on it, in the order of its rows, grey or in colour; values are linear.",
+        description="File of the brightness on it, in the same order of rows, grey or in colour; values are linear.",
     )
 
     @model_validator(mode="after")
@@ -129,16 +130,18 @@ SurfacePart = Annotated[
 
 
 class MosaicPart(Part):
-    """A Bayer mosaic before the pixels."""
+    """A Bayer mosaic in front of the pixels."""
 
-    pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"] = Field(description="First two pixels of rows one and two.")
+    pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"] = Field(
+        description="Colours of the first two pixels of rows one and two."
+    )
     response: tuple[PositiveFraction, PositiveFraction, PositiveFraction] = Field(
-        description="Electrons of red, green and blue pixels over those without a filter."
+        description="Electrons of red, green and blue pixels, relative to pixels without a filter."
     )
 
 
 class SceneImagePart(Part):
-    """What `render` makes pictures of, and how.
+    """Surfaces that `render` makes pictures of, and how it does so.
 
     Texture, light, noise, fill and stops are those of scene.picture; its window, matcher, field angle, spectrum and
     lens phase belong to derived errors alone: pictures show the whole field, by rays or, where diffraction shows and
@@ -148,33 +151,37 @@ class SceneImagePart(Part):
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(
         description="Surfaces in the scene; the nearest hides those behind it."
     )
-    background: Share = Field(default=0.0, description="Brightness where there is no surface, over the texture's mean.")
+    background: Share = Field(
+        default=0.0, description="Brightness where there is no surface, relative to the mean of the texture."
+    )
     cameras: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
-        default=None, description="Those that take pictures; default: all."
+        default=None, description="Cameras that take pictures; default: all."
     )
     rig: Rig = Field(
         default="as-designed",
-        description="Cameras without errors, or each with errors drawn once from its calibration.",
+        description="Cameras without errors (as-designed), or each with errors drawn once from its calibration.",
     )
     noise: SensorNoiseModel = Field(
         default="shot+read+quantisation",
-        description="Quantised pictures are PNG of 16 bits, in digital numbers; others TIFF of floats, in electrons.",
+        description="Noise; quantised pictures are 16-bit PNG in digital numbers, others TIFF floats in electrons.",
     )
-    black_level: NonNegativeElectrons = Field(default=0.0, description="Added before digitising.")
+    black_level: NonNegativeElectrons = Field(default=0.0, description="Electrons added before digitising.")
     mosaic: MosaicPart | None = Field(default=None, description="Colour filters; default: none.")
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
         default=8,
-        description="Rays for each pixel and lens, half of them where a lens is barely lit; camera.json has the error.",
+        description="Rays for each pixel and lens, half as many where a lens is barely lit; camera.json has the error.",
     )
     depth_maps: bool = Field(
         default=False,
         strict=True,
-        description="Whether a run measures depth in the pictures, too, and holds it against the true depth.",
+        description="Whether a run also measures depth in the pictures and compares it with the true depth.",
     )
-    depth_format: Literal["tiff", "npy"] = Field(default="tiff", description="Of the true depth, in metres.")
+    depth_format: Literal["tiff", "npy"] = Field(
+        default="tiff", description="File format of the true depth, in metres."
+    )
 
     def files(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
-        """Files that it names, by where."""
+        """Named files, each with its path in this part."""
         for number, one in enumerate(self.surfaces):
             if isinstance(one, DepthMapPart):
                 yield ("surfaces", number, "depth"), one.depth

@@ -1,4 +1,4 @@
-"""JSON Schemas that say once what they say in many places."""
+"""JSON Schemas without repetition: repeated parts become definitions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _WORTH_SHARING: Final = 60  # characters; a reference takes about thirty
 
 
 def shared(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """The same JSON Schema, with every alternative that stands in several places in ``$defs`` and a reference to it.
+    """The same JSON Schema, with alternatives that occur several times moved to ``$defs`` and referred to.
 
     Parameters
     ----------

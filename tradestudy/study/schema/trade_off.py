@@ -1,4 +1,4 @@
-"""How a study weighs criteria of its cameras against each other: their ends, and what is known of their weights."""
+"""Trade-offs: criteria with their worst and best values, and what is known of their weights."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from tradestudy.uncertainty.weights import WeightSpace, range_mistake
 
 
 class WeighedPart(Part):
-    """One criterion: what it is, which values of it are worth nothing and everything, and its weight."""
+    """One criterion: its quantity, its worst and best values, and its weight."""
 
     quantity: Literal["depth_uncertainty", "usable_near", "usable_far"] | None = Field(
-        default=None, description="What is computed; default: the criterion of this name that cameras declare."
+        default=None, description="Computed quantity; default: the declared or derived criterion of this name."
     )
-    at: ObjectDistance | None = Field(default=None, description="Distance of the depth uncertainty.")
-    worst: QuantityText = Field(description="The value that is worth 0, however bad others are.")
-    best: QuantityText = Field(description="The value that is worth 1; linear between.")
+    at: ObjectDistance | None = Field(default=None, description="Distance at which depth uncertainty counts.")
+    worst: QuantityText = Field(description="Value that is worth 0, as is every worse one.")
+    best: QuantityText = Field(description="Value that is worth 1, as is every better one; worth is linear in between.")
     weight: Share | tuple[Share, Share] | None = Field(
-        default=None, description="A share of 1, or the range that it lies in; default: nothing is known of it."
+        default=None, description="Weight as a share of 1, or its range; default: unknown."
     )
 
     @model_validator(mode="after")
@@ -44,16 +44,16 @@ class WeighedPart(Part):
 
 
 class TradeOffPart(Part):
-    """Which camera ranks where by several criteria at once, over all weights that are possible."""
+    """Ranks of cameras by several criteria at once, over all possible weights."""
 
     criteria: Annotated[dict[AttributeName, WeighedPart], Field(min_length=1, max_length=20)] = Field(
         description="Criteria by name, each with its worst and best value and its weight."
     )
     order: Annotated[tuple[AttributeName, ...], Field(min_length=2), AfterValidator(distinct)] | None = Field(
-        default=None, description="Criteria by falling importance, if no more is known of their weights."
+        default=None, description="Criteria in decreasing importance, if nothing else is known of their weights."
     )
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(
-        default=None, description="Cameras that are ranked; default: those of the decision, else all."
+        default=None, description="Cameras to rank; default: the candidates of the decision, else all."
     )
 
     @model_validator(mode="after")
@@ -75,7 +75,7 @@ class TradeOffPart(Part):
 
     @property
     def weights(self) -> WeightSpace:
-        """All weights that are possible, in the order of the criteria."""
+        """The space of possible weights, in the order of the criteria."""
         low, high = zip(*(one.range for one in self.criteria.values()), strict=True)
         names = list(self.criteria)
         return WeightSpace(low=low, high=high, order=tuple(names.index(name) for name in self.order or ()))

@@ -1,4 +1,4 @@
-"""What a trade-off may weigh: criteria that every camera it ranks has, between ends that can be told apart."""
+"""Checks of a trade-off: every ranked camera has each criterion, and its worst and best values differ."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def trade_off_mistakes(
     *,
     relief: bool,
 ) -> Iterator[MistakeAt]:
-    """Criteria that cannot be weighed, at what they name.
+    """Criteria that cannot be weighed, each at the key at fault.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def trade_off_mistakes(
     measuring
         Cameras that measure depth.
     relief
-        Whether criteria are derived.
+        Whether the study has a relief, for which criteria are derived.
     """
     for name, one in part.criteria.items():
         place = ("trade_off", "criteria", name)
@@ -74,6 +74,6 @@ def _ends(name: str, one: WeighedPart, attributes: Mapping[str, AttributesPart])
             yield MistakeAt((key,), str(error))
             continue
         if abs(ends[key]) == float("inf"):
-            yield MistakeAt((key,), "a finite value is expected, between which and the other end worth is linear")
+            yield MistakeAt((key,), "a finite value is expected, since worth is linear between worst and best")
     if len(ends) == 2 and ends["worst"] == ends["best"]:
-        yield MistakeAt(("best",), "must differ from worst, between which and best worth is linear")
+        yield MistakeAt(("best",), "must differ from worst, since worth is linear between them")

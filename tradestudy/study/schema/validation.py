@@ -1,4 +1,4 @@
-"""A document against the schema: every mistake at once, each with its place, what was expected and the nearest name."""
+"""Validation of a document: every mistake at once, each with its place, the expectation and the nearest name."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tradestudy.units import UnitError, nearest
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
-# What pydantic calls it when the shape is wrong before anything else is looked at, and what would have been right.
+# pydantic's error types for values of the wrong shape, and the shape expected instead.
 _SHAPES = {
     "model_type": "a mapping",
     "model_attributes_type": "a mapping",
@@ -60,12 +60,12 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
     Returns
     -------
     BaseModel
-        The document as the model sees it.
+        The validated model.
 
     Raises
     ------
     StudyError
-        With every mistake of writing and of content, sorted by place.
+        With every syntax and content mistake, sorted by place.
     """
     try:
         valid = model.model_validate(document.tree)
@@ -90,12 +90,12 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
 
 
 def _spot(problem: Problem) -> Place:
-    """Say where a problem is: what was not understood there need not be judged as well."""
+    """The place of a problem; where reading failed, validation need not report as well."""
     return Place(problem.file, problem.line, problem.column)
 
 
 def _is_broken(document: Document, location: Path) -> bool:
-    """Tell whether an error is only the echo of a part that could not be put together."""
+    """Whether an error only follows from a part that could not be assembled."""
     return any(location[:length] in document.broken for length in range(len(location) + 1))
 
 
@@ -125,7 +125,7 @@ class _Finding:
         return self.details.get("ctx") or {}
 
     def is_shape(self) -> bool:
-        """Tell whether the whole value is of another shape than the one tried."""
+        """Whether the value has another shape than the one tried."""
         return self.kind in _SHAPES
 
     def is_consequence(self) -> bool:
@@ -135,7 +135,7 @@ class _Finding:
 
 
 def _problems(document: Document, model: type[BaseModel], found: list[_Finding]) -> list[Problem]:
-    """Turn findings into problems: one for each place, the likeliest member of a union speaking for it."""
+    """Turn findings into one problem for each place, from the likeliest member of each union."""
     kept = [finding for finding in found if not finding.is_consequence()]
     problems: list[Problem] = []
     for path, group in groupby(sorted(_likeliest(kept), key=_order), key=lambda finding: finding.path):
@@ -159,7 +159,7 @@ def _order(finding: _Finding) -> tuple[tuple[str, ...], bool]:
 
 
 def _likeliest(findings: list[_Finding]) -> list[_Finding]:
-    """Where several members of a union were tried, keep those of the shape that was written."""
+    """Of the members tried in a union, keep those with the shape that was written."""
     unions = sorted({path for finding in findings for path, _ in finding.alignment.members}, key=len)
     for union in unions:
         by_label: dict[str, list[_Finding]] = {}
@@ -175,7 +175,7 @@ def _likeliest(findings: list[_Finding]) -> list[_Finding]:
 
 
 def _misnamed(document: Document, path: Path) -> Problem | None:
-    """A part that only ``--set`` speaks of, beside one of nearly its name, is that name misspelled."""
+    """Report a part that only ``--set`` names as a misspelling, if another has nearly its name."""
     entry: Entry | None = document.root
     for depth, step in enumerate(path):
         above, entry = entry, child(entry, step)
@@ -188,7 +188,7 @@ def _misnamed(document: Document, path: Path) -> Problem | None:
 
 
 def _missing(document: Document, finding: _Finding) -> Problem:
-    """Report what is not there at the place of the part that it belongs to."""
+    """Report a missing key at the place of the part that it belongs to."""
     path, above = finding.path, finding.path[:-1]
     if isinstance(path[-1], int):
         return document.locate(above).problem(
@@ -199,7 +199,7 @@ def _missing(document: Document, finding: _Finding) -> Problem:
 
 
 def _mistakes(document: Document, findings: Sequence[_Finding]) -> list[Problem]:
-    """Report what validators of the schema found, each where it points."""
+    """Report the mistakes that the schema's validators found, each at its place."""
     return [
         document.locate((*finding.path, *single.tail)).problem((*finding.path, *single.tail), single.what)
         for finding in findings
@@ -209,7 +209,7 @@ def _mistakes(document: Document, findings: Sequence[_Finding]) -> list[Problem]
 
 
 def _known_keys(document: Document, model: type[BaseModel], finding: _Finding) -> list[str]:
-    """List what could stand in place of an unknown key; a camera may start a path of ``--set``."""
+    """List the keys that an unknown key may have meant; a path of ``--set`` may start with a camera."""
     names = key_names(finding.alignment.owner) if finding.alignment.owner else []
     cameras = child(document.root, "cameras")
     set_from_outside = isinstance(finding.entry, MappingEntry) and finding.entry.implied
@@ -219,7 +219,7 @@ def _known_keys(document: Document, model: type[BaseModel], finding: _Finding) -
 
 
 def _wrong_value(document: Document, path: Path, findings: Sequence[_Finding]) -> Problem:
-    """Report a value, or a key, that is not what belongs there."""
+    """Report an invalid value or key."""
     first = findings[0]
     if first.alignment.of_key:
         return document.locate_key(path).problem(path, _name_message(first))
@@ -247,14 +247,14 @@ def _discriminator(document: Document, finding: _Finding) -> Problem:
 
 
 def _name_message(finding: _Finding) -> str:
-    """Say what is wrong with a key that the writer is free to choose."""
+    """Message for an invalid freely chosen key."""
     if finding.kind == "string_too_long":
         return f"this name is too long; at most {finding.context['max_length']} characters are expected"
-    return f"this is no name; {_NAME} is expected"
+    return f"this is not a valid name; {_NAME} is expected"
 
 
 def _message(finding: _Finding) -> tuple[str, str, str]:
-    """Say in three parts what is wrong, what is expected, and what is nearest."""
+    """Message in three parts: what is wrong, what is expected, and the nearest choice."""
     context, kind, shown = finding.context, finding.kind, _shown(finding.entry)
     if kind == "value_error":
         said = str(context["error"])
@@ -281,7 +281,7 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
     if kind == "string_too_long":
         return "the text is too long", f"at most {context['max_length']} characters", ""
     if kind == "string_pattern_mismatch":
-        return f"{shown} is no name", _NAME, ""
+        return f"{shown} is not a valid name", _NAME, ""
     return str(finding.details["msg"]), "", ""
 
 
@@ -302,7 +302,7 @@ def _only_nearest(name: str, known: Iterable[str]) -> str:
 
 
 def _shown(entry: Entry | None) -> str:
-    """Quote what was written: short, on one line."""
+    """Quote the written value, shortened to one line."""
     if isinstance(entry, ScalarEntry):
         text = "".join(
             letter if letter.isprintable() else repr(letter)[1:-1] for letter in " ".join(entry.text.split())

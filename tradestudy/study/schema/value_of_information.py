@@ -1,4 +1,4 @@
-"""What a study does not know for sure, over which ranges, and what a wrong choice of camera costs."""
+"""Value of information: uncertain assumptions, their ranges, and the cost of choosing the wrong camera."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from tradestudy.declarations.words import CameraName, Text, distinct
 
 
 class AssumptionPart(Part):
-    """What a study does not know: a value between two ends, equally likely on a logarithmic scale, or which reading."""
+    """An uncertain assumption: a value with a log-uniform distribution, or a choice among equally likely readings."""
 
-    says: Text | None = Field(default=None, description="What it is called in reports; default: its path.")
+    says: Text | None = Field(default=None, description="Name of the assumption in reports; default: its path.")
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
-        default=(), description="Path of the value; of several paths, all take the same value."
+        default=(), description="Path of the value to vary; several paths all take the same value."
     )
-    low: QuantityText = Field(default="", description="Smallest value that the assumption may have.")
-    high: QuantityText = Field(default="", description="Largest value that the assumption may have.")
+    low: QuantityText = Field(default="", description="Smallest possible value.")
+    high: QuantityText = Field(default="", description="Largest possible value.")
     readings: Annotated[tuple[CameraName, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] | None = (
-        Field(default=None, description="Instead: readings that are as likely as the study as declared.")
+        Field(default=None, description="Instead of vary: readings, each as likely as the study as declared.")
     )
 
     @model_validator(mode="after")
@@ -34,31 +34,31 @@ class AssumptionPart(Part):
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Of every value that is varied; those of readings are theirs."""
+        """Paths of the varied values; empty for readings."""
         return (self.vary,) if isinstance(self.vary, str) else self.vary
 
 
 class ValueOfInformationPart(Part):
-    """How much better the choice among the candidates becomes by knowing each assumption.
+    """How much knowing each assumption improves the choice among the candidates.
 
-    A choice is worth less the larger the depth uncertainty over the distance, averaged over the distances.
+    The loss of a choice is its depth uncertainty over distance, averaged over the distances.
     """
 
     assumptions: Annotated[dict[str, AssumptionPart], Field(min_length=1, max_length=40)] = Field(
         description="Assumptions by path or name, each with its range or readings."
     )
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] | None = (
-        Field(default=None, description="Distances that count alike; default: those of the decision.")
+        Field(default=None, description="Distances, weighted equally; default: those of the decision.")
     )
     unusable: PositiveFraction = Field(
-        default=1.0, description="What a distance counts at which the camera is not usable, instead of its uncertainty."
+        default=1.0, description="Relative uncertainty assigned at distances where the camera is not usable."
     )
     draws: Annotated[int, Field(ge=64, le=2**14, strict=True)] = Field(
-        default=256, description="Combinations of values that are tried; a power of two is balanced best."
+        default=256, description="Combinations of values to draw; powers of two are balanced best."
     )
 
     def mistakes_of_owners(self, readings: Mapping[str, Sequence[str]]) -> list[MistakeAt]:
-        """Values that two assumptions vary; of every reading of the study, its paths are given."""
+        """Values that two assumptions vary; ``readings`` holds the paths that each reading of the study sets."""
         owners: dict[str, str] = {}
         mistakes = []
         for name, one in self.assumptions.items():
@@ -67,7 +67,7 @@ class ValueOfInformationPart(Part):
             for path in dict.fromkeys(path.removeprefix("cameras.") for path in every):
                 if path in owners:
                     place = ("assumptions", name, word)
-                    what = f"{path} is varied by '{owners[path]}' already"
+                    what = f"'{owners[path]}' already varies {path}"
                     mistakes.append(MistakeAt(("value_of_information", *place), what))
                 owners.setdefault(path, name)
         return mistakes

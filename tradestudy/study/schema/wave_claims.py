@@ -1,4 +1,4 @@
-"""What claims about light may name: lenses and methods that the study has."""
+"""Checks of claims about light: the lenses and methods that they name must exist in the study."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tradestudy.study.schema.wave_optics import FresnelValidityPart
 def wave_claim_mistakes(
     claims: Mapping[str, ClaimPart], fresnel: FresnelValidityPart | None, spot: LightSpotPart | None
 ) -> list[MistakeAt]:
-    """Claims about lenses or images that the study does not have."""
+    """Claims that name lenses or methods missing from the study."""
     elements = () if fresnel is None else tuple(fresnel.elements)
     methods = () if spot is None else spot.methods
     found: list[MistakeAt] = []
@@ -31,7 +31,7 @@ def wave_claim_mistakes(
                 found.append(MistakeAt(("claims", key, "element"), what))
         elif isinstance(claim, ImageDifferenceClaim | LitPixelsClaim):
             found += [
-                MistakeAt(("claims", key, word), f"{name!r} is none of the methods of light_spot")
+                MistakeAt(("claims", key, word), f"{name!r} is not one of light_spot.methods")
                 for word, name in (("method", claim.method), ("reference", claim.reference))
                 if name not in methods
             ]

@@ -1,4 +1,4 @@
-"""What a study asks of wave optics: where Fresnel may replace Kirchhoff, and how far points spread."""
+"""Wave optics in studies: where Fresnel may replace Kirchhoff, and how wide points spread."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tradestudy.declarations.quantities import (
 ElementName = Annotated[str, Field(pattern=r"^[\w][\w.+-]*$", max_length=60)]
 LensPhaseName = Literal["parabolic", "stigmatic", "perfect"]
 PsfMetric = Literal["peak", "l1", "largest"]
-# What the propagators accept; double precision ends below.
+# What the propagators accept; less is beyond double precision.
 IntensityTolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-10, at_most=0.1)]
 PositiveWaves = Annotated[Waves, Field(gt=0)]
 
@@ -57,12 +57,12 @@ FNumbers = Annotated[tuple[FNumber, ...], Field(min_length=1, max_length=200)] |
 
 
 def listed(f_numbers: FNumbers) -> tuple[float, ...]:
-    """F-numbers one by one, however they were written."""
+    """The f-numbers of a list or a range."""
     return f_numbers.values() if isinstance(f_numbers, FNumberRangePart) else f_numbers
 
 
 class PublishedErrorPart(Part):
-    """An error that somebody read off for this lens."""
+    """A published error for this lens."""
 
     f_number: FNumber = Field(description="F-number of the published point.")
     error: PositiveFraction = Field(description="Published error at that f-number.")
@@ -74,7 +74,7 @@ class ElementPart(Part):
     title: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="What reports call this lens.")
     focal_length: FocalLength = Field(description="Focal length of the lens.")
     object_distance: ObjectDistance = Field(description="Distance from the lens to the point source.")
-    f_number: FNumber = Field(description="At which the camera uses it.")
+    f_number: FNumber = Field(description="F-number at which the camera uses the lens.")
     published_error: PublishedErrorPart | None = Field(default=None, description="A published point to compare with.")
     published_minimum_f_number: PositiveNumber | None = Field(
         default=None, description="A published least f-number for Fresnel to compare with."
@@ -83,7 +83,7 @@ class ElementPart(Part):
     @model_validator(mode="after")
     def _real_image(self) -> Self:
         if not self.object_distance > self.focal_length:
-            raise MistakeAt(("object_distance",), "must exceed the focal length: a real image is compared")
+            raise MistakeAt(("object_distance",), "must exceed the focal length, since real images are compared")
         return self
 
     @property
@@ -93,33 +93,33 @@ class ElementPart(Part):
 
 
 class OffAxisPart(Part):
-    """One direction away from the axis, in light of one wavelength: without symmetry it takes long."""
+    """One off-axis direction at one wavelength; more would take long, since symmetry is lost."""
 
-    field_angle: PositiveAngle = Field(description="Direction of the object point against the axis.")
+    field_angle: PositiveAngle = Field(description="Angle between the object point and the axis.")
     wavelength: PositiveWavelength = Field(description="Wavelength at which the off-axis error is evaluated.")
 
 
 class FresnelValidityPart(Part):
-    """Measured difference of Fresnel's point-spread function from Kirchhoff's, and the criteria that predict it."""
+    """Computed difference of Fresnel's point-spread function from Kirchhoff's, and criteria that predict it."""
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
         description="Lenses by name."
     )
-    f_numbers: FNumbers = Field(description="Increasing, one by one or as a range.")
+    f_numbers: FNumbers = Field(description="F-numbers to evaluate, increasing: a list or a range.")
     wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)] = Field(
         description="Wavelengths to evaluate."
     )
     lens_phases: Annotated[tuple[LensPhaseName, ...], Field(min_length=1, max_length=3)] = Field(
         description="Phases of the lens to evaluate."
     )
-    off_axis: OffAxisPart | None = Field(default=None, description="The comparison away from the axis.")
+    off_axis: OffAxisPart | None = Field(default=None, description="The off-axis comparison.")
     windows: Annotated[tuple[PositiveNumber, ...], Field(min_length=1, max_length=6)] = Field(
         description="Radii of the windows over which point-spread functions are compared, in Airy radii."
     )
     path_errors: Annotated[tuple[PositiveWaves, ...], Field(min_length=1, max_length=6)] = Field(
-        description="Bounds of the dropped path for the bounded criterion."
+        description="Bounds on the neglected path for the bounded criterion."
     )
-    error_limit: PositiveFraction = Field(description="Error up to which Fresnel counts as good enough.")
+    error_limit: PositiveFraction = Field(description="Largest error at which Fresnel counts as good enough.")
     tolerance: IntensityTolerance = Field(description="Relative numerical error of each computed intensity.")
 
     @model_validator(mode="after")
@@ -129,28 +129,28 @@ class FresnelValidityPart(Part):
             if any(not a < b for a, b in itertools.pairwise(values)):
                 raise MistakeAt((name,), "must increase")
         if len(set(self.lens_phases)) < len(self.lens_phases):
-            raise MistakeAt(("lens_phases",), "names one twice")
+            raise MistakeAt(("lens_phases",), "repeats a phase; name each once")
         return self
 
 
 class PointSpreadPart(Part):
-    """How far points spread behind each lens: one thing varied at a time from the lens as it stands."""
+    """Point spread behind each lens, with one quantity at a time varied from the declared lens."""
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
         description="Lenses by name."
     )
     lens_phase: LensPhaseName = Field(description="Phase that each lens adds.")
-    pixel_pitch: PixelPitch = Field(description="Of the pixels whose neighbours are counted.")
+    pixel_pitch: PixelPitch = Field(description="Pitch of the pixels over which points spread.")
     window: PositiveNumber = Field(description="Half the side of the sampled window, in Airy radii of each lens.")
     rms_radius: PositiveNumber = Field(description="Radius within which the rms width is taken, in Airy radii.")
-    f_numbers: FNumbers = Field(description="One by one or as a range.")
+    f_numbers: FNumbers = Field(description="F-numbers to evaluate: a list or a range.")
     wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)] = Field(
         description="Wavelengths to evaluate."
     )
     field_angles: Annotated[tuple[NonNegativeAngle, ...], Field(min_length=1, max_length=20)] = Field(
         description="Angles from the axis to evaluate."
     )
-    reference_wavelength: PositiveWavelength = Field(description="While something else is varied.")
+    reference_wavelength: PositiveWavelength = Field(description="Wavelength while another quantity is varied.")
     defocus: Annotated[tuple[Waves, ...], Field(min_length=1, max_length=20)] = Field(
         description="Distance of the object from focus, in waves of path at the rim of the pupil; > 0 is nearer."
     )
