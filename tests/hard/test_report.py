@@ -26,7 +26,7 @@ def tables(tree: xr.DataTree) -> dict[str, Table]:
 
 def verdict(tree: xr.DataTree) -> tuple[str, str]:
     blocks = all_blocks(compose_report(tree, {}, figures.build(tree)).blocks)
-    box = next(block for block in blocks if isinstance(block, Callout) and block.title == "Where formulas break")
+    box = next(block for block in blocks if isinstance(block, Callout) and block.title == "Where formulas break down")
     assert isinstance(box.blocks[0], Paragraph)
     return box.tone, "".join(span.text for span in spans(box.blocks[0].text))
 
@@ -60,11 +60,11 @@ def test_what_is_not_met_is_named_first(tree: xr.DataTree) -> None:
     tone, words = verdict(tree)
     count = tree["hard_cases"].sizes["case"]
     assert tone == "answer"
-    assert f"{count} of {count} hard cases are met." in words
+    assert f"{count} of {count} hard cases." in words
     data = tree["hard_cases"].to_dataset().copy(deep=True)
     data["met"][3] = False
     wrong = xr.DataTree.from_dict({"/": tree.to_dataset(), "/hard_cases": data})
     tone, words = verdict(wrong)
     assert tone == "warning"
-    assert f"{count - 1} of {count} hard cases are met." in words
+    assert f"{count - 1} of {count} hard cases." in words
     assert f"Not met: {data['case'].values[3]}." in words

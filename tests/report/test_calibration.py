@@ -160,9 +160,9 @@ def test_a_camera_without_errors_is_taken_as_perfect(make_tree: MakeTree) -> Non
     tree["depth"] = xr.DataTree(depth)
     report = report_of(tree)
     assert [row[1] for row in table(report, "calibration-source-table")] == [
-        "taken as perfect",
-        "not known",
-        "not known",
+        "assumed perfect",
+        "unknown",
+        "unknown",
     ]
     assert [decided_by_calibration(depth, key) for key in ("r5", RIG)] == [False, True]
     assert set(table(report, "averaging-table")[0][1:]) == {"∞"}
@@ -214,7 +214,7 @@ def test_ranks_are_told_drawn_and_tabled(make_tree: MakeTree) -> None:
         [*names, "90.0 ± 0.2 %", "80.0 ± 0.2 %", "70.0 ± 0.2 %"],
         [*names, "60.0 ± 0.2 %", "50.0 ± 0.2 %", "—"],
     ]
-    assert any("a probability of 70 % to 90 % where all noise is averaged away" in text for text in texts(report))
+    assert any("a probability of 70 % to 90 % if all noise is averaged out" in text for text in texts(report))
     (panel,) = figures.figure(tree, "rank-probability").axes  # one for each pair
     assert all(name in panel.get_title(loc="left").replace("\n", " ") for name in names)
     drawn = [np.asarray(line.get_ydata(), dtype=float) for line in panel.get_lines()[:2]]

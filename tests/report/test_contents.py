@@ -105,7 +105,7 @@ def test_who_is_usable_without_being_a_candidate_is_told(make_tree: Callable[...
     found = list(sentences(document_of(tree)))
     assert found[0] == (
         "0.05 to 0.15 m: no candidate is usable (Raytrix R5, Keplerian and Stereo 100 mm, 65.24° across: too little "
-        "overlap); usable in it, but no candidate: Stereo 100 mm, f = 30.5 mm."
+        "overlap); usable there, but not a candidate: Stereo 100 mm, f = 30.5 mm."
     )
     drawing = figures.build(tree)["whole_range"]
     assert "of the candidates Raytrix R5, Keplerian and Stereo 100 mm, 65.24° across" in drawing.caption
@@ -176,7 +176,7 @@ def test_a_study_without_other_readings_says_so(make_tree: Callable[..., xr.Data
     tree = make_tree()
     tree["decision"] = xr.DataTree(tree["decision"].to_dataset().isel(reading=[0]))
     rows = table(document_of(tree), "verdict-table")
-    assert {row[2] for row in rows} == {"no other reading was tried"}
+    assert {row[2] for row in rows} == {"no other reading"}
 
 
 def test_assumed_values_come_first_with_the_cameras_they_belong_to(tree: xr.DataTree) -> None:

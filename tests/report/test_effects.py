@@ -77,6 +77,6 @@ def test_what_all_omissions_change_stands_beside_what_is_allowed(plan: Plan) -> 
     text = " ".join(plain(block.text) for block in describe_effects(tree) if isinstance(block, Paragraph))
     worst = max(piece.choice.changes["depth_uncertainty"].relative for piece in plan.pieces)
     allowed = plan.accuracy.tolerances["depth_uncertainty"]
-    told = f"by up to {pretty(worst, FRACTION, digits=2)}; {pretty(allowed, FRACTION, digits=2)} is allowed"
+    told = f"by up to {pretty(worst, FRACTION, digits=2)}; the tolerance is {pretty(allowed, FRACTION, digits=2)}."
     assert told in text
-    assert ("by noise alone was not asked for" in text) == ("depth_noise" not in plan.accuracy.tolerances)
+    assert ("by noise alone has no tolerance" in text) == ("depth_noise" not in plan.accuracy.tolerances)

@@ -1,4 +1,4 @@
-"""Which figures the groups on calibration allow, with what they show in words."""
+"""Figures of the groups on calibration, with captions and alt texts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tradestudy.units import LENGTH, pretty, significant
 
 
 def calibration_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
-    """The figures on what drives depth, on ranks and on posteriors; none for a study that asks for none."""
+    """The figures on error sources, ranks and posteriors that the study allows."""
     if "sensitivity" in tree.children:
         yield from _sensitivity(tree)
     if "decision" in tree.children and "rank_first" in tree["decision"].data_vars:
@@ -38,15 +38,15 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
     yield Drawing(
         name="tornado",
         caption=f"What drives depth at {pretty(place, LENGTH)}: half the central 68.27 % interval from each source "
-        "alone, correlated parameters together as one source. A joint calibration is one source: moving one of "
-        "its parameters alone would describe rigs that it has ruled out.",
+        "alone. Correlated parameters, such as those of a joint calibration, count as one source: moving one "
+        "of them alone would describe rigs that the calibration rules out.",
         alt="Bar charts of depth uncertainty by source, one per camera. The largest on the axis: " + "".join(sentences),
         draw=partial(sensitivity.draw_tornado, tree),
     )
     yield Drawing(
         name="sobol-indices",
         caption="Total (lines) and first-order (dotted) Sobol indices of inverse depth on the axis, over independent "
-        "sources. They tell interactions and are no parts: where sources interact, total indices sum to more than 1.",
+        "sources. They show interactions, not shares: where sources interact, total indices sum to more than 1.",
         alt="One chart per camera of total and first-order Sobol indices against distance. Largest total index at "
         f"{pretty(place, LENGTH)}: " + _index_words(tree, place),
         draw=partial(sensitivity.draw_indices, tree),
@@ -77,12 +77,12 @@ def _index_words(tree: xr.DataTree, place: float) -> str:
 
 
 def _tie_words(tree: xr.DataTree, name: str) -> str:
-    """The two parameters of a posterior that are tied most closely."""
+    """The two parameters of a posterior with the strongest correlation."""
     if (tie := posterior.closest_tie(tree, name)) is None:
         return ""
     first, second, correlation = tie
     return (
-        f"Tied most closely: {first.replace('_', ' ')} and {second.replace('_', ' ')}, correlation "
+        f"Strongest correlation: {first.replace('_', ' ')} and {second.replace('_', ' ')}, "
         f"{significant(correlation, 2)}."
     )
 
@@ -102,7 +102,7 @@ def _ranks(tree: xr.DataTree) -> Drawing:
         name="rank-probability",
         caption="Probability that the depth error of the first camera is smaller than that of the second. Calibration "
         "alone: over rigs, sessions and calibrations, with the noise averaged away. Single readings: noise as well. "
-        "Shaded: two Monte Carlo standard errors. What both cameras share (temperature, pressure) is drawn once.",
+        "Shaded: two Monte Carlo standard errors. Errors common to both cameras (temperature, pressure) are drawn once.",
         alt="Probability against distance, one chart for each pair of cameras. Calibration alone: "
         + "".join(sentences),
         draw=partial(ranks.draw_rank_probability, tree),
@@ -114,13 +114,11 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
     data = tree["calibration"].to_dataset().sel(posterior=name)
     count = int(np.isfinite(data["posterior_mean"].values).sum())
     shown = posterior.shown_parameters(tree, name)
-    which = (
-        f"the {len(shown)} of {count} parameters that are tied most closely" if len(shown) < count else "all of them"
-    )
+    which = f"the {len(shown)} most strongly correlated of {count} parameters" if len(shown) < count else "all of them"
     yield Drawing(
         name=f"corner-{name}",
-        caption=f"Posterior of {titles[name]}: {which}, in standard deviations from the mean. Lines hold 39 and 86 % "
-        "of the draws, as one and two standard deviations of a normal in the plane do; dashed: the Laplace fit.",
+        caption=f"Posterior of {titles[name]}: {which}, in standard deviations from the mean. Contours hold 39 and 86 "
+        "% of the draws, like one and two standard deviations of a bivariate normal; dashed: the Laplace fit.",
         alt=f"Corner plot of the posterior draws of {titles[name]}: {', '.join(n.replace('_', ' ') for n in shown)}. "
         + _tie_words(tree, name),
         draw=partial(posterior.draw_corner, tree, name),
@@ -150,12 +148,12 @@ def _trust(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
     yield Drawing(
         name=f"trust-{name}",
         caption=f"How far to trust the corners of {camera_titles(tree)[name]}. Above: mean residuals of each camera "
-        "fitted alone, in cells of its picture; what points the same way in neighbouring cells is left of the lens or "
-        "of the board. Below, for depth midway between the axes: by how much "
-        "random halves of the views differ (root mean square), what these halves claim for that, and what all views "
-        "together claim.",
-        alt=f"Two maps of arrows for {camera_titles(tree)[name]}, and a chart in which the halves differ by these "
-        "times what they claim: "
+        "fitted alone, in cells of its picture; arrows that agree in neighbouring cells show errors of the lens model "
+        "or the board. Below, for depth midway between the axes: the difference between "
+        "random halves of the views (root mean square), the difference that these halves claim, and the uncertainty "
+        "that all views together claim.",
+        alt=f"Two maps of arrows for {camera_titles(tree)[name]}, and a chart of halves of the views, whose "
+        "differences over the claimed ones are: "
         + ", ".join(f"{significant(float(one), 2)} at {where}" for one, where in zip(ratio, distances, strict=True))
         + ".",
         draw=partial(calibration_trust.draw_trust, tree, name),

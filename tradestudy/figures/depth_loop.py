@@ -1,4 +1,4 @@
-"""Depth of planes as it was measured in their pictures, against what was predicted, over distance."""
+"""Depth of planes measured in their pictures, compared with the prediction, against distance."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ def depth_loop_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     distance = data["distance"].values
     yield Drawing(
         name="depth_loop",
-        caption="Planes that were rendered and measured. First: spread of the errors of depth (dots, with standard "
-        "errors) on the curve that was predicted. Second: the same over what noise gives each window by its texture. "
-        "Third: standard deviation over what the matcher gives that was fitted at the distances with filled dots; "
+        caption="Depth of rendered planes. First: spread of depth errors (dots, with standard errors) and the "
+        "predicted curve. Second: spread relative to the error that noise causes in each window, given its texture. "
+        "Third: standard deviation relative to that of the matcher fitted at the distances with filled dots; "
         "grey: 10 % to either side. Fourth: bias as an error of disparity; grey: 0.05 px.",
         alt=f"For {names}, from {span(float(distance[0]), float(distance[-1]))}: achieved against predicted spread, "
         f"the same over noise and over the fitted matcher, and bias. Spread over that by noise: {_noise_words(tree)}.",
@@ -50,7 +50,7 @@ def depth_loop_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 
 
 def _noise_words(tree: xr.DataTree) -> str:
-    """Least and largest spread of each camera over what noise alone gives."""
+    """Smallest and largest spread of each camera, relative to noise alone."""
     data, titles = group(tree, "depth_loop"), camera_titles(tree)
     words = []
     for key in data["camera"].values:

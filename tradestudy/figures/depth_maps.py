@@ -1,4 +1,4 @@
-"""Depth as it was measured in the pictures of the scene: maps of it, and how it compares with what was predicted."""
+"""Depth measured in the pictures of the scene: maps, and the comparison with the prediction."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ def depth_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     names = listed([titles[str(key)] for key in data["mapped_camera"].values[:_MOST]])
     yield Drawing(
         name="depth_maps",
-        caption="Depth as it was measured in the pictures, what it is wrong by, and how much of the surface the "
-        "estimator has no second picture of, such as behind edges and beyond the overlap. Each block is the median of "
-        "its points; hatched where none has a depth. At the left what the camera makes with the map, sharp throughout, "
-        "where it makes anything.",
+        caption="Depth measured in the pictures, its error, and the share of the surface that the estimator has no "
+        "second picture of, such as behind edges and beyond the overlap. Each block is the median of "
+        "its points; hatched blocks have no depth. Left: the all-in-focus picture that the camera makes with the map, "
+        "if any.",
         alt="Measured depth, its error, and the hidden share of the surface, as pictures. Median error and half the "
         "central 68.27 % interval of the errors: " + _error_words(tree),
         draw=lambda: draw_depth_maps(tree),
     )
     yield Drawing(
         name="depth_achieved",
-        caption="Errors of measured depth against true depth: dots are the median with its standard error, thin bars "
-        "half the central 68.27 % interval to either side. The band is the predicted depth uncertainty.",
+        caption="Errors of measured depth against true depth. Dots: median with its standard error; thin bars: "
+        "half the central 68.27 % interval to either side; band: predicted depth uncertainty.",
         alt=f"For {names}: the median and the spread of the errors of measured depth in classes of true depth, with "
         "the predicted uncertainty as a band around zero. Over all depths: " + _error_words(tree),
         draw=lambda: draw_achieved(tree),

@@ -1,4 +1,4 @@
-"""Depth of field as bars over distance, and lateral resolution against distance; with what they show in words."""
+"""Depth of field as bars over distance, and lateral resolution against distance, with captions and alt texts."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ def focus_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         + _criterion_words(tree)
         + ". Neighbouring shades are images of a stack or types of microlenses; dotted lines are gaps between them."
         + _thin_words(tree)
-        + " At the right, the coarsest detail that is resolved within the scene; grey where not all of it is sharp.",
+        + " Right: the coarsest resolution within the scene; grey where not all of it is sharp.",
         alt="Bars of depth of field over working distance, one row per camera. " + _sharp_words(tree),
         draw=partial(draw_depth_of_field, tree),
     )
     yield Drawing(
         name="lateral-resolution",
-        caption="Detail that each camera resolves on the object: the larger of its lateral sample and its geometric "
-        "blur. Bold where the camera is sharp by the first criterion.",
+        caption="Size of detail that each camera resolves on the object: the larger of its lateral sample and its "
+        "geometric blur. Bold: sharp by the first criterion.",
         alt="Log-log chart of resolved detail against distance. " + _resolution_words(tree),
         draw=partial(draw_lateral_resolution, tree),
     )

@@ -1,4 +1,4 @@
-"""Fresnel against Kirchhoff: measured error against f-number, criteria that would predict it, and the printed one."""
+"""Fresnel against Kirchhoff: error against f-number, criteria that predict it, and the printed criterion."""
 
 from __future__ import annotations
 
@@ -57,9 +57,9 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     )
     yield Drawing(
         name="fresnel_criteria",
-        caption="From which f-number on Fresnel should be good enough: closed-form criteria, each over the wavelengths "
-        f"of the study, and the f-number from which the measured error (as above, parabolic phase) stays below "
-        f"{pretty(data.attrs['error_limit'], FRACTION)}. Diamonds: as printed in the paper.",
+        caption="Least f-number at which Fresnel should be good enough: closed-form criteria, each over the "
+        f"wavelengths of the study, and the f-number from which the measured error (as above, parabolic phase) stays "
+        f"below {pretty(data.attrs['error_limit'], FRACTION)}. Diamonds: as printed in the paper.",
         alt="Bar chart of least f-numbers, one panel per lens, one row per criterion. " + _criteria_words(data),
         draw=partial(draw_fresnel_criteria, tree),
     )

@@ -1,4 +1,4 @@
-"""Which figures a results tree allows, in the order of a report, with what they show in words."""
+"""Figures that a results tree allows, in the order of a report, with captions and alt texts."""
 
 from __future__ import annotations
 
@@ -174,9 +174,9 @@ def _shares(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="variance_shares",
         caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: they "
-        "sum to 100 %, for correlated errors too). Grey: measurement noise, which averaging reduces; coloured: what "
-        "averaging leaves."
-        + (f" Not drawn, because nowhere above 0.5 %: {silent}." if silent else "")
+        "sum to 100 %, for correlated errors too). Grey: measurement noise, which averaging reduces; coloured: error "
+        "sources that averaging does not reduce."
+        + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
         + _design_words(tree),
         alt="One chart per camera of stacked shares against distance. " + _largest_shares(tree),
         draw=partial(variance_shares.draw_variance_shares, tree),
@@ -246,8 +246,8 @@ def _readings(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="readings",
         caption=f"Which assumption flips the verdict: uncertainty of {numerator} over that of {denominator}, under "
-        f"every reading of what the sources leave open. Left of 1 (shaded) {numerator} is better, right of it "
-        f"{denominator}; open marks: not the one that is better as declared."
+        f"every reading of the open questions. Left of 1 (shaded) {numerator} is better, right of it "
+        f"{denominator}; open marks: the verdict differs from that as declared."
         + (f" {listed(signs)} at the edge: one of the two uncertainties has no bound." if signs else ""),
         alt=f"Dot chart of the uncertainty of {numerator} over that of {denominator}, one row per reading, one mark "
         "per distance, three panels: noise and calibration, noise only, calibration only. " + "".join(sentences),
@@ -268,8 +268,8 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
         )
     yield Drawing(
         name="pareto",
-        caption=f"All designs that are usable at {place}: nearest usable distance against depth uncertainty at "
-        f"{place}. The line joins the designs that no other beats in both.",
+        caption=f"All designs usable at {place}: nearest usable distance against depth uncertainty at "
+        f"{place}. The line joins the Pareto-optimal designs.",
         alt=f"Scatter chart of nearest usable distance against depth uncertainty at {place}. {_frontier_words(tree)}",
         draw=partial(sweeps.draw_pareto, tree),
     )

@@ -27,9 +27,9 @@ def hard_cases_drawing(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="hard_cases",
         caption="Relative error of the usual formula (across) against that of this program (up), one mark per case "
-        "whose answer is a number. On the dashed line both are as good; the dotted line is 10⁻¹², allowed to every "
-        "well-conditioned case. “Wrong” is an infinity or no number where there is a value, the other way round, or "
-        "an exception.",
+        "with a number as its answer. On the dashed line both are equally accurate; the dotted line is 10⁻¹², the "
+        "bound for well-conditioned cases. “Wrong”: infinite or NaN although a value exists, a value although none "
+        "exists, or an exception.",
         alt=f"Scatter chart of {naive.size} hard cases. The usual formula is beyond the bound in "
         f"{int((~(naive <= bound)).sum())} of them and gives no number at all in {int(np.isinf(naive).sum())}; this "
         f"program is beyond it in {int((~(ours <= bound)).sum())}. Its largest error is "

@@ -1,4 +1,4 @@
-"""The light spot by every method side by side, and how far single points spread."""
+"""The light spot by every method side by side, and the spread of single points."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def light_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         spread = tree["point_spread"].to_dataset()
         yield Drawing(
             name="point_spread",
-            caption="How far a point spreads behind each lens, one thing varied at a time: radii about the thin-lens "
+            caption="Spread of a point behind each lens, one quantity varied at a time: radii about the thin-lens "
             "image that hold half and 80 % of the light, root-mean-square distance within "
             f"{plain_number(float(spread.attrs['rms_radius']))} Airy radii, full width at half maximum. Defocus "
             "is in waves at the rim of the pupil. Solid: "

@@ -1,4 +1,4 @@
-"""What the cameras see of the scene: each first picture whole, a detail of it, and its true depth."""
+"""Pictures of the scene: the first of each camera in full, a detail of it, and its true depth."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def pictures_drawing(tree: xr.DataTree) -> Drawing | None:
     names = listed([titles[str(data["camera_of"].values[k])] for k in shown])
     return Drawing(
         name="scene_pictures",
-        caption="The scene as each camera takes it: the whole picture, its middle pixel by pixel, and the true depth "
-        "of what each pixel sees. Brightness is scaled for each picture.",
+        caption="Pictures of the scene by each camera: the full picture, its middle pixel by pixel, and the true depth "
+        "in each pixel. Brightness is scaled for each picture.",
         alt=f"Pictures of the scene by {names}, each with a detail of {data.sizes['detail_row']} pixels and its true "
         f"depth, from {near} to {far}.",
         draw=lambda: draw_pictures(tree),

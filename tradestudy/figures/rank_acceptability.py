@@ -1,4 +1,4 @@
-"""Under which share of the possible weights each candidate takes each rank."""
+"""Share of the possible weights under which each candidate takes each rank."""
 
 from __future__ import annotations
 

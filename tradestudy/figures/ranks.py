@@ -1,4 +1,4 @@
-"""Who errs less: probabilities of the ranks of pairs of cameras against distance."""
+"""Which camera errs less: probabilities of the ranks of pairs of cameras against distance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Under which reading of the open questions the verdict flips: the ratio of the two best uncertainties per reading."""
+"""Readings that flip the verdict: the ratio of the pair's uncertainties under each reading."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""By how much designs of a sweep keep their requirements: curves over one swept parameter, a map over two."""
+"""Margins by which designs of a sweep meet their requirements: curves over one parameter, a map over two."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
         return None
     names = " and ".join(path_words(tree, dim) for dim in dims)
     told = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree))
-    shown = "of the requirement that is kept worst" if len(dims) == 2 else "of each requirement"
+    shown = "of the requirement with the smallest margin" if len(dims) == 2 else "of each requirement"
     met = "Thick line: 0. Filled dots: designs that meet" if len(dims) == 2 else "Shaded: designs meet"
     return Drawing(
         name="requirement_margins",
-        caption=f"Margin {shown} against the {names}: met above 0. {met} all that must hold. Dashed: "
+        caption=f"Margin {shown} against the {names}: met above 0. {met} all must requirements. Dashed: "
         "the study as declared. Where no camera is usable throughout, the margin is at most minus the missing share of "
         "the range.",
         alt=f"Margins against the {names}. {told}.",

@@ -69,7 +69,7 @@ def draw_tornado(tree: xr.DataTree) -> StudyFigure:
 
 
 def _alpha(order: int) -> float:
-    """How strong the bars at a place in the field are, the axis first."""
+    """Opacity of the bars at a field position, the axis first."""
     return float(0.4**order)
 
 
@@ -140,7 +140,7 @@ def draw_indices(tree: xr.DataTree) -> StudyFigure:
 
 
 def _main_sources(data: xr.Dataset) -> list[str]:
-    """Sources that have an index worth a line somewhere, the largest first."""
+    """Sources with an index large enough to draw somewhere, the largest first."""
     values = data["total_index"].transpose("source", ...).values.reshape(data.sizes["source"], -1)
     most = np.max(np.where(np.isfinite(values), values, 0.0), axis=1)
     order = [k for k in np.argsort(-most) if most[k] > _LEAST_INDEX][:_MOST_LINES]

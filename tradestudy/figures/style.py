@@ -292,7 +292,7 @@ def named_rows(axes: Axes, names: Sequence[str]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraTrace:
-    """What stands for a camera on every figure."""
+    """The title and line style of a camera on every figure."""
 
     key: str
     title: str

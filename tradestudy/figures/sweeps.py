@@ -1,4 +1,4 @@
-"""Swept designs: how depth uncertainty moves with one or two swept parameters, and which designs nothing beats."""
+"""Swept designs: depth uncertainty against one or two parameters, and the Pareto-optimal designs."""
 
 from __future__ import annotations
 

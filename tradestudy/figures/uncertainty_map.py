@@ -26,7 +26,7 @@ def uncertainty_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     for key in map(str, group(tree, "depth_map")["camera"].values):
         yield Drawing(
             name=f"depth-map-{key}",
-            caption=f"Depth uncertainty of {titles[key]} over the picture, as a multiple of that in its middle, on one "
+            caption=f"Depth uncertainty of {titles[key]} over the picture, relative to its middle, on one "
             "scale for all distances. White: not seen by both cameras, outside the valid field of a lens, or without a "
             "bound.",
             alt="".join(map_sentences(tree, key)),

@@ -1,4 +1,4 @@
-"""What decides depth uncertainty at which distance: shares of the variance of inverse depth, one panel per camera."""
+"""Error sources of depth uncertainty: shares of the variance of inverse depth over distance, a panel per camera."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def draw_variance_shares(tree: xr.DataTree) -> StudyFigure:
 
 
 def _look(name: str, order: int) -> tuple[str, str]:
-    """Colour and hatch of a part: the noise of a measurement is grey, everything that averaging leaves is coloured."""
+    """Colour and hatch of a part: measurement noise is grey, sources that averaging does not reduce are coloured."""
     return (_NOISE, "") if name == "noise" else (line_style(order - 1).color, _HATCHES[(order - 1) % len(_HATCHES)])
 
 

@@ -1,4 +1,4 @@
-"""What knowing each assumption is worth."""
+"""The worth of knowing each assumption."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ _LONGEST = 40
 
 
 def worths_drawing(tree: xr.DataTree) -> Drawing | None:
-    """The figure of a study that asks what its assumptions are worth; None of any other."""
+    """The figure of a study that asks for the worth of its assumptions; None for any other."""
     found = worths(tree)[:_MOST]
     if not found:
         return None
     told = "; ".join(f"{one.says} {pretty(one.worth, FRACTION, digits=2)}" for one in found)
     return Drawing(
         name="assumption_worths",
-        caption="By how much knowing each assumption before choosing a camera lowers the depth uncertainty over the "
-        "distance, on average; bars span a standard error either way.",
+        caption="Worth of knowing each assumption before choosing a camera: the average reduction of relative depth "
+        "uncertainty; bars span one standard error to either side.",
         alt=f"Worth of knowing each assumption: {told}.",
         draw=lambda: draw_worths(tree),
     )

@@ -56,7 +56,7 @@ def test_the_register_shows_every_default_and_the_first_page_what_is_taken_as_pe
     }
     result.write(tmp_path / "out", pdf=False)
     page = re.sub(r"<[^>]+>", " ", (tmp_path / "out" / "report.html").read_text(encoding="utf-8"))
-    assert "The calibration of rig is taken as perfect:" in " ".join(page.split())
+    assert "The calibration of rig is assumed perfect:" in " ".join(page.split())
 
 
 def test_an_error_that_is_declared_is_not_taken_as_perfect(tmp_path: Path) -> None:

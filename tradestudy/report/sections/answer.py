@@ -105,7 +105,7 @@ def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _requirements(tree: xr.DataTree, of: str = "") -> Iterator[Callout]:
-    """What became of every requirement, what must hold first; `of` which design, in words."""
+    """The verdict on every requirement, musts first; `of` names the design in words."""
     requirements = requirement_conclusions(tree)
     if requirements:
         missed = any(one.met is not True and one.priority == "must" for one in requirements)
@@ -129,7 +129,7 @@ def _requirement(one: RequirementConclusion) -> Spans:
 
 
 def _designs(tree: xr.DataTree) -> Iterator[Spans]:
-    """What the designs of a sweep meet and favour, and how far they move crossover and usable ranges."""
+    """What the designs of a sweep meet and favour, and how they move the crossover and usable ranges."""
     told = [
         feasible_words(tree),
         f"Best {favoured}" if (favoured := "; ".join(favoured_words(tree))) else "",
@@ -141,36 +141,36 @@ def _designs(tree: xr.DataTree) -> Iterator[Spans]:
 
 
 def _weighed(tree: xr.DataTree) -> Iterator[Spans]:
-    """Who ranks first by all declared criteria."""
+    """The camera that ranks first by all declared criteria."""
     if told := trade_off_conclusion(tree):
         yield say("**By all criteria** ([](#trade-off-table)): {told}.", told=told)
 
 
 def _measured(tree: xr.DataTree) -> Iterator[Spans]:
-    """What rendered pictures say of the prediction."""
+    """How measurements in rendered pictures compare with the prediction."""
     for sentence in measured_words(tree):
         yield say("{sentence}.", sentence=sentence)
 
 
 def _taken_as_perfect(tree: xr.DataTree) -> Iterator[Spans]:
-    """Whose calibration the answers trust without any error."""
+    """Cameras whose calibration is assumed perfect."""
     if titles := perfectly_calibrated(tree):
         yield say(
-            "**The calibration of {cameras} is taken as perfect:** no errors, corners, target or posterior say how far "
-            "it is off.",
+            "**The calibration of {cameras} is assumed perfect:** the study declares no errors, corners, target or "
+            "posterior for it.",
             cameras=listed(titles),
         )
 
 
 def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
-    """What decides the answers most, and on what that rests."""
+    """The inputs that decide the answers most, and their bases."""
     told = rests_on(tree)
     if told:
         yield say("**This rests on** {inputs}.", inputs="; ".join(told))
 
 
 def _at_the_bound(tree: xr.DataTree) -> Iterator[Spans]:
-    """That no real matcher stands behind the answers, for the cameras that they name."""
+    """Cameras in the answers whose disparity errors are bounds, without a real matcher."""
     named = {title for one in best_ranges(tree) for title in one.cameras}
     named |= {one.camera for one in requirement_conclusions(tree)}
     if sentence := best_of_any_matcher(tuple(title for title in at_the_bound(tree) if title in named)):
@@ -208,7 +208,7 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
             all=str(max(one.alternatives for one in found)),
         )
     else:
-        yield say("No reading that was tried reverses it.")
+        yield say("No other reading reverses it.")
 
 
 def _stretches(tree: xr.DataTree) -> Iterator[Spans]:
@@ -248,7 +248,7 @@ def _why_none(tree: xr.DataTree, depth: xr.Dataset, start: float, end: float) ->
         if key not in among
         and np.any((depth["usable_near"].sel(camera=key) < end) & (depth["usable_far"].sel(camera=key) > start))
     ]
-    others = f"; usable in it, but no candidate: {', '.join(beside)}" if beside else ""
+    others = f"; usable there, but not a candidate: {', '.join(beside)}" if beside else ""
     return (f" ({'; '.join(told)})" if told else "") + others
 
 
@@ -292,7 +292,7 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
 
 
 def _ways(tree: xr.DataTree) -> Iterator[Spans]:
-    """Whom noise alone and calibration alone favour, at how many of the declared distances."""
+    """The cameras that noise alone and calibration alone favour, with the number of declared distances."""
     if not has(tree, "decision", "more_certain", "uncertainty_ratio"):
         return
     decision, titles = group(tree, "decision"), camera_titles(tree)
@@ -307,7 +307,7 @@ def _ways(tree: xr.DataTree) -> Iterator[Spans]:
 
 
 def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], way: str) -> str:
-    """Wins, ties and undecided places of one way: equal uncertainties are no loss."""
+    """Wins, ties and undecided distances of one error source; equal uncertainties count as ties."""
     names = [str(name) for name in decision["more_certain"].values]
     neither = np.asarray(decision["uncertainty_ratio"].values, dtype=np.float64)[[not name for name in names]]
     undecided = int(np.isnan(neither).sum())
@@ -352,7 +352,7 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _factor(ratio: float) -> str:
-    """How much more certain the better one is, from a ratio either way."""
+    """The factor by which the better camera is more certain, from a ratio in either direction."""
     if np.isnan(ratio):
         return "—"
     return significant(max(ratio, 1.0 / ratio), 2) if 0.0 < ratio < np.inf else "∞"
@@ -360,7 +360,7 @@ def _factor(ratio: float) -> str:
 
 def _flipped(one: Flips, titles: Mapping[str, str]) -> Text:
     if not one.alternatives:
-        return "no other reading was tried"
+        return "no other reading"
     return say(
         "**{count} of {all}**{names}",
         count=str(len(one.flipped)),

@@ -1,4 +1,4 @@
-"""Calibration: where each camera's comes from, whether inferences converged, what a reading is worth, who errs less."""
+"""Calibration: the source of each, convergence of inferences, the worth of a reading, and which camera errs less."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SOURCES = ("corners", "target", "posterior")
 
 
 def describe_calibration(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Write what the calibrations of the cameras are and what they decide; nothing for a study without depth."""
+    """Write the calibrations of the cameras and their effect on depth; nothing for a study without depth."""
     if not has(tree, "depth"):
         return
     inputs = run.get("inputs", {})
@@ -36,7 +36,7 @@ def describe_calibration(tree: xr.DataTree, run: Mapping[str, Any], drawings: Ma
         yield from pictures_of(drawings, "tornado", "sobol-indices")
         yield from _refusals(tree)
     if has(tree, "decision", "rank_first"):
-        yield Heading(text="Who errs less, with what probability", anchor="ranks", level=2)
+        yield Heading(text="Which camera errs less", anchor="ranks", level=2)
         yield from describe_ranks(tree)
         yield from pictures_of(drawings, "rank-probability")
 
@@ -60,8 +60,8 @@ def _sources(tree: xr.DataTree, inputs: Mapping[str, str]) -> Table:
         )
     return Table(
         name="calibration-source-table",
-        caption="Where each calibration comes from. Beside a target or corners the declared errors are priors, and "
-        "what the board cannot show.",
+        caption="Sources of the calibrations. With a target or corners, the declared errors are priors, or errors "
+        "that the board cannot reveal.",
         columns=(
             Column(title="Camera", weight=2),
             Column(title="Source", weight=2),
@@ -90,11 +90,11 @@ def _source(tree: xr.DataTree, key: str, own: Mapping[str, str], errors: list[st
         return f"a saved posterior, {own.get('posterior.file', '')}".removesuffix(", ")
     if errors:
         return "declared errors"
-    return "not known" if decided_by_calibration(nominal(tree), key) else "taken as perfect"
+    return "unknown" if decided_by_calibration(nominal(tree), key) else "assumed perfect"
 
 
 def _averaging(tree: xr.DataTree) -> Table:
-    """How many readings make the noise as small as what calibration leaves, at the declared distances."""
+    """Number of readings that reduce noise to the calibration uncertainty, at the declared distances."""
     depth, places = table_depth(tree), table_distances(tree)
 
     def cell(key: str, place: float) -> str:
@@ -104,8 +104,8 @@ def _averaging(tree: xr.DataTree) -> Table:
 
     return Table(
         name="averaging-table",
-        caption="How many readings of one place are worth averaging: with so many, noise and calibration are equal, "
-        "n = (u noise / u calibration)². More readings gain little, for calibration does not average.",
+        caption="Readings of one point worth averaging: with this number, noise equals calibration, "
+        "n = (u noise / u calibration)². More readings gain little, because calibration errors do not average out.",
         columns=(
             Column(title="Camera", weight=1),
             *(Column(title=distance(float(place)), align="right") for place in places),
@@ -114,8 +114,8 @@ def _averaging(tree: xr.DataTree) -> Table:
             (title, *(cell(key, float(place)) for place in places)) for key, title in titles_in(tree, "depth").items()
         ),
         notes=(
-            "< 1: one reading is already as good as its calibration. ∞: calibration moves no depth there, or was "
-            "left out within the tolerance.",
+            "< 1: noise of one reading is already below calibration. ∞: calibration does not affect depth there, or "
+            "was left out within the tolerance.",
         ),
     )
 
@@ -143,7 +143,11 @@ def _refusals(tree: xr.DataTree) -> Iterator[Block]:
     if rows:
         yield Table(
             name="refused-table",
-            caption="What was refused because it would mislead.",
-            columns=(Column(title="Camera", weight=1), Column(title="What", weight=1), Column(title="Why", weight=4)),
+            caption="Results withheld because they would mislead.",
+            columns=(
+                Column(title="Camera", weight=1),
+                Column(title="Result", weight=1),
+                Column(title="Reason", weight=4),
+            ),
             rows=tuple(rows),
         )

@@ -15,7 +15,7 @@ from tradestudy.wording import listed
 
 
 def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Write what was measured; nothing where nothing was."""
+    """Write the measured costs; nothing without measurements."""
     if "cost" not in tree.children:
         return
     yield Heading(text="What accuracy costs", anchor="what-accuracy-costs")
@@ -24,7 +24,7 @@ def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterato
 
 
 def answers(cost: xr.Dataset) -> Iterator[Spans]:
-    """What every piece of a study takes and errs by, and what the next digit would take."""
+    """Time and error of every problem of a study, and the cost of one more digit."""
     for name in cost["piece"].values:
         rows = cost.isel(entry=cost["piece_of"].values == name)
         yield _answer(cost.sel(piece=name), rows.drop_dims("piece").to_dataframe().to_dict("records"))
@@ -40,9 +40,9 @@ def _answer(piece: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
     if finer:
         more = f"ten times as exact takes {_seconds(finer[0])} ({finer[0]['models']})"
     elif error <= floor:
-        more = "nothing tells it from more exact models"
+        more = "more exact models give the same result within the error of the reference"
     else:
-        more = "nothing that was measured is ten times as exact"
+        more = "no measured set of models is ten times as exact"
     return say(
         "**{title}**: {models} takes {seconds} and errs by {most}{error}; {more}.{left_out}",
         title=str(piece["title"].item()),

@@ -16,20 +16,20 @@ from tradestudy.wording import distance
 
 
 def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
-    """One table for each camera, and once what the values mean."""
+    """Explain the values, then write one table for each camera."""
     if not has(tree, "datasheet", "z_accuracy"):
         return
     data, titles = group(tree, "datasheet"), camera_titles(tree)
     yield Heading(text="Data sheets", anchor="datasheets")
     yield Paragraph(
         say(
-            "Values are on the axis, of the study as declared and in its scene, one sigma unless said otherwise; they "
-            "follow no published test standard. *Z accuracy*: half the central 68.27 % interval by calibration errors "
-            "alone, what averaging many pictures leaves. *Temporal noise*: the same by noise alone. *Sub-pixel RMS*: "
-            "the standard deviation of one disparity. *Plane-fit RMS*: what a plane fitted to a flat target leaves; "
-            "calibration errors shift and tilt the plane as a whole, so noise remains. *Fill rate*: the share that "
-            "both views, or enough microlenses, see, times one less the failed fraction; 0 where the camera is not "
-            "usable. *Field*: sensor size times distance over the distance from lens to sensor.{matching}",
+            "Values hold on the axis, for the study as declared and its scene, at one sigma unless stated otherwise; "
+            "they follow no published test standard. *Z accuracy*: half the central 68.27 % interval from calibration "
+            "errors alone, which remain after averaging many pictures. *Temporal noise*: the same from noise alone. "
+            "*Sub-pixel RMS*: standard deviation of one disparity. *Plane-fit RMS*: residual of a plane fitted to a "
+            "flat target; calibration errors shift and tilt the whole plane, so only noise remains. *Fill rate*: the "
+            "share that both views, or enough microlenses, see, times one minus the failed fraction; 0 where the "
+            "camera is unusable. *Field*: sensor size times distance over the distance from lens to sensor.{matching}",
             matching=_of_matching(tree),
         )
     )
@@ -50,10 +50,10 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _of_matching(tree: xr.DataTree) -> str:
-    """Whose disparity errors no real matcher has, and what of a declared one is no temporal noise."""
+    """Cameras whose disparity errors are bounds, and why pixel locking is not temporal noise."""
     told = best_of_any_matcher(at_the_bound(tree))
     if declared_matchers(tree):
-        told += " Declared pixel locking is no temporal noise: repeating a measurement does not change it."
+        told += " Declared pixel locking is not temporal noise: it is the same in every repeated measurement."
     return f" {told.strip()}" if told else ""
 
 

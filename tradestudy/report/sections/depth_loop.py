@@ -20,25 +20,25 @@ _PLANES = ("distance", "contrast", "electrons")
 
 
 def describe_depth_loop(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Hold depth measured in pictures of planes against prediction; nothing for a study without a depth loop."""
+    """Compare depth measured in pictures of planes with the prediction; nothing for a study without a depth loop."""
     if not has(tree, "depth_loop", "depth_spread"):
         return
     data, titles = group(tree, "depth_loop"), camera_titles(tree)
     yield Heading(text="From pictures to depth and back", anchor="depth-loop")
     yield Paragraph(
-        "Planes across the axis were rendered, each with a texture and noise of its own, and their depth was measured "
-        "by each camera as it was designed. The search for the disparity began near the true one, so that false "
-        "matches far away are not counted."
+        "The program rendered planes across the axis, each with its own texture and noise, and measured their depth "
+        "with each camera as designed. The search for the disparity started near the true one, so distant false "
+        "matches do not occur."
     )
     yield from pictures_of(drawings, "depth_loop")
     for k, name in enumerate(data["camera"].values):
         yield Paragraph(_told(data.isel(camera=k), titles[str(name)]))
-    yield Paragraph("The file matchers.yaml beside this report has the matchers as a study's cameras take them.")
+    yield Paragraph("The file matchers.yaml beside this report holds the fitted matchers, ready for a study's cameras.")
     yield from score_tables(name="depth-loop", first=_first_columns(data), rows=list(_rows(data, titles)))
 
 
 def _told(one: xr.Dataset, title: str) -> Text:
-    """What became of the matcher of one camera."""
+    """The fitted matcher of one camera, or why there is none."""
     declared = str(one["matcher"].item())
     if np.isnan(one["matcher_factor"].item()):
         return say("**{title}**: {why}.", title=title, why=declared)

@@ -1,4 +1,4 @@
-"""How well depth was measured in the pictures of the scene."""
+"""Depth measured in the pictures of the scene, compared with the prediction."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ ScoreRow = tuple[tuple[Text, ...], xr.Dataset | None]
 
 
 def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Show the depth maps and hold them against prediction; nothing for a study that measures none."""
+    """Show the depth maps and compare them with the prediction; nothing for a study without depth maps."""
     if not has(tree, "pictures", "map_depth"):
         return
     data, titles = group(tree, "pictures"), camera_titles(tree)
     yield Heading(text="Depth measured in the pictures", anchor="depth-maps", level=2)
     yield Paragraph(
-        "Each camera reads its pictures as it was designed, by its own estimator. What is hidden from the estimator "
-        "counts as no failure; what has no depth, or a false one, does."
+        "Each camera measures depth in its pictures as designed, with its own estimator. Points hidden from the "
+        "estimator do not count as failures; points without depth, or with a false one, do."
     )
     yield from pictures_of(drawings, "depth_maps", "depth_achieved")
     rows = [data.isel(mapped_camera=k) for k in range(data.sizes["mapped_camera"])]
@@ -54,9 +54,9 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
         rows=tuple(cells if one is None else (*cells, *_of_depth(one)) for cells, one in rows),
         notes=(
             "Bias and spread: median of the errors, and half their central 68.27 % interval. Predicted: the depth "
-            "uncertainty at these distances. Filled: points with a depth over those that the estimator has two "
-            "pictures of. Paired: these over all points of the picture that show a surface; predicted for points of "
-            "the object, of which those that several micro-images show count several times in a raw picture.",
+            "uncertainty at these distances. Filled: share of points with a depth, of those that the estimator has two "
+            "pictures of. Paired: share of all points on a surface that have two such pictures; the prediction counts "
+            "points of the object, but a raw picture counts those in several micro-images several times.",
         ),
     )
     yield Table(
@@ -68,9 +68,9 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
         ),
         rows=tuple(cells if one is None else (*cells, *_of_disparity(one)) for cells, one in rows),
         notes=(
-            "Bias and spread in pixels. Over noise: spread of the errors over what noise gives each window by its "
-            "texture, to first order. Neighbours, a window apart: correlation of the errors of points beside each "
-            "other, and of points so far apart. Windows: how many without a common pixel were measured.",
+            "Bias and spread in pixels. Over noise: spread of the errors relative to the first-order error that noise "
+            "causes in each window, given its texture. Neighbours, a window apart: correlation of the errors of "
+            "adjacent points, and of points one window apart. Windows: number of non-overlapping windows measured.",
         ),
     )
 

@@ -70,7 +70,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
             "Discrimination: the change of depth per declared step of disparity (nearer / farther where they "
             "differ). u: half the central 68.27 % interval of one measurement, for noise only, calibration only, "
             "and both; ± its error, where that exceeds 1 %. ∞: the interval has no far end. *: not "
-            "converged, sampling left more than the tolerance."
+            "converged; the sampling error exceeds the tolerance."
             + _numerical_error(tree)
             + _noise_is_coarse(tree)
             + "".join(f" {sentence}" for sentence in (best_of_any_matcher(at_the_bound(tree)),) if sentence),
@@ -79,7 +79,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
 
 
 def _noise_is_coarse(tree: xr.DataTree) -> str:
-    """Say where noise by itself was not asked for and what was left out moves it by more than the whole."""
+    """Warn if noise alone has no tolerance and omitted effects change it by more than the tolerance on the whole."""
     if not has(tree, "effects", "joint_change", "tolerance"):
         return ""
     effects = group(tree, "effects")
@@ -89,8 +89,8 @@ def _noise_is_coarse(tree: xr.DataTree) -> str:
         return ""
     largest = share(float(np.nanmax(np.where(coarse, noise["joint_change"].values, np.nan))))
     return (
-        f" Noise only was not asked for: what was left out changes it by up to {largest} "
-        "(accuracy.depth_noise asks for it)."
+        f" Noise only has no tolerance of its own: omitted effects change it by up to {largest} "
+        "(set accuracy.depth_noise to limit this)."
     )
 
 
@@ -153,8 +153,8 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
         yield table(
             "baseline-table",
             "equivalent_baseline",
-            "Equivalent baseline: that of the stereo rig which, with the same focal length and disparity error, "
-            "measures as well.",
+            "Equivalent baseline: baseline of a stereo rig with the same focal length and disparity error that "
+            "measures depth equally well.",
             length,
             _baseline_note(tree, depth),
         )
@@ -199,7 +199,7 @@ def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
         say(
             "{open} The pair compared is {first} and {second}.",
             open="The sources leave questions open. Each reading answers one of them differently from the study as "
-            "declared; everything else stays."
+            "declared and changes nothing else."
             if decision.sizes["reading"] > 1
             else "The study declares no other reading.",
             **pair,
@@ -254,7 +254,7 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
     yield Paragraph(
         say(
             "In the study as declared the two are equally uncertain {own}, usable there or not. Under {count} of the "
-            "{all} other readings they are so between {low} and {high}. That is a range of assumptions, not a "
+            "{all} other readings, this happens between {low} and {high}. That is a range of assumptions, not a "
             "confidence interval. The first page says where the preferred camera switches.",
             own=text,
             count=str(int(np.isfinite(values[1:]).any(axis=1).sum())),

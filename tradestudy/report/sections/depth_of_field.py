@@ -1,4 +1,4 @@
-"""What stays sharp: the answer for the first page, the numbers by every criterion, and the comparison of cameras."""
+"""Depth of field: the answer for the first page, the numbers by every criterion, and the comparison of cameras."""
 
 from __future__ import annotations
 
@@ -134,8 +134,8 @@ def _diffraction_finding(tree: xr.DataTree) -> Iterator[Spans]:
             words.append(f"{_criterion_words(one)}: {blind}")
     if words:
         yield say(
-            "Cameras of {all} for which diffraction alone is wider than the criterion, so that nothing is sharp by "
-            "it: {words}.",
+            "Number of cameras, of {all}, whose diffraction spot alone exceeds the criterion, so that nothing is "
+            "sharp: {words}.",
             all=str(data.sizes["camera"]),
             words="; ".join(words),
         )
@@ -182,8 +182,8 @@ def _answer_table(tree: xr.DataTree, rows: list[_Row]) -> Table:
         ),
         rows=tuple(cells(row) for row in rows),
         notes=(
-            "Resolves: the coarsest detail within the scene, the larger of lateral sample and defocus on the object. "
-            "Diffraction spot: its width at half maximum on the object. Distances count from the principal plane.",
+            "Resolves: the coarsest resolution within the scene, the larger of lateral sample and defocus on the "
+            "object. Diffraction spot: width at half maximum on the object. Distances are from the principal plane.",
         ),
     )
 
@@ -263,7 +263,7 @@ def _slices(tree: xr.DataTree) -> Iterator[Block]:
     if rows:
         yield Table(
             name="slice-table",
-            caption="Images of a stack and types of microlenses one by one, by the first criterion.",
+            caption="Depth of field of each image of a stack and each type of microlens, by the first criterion.",
             columns=(
                 Column(title="Camera", weight=2),
                 Column(title="Slices", weight=5),
@@ -280,8 +280,8 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
     size = length(float(data.attrs["equal_resolution"]))
     yield Table(
         name="equal-resolution-table",
-        caption=f"The comparison at equal lateral resolution: where {size} on the object is resolved, geometrically. A "
-        "camera that samples coarsely gains nothing here from a deep focus.",
+        caption=f"Comparison at equal lateral resolution: distances at which {size} on the object is resolved, "
+        "geometrically. A camera that samples coarsely gains nothing here from a large depth of field.",
         columns=(
             Column(title="Camera", weight=3),
             Column(title="Resolved", weight=3),
@@ -290,8 +290,8 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
             Column(title="Why nowhere", weight=4),
         ),
         notes=(
-            "A detail is resolved where one picture of it is fine enough; depth asks for more, namely that two "
-            "microlenses, views or lenses see it.",
+            "One sufficiently fine picture resolves a detail; measuring depth also requires that two microlenses, "
+            "views or lenses see it.",
         ),
         rows=tuple(
             (
@@ -321,8 +321,8 @@ def _coverage(tree: xr.DataTree) -> Iterator[Block]:
     if rows:
         yield Table(
             name="coverage-table",
-            caption="Mean number of microlenses that see a point at the ends of the scene; from the total covering "
-            "plane on, where the absolute virtual depth is 2, each point is seen by two or more.",
+            caption="Mean number of microlenses that see a point at the ends of the scene; beyond the total covering "
+            "plane, where the absolute virtual depth is 2, two or more see every point.",
             columns=(
                 Column(title="Camera", weight=2),
                 Column(title="Total covering plane", align="right", weight=1),

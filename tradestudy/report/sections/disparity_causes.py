@@ -1,4 +1,4 @@
-"""Why a derived disparity error is what it is: light, blur or diffraction, at the declared distances."""
+"""Causes of derived disparity errors: light, blur or diffraction, at the declared distances."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _COLUMNS: Final = {
     "light of the brightest": "brightest light",
     "ten times the light": "tenfold light",
 }
-# What is taken away, and what it is called as a cause; ten times the light helps any camera and tells none apart.
+# Removed causes by name; tenfold light is not among them, since it helps every camera.
 _CAUSES: Final = {
     "no blur": "defocus blur",
     "no diffraction": "diffraction",
@@ -39,8 +39,8 @@ def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="What the disparity error is made of", anchor="disparity-causes", level=2)
     yield Paragraph(
         say(
-            "Where the disparity error is derived from the picture, the same bound is computed again with one cause "
-            "taken away: defocus blur, the diffraction of all lenses, or the lack of light against the brightest of "
+            "For disparity errors derived from the picture, the same bound is computed again with one cause removed: "
+            "defocus blur, the diffraction of all lenses, or the lack of light relative to the brightest of "
             "these cameras. [](#disparity-causes-table) has the values; at {place}:",
             place=distance(float(found["distance"][middle])),
         )
@@ -103,7 +103,7 @@ def _sentence(there: xr.Dataset, titles: Mapping[str, str]) -> str:
             for name, value in changed.items()
         }
         left = ", ".join(f"{words[name]} {without[name]}" for name in order)
-        return f"{light}, and no texture is left to be matched: {left}."
+        return f"{light}, and no texture is left to match: {left}."
     first, *others = order
     told = f"{words[first]} it would be {_change(error, changed[first])}; " + ", ".join(
         f"{words[name]} {_change(error, changed[name])}" for name in others
@@ -138,7 +138,7 @@ def _largest(there: xr.Dataset) -> tuple[str, float] | None:
 
 
 def _change(error: float, changed: float) -> str:
-    """How many times smaller or larger, as a reader would say it."""
+    """The change in words: the same, or how many times smaller or larger."""
     factor = _factor(error, changed)
     if factor == 1.0:
         return "the same"
@@ -176,8 +176,8 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
             if real
             else "Derived disparity error in pixels as it is, and"
         )
-        + " with one cause taken away; in brackets how many times "
-        "smaller that is.",
+        + " with one cause removed; in brackets, the factor "
+        "by which it becomes smaller.",
         columns=(
             Column(title="Camera", weight=1),
             Column(title="Electrons", align="right"),
@@ -192,17 +192,16 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
         notes=(
             "Electrons: mean of a pixel. "
             + (
-                "Window: side of the square that is matched, the declared one or the largest that both pictures share. "
+                "Window: side of the matching window, as declared or the largest that both pictures share. "
                 if windows
                 else ""
             )
-            + "A number in brackets below 1: the error would be larger, since what blurs "
-            "also keeps texture out that is too fine for the pixels. The causes act together: their numbers need not "
-            "multiply to the whole. Tenfold light, as if no pixel saturated, makes the error about 3.2 times "
-            "smaller where texture stands out of the noise of the light itself; more where the sensor adds noise or "
-            "texture drowns in it, less where texture too fine for the pixels is the noise. Where a camera is not "
-            "usable a matcher may miss these bounds."
-            + (" Brightest light: that of the camera of most electrons that is not saturated." if compared else "")
+            + "A number in brackets below 1: the error would be larger, since blur also "
+            "removes texture that is too fine for the pixels. The causes interact: their factors need not multiply "
+            "to the whole. Tenfold light, as if no pixel saturated, makes the error about 3.2 times smaller where "
+            "texture exceeds shot noise; more where the sensor adds noise or noise hides the texture, less where "
+            "aliased texture is the noise. Where a camera is not usable, a matcher may miss these bounds."
+            + (" Brightest light: that of the unsaturated camera with the most electrons." if compared else "")
             + _numerical_error(found, titles),
         ),
     )
@@ -226,7 +225,7 @@ def _cell(there: xr.Dataset, error: float, change: str) -> str:
 
 
 def _numerical_error(found: xr.Dataset, titles: Mapping[str, str]) -> str:
-    """The largest, and of which camera where: it grows where nothing is left to match."""
+    """The largest estimated numerical error, with its camera and distance."""
     own, changed = (
         (found[f"{name}_error"] / found[name].where(found[name] > 0.0))
         .where(lambda value: np.isfinite(value))

@@ -1,4 +1,4 @@
-"""Which effects were simulated, which were left out, and the numbers that an expert can agree or disagree with."""
+"""Effects simulated and left out, with the numbers that justify each choice."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ from tradestudy.report.words import in_words, share
 from tradestudy.results.views.groups import group, records
 from tradestudy.wording import distance
 
-_HOW: Final = {"computed": "computed", "rule": "closed rule, with a margin", "trial": "estimated at a few distances"}
+_HOW: Final = {
+    "computed": "computed",
+    "rule": "closed-form rule, with a margin",
+    "trial": "estimated at a few distances",
+}
 _FULL: Final = "nothing"
 _COLUMNS: Final = (
     Column(title="Camera or picture", weight=4),
@@ -23,20 +27,20 @@ _COLUMNS: Final = (
     Column(title="Model", weight=3),
     Column(title="Leaves out", align="right", weight=3),
     Column(title="Quantity", weight=4),
-    Column(title="How it is known", weight=4),
+    Column(title="Evidence", weight=4),
 )
 
 
 def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
-    """Write what was asked for, what acts, and how much all that is left out changes."""
+    """Write the tolerances, the applied models, and the change that all omissions cause together."""
     rows = _rows(tree)
     if not rows:
         return
     yield Heading(text="What was simulated, and what was not", anchor="effects")
     yield Paragraph(
         say(
-            "Each effect has models from off to the most complete one. The cheapest set was taken that keeps the "
-            "answers within the tolerance, judged together at the worst distance, reading and design. {together}",
+            "Each effect has models from off to the most complete. The program chose the cheapest set that keeps "
+            "the answers within the tolerance at the worst distance, reading and design. {together}",
             together=" ".join(_together(tree)),
         )
     )
@@ -44,7 +48,7 @@ def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
     if matter:
         yield Table(
             name="effects-that-matter",
-            caption="The model of each effect that matters, and what it leaves out by itself.",
+            caption="The model of each effect that matters, and the change that its omissions cause.",
             columns=_COLUMNS,
             rows=tuple(map(_cells, matter)),
             notes=tuple(_nothing(rows)),
@@ -60,14 +64,14 @@ def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
         yield Heading(text="Every model that was compared", anchor="every-model")
         yield Table(
             name="effects-all",
-            caption="Every model of every effect, and what it alone would change; a dot marks the models used.",
+            caption="Every model of every effect, and the change from its omissions alone; a dot marks used models.",
             columns=_COLUMNS,
             rows=tuple(_cells(row, marked=True) for row in rows),
         )
 
 
 def _rows(tree: xr.DataTree) -> list[dict[str, Any]]:
-    """Decisions with the asked quantity that each changes most against its tolerance."""
+    """Decisions, each with the quantity that it changes most relative to its tolerance."""
     rows = records(tree, "effects", "decision")
     if not rows:
         return []
@@ -100,19 +104,19 @@ def _is_simulated(row: Mapping[str, Any]) -> bool:
 
 def _cells(row: Mapping[str, Any], *, marked: bool = False) -> tuple[str, ...]:
     mark = "● " if marked and row["chosen"] else ""
-    model = f"{mark}{row['model']}" + (", named by the study" if row["forced"] else "")
+    model = f"{mark}{row['model']}" + (", forced by the study" if row["forced"] else "")
     quantity = IN_WORDS[row["quantity"]]
     if row["forced"]:
         return str(row["title"]), in_words(str(row["slot"])), model, "see above", "—", "—"
     if row["change"] == 0.0:
         return str(row["title"]), in_words(str(row["slot"])), model, _FULL, "—", "—"
     at = "" if math.isnan(row["at"]) else f", at {distance(row['at'])}"
-    known = "not known" if math.isinf(row["change"]) else f"{_HOW[str(row['evidence'])]}{at}"
+    known = "unknown" if math.isinf(row["change"]) else f"{_HOW[str(row['evidence'])]}{at}"
     return str(row["title"]), in_words(str(row["slot"])), model, _share(row["change"]), quantity, known
 
 
 def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """The effects that have no choice, one sentence for each reason."""
+    """Effects without a choice of models, one sentence for each reason."""
     by_reason: dict[str, dict[str, list[str]]] = {}
     for row in rows:
         if row["reason"] and not row["forced"]:
@@ -124,7 +128,7 @@ def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def _together(tree: xr.DataTree) -> Iterator[str]:
-    """What all omissions change together, for each quantity that was asked for, and what forced models change."""
+    """The joint change from all omissions, for each quantity with a tolerance, and that from forced models."""
     data = group(tree, "effects")
     for number in range(len(QUANTITIES)):
         asked, joint = data["tolerance"].values[:, number], data["joint_change"].values[:, number]
@@ -132,18 +136,18 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
             shown = joint[~np.isnan(joint)]
             if shown.size and shown.max() > 0.0:
                 changed = IN_WORDS[QUANTITIES[number]]
-                yield f"The {changed} was not asked for; it may be off by up to {_share(float(shown.max()))}."
+                yield f"The {changed} has no tolerance; it may be off by up to {_share(float(shown.max()))}."
             continue
         yield (
-            f"What the program left out changes the {IN_WORDS[QUANTITIES[number]]} by up to "
+            f"The omitted effects change the {IN_WORDS[QUANTITIES[number]]} by up to "
             f"{_share(float(np.nanmax(np.where(np.isnan(asked), np.nan, joint))))}; "
-            f"{_share(float(np.nanmax(asked)))} is allowed."
+            f"the tolerance is {_share(float(np.nanmax(asked)))}."
         )
         forced = data["forced_change"].values[:, number]
         if not np.isnan(forced).all():
             worst = float(np.nanmax(forced))
-            more = "more than" if worst > np.nanmax(asked) else "within what"
-            yield f"The models that the study names change it by up to {_share(worst)}, {more} is allowed."
+            more = "more than" if worst > np.nanmax(asked) else "within"
+            yield f"The models that the study forces change it by up to {_share(worst)}, {more} the tolerance."
 
 
 def _share(value: float) -> str:

@@ -1,4 +1,4 @@
-"""Where Fresnel may stand for Kirchhoff: the answer, the measured errors by every measure, the criteria."""
+"""Where Fresnel may replace Kirchhoff: the answer, the errors by every measure, the criteria."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def describe_fresnel_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) 
     data = group(tree, "fresnel_validity")
     yield Heading(text="The answer", anchor="fresnel-answer")
     yield Callout(
-        title="From which f-number on Fresnel may stand for Kirchhoff",
+        title="From which f-number on Fresnel may replace Kirchhoff",
         blocks=(Bullets(tuple(_findings(data))),),
         tone="answer",
     )
@@ -108,7 +108,7 @@ def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
         parts.append(f"{element_title(data, str(element)).lower()} {', '.join(each)}")
     yield say(
         "**The lens phase decides more than the propagator.** {angle}° off the axis, at the same f-numbers: {parts}; "
-        "Fresnel knows neither the coma nor the distortion of a fixed element.",
+        "Fresnel's approximation has neither the coma nor the distortion of a fixed element.",
         angle=significant(float(np.degrees(data.attrs["field_angle"])), 2),
         parts="; ".join(parts),
     )
@@ -132,9 +132,9 @@ def _measures(data: xr.Dataset) -> Iterator[Block]:
     yield Paragraph(
         say(
             "Both point-spread functions are computed in the plane of the thin-lens image, Fresnel's from paths to "
-            "second order and Kirchhoff's from exact paths and cosines, and compared as they are, without scaling one "
-            "to the other. The paper names neither the measure of its “percentage of error”, nor the window, nor the "
-            "wavelength; so all of them are shown:"
+            "second order and Kirchhoff's from exact paths and cosines. They are compared without rescaling either. "
+            "The paper does not define the measure of its “percentage of error”, the window or the wavelength, so "
+            "the report shows several of each:"
         )
     )
     yield Equation(
@@ -147,11 +147,11 @@ def _measures(data: xr.Dataset) -> Iterator[Block]:
     )
     yield Paragraph(
         say(
-            "To second order every lens phase is the parabola, so that there is one Fresnel function and three of "
-            "Kirchhoff: behind the paper's *parabolic* phase the exact paths leave spherical aberration "
+            "To second order every lens phase is the parabola, so there is one Fresnel function but three of "
+            "Kirchhoff's: behind the paper's *parabolic* phase the exact paths leave spherical aberration "
             "*W* = *r*^4^/8 (1/*a*³ + 1/*b*³), a *stigmatic* element cancels them on the axis for its own object "
-            "distance, and a *perfect* lens does so for every point. On the axis the last two are one. At most "
-            "{error} of the numbers below are numerical error.",
+            "distance, and a *perfect* lens does so for every point. On the axis the last two agree. The numerical "
+            "error is at most {error} of the numbers below.",
             error=share(float((data["published_point_error_numerical"] / data["published_point_error"]).max())),
         )
     )
@@ -225,9 +225,9 @@ def _criteria_table(data: xr.Dataset) -> Table:
         named: list[tuple[str, xr.DataArray]] = [
             ("eq. 27, smaller zero", one["paper_eq27_f_number"].sel(zero="first")),
             ("eq. 27, bigger zero", one["paper_eq27_f_number"].sel(zero="second")),
-            ("one radian a leg (Goodman)", one["goodman_f_number"]),
+            ("one radian per leg (Goodman)", one["goodman_f_number"]),
             *(
-                (f"{significant(float(e))} waves of dropped path", one["path_error_f_number"].sel(path_error=e))
+                (f"{significant(float(e))} waves of neglected path", one["path_error_f_number"].sel(path_error=e))
                 for e in data["path_error"].values
             ),
             ("plane wave behind a bare hole (Southwell)", one["southwell_f_number"]),
@@ -242,8 +242,8 @@ def _criteria_table(data: xr.Dataset) -> Table:
         ),
         rows=tuple(rows),
         notes=(
-            "Goodman's condition knows no lens and looks at the shorter leg alone; he calls it sufficient, not "
-            "necessary. Southwell's question, a uniformly lit hole on its axis, is asked at the image distance for an "
+            "Goodman's condition ignores the lens and considers the shorter leg alone; he calls it sufficient, not "
+            "necessary. Southwell's case, a uniformly lit hole on its axis, is evaluated at the image distance for an "
             f"error of {share(float(data.attrs['error_limit']))} of the largest intensity.",
         ),
     )
@@ -267,13 +267,13 @@ def _printed_criterion(data: xr.Dataset, drawings: Mapping[str, Drawing]) -> Ite
     )
     yield Paragraph(
         say(
-            "Lengths are in wavelengths, *l* is an integer next to 4 (α + β). So the numerator is twice the "
-            "fractional part of 4 (α + β), for the bigger zero plus 2: how many quarter "
-            "waves fit between object and image decides it. Whatever the wavelength within the study, the bigger zero "
-            "lies within {spans}; the smaller zero takes any value above its own least one. A relative change of a "
-            "length comes back up to {condition} times larger in that fractional part. So no reproducible reading "
+            "Lengths are in wavelengths, and *l* is an integer next to 4 (α + β). So the numerator is twice the "
+            "fractional part of 4 (α + β), plus 2 for the bigger zero: it depends on how many quarter "
+            "waves fit between object and image. At all wavelengths of the study, the bigger zero "
+            "lies within {spans}; the smaller zero takes any value above its minimum. The fractional part magnifies a "
+            "relative change of a length up to {condition} times. So no reproducible reading "
             "gives the printed numbers, and nothing was tuned towards them. The bounded criterion, at most ε waves of "
-            "dropped path, is smooth and monotone:",
+            "neglected path, is smooth and monotone:",
             spans=spans,
             condition=significant(float(data["paper_eq27_condition"].max()), 2),
         )

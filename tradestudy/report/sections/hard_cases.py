@@ -1,4 +1,4 @@
-"""Hard cases: the usual formula beside ours where formulas break."""
+"""Hard cases: the usual formula and this program's where formulas break down."""
 
 from __future__ import annotations
 
@@ -20,18 +20,17 @@ def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
         return
     yield Heading(text="Hard cases", anchor="hard-cases")
     yield Callout(
-        title="Where formulas break",
+        title="Where formulas break down",
         blocks=(Paragraph(_verdict(rows)),),
         tone="answer" if all(row["met"] for row in rows) else "warning",
     )
     yield Paragraph(
         say(
-            "Every case is computed at each run by the formula as it is usually written and by the functions of this "
-            "program, and compared with thirty digits of multiple-precision arithmetic. Allowed is a relative error "
-            "of 10^−12^; where the condition number κ magnifies rounding beyond that, 10 κ ε with the machine epsilon "
-            "ε; and where a value is sampled, six of the standard errors that the computation states. Where the "
-            "ill-conditioned step is a difference of the inputs themselves, which floating point forms exactly, κ is "
-            "shown and not used."
+            "Every run computes every case with the usual formula and with the functions of this program, and compares "
+            "both with thirty digits of multiple-precision arithmetic. The bound on the relative error is 10^−12^; "
+            "where the condition number κ magnifies rounding beyond that, 10 κ ε with the machine epsilon ε; and for "
+            "sampled values, six times the stated standard error. Where the ill-conditioned step is a difference of "
+            "the inputs themselves, which floating point computes exactly, κ is shown but not used."
         )
     )
     yield from pictures_of(drawings, "hard_cases")
@@ -44,8 +43,8 @@ def _verdict(rows: list[dict[str, Any]]) -> Spans:
     beyond = sum(not row["naive_error"] <= row["bound"] for row in numbers)
     wrong = [str(row["case"]) for row in rows if not row["met"]]
     return say(
-        "**{met} of {all} hard cases are met.** Of the {numbers} that are numbers, the usual formula misses the same "
-        "bound in {beyond}.{wrong}",
+        "**The program meets {met} of {all} hard cases.** Of the {numbers} with a number as the answer, the usual "
+        "formula misses the same bound in {beyond}.{wrong}",
         met=str(len(rows) - len(wrong)),
         all=str(len(rows)),
         numbers=str(len(numbers)),
@@ -87,11 +86,11 @@ def _family(rows: list[dict[str, Any]], family: str) -> Iterator[Block]:
     if outcomes:
         yield Table(
             name=f"hard-cases-{family}-outcomes",
-            caption=f"{title}: cases whose right answer is in words.",
+            caption=f"{title}: cases whose correct answer is in words.",
             columns=(
                 Column(title="Case", weight=2),
-                Column(title="What is right", weight=2),
-                Column(title="The usual way", weight=3),
+                Column(title="Correct", weight=2),
+                Column(title="Usual formula", weight=3),
                 Column(title="Ours", weight=4),
                 Column(title="Verdict"),
             ),
@@ -111,7 +110,7 @@ def _met(row: Mapping[str, Any]) -> Text:
 
 
 def _wrong(error: float, answer: str) -> str:
-    """An error, or the answer itself where no number says how wrong it is."""
+    """An error, or the answer itself where it has no finite error."""
     return f"wrong: {answer}" if np.isinf(error) else _number(error)
 
 

@@ -1,4 +1,4 @@
-"""The light spot by every method: the answer, the images, what each cost, and how far points spread."""
+"""The light spot by every method: the answer, the images, their computing times, and the spread of points."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from tradestudy.results.views.wave_optics import reference_method
 from tradestudy.units import significant
 
 _NOT_STATED = (
-    "The discretisation and the machine behind the published times are not known, so that published and own times "
+    "The discretisation and the machine behind the published times are unknown, so published and measured times "
     "compare two computations, not two methods on one machine."
 )
 _SOURCES = {
-    "incoherent disc": "Every point of the spot radiates on its own. Its spherical",
+    "incoherent disc": "The points of the spot radiate independently. Each spherical",
     "coherent disc": "The spot is coherent: one wave, of one phase over the disc. This",
     "point": "The spot is a point. Its spherical",
 }
 _ERRORS = {
-    True: "source angles and radii against points between them, single points against a computation of its own, and "
-    "the integration over pixels. Methods share their nodes, so that their difference is known better than each image.",
-    False: "the image against one by fewer nodes and samples; at random places it is held against direct quadrature.",
+    True: "source angles and radii against points between them, single points against an independent computation, and "
+    "the integration over pixels. Methods share their nodes, so their difference is more accurate than each image.",
+    False: "the image against one with fewer nodes and samples, and against direct quadrature at random places.",
 }
 _VARIED = {"f_number": "f-number", "wavelength": "wavelength", "field_angle": "field angle", "defocus": "defocus"}
 
@@ -48,7 +48,7 @@ _VARIED = {"f_number": "f-number", "wavelength": "wavelength", "field_angle": "f
 def describe_light_spot_answer(
     tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]
 ) -> Iterator[Block]:
-    """Say how far the methods differ on the detector and what each took."""
+    """Say how far the methods differ on the detector, and their computing times."""
     if not has(tree, "images", "image"):
         return
     data = group(tree, "images")
@@ -112,7 +112,7 @@ def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
 
 
 def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
-    """Say what the picture of the study is, how far it is from the reference, and what it took."""
+    """Describe the picture of the study, its difference from the reference, and its computing time."""
     picture, compared = data["chosen_image"], data["image"].sel(propagator=reference)
     same = [str(name) for name in data["propagator"].values if (data["image"].sel(propagator=name) == picture).all()]
     if reference in same:
@@ -127,7 +127,7 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
         )
     error, asked = float(data["chosen_error"]), float(data.attrs["chosen_tolerance"])
     return say(
-        "**The picture by the models that the tolerance calls for** ({method}, sampled to {tolerance}, "
+        "**The picture by the models chosen for the tolerance** ({method}, sampled to {tolerance}, "
         "{reached}): {found}.",
         method=_within_a_sentence(str(data.attrs["chosen_method"])),
         tolerance=share(asked),
@@ -142,7 +142,7 @@ def _within_a_sentence(method: str) -> str:
 
 
 def _stated(error: float, asked: float) -> str:
-    """Error of an image, marked where it misses what was asked for."""
+    """Error of an image, marked if it exceeds the tolerance."""
     return share(error) + (f" (above {share(asked)})" if error > asked else "")
 
 
@@ -169,7 +169,7 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
     return Table(
         name="light-spot-table",
         caption="The images in numbers: time here and as published, stated numerical error (relative L2 over pixels; "
-        "where it is above the tolerance asked for, it says so), "
+        "marked if above the tolerance), "
         "differences from the reference, lit pixels (above 1 % of the brightest), light where rays leave it dark, and "
         "share of the pupil's light on the detector.",
         columns=(
@@ -206,9 +206,9 @@ def _method(data: xr.Dataset) -> Iterator[Block]:
     yield Bullets(
         (
             say(
-                "**Paraxial rays**: areas of the pupil that a pixel sees, exact in one direction; beside waves on the "
-                "other leg, rays are paraxial too. **Exact rays**, which stand where diffraction is off, follow the "
-                "directions of Kirchhoff's paths: all of its picture but diffraction and interference. **Boundary "
+                "**Paraxial rays**: areas of the pupil that a pixel sees, exact in one direction; rays on one leg with "
+                "waves on the other are paraxial too. **Exact rays**, used where diffraction is off, follow the "
+                "directions of Kirchhoff's paths: its picture without diffraction and interference. **Boundary "
                 "wave**: rays and the wave from the rim of the main lens, or of every microlens that is lit as a whole "
                 "and out of focus, the leading term of Kirchhoff's integral, which has the rest of the light."
             ),
@@ -252,7 +252,7 @@ def _benchmarks(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Table]:
     names = [str(name) for name in data["benchmark"].values]
     yield Table(
         name="light-benchmarks",
-        caption="What parts of the computation take on this machine, and the relative L2 error of the intensities that "
+        caption="Computing times of parts on this machine, and the relative L2 error of the intensities that "
         "each states after a check against direct quadrature.",
         columns=(
             Column(title="Case", weight=1),
@@ -264,8 +264,8 @@ def _benchmarks(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Table]:
             for name in names
         ),
         notes=(
-            "One aperture: least of three, set-up included, the check apart. One source point: once, with its check. "
-            "Other work on the machine lengthens all times.",
+            "One aperture: shortest of three runs, with set-up but without the check. One source point: one run, with "
+            "its check. Other work on the machine lengthens all times.",
         ),
     )
 
@@ -281,7 +281,7 @@ def _spread_table(data: xr.Dataset, element: str) -> Table:
                 rows.append((_value(float(there["value"]), str(unit)), *_measures(there)))
     return Table(
         name=f"point-spread-{element}",
-        caption=f"{one['title'].item()!s}, Kirchhoff: spread of a point, one thing varied at a time.",
+        caption=f"{one['title'].item()!s}, Kirchhoff: spread of a point, one quantity varied at a time.",
         columns=(
             Column(title="Varied", weight=1),
             *(

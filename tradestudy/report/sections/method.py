@@ -1,4 +1,4 @@
-"""How depth and its uncertainty are computed: the equations, once for both output formats."""
+"""The method: equations for depth and its uncertainty, for both output formats."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ def describe_method(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
-    yield Heading(text="Disparity errors that are derived from the picture", anchor="method-derived", level=2)
+    yield Heading(text="Disparity errors derived from the picture", anchor="method-derived", level=2)
     yield Paragraph(
         "A derived disparity error is the Cramér–Rao bound of matching two windows of the camera's picture: "
         "a random texture of the declared contrast and correlation length, blurred by defocus, diffraction and pixels, "
-        "in the noise of its electrons, their reading and their rounding, with what the samples alias counted as noise."
+        "with shot, read and quantisation noise; aliased texture counts as noise."
     )
     yield Equation(
         typst="1 / sigma_d^2 = W^2 integral.double (2 pi nu_x)^2 gamma^2 / (1 - gamma^2) dif^2 nu, quad "
@@ -43,39 +43,37 @@ def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
     )
     yield Paragraph(
         "S is the spectrum of the texture in the picture, H the transfer of lenses and pixels, N the noise, W the side "
-        "of the window: the declared one, or where that is larger, what the pictures that the estimator compares share "
-        "of an object. The bound is what a good matcher reaches where the error is small against a pixel and the "
-        f"window large against blur and texture: it takes {needs}. Where that is not so the distance is not usable, "
-        "limit “matching”: the declared window decides it as much as the camera does. A larger one, or an estimator of "
-        "nearer microlenses, remedies a window that is too small."
+        "of the window: the declared one, or the overlap of the compared pictures on an object if that is smaller. "
+        "A good matcher reaches the bound where the error is small compared with a pixel and the "
+        f"window large compared with blur and texture: this requires {needs}. Elsewhere the distance is not usable, "
+        "limit “matching”, which depends on the declared window as much as on the camera. If the window is too small, "
+        "declare a larger one, or an estimator that uses nearer microlenses."
     )
     yield Paragraph(
         "Off the axis the light falls by cos⁴ of the field angle, and further where the picture declares two stops, "
         "whose rims narrow the pupil most along the radius of the field. Rims dim the whole picture of a stereo rig. "
-        "Behind microlenses each pixel looks through one spot of the pupil: rims take whole views of an unfocused "
-        "camera, and make the micro-images of a focused one narrower, with fewer lenses and shorter baselines. The "
-        "smallest width, the radial one, is taken for all directions."
+        "Behind microlenses each pixel sees through one spot of the pupil: rims remove whole views of an unfocused "
+        "camera, and narrow the micro-images of a focused one, which leaves fewer lenses and shorter baselines. The "
+        "smallest width, the radial one, is used for all directions."
     )
     if not matchers:
-        yield Paragraph(
-            "This bound is the best that any matcher can reach; the study declares nothing of what a real one adds."
-        )
+        yield Paragraph("No matcher can do better than this bound; the study does not declare what a real one adds.")
         return
     yield Equation(
         typst="sigma^2 = (k sigma_d)^2 + f^2 + A^2 / 2",
         alt="sigma squared equals k sigma d squared, plus f squared, plus half of A squared",
     )
     yield Paragraph(
-        "That is the error of a declared matcher: k is its noise over the bound, f a floor that no light removes, A "
+        "This is the error of a declared matcher: k is its noise over the bound, f a floor that no light removes, A "
         "the amplitude of its pixel locking. Pixel locking is a bias that is periodic in the disparity. Its phase is "
-        "unknown for one measurement, so its rms of A/√2 adds like noise, but it does not average out within one "
+        "unknown for one measurement, so its rms of A/√2 adds like noise, but it does not average out at one "
         "distance. A false match measures nothing: with a share m of them and a share f of the others beyond infinity, "
         "1 − (1 − f)(1 − m) of all measurements fail, and the depth uncertainty is that of the true matches."
     )
 
 
 def _of_camera(method: Mapping[str, Any]) -> Iterator[Block]:
-    """The statements and laws of one kind of camera, as the results carry them."""
+    """The statements and laws of one kind of camera, from the results."""
     yield Heading(text=method["title"], anchor=f"method-{method['name']}", level=2)
     for statement in method["statements"]:
         if isinstance(statement, str):
@@ -90,12 +88,12 @@ def _uncertainty() -> Iterator[Block]:
         (
             say(
                 "**Depth discrimination**: the change of true depth that moves the disparity of the declared "
-                "estimator by the declared step, nearer and farther. There is no noise and no calibration in it, "
-                "and the step farther can be infinite."
+                "estimator by the declared step, nearer and farther. It includes neither noise nor calibration "
+                "errors, and the step farther can be infinite."
             ),
             say(
                 "**Depth uncertainty**: half the central 68.27 % interval of the depth from one measurement by a "
-                "rig drawn from its calibration. It is stated three ways: pixel noise only, calibration only, and "
+                "rig drawn from its calibration. It is stated for pixel noise only, calibration only, and "
                 "both."
             ),
             say(
@@ -104,20 +102,20 @@ def _uncertainty() -> Iterator[Block]:
                 "back. An inverse depth of zero or below is a depth of ∞ and stays in the quantiles."
             ),
             say(
-                "**What decides it**: the part of the errors with the largest share of the variance of inverse depth. "
+                "**What decides it**: the error source with the largest share of the variance of inverse depth. "
                 "Shares are Shapley shares: they sum to 100 %, for correlated errors too."
             ),
         )
     )
     yield Equation(
         typst="a_p = 1 / (Q_rho (1 - p)), quad rho = rho(a, epsilon_1, epsilon_2, ...)",
-        alt="The p quantile of depth is one over the one minus p quantile of inverse depth rho, which the camera reads "
-        "at the distance a under all errors epsilon.",
+        alt="The p quantile of depth is one over the one minus p quantile of inverse depth rho, which the camera "
+        "measures at the distance a under all errors epsilon.",
     )
     yield Paragraph(
         say(
-            "*Q*~ρ~ is the quantile of the inverse depth *ρ* that the exact model of the camera reads under noise and "
-            "all calibration errors, drawn jointly."
+            "*Q*~ρ~ is the quantile of the inverse depth *ρ* that the exact model of the camera measures under noise "
+            "and all calibration errors, drawn jointly."
         )
     )
     yield Paragraph(
@@ -144,11 +142,11 @@ def _ranges(*, derived: bool) -> Iterator[Block]:
     )
     yield Bullets(
         (
-            say("**Overlap**: the share of each stereo picture that the other camera sees too."),
+            say("**Overlap**: the share of each stereo picture that the other camera also sees."),
             say(
                 "**Total covering plane**: the image of the main lens lies at least that virtual depth from the array."
             ),
-            say("**Availability**: the share of points that two of the microlenses which the estimator uses do see."),
+            say("**Availability**: the share of points that two of the estimator's microlenses see."),
             say("**Focus**: the geometric blur of the sharpest picture that the estimator needs, on the sensor."),
             say("**Last disparity step**: the disparity still differs from that of infinity by more than one step."),
             say(
@@ -160,7 +158,7 @@ def _ranges(*, derived: bool) -> Iterator[Block]:
                 (
                     say("**Saturation**: the brightest texture, three deviations above the mean, fits the pixels."),
                     say(
-                        "**Matching**: the bound of the disparity error is one that a matcher can reach, up to 0.25 px."
+                        "**Matching**: a matcher can reach the bound on the disparity error, which is at most 0.25 px."
                     ),
                 )
                 if derived

@@ -1,4 +1,4 @@
-"""What the cameras see of the study's scene."""
+"""Pictures of the study's scene."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def describe_pictures(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
     data, titles = group(tree, "pictures"), camera_titles(tree)
     yield Heading(text="Pictures of the scene", anchor="pictures")
     yield Paragraph(
-        "Rays through every lens, bent by diffraction where the effects say so. The whole pictures, their true depth "
-        "and the cameras that took them lie in the folder pictures beside this report."
+        "Rays are traced through every lens, with diffraction where its effect is on. The full pictures, their true "
+        "depth and their cameras are in the folder pictures beside this report."
     )
     yield from pictures_of(drawings, "scene_pictures")
     yield Table(

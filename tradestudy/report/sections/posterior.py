@@ -1,4 +1,4 @@
-"""Calibrations that were inferred: whether the chains can be believed, what they found, and what a real rig showed."""
+"""Inferred calibrations: convergence of the chains, their parameters, and residuals of a real rig."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _CLEARLY = 2.0  # standard errors
 
 
 def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Write the inferred calibrations; nothing where none was."""
+    """Write the inferred calibrations; nothing if there are none."""
     if not has(tree, "calibration", "posterior_mean"):
         return
     data, titles = group(tree, "calibration"), camera_titles(tree)
@@ -27,8 +27,8 @@ def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
         say(
             "The parameters are inferred from what the camera sees of a board, with the poses of the board "
             "marginalised view by view and the declared errors as priors. emcee runs four independent ensembles; a "
-            "result is stated as converged where every limit below is met. What the draws leave open about their mean "
-            "is what is propagated, jointly."
+            "result counts as converged if it meets every limit below. The spread of the draws about their mean "
+            "is propagated to depth, jointly."
         )
     )
     for name in data["posterior"].values:
@@ -69,7 +69,7 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         )
     return Table(
         name="posterior-table",
-        caption="Whether the chains can be believed: the worst parameter of each.",
+        caption="Convergence of the chains: the worst parameter of each.",
         columns=(
             Column(title="Camera", weight=1),
             Column(title="converged"),
@@ -84,8 +84,8 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         rows=tuple(rows),
         notes=(
             "Limits: N/τ ≥ 50, R-hat ≤ 1.01, effective sizes ≥ 400, acceptance 0.2 to 0.5; poses: share of the draws "
-            "that survives reweighting to poses settled anew at each draw, at least 0.9. The finite number of draws "
-            "leaves a standard deviation, and a depth uncertainty that rests on it, uncertain by 1/√(2 ESS): at most "
+            "that survives reweighting to poses solved again at each draw, at least 0.9. With a finite number of "
+            "draws, a standard deviation, and a depth uncertainty based on it, is uncertain by 1/√(2 ESS): at most "
             f"{share(1.0 / np.sqrt(2.0 * np.nanmin(data['posterior_tail_size'].values)))} here.",
         ),
     )
@@ -140,8 +140,8 @@ def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
     rows = zip(data["rig_camera"].values, data["rig_quantity"].values, data["rig_value"].values, strict=True)
     return Table(
         name="rig-table",
-        caption="What the corners of the real rig say: each camera alone, the pair with one relative pose, and the "
-        "pair with a small left–right motion of the board in each view, which the opposing view means call for.",
+        caption="Fits to the corners of the real rig: each camera alone, the pair with one relative pose, and the "
+        "pair with a small left–right motion of the board in each view, which opposite view means suggest.",
         columns=(
             Column(title="Rig", weight=1),
             Column(title="Quantity", weight=2),
@@ -149,13 +149,14 @@ def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         ),
         rows=tuple((titles[str(camera)], str(quantity), str(value)) for camera, quantity, value in rows),
         notes=(
-            "Residuals are root mean square lengths per corner. Without the term the residual of the pair is taken "
-            "for noise of its corners, and the standard deviations of the relative pose are too small by the factors "
-            "in the table above.",
+            "Residuals are root mean square lengths per corner. Without the motion term the residual of the pair "
+            "counts as noise of its corners, and the standard deviations of the relative pose are too small by the "
+            "factors in the table above.",
             "Standard deviations are those of generalised least squares: the noise differs from view to view and "
-            "neighbours on the board share it, both estimated by restricted likelihood; corners far off count less or "
-            "not at all, and the board is fitted as bent. Good to: what is claimed, times the ratio of the halves "
-            "where that is above 1. Corners cannot reveal the size of the squares: 0.1 % of it is 0.3 mm at 0.3 m.",
+            "neighbours on the board share it, both estimated by restricted likelihood; outlying corners have little "
+            "or no weight, and the fit includes bending of the board. Good to: the claimed uncertainty, times the "
+            "ratio of the halves where that is above 1. Corners cannot reveal the size of the "
+            "squares: 0.1 % of it is 0.3 mm at 0.3 m.",
         ),
     )
 
@@ -173,9 +174,9 @@ def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
         ]
     yield Table(
         name="lens-model-table",
-        caption="Lens models compared: by how much views, each left out in turn, are likelier than by the model in use "
-        "(log likelihood ± standard error over views), and what the model changes in depth midway between the cameras "
-        "(mm ± standard error by the jackknife over views).",
+        caption="Lens models compared: by how much views, each left out in turn, are likelier than under the model in "
+        "use (log likelihood ± standard error over views), and what the model changes in depth midway between the "
+        "cameras (mm ± standard error by the jackknife over views).",
         columns=(
             Column(title="Rig", weight=1),
             Column(title="Lens model", weight=2),
@@ -192,7 +193,7 @@ def _supported(compared: xr.Dataset, title: str) -> Text:
     if float(best["rig_lens_support"]) > _CLEARLY * float(best["rig_lens_support_deviation"]):
         what = "The corners of {title} support another lens model than the one in use: {model}."
         return say(what, title=title, model=str(best["lens_model"].item()))
-    return say("The corners of {title} support no other lens model clearly.", title=title)
+    return say("The corners of {title} clearly support no other lens model.", title=title)
 
 
 def _lens_cells(compared: xr.Dataset, model: str) -> Iterator[str]:

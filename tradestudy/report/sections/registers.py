@@ -66,7 +66,7 @@ def _properties(tree: xr.DataTree, family: str, keys: list[str]) -> Iterator[Tab
 
 
 def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
-    """Write the register of assumptions: every value with a basis, what is assumed first."""
+    """Write the register of assumptions: every value with a basis, assumed ones first."""
     rows, warned = records(tree, "assumptions", "path"), records(tree, "assumptions", "warned")
     if not rows and not warned:
         return
@@ -86,7 +86,7 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
             "The study says where these values come from: {counts}. Assumed values come first, because a verdict can "
             "rest on them{given}.",
             counts=", ".join(f"{counts[basis]} {basis}" for basis in known),
-            given=", after what was set for this run alone, by the command line or from Python"
+            given=", after values set for this run alone, on the command line or in Python"
             if counts[_BASES[0]]
             else "",
         )
@@ -95,8 +95,8 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
         name="assumption-register",
         caption="Assumptions register.",
         columns=(
-            Column(title="Of", weight=3),
-            Column(title="What", weight=3),
+            Column(title="Camera", weight=3),
+            Column(title="Input", weight=3),
             Column(title="Value", weight=2),
             Column(title="Note", weight=5),
         ),
@@ -129,14 +129,14 @@ def _shared(owners: list[str], tree: xr.DataTree) -> str:
 
 
 def describe_contradictions(tree: xr.DataTree) -> Iterator[Block]:
-    """List where over-determined inputs contradict each other, and which reading is used."""
+    """List contradictions between redundant inputs, and the value used."""
     rows = records(tree, "contradictions", "contradiction")
     if not rows:
         return
     yield Heading(text="Contradictions found", anchor="contradictions")
     yield Paragraph(
-        "The program checks inputs that are given more than once against each other. Where they disagree, the table "
-        "shows what was stated, what the other inputs imply, and what this study uses."
+        "The program compares inputs that determine the same quantity. Where they disagree, the table "
+        "shows the stated value, what the other inputs imply, and what this study uses."
     )
     weights = {"Camera": 4, "What": 5, "Stated": 4, "Implied": 7, "Used": 9}
     titles = camera_titles(tree)
@@ -155,14 +155,14 @@ def describe_contradictions(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
-    """Answer the declared claims one by one, under every reading."""
+    """Write the verdict on each declared claim."""
     rows = records(tree, "claims", "claim")
     if not rows:
         return
     yield Heading(text="Claims", anchor="claims")
     yield Paragraph(
-        "Claims were declared in the study file, with their tolerances, before anything was computed. Nothing was "
-        "tuned to meet them."
+        "The study file declared the claims and their tolerances before anything was computed; nothing was tuned to "
+        "meet them."
     )
     yield Table(
         name="claim-verdicts",
@@ -188,7 +188,7 @@ def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
-    """Write the value of every claim under every reading that it was tried under, and where its tolerance is from."""
+    """Write the value of every claim under every tested reading, and the reason for its tolerance."""
     rows = records(tree, "claims", "claim")
     if not rows or not has(tree, "claims", "value_text", "met"):
         return
@@ -204,8 +204,8 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="Claims under every reading", anchor="claim-readings")
     yield Table(
         name="claim-values",
-        caption="The value found for each claim under each reading that it was tried under: ✓ met, ✗ not met, "
-        "≈ so near that a change by the tolerance of the study could overturn the answer.",
+        caption="Value found for each claim under each tested reading: ✓ met, ✗ not met, "
+        "≈ so close that a change within the study's tolerance could reverse the verdict.",
         columns=(
             Column(title="Reading", weight=2),
             *(Column(title=str(row["claim"]), align="right", weight=1) for row in rows),
@@ -223,7 +223,7 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
     )
 
 
-_NEAR: Final = ", within the tolerance: what was left out could overturn it"
+_NEAR: Final = ", within the tolerance: omitted effects could reverse it"
 
 
 def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
@@ -235,7 +235,7 @@ def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="Requirements", anchor="requirements")
     yield Table(
         name="requirement-table",
-        caption="Requirements of the study, each with the camera that comes nearest; a positive margin is room to "
+        caption="Requirements of the study, each with the camera that comes closest; a positive margin is room to "
         "spare, in % of the worst value and as a multiple of that value's estimated numerical error.",
         columns=(
             Column(title="Requirement", weight=3),
@@ -264,7 +264,7 @@ def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
-    """Compare the cameras by what is not a curve: moving parts, images per scene, data volume."""
+    """Compare the cameras by scalar criteria: moving parts, images per scene, data volume."""
     if not has(tree, "criteria", "value"):
         return
     data, titles = group(tree, "criteria"), camera_titles(tree)
@@ -280,10 +280,10 @@ def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
         basis = str(one["basis"].item()) if "basis" in one else ""
         return say("{text}^{mark}^", text=text, mark=_MARKS[bases.index(basis)]) if basis in bases else text
 
-    yield Heading(text="Trade criteria that are not curves", anchor="criteria", level=2)
+    yield Heading(text="Scalar trade criteria", anchor="criteria", level=2)
     yield Table(
         name="criteria-table",
-        caption="Attributes of the cameras; those without a mark are derived from the other inputs.",
+        caption="Attributes of the cameras; those without a mark are derived from other inputs.",
         columns=(Column(title="Criterion", weight=3), *(Column(title=titles[key], weight=2) for key in shown)),
         rows=tuple((in_words(str(name)), *(cell(key, name) for key in shown)) for name in data["criterion"].values),
         notes=(
@@ -300,13 +300,13 @@ def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def describe_provenance(run: Mapping[str, Any]) -> Iterator[Block]:
-    """Write the content of ``run.json`` as a table; what the study declares stands in the sections before it."""
+    """Write the content of ``run.json`` as a table, without the inputs, which earlier sections show."""
     rows = tuple(_recorded({key: value for key, value in run.items() if key != "inputs"}))
     if rows:
         yield Heading(text="Provenance", anchor="provenance")
         yield Table(
             name="provenance-table",
-            caption="How this report was made; the rest of it depends on the study alone.",
+            caption="How this report was made; everything else in it depends on the study alone.",
             columns=(Column(title="What", weight=1), Column(title="Value", weight=2)),
             rows=rows,
         )

@@ -1,4 +1,4 @@
-"""What was computed: usable ranges, depth discrimination and uncertainty, their parts, swept designs."""
+"""Results: usable ranges, depth discrimination and uncertainty, error sources, swept designs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iter
     if has(tree, "depth"):
         yield Heading(text="Results", anchor="results")
         yield from _usable_range(tree)
-        if "requirement_margins" in drawings:  # which stands on the first page in its place
+        if "requirement_margins" in drawings:  # which replaces it on the first page
             yield from pictures_of(drawings, "whole_range")
         yield Heading(text="What decides the uncertainty", anchor="parts", level=2)
         yield from pictures_of(drawings, "variance_shares")
@@ -84,6 +84,6 @@ def _usable_range(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _what_is_missing(camera: xr.Dataset) -> str:
-    """Name the limits that are broken where fewest are, for a camera that is usable nowhere."""
+    """For a camera that is usable nowhere, the limits that fail at the distance where fewest do."""
     names, place = broken_limits(camera)
     return f"{', '.join(map(in_words, names))} (even at {distance(place)})"

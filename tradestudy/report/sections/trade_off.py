@@ -1,4 +1,4 @@
-"""Criteria weighed against each other: who ranks first under which weights, and the designs that nothing beats."""
+"""Weighed criteria: the camera that ranks first under which weights, and the Pareto-optimal designs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MOST_ROWS = 10
 
 
 def describe_trade_off(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Say who ranks first, list the candidates, and of a sweep of many numbers the designs on the Pareto front."""
+    """Say which camera ranks first, list the candidates and, for sweeps, the designs on the Pareto front."""
     found = candidates_by_rank(tree)
     if not found:
         return
@@ -26,8 +26,8 @@ def describe_trade_off(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> It
     clipped, outside = bool((data["clipped"].values > 0.0).any()), not all(one.is_feasible for one in found)
     yield Table(
         name="trade-off-table",
-        caption="Candidates by the share of the possible weights that rank them first, with its standard error; and "
-        f"the mean of the weights that do. Weights: {weight_words(tree)}."
+        caption="Candidates by the share of the possible weights that rank them first, with its standard error, and "
+        f"the mean of those weights. Weights: {weight_words(tree)}."
         + (f" The first {_MOST_ROWS} of {len(found)}." if len(found) > _MOST_ROWS else ""),
         columns=(
             Column(title="Camera", weight=3),
@@ -47,8 +47,8 @@ def describe_trade_off(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> It
             for one in found[:_MOST_ROWS]
         ),
         notes=(
-            *(("*: beyond the declared worst or best value, and worth as much as that.",) if clipped else ()),
-            *(("†: does not meet every requirement that must hold.",) if outside else ()),
+            *(("*: beyond the declared worst or best value, and valued like it.",) if clipped else ()),
+            *(("†: does not meet every must requirement.",) if outside else ()),
         ),
     )
     yield from pictures_of(drawings, "rank_acceptability")
@@ -60,13 +60,13 @@ def _front(tree: xr.DataTree) -> Iterator[Block]:
     if front is None:
         return
     if not front.designs:
-        yield Paragraph("No design of the sweep meets every requirement that must hold.")
+        yield Paragraph("No design of the sweep meets every must requirement.")
         return
     told = f" The {_MOST_ROWS} of {front.count} that are worth most at the mean of the weights."
     yield Table(
         name="pareto-front",
-        caption="Designs that meet every requirement that must hold, and than which no other is at least as good in "
-        "every criterion and better in one." + (told if front.count > _MOST_ROWS else ""),
+        caption="Pareto-optimal designs: they meet every must requirement, and no other such design is at least as "
+        "good in every criterion and better in one." + (told if front.count > _MOST_ROWS else ""),
         columns=(
             *(Column(title=name, align="right") for name in front.swept),
             Column(title="Camera", weight=2),

@@ -1,4 +1,4 @@
-"""Who of two cameras errs less, with what probability."""
+"""The probability that one of two cameras errs less than the other."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
 
     yield Paragraph(
         say(
-            "Of one rig each, **{first}** errs less than {second} with a probability of **{rig}** where all noise is "
-            "averaged away, and of **{reading}** in a single reading, from {near} to {far}.",
+            "For one rig of each, **{first}** errs less than {second} with a probability of **{rig}** if all noise is "
+            "averaged out, and of **{reading}** in a single reading, from {near} to {far}.",
             first=first,
             second=second,
             rig=between("calibration"),

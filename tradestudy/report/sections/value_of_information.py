@@ -1,4 +1,4 @@
-"""What to measure next: what knowing each assumption is worth to the choice of a camera, and how sure the choice is."""
+"""What to measure next: how much knowing each assumption improves the choice of a camera."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ _MOST_ROWS = 10
 
 
 def describe_value_of_information(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Rank the assumptions by what knowing them is worth, and say how often each camera is best."""
+    """Rank the assumptions by the worth of knowing them, and say how often each camera is best."""
     if not has(tree, "value_of_information", "worth"):
         return
     data, titles = group(tree, "value_of_information"), camera_titles(tree)
     yield Heading(text="What to measure next", anchor="value-of-information")
     yield Paragraph(
         say(
-            "In each of {draws} combinations every assumption has a value of its range, and the best camera is the one "
-            "with the least depth uncertainty over the distance, averaged over {places}; a distance at which it is not "
-            "usable counts {unusable}. Knowing an assumption before choosing a camera lowers that average by its "
-            "worth. Knowing all of them is worth {whole} ± {error}.",
+            "In each of {draws} combinations every assumption takes a value from its range. The best camera has the "
+            "lowest relative depth uncertainty, averaged over {places}; a distance at which it is not "
+            "usable counts {unusable}. Knowing an assumption before choosing a camera lowers that average by the "
+            "worth of the assumption. Knowing all of them is worth {whole} ± {error}.",
             draws=str(int(data.attrs["draws"])),
             places=", ".join(distance(float(place)) for place in data["place"].values),
             unusable=share(float(data.attrs["unusable"])),
@@ -38,9 +38,8 @@ def describe_value_of_information(tree: xr.DataTree, drawings: Mapping[str, Draw
     ranked = worths(tree)
     yield Table(
         name="assumption-worths",
-        caption="Assumptions by what knowing them is worth, with the standard error of that; what the maximum over "
-        "cameras mistakes for worth is taken off."
-        + (f" The first {_MOST_ROWS} of {len(ranked)}." if len(ranked) > _MOST_ROWS else ""),
+        caption="Worth of knowing each assumption, with its standard error; the bias from the maximum over "
+        "cameras is subtracted." + (f" The first {_MOST_ROWS} of {len(ranked)}." if len(ranked) > _MOST_ROWS else ""),
         columns=(
             Column(title="Assumption", weight=4),
             Column(title="Range", weight=3),
