@@ -8,6 +8,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import re
 import sys
 import time
@@ -277,6 +279,13 @@ def _folder_text(text: str) -> str:
     return f"{cut}-{provenance.study_hash({'set': text})[:8]}"
 
 
+def _refuse_file(directory: Path) -> None:
+    """Refuse an output folder where a file stands in the way."""
+    nearest = next((one for one in (directory, *directory.absolute().parents) if one.exists()), directory)
+    if nearest.exists() and not nearest.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(nearest))
+
+
 def run(
     study: Study,
     directory: Path,
@@ -297,6 +306,7 @@ def run(
     from tradestudy.execution import Checkpoints
     from tradestudy.results import storage
 
+    _refuse_file(directory)  # before anything is computed
     result = None if fresh else _finished(study, directory)
     measuring = with_cost and (result is None or "cost" not in result.data.children)
     if measuring:

@@ -107,6 +107,7 @@ _ANOTHER: Final = "give another --out"
 _PLACES: Final = {
     errno.ENOTDIR: f"a file exists where a folder is expected; {_ANOTHER}",
     errno.EEXIST: f"a file exists where a folder is expected; {_ANOTHER}",
+    errno.ENOENT: f"its folder does not exist and cannot be created; {_ANOTHER}",
     errno.EISDIR: "a folder exists where a file is expected",
     errno.ENAMETOOLONG: f"its name is too long; {_ANOTHER}",
 }

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Final
 
 from tradestudy.units import LENGTH, pretty, significant
 
@@ -39,3 +40,22 @@ def span(start: float, end: float) -> str:
         if not same:
             break
     return f"{first} to {last}"
+
+
+_LIMITS: Final[Mapping[str, str]] = {
+    "real_image": "no real image",
+    "overlap": "too little overlap",
+    "total_covering_plane": "points seen by too few microlenses",
+    "availability": "too few points seen twice",
+    "focus": "out of focus",
+    "saturation": "brightest pixels full",
+    "matching": "too little to match in the picture",
+    "last_disparity_step": "a disparity step no longer tells them from infinity",
+    "failed_fraction": "too many failed measurements",
+    "relative_uncertainty": "too uncertain",
+}
+
+
+def limit_words(name: str) -> str:
+    """Say why a camera cannot be used where it breaks a limit of the usable range."""
+    return _LIMITS[name]

@@ -118,3 +118,11 @@ def test_the_plot_has_spot_cuts_energy_and_transfer(tmp_path: Path) -> None:
         "x, µm", "position, µm", "radius about the chief ray, µm", "spatial frequency, 1/mm",
     ]  # fmt: skip
     assert "± " in figure.axes[0].get_title()
+
+
+def test_no_width_of_a_spot_wider_than_its_window() -> None:
+    """A source at 1 m before a 50 mm lens at f/2.8 focused at 2 m: geometry alone makes a disc of 460 µm."""
+    lens = {"focal_length": 50e-3, "f_number": 2.8, "wavelength": 550e-9, "focus_distance": 2.0, "tolerance": 1e-3}
+    blurred = optics.point_spread(source=optics.PointSource(distance=1.0), **lens)
+    with pytest.raises(OutOfRangeError, match="window"):
+        blurred.width()

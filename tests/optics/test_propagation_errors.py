@@ -274,6 +274,8 @@ def test_an_array_and_its_wave_give_the_same_field():
     part = propagate_samples(samples=samples, kernel=kernel, targets=grid, accuracy=accuracy)
     scale = np.abs(whole.field).max()
     np.testing.assert_allclose(part.field, whole.field, atol=1e-7 * scale)
+    assert part.error.check < 1e-6
+    assert np.isnan([part.error.field, part.error.intensity]).all()  # whether the nodes suffice is not known
     # 1/b = 1/f − 1/a with a < 0 puts the focus at 0.339 mm, on the line through the vertex.
     b = 1 / (1 / 0.43e-3 + 1 / 1.6e-3)
     focus = aperture_field(

@@ -168,7 +168,7 @@ def test_shares_are_stacked_to_one_and_small_ones_named(tree: xr.DataTree) -> No
     figure = figures.figure(tree, "variance_shares")
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names == ["noise", "relative rotation", "relative position", "pale: not usable"]
-    assert "nowhere above 0.5 %: interior orientation and array." in figures.build(tree)["variance_shares"].caption
+    assert "never above 0.5 %: interior orientation and array." in figures.build(tree)["variance_shares"].caption
     # The stereo rig: noise below, the rotation on it, the position up to 1.
     areas = [np.asarray(area.get_paths()[0].vertices) for area in figure.axes[1].collections]
     noise, yaw = 1.8e-4, 0.0349

@@ -26,17 +26,18 @@ class Cause:
 def largest_cause(camera: DepthCamera, distance: FloatArray) -> Cause | None:
     """The parameter that contributes most of the depth uncertainty, on average over distances [m].
 
-    Each parameter is judged by the variance that it contributes alone, with inverse depth linear in the errors; None
-    if an uncertain parameter has no variance, or nothing is measured.
+    With inverse depth linear in the errors, Σ sᵢ (C s)ᵢ is its variance for sensitivities s and covariance C, and each
+    term the contribution of a parameter with its correlations; the shares sum to 1, and that of noise is its share of
+    the whole. None if an uncertain parameter has no variance, or nothing is measured.
     """
     seen = distance[camera.images(distance)]
     try:
         line = linear_reading(camera, seen, 0.0, "noise" if camera.propagation.model == "off" else "both")
     except OutOfRangeError:
         return None
-    alone = np.square(line.sensitivity) * np.diag(line.covariance)[:, np.newaxis]
+    contributed = line.sensitivity * (line.covariance @ line.sensitivity)
     with np.errstate(invalid="ignore", divide="ignore"):
-        shares = alone / alone.sum(axis=0)
+        shares = contributed / contributed.sum(axis=0)
     known = np.isfinite(shares).all(axis=0)
     if not known.any():
         return None

@@ -29,6 +29,7 @@ from tradestudy.study.schema.requirements import (
     UsablePart,
 )
 from tradestudy.units import FRACTION, LENGTH, Dimension, pretty
+from tradestudy.wording import limit_words
 
 ANY: Final = "any"
 ALL: Final = "all"
@@ -84,7 +85,7 @@ def _hold_measured(
     guard = 0.0 if requirement.guard_band is None else requirement.guard_band.width * error
     reason = f"worst {pretty(value, dimension)} at {pretty(place, LENGTH)}"
     if unusable > 0.0:
-        reason = f"{_not_usable(not_there, required.over)}; {reason}"
+        reason = f"{_not_usable(intervals, not_there, required.over)}; {reason}"
     return Held(
         camera=name,
         met=bool(kept and abs(bound - value) >= guard and unusable == 0.0),
@@ -183,7 +184,7 @@ def _hold_use(required: UsablePart, intervals: Sequence[Interval], name: str) ->
         if END_OF_STUDY in (one.near_limit if place == one.near else one.far_limit):
             words += ", the end of the study's range"
     else:
-        margin, words = -unusable, _not_usable(place, required.over)
+        margin, words = -unusable, _not_usable(intervals, place, required.over)
     return Held(
         camera=name,
         met=unusable == 0.0,
@@ -218,8 +219,12 @@ def _unusable(intervals: Sequence[Interval], over: tuple[float, ...]) -> tuple[f
     return missing / math.log(over[1] / over[0]), first
 
 
-def _not_usable(place: float, over: tuple[float, ...]) -> str:
-    return f"not usable {'at' if place == over[0] else 'just beyond'} {pretty(place, LENGTH)}"
+def _not_usable(intervals: Sequence[Interval], place: float, over: tuple[float, ...]) -> str:
+    """Where the first gap begins, and the limit that the camera breaks there: one at the end of its range."""
+    limits = [one.far_limit for one in intervals if one.far == place]
+    limits += [one.near_limit for one in sorted(intervals, key=lambda one: one.near) if one.near > place]
+    why = f": {limit_words(limits[0])}" if limits and limits[0] != END_OF_STUDY else ""
+    return f"not usable {'at' if place == over[0] else 'just beyond'} {pretty(place, LENGTH)}{why}"
 
 
 def _worst_place(broken_by: Callable[[FloatArray], FloatArray], over: tuple[float, ...]) -> float:

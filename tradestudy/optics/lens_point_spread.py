@@ -36,11 +36,12 @@ from tradestudy.optics.spread_metrics import (
     full_width_at_half_maximum,
     strehl_ratio,
 )
-from tradestudy.optics.spread_shares import modulation_transfer
+from tradestudy.optics.spread_shares import modulation_transfer, window_share
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_LEAST_SHARE = 0.5  # of the light, in a window whose spot has a width
 _SAMPLES_PER_PERIOD = 8.0  # of the shortest period λ N_w of an intensity
 _ON_AXIS_AT_INFINITY = PointSource.at_infinity()
 
@@ -85,7 +86,22 @@ class LensPointSpread(PointSpread):
         return np.asarray(self.intensity / self.reference_peak)
 
     def width(self, *, angle: float = 0.0) -> Measured:
-        """Full width at half maximum along a direction [m], by `full_width_at_half_maximum`."""
+        """Full width at half maximum about the brightest place along a direction [m], by `full_width_at_half_maximum`.
+
+        Far out of focus that is one of many fringes: `radius_of` gives the size of the whole spot.
+
+        Raises
+        ------
+        OutOfRangeError
+            If the window holds less than half of the light, so that the spot is wider than what is sampled.
+        """
+        if (held := window_share(self).value) < _LEAST_SHARE:
+            raise OutOfRangeError(
+                "share of the light in the window, whose width is asked for",
+                value=f"{100.0 * float(held):.2g} %",
+                limit="≥ 50 %",
+                remedy="widen the window",
+            )
         return full_width_at_half_maximum(self, angle=angle)
 
     def encircled_energy(self, radius: npt.ArrayLike) -> Measured:

@@ -60,7 +60,7 @@ class MicrolensCamera:
     Raises
     ------
     OutOfRangeError
-        If the f-number or the number of types is impossible; `light_path` checks the lengths.
+        If the f-number, the pitch or the number of types is impossible; `light_path` checks the other lengths.
 
     Examples
     --------
@@ -99,6 +99,14 @@ class MicrolensCamera:
     def __post_init__(self) -> None:
         if not (self.f_number > 0 and math.isfinite(self.f_number)):
             raise OutOfRangeError("f-number", value=f"{self.f_number:g}", limit="> 0, finite")
+        widest = self.array_distance / self.f_number
+        if not 0 < self.microlens_pitch <= widest:
+            raise OutOfRangeError(
+                "microlens pitch",
+                value=f"{self.microlens_pitch:g} m",
+                limit=f"> 0, and ≤ {widest:g} m, which the main lens lights (array_distance / f_number)",
+                remedy="give lengths in metres, such as 126.5e-6",
+            )
         if len(self._types) not in ((1, 3) if self.layout == "hexagonal" else (1,)):
             raise OutOfRangeError(
                 f"types of microlenses of a {self.layout} array",

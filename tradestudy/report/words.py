@@ -18,18 +18,6 @@ def in_words(name: str) -> str:
     return name.replace("_", " ")
 
 
-_LIMITS: Final[Mapping[str, str]] = {
-    "real_image": "no real image",
-    "overlap": "too little overlap",
-    "total_covering_plane": "points seen by too few microlenses",
-    "availability": "too few points seen twice",
-    "focus": "out of focus",
-    "saturation": "brightest pixels full",
-    "matching": "too little to match in the picture",
-    "last_disparity_step": "a disparity step no longer tells them from infinity",
-    "failed_fraction": "too many failed measurements",
-    "relative_uncertainty": "too uncertain",
-}
 _PARTS: Final[Mapping[str, str]] = {
     "noise": "measurement noise",
     "relative rotation": "camera rotation",
@@ -38,11 +26,6 @@ _PARTS: Final[Mapping[str, str]] = {
     "array": "microlens positions",
     "ageing": "changes since calibration",
 }
-
-
-def limit_words(name: str) -> str:
-    """Say why a camera cannot be used where it breaks a limit of the usable range."""
-    return _LIMITS[name]
 
 
 def part_words(name: str) -> str:

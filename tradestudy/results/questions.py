@@ -112,7 +112,7 @@ DECISION: Final[Mapping[str, Variable]] = {
     "cause_share": Variable(
         dims=("camera",),
         units="1",
-        long_name="share of the variance that this input contributes alone, linearised in inverse depth",
+        long_name="share of the variance that this input contributes, correlations included; linear in inverse depth",
         error="that of the linearisation",
     ),
     "solution_count": Variable(
@@ -219,7 +219,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "rests_on_share": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="share of the variance that this input contributes alone, linearised in inverse depth",
+        long_name="share of the variance that this input contributes, correlations included; linear in inverse depth",
         error="that of the linearisation",
     ),
     "bound_alone_met": Variable(

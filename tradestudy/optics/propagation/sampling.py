@@ -188,7 +188,14 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class NodeCounts:
-    """Rings and nodes per ring on a disc."""
+    """Rings of quadrature nodes on a disc, and nodes per ring; at least one of each.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> optics.NodeCounts(radial=20, angular=40).total
+    800
+    """
 
     radial: int
     angular: int

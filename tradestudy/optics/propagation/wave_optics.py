@@ -128,16 +128,16 @@ def propagate_samples(
     targets
         Points or grid.
     accuracy
-        Tolerance of the sum. **The nodes themselves cannot be doubled here**: `error.nodes` is NaN, and the caller must
-        ensure that the array samples the wave finely enough for these targets (see `needed_nodes`). Use
-        `propagate_wave` for a wave that can be evaluated anywhere.
+        Tolerance of the sum. **The nodes themselves cannot be doubled here**, so the errors of field and intensity are
+        NaN: compare with twice the nodes, or use `aperture_field`, which chooses its nodes. `error.check` states how
+        exactly the nodes are summed.
     limits
         Memory and time allowed.
 
     Returns
     -------
     ApertureField
-        Field and intensity, with the error of the summation.
+        Field and intensity, with the errors of the summation; the errors of field and intensity are NaN.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def propagate_samples(
     nearest = float(targets.coordinates()[2].min())
     refuse_near_zone(width=2 * samples.nodes.half_extent, nearest=nearest, wavelength=kernel.wavelength)
     counts = NodeCounts(radial=1, angular=samples.nodes.count)
-    return _refined(
+    summed = _refined(
         sample=lambda _: samples,
         counts=counts,
         kernel=kernel,
@@ -184,6 +184,8 @@ def propagate_samples(
         fixed_nodes=True,
         doubling=False,
     )
+    # Nothing here tells whether so many nodes are enough for these targets.
+    return replace(summed, error=replace(summed.error, field=math.nan, intensity=math.nan))
 
 
 def propagate_wave(

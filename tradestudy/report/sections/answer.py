@@ -22,7 +22,7 @@ from tradestudy.report.document import (
     pictures_of,
     say,
 )
-from tradestudy.report.words import length, limit_words, part_words, share, with_error
+from tradestudy.report.words import length, part_words, share, with_error
 from tradestudy.results.views.conclusions import best_ranges, measure_first, question_words, rests_on
 from tradestudy.results.views.decision import (
     Flips,
@@ -46,7 +46,7 @@ from tradestudy.results.views.requirement_conclusions import (
 )
 from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.units import significant
-from tradestudy.wording import counted, distance, listed, span
+from tradestudy.wording import counted, distance, limit_words, listed, span
 
 _MOST_REASONS = 3
 
