@@ -1,0 +1,27 @@
+"""The largest cause of an uncertainty, where a calibration leaves its parameters strongly correlated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tradestudy
+from tradestudy.analysis.causes import NOISE, largest_cause
+from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.planned_calibrations import planned
+
+STUDY = Path(__file__).parents[2] / "studies" / "calibration_plan.yaml"
+
+
+def test_the_share_of_noise_is_its_share_of_the_whole_variance() -> None:
+    """Focal length, principal point and pose offset each other: alone, each would seem to outweigh the noise."""
+    camera = planned(tradestudy.load(STUDY).definition).case.cameras["rig"]
+    for distance in (0.5, 1.0, 2.0):
+        at = np.array([distance])
+        noise, whole = (float(depth_uncertainty(camera, at, way)[0]) for way in ("noise", "both"))
+        cause = largest_cause(camera, at)
+        assert cause is not None
+        assert cause.parameter == NOISE
+        assert cause.share == pytest.approx((noise / whole) ** 2, rel=0.02)
