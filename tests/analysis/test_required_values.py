@@ -79,7 +79,7 @@ def test_what_is_counted_is_asked_in_whole_numbers() -> None:
     ("question", "message"),
     [
         ({**BASELINE, "requirement": "neded"}, "no requirement is called 'neded'.*needed"),
-        ({**BASELINE, "requirement": "needed", "at": "1 m"}, "a requirement has distances of its own"),
+        ({**BASELINE, "requirement": "needed", "at": "1 m"}, r"solve\.which: .*\bat\b.*requirement"),
         ({**BASELINE, "requirement": "needed", "camera": "stereo-75mm"}, "give one of equal"),
     ],
 )

@@ -126,7 +126,7 @@ def test_a_criterion_that_nothing_meets_says_why() -> None:
         ({"criterion": {"name": "mas", "below": "1 kg"}}, "criterion.name", "no .* criterion 'mas'; nearest: 'mass'"),
         ({"criterion": {"name": "mass", "below": "1 m"}}, "criterion.below", "'1 m' is a length"),
         ({"criterion": {"name": "mass"}}, "criterion", "give exactly one of below and above"),
-        ({"criterion": {"name": "size", "below": "1 m"}}, "criterion.name", "is no number"),
+        ({"criterion": {"name": "size", "below": "1 m"}}, "criterion.name", "'size'.* number"),
         ({"depth_of_field": {"above": "1 m", "criterion": "pixel"}}, "depth_of_field.criterion", "nearest: .one-pixel"),
         ({"depth_of_field": {}}, "depth_of_field", "give exactly one of over"),
         ({"depth_of_field": {"above": "1 mm"}, "guard_band": {"risk": "5 %"}}, "guard_band", "no standard error"),

@@ -133,7 +133,7 @@ def test_what_has_aged_acts_as_on_the_ideal_rig(names, field):
 def test_names_and_places_that_do_not_exist_are_refused():
     with pytest.raises(OutOfRangeError, match="has no such error: array_tilt"):
         reading(true_rig())(DISTANCES, 0.0, {"array_tilt": np.zeros((1, 1))})
-    with pytest.raises(OutOfRangeError, match="place in the field"):
+    with pytest.raises(OutOfRangeError, match=r"1\.5 \(allowed: 0"):
         reading(true_rig())(DISTANCES, 1.5, {})
 
 

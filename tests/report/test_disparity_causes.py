@@ -181,7 +181,7 @@ def test_what_is_larger_the_same_or_not_there_at_all_is_told(found: xr.Dataset) 
     assert rows(blocks)[1][1:] == ["—", "—", "no picture", "—", "—", "—"]
     nothing = found.isel(distance=[2])
     assert bullets(section(nothing)) == [
-        "Hand-lens pair, f/9.8: 4030 electrons, and no texture is left to be matched: without blur the disparity error "
+        "Hand-lens pair, f/9.8: 4030 electrons, and no texture is left to match: without blur the disparity error "
         "would be 0.02 px, without diffraction none either."
     ]
     noiseless = found.isel(distance=[1]).copy(deep=True)

@@ -177,7 +177,7 @@ def test_the_script_is_short() -> None:
 def test_sections_stand_in_their_order(page: Page) -> None:
     text = page.text.partition("The answer")[2]  # behind the contents
     sentences = (
-        "Claims were declared",
+        "The claims and their verdicts",
         "Usable distances",
         "Assumptions register",
         "Contradictions between inputs",

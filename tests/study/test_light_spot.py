@@ -43,6 +43,7 @@ SMALL = [
 
 @pytest.fixture(scope="module")
 def result() -> Result:
+    spot_images._spot_picture.cache_clear()  # its seconds are looked at
     return tradestudy.load(STUDY, SMALL).run()
 
 

@@ -150,7 +150,10 @@ def _errors(axes: Axes) -> Iterator[tuple[Line2D, tuple[str, Numbers]]]:
     for container in axes.containers:
         if isinstance(container, ErrorbarContainer) and container.lines[0] is not None:
             line, _, bars = container.lines
-            ends = [np.asarray(bar.get_segments(), dtype=np.float64).reshape(-1, 2) for bar in bars]
+            # A bar without finite ends has no points.
+            ends = [
+                np.concatenate([np.empty((0, 2)), *(one for one in bar.get_segments() if len(one))]) for bar in bars
+            ]
             label = str(container.get_label())
             if container.has_yerr and not _UNNAMED.fullmatch(label):
                 yield line, (label, ends[-1])

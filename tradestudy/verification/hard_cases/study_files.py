@@ -104,7 +104,11 @@ def _outward() -> tuple[OutcomeCase, ...]:
             for name in names
         ),
         _case(
-            "a camera called '../../etc'", "refused: not a name", study(cameras=inside), "refused", "this is no name"
+            "a camera called '../../etc'",
+            "refused: not a name",
+            study(cameras=inside),
+            "refused",
+            "this is not a valid name",
         ),
         _case(
             "a camera from a file outside",
