@@ -24,7 +24,7 @@ _MODEL_PLACES: Final = (0.0, 0.5, 1.0)  # at which the line is held against the 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DepthMap:
+class UncertaintyMap:
     """Depth uncertainty over the picture.
 
     Parameters
@@ -86,7 +86,7 @@ def map_places() -> tuple[FloatArray, FloatArray]:
     return across, down
 
 
-def depth_map(camera: DepthCamera, distance: FloatArray) -> DepthMap | None:
+def depth_map(camera: DepthCamera, distance: FloatArray) -> UncertaintyMap | None:
     """Map the depth uncertainty of a camera at distances [m], shape (D,).
 
     None of a camera whose `mapped` is false, or of which something uncertain has no variance.
@@ -100,4 +100,6 @@ def depth_map(camera: DepthCamera, distance: FloatArray) -> DepthMap | None:
     found = linear_distribution(there, z, 0.0, "both") if with_calibration else noise_distribution(there, z, 0.0)
     linear = replace(camera, propagation=replace(camera.propagation, model="linear"))
     missed = [model_error(linear, distance, "both", field).half_width for field in _MODEL_PLACES]
-    return DepthMap(uncertainty=found.half_width.reshape(len(distance), DOWN, ACROSS), error=np.fmax.reduce(missed))
+    return UncertaintyMap(
+        uncertainty=found.half_width.reshape(len(distance), DOWN, ACROSS), error=np.fmax.reduce(missed)
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from tradestudy.figures.curves import Curve, name_ends
+from tradestudy.figures.curves import NamedCurve, name_ends
 from tradestudy.figures.style import SMALL, StudyFigure, length_tick, line_style, log_axis, new_figure, styled
 
 MM = 1e3
@@ -48,7 +48,7 @@ def draw_trust(tree: xr.DataTree, posterior: str) -> StudyFigure:
             marker=style.marker,
             label=name,
         )
-        drawn.append(Curve(name=name, color=style.color, x=distance, y=y))
+        drawn.append(NamedCurve(name=name, color=style.color, x=distance, y=y))
     axes.set_xscale("log")
     axes.set_xticks(distance, [f"{one:g}" for one in distance])
     axes.minorticks_off()

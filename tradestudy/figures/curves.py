@@ -23,7 +23,7 @@ _LONG_TOGETHER: Final = 0.1  # of the points that both curves have
 
 
 @dataclass(frozen=True, kw_only=True)
-class Curve:
+class NamedCurve:
     """A curve as it is drawn, in the units of its axes."""
 
     name: str
@@ -32,7 +32,7 @@ class Curve:
     y: FloatArray
 
 
-def name_ends(axes: Axes, curves: Sequence[Curve]) -> None:
+def name_ends(axes: Axes, curves: Sequence[NamedCurve]) -> None:
     """Write the name of every curve right of the panel, level with the end of what is visible of it.
 
     Names keep the order of the ends and move apart where they would touch; a thin line joins each to its curve. Scales
@@ -97,7 +97,7 @@ def _lines(name: str) -> str:
     return "\n".join([*lines[: _LINES - 1], shortened(" ".join(lines[_LINES - 1 :]), _LETTERS)]).strip()
 
 
-def _end(axes: Axes, curve: Curve) -> tuple[float, float] | None:
+def _end(axes: Axes, curve: NamedCurve) -> tuple[float, float] | None:
     """Where a curve ends in the panel: at its last point there, or at the edge over which it leaves."""
     (left, right), (bottom, top) = sorted(axes.get_xlim()), sorted(axes.get_ylim())
     known = ~(np.isnan(curve.x) | np.isnan(curve.y))

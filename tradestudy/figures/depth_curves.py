@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 
-from tradestudy.figures.curves import Curve, beneath, name_ends, name_places
+from tradestudy.figures.curves import NamedCurve, beneath, name_ends, name_places
 from tradestudy.figures.style import (
     DECLARED,
     FAINT,
@@ -111,7 +111,7 @@ def draw_curves(
         name_ends(
             axes,
             [
-                Curve(name=camera.title, color=camera.style.color, x=distance, y=curve * MM)
+                NamedCurve(name=camera.title, color=camera.style.color, x=distance, y=curve * MM)
                 for camera, curve in zip(shown, metres, strict=True)
             ],
         )

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tradestudy.figures.curves import Curve, beneath, name_ends
+from tradestudy.figures.curves import NamedCurve, beneath, name_ends
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import (
     FAINT,
@@ -232,7 +232,7 @@ def draw_lateral_resolution(tree: xr.DataTree) -> StudyFigure:
     name_ends(
         axes,
         [
-            Curve(name=c.title, color=c.style.color, x=distance * MM, y=size)
+            NamedCurve(name=c.title, color=c.style.color, x=distance * MM, y=size)
             for c, size in zip(shown, sizes, strict=True)
         ],
     )

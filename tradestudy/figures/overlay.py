@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.figures.curves import Curve, name_ends
+from tradestudy.figures.curves import NamedCurve, name_ends
 from tradestudy.figures.depth_curves import MM, depth_limits, draw_curve, draw_relative_guides
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import (
@@ -128,7 +128,7 @@ def draw_overlay(
     name_ends(
         axes,
         [
-            Curve(name=camera.title, color=camera.style.color, x=distances[0], y=uncertainty * MM)
+            NamedCurve(name=camera.title, color=camera.style.color, x=distances[0], y=uncertainty * MM)
             for camera, uncertainty in zip(shown, drawn[0], strict=True)
         ],
     )

@@ -13,7 +13,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from tradestudy.figures.curves import Curve, name_ends
+from tradestudy.figures.curves import NamedCurve, name_ends
 from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     INK,
@@ -118,7 +118,7 @@ def _curves(tree: xr.DataTree, uncertainty: xr.DataArray, moved: tuple[CameraTra
         y = np.where(np.isfinite(y), y, np.nan)
         name = printable(camera.title)
         axes.plot(x, y, color=style.color, linestyle=style.dash, marker=style.marker, markersize=4, label=name)
-        drawn.append(Curve(name=name, color=style.color, x=x, y=y))
+        drawn.append(NamedCurve(name=name, color=style.color, x=x, y=y))
     log_axis(axes, "y", dense=True, tick=length_tick)
     if uncertainty[dim].dtype.kind not in "fiu":
         axes.set_xticks(x, names)
