@@ -176,6 +176,8 @@ class TestRun:
 
     def test_control_c_ends_a_real_run_at_once_and_leaves_no_report(self, tmp_path: Path) -> None:
         command = [sys.executable, "-m", "tradestudy", "run", str(HEADLINE), "--out", str(tmp_path / "out")]
+        # A shell may have started the tests in the background, where interrupts are ignored, by their children too.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
             assert running.stderr is not None
             assert running.stderr.readline().endswith("…\n")
