@@ -14,8 +14,7 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.effects.models import OFF
 from tradestudy.imaging.models import PictureSettings
 from tradestudy.imaging.render.sensor import Recording
-from tradestudy.imaging.render.tiles import FINER, Tile, expected_electrons
-from tradestudy.imaging.render.wave_set_up import waves_of
+from tradestudy.imaging.render.tiles import Tile, expected_electrons
 from tradestudy.imaging.scenes.pattern import RandomPattern
 from tradestudy.imaging.scenes.plain_surfaces import Flat
 from tradestudy.imaging.scenes.scene import Plain, SceneSource
@@ -29,6 +28,8 @@ _SIDE: Final = 64  # rendered pixels across and down
 # A loop first renders a trial, and only a part of its pictures shows points that appear in two of them.
 _PIXELS_OF_A_LOOP: Final = 5.0  # rendered per pixel of the windows; 3.5 for a stereo rig, 6 for a raw plenoptic picture
 _READING: Final = 2.0  # rendering and reading depth, over rendering alone
+# Computing the tables of spreads takes most of the difference, and would take as long in a pilot.
+_WAVES_OVER_RAYS: Final = 2.0  # 1.1 for a stereo pair, 3 for a raw plenoptic picture
 _READING_OF_A_SCENE: Final = 1.3  # reading depth over rendering by rays; 0.2 for a stack, 1.5 for a raw picture
 _PATTERN: Final = 512  # samples of a texture, whose size hardly matters for the time
 
@@ -41,13 +42,11 @@ def scene_work(definition: StudyDefinition) -> Iterator[tuple[str, float, str]]:
     for taken in cameras:
         recording = recording_of(image, picture, taken.camera.sensor)
         pictures = whole_pictures(definition, image, scene, taken, recording)
-        by_rays = len(pictures) * picture_seconds(pictures[0], None)
+        by_rays = len(pictures) * picture_seconds(pictures[0])
         models = definition.models.get(name_of(taken.name), {})
-        if models.get("main_lens_diffraction", OFF) == OFF:
-            rendering += by_rays
-        else:
-            rendering += len(pictures) * picture_seconds(pictures[0], definition.case.wavelength)
-        reading += _READING_OF_A_SCENE * by_rays
+        by_waves = models.get("main_lens_diffraction", OFF) != OFF
+        rendering += by_rays * (_WAVES_OVER_RAYS if by_waves else 1.0)
+        reading += by_rays * _READING_OF_A_SCENE
         pixels += sum(one.rows[1] * one.columns[1] for one in pictures)
     work = f"{pixels / 1e6:.3g} million pixels of {counted(len(cameras), 'camera')}"
     yield "rendering", rendering, work
@@ -55,31 +54,15 @@ def scene_work(definition: StudyDefinition) -> Iterator[tuple[str, float, str]]:
         yield "depth maps", reading, work
 
 
-def picture_seconds(whole: Tile, wavelength: float | None) -> float:
-    """Processor time of a picture [s]: its preparation, and its pixels extrapolated from a patch in its middle.
-
-    Parameters
-    ----------
-    whole
-        The picture as one tile.
-    wavelength
-        Wavelength for rendering by waves [m]; None renders by rays.
-    """
+def picture_seconds(whole: Tile) -> float:
+    """Processor time of a picture by rays [s], given as one tile: extrapolated from a patch in its middle."""
     rows, columns = (
         (max(0, (size - _SIDE) // 2), min(size, (size + _SIDE) // 2)) for size in (whole.rows[1], whole.columns[1])
     )
     patch = replace(whole, rows=rows, columns=columns)
-    row = replace(patch, rows=(rows[0], rows[0] + 1))
-    expected_electrons(row)  # prepares texture and surfaces
-    prepared = 0.0
-    if wavelength is not None:
-        waves = waves_of(whole.exposure, whole.scene, wavelength)
-        patch, row = replace(patch, waves=waves), replace(row, waves=waves)
-        # The finer picture that estimates the sampling error.
-        finer = replace(row, samples=FINER * row.samples, waves=replace(waves, fineness=2 * waves.fineness))
-        prepared = seconds_of(lambda: (expected_electrons(row), expected_electrons(finer)))
+    expected_electrons(replace(patch, rows=(rows[0], rows[0] + 1)))  # prepares texture and surfaces
     share = whole.rows[1] * whole.columns[1] / (float(np.diff(rows)[0]) * float(np.diff(columns)[0]))
-    return prepared + share * seconds_of(lambda: expected_electrons(patch))
+    return share * seconds_of(lambda: expected_electrons(patch))
 
 
 def loop_work(definition: StudyDefinition, part: DepthLoopPart) -> tuple[float, str]:
