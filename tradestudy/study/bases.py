@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Final
 
 from tradestudy.cameras.declaration import DepthCameraDeclaration
@@ -9,9 +10,12 @@ from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.matcher import AT_BOUND
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, MappingEntry, ScalarEntry
+from tradestudy.units import significant
 
 _SESSION: Final = ("temperature", "pressure", "colour")
 Path = tuple[str | int, ...]
+
+_COMPUTED = re.compile(r"\d+\.\d{6,}")  # a number that nobody has written
 
 
 def input_words(definition: StudyDefinition, camera: str, parameter: str) -> str:
@@ -65,5 +69,6 @@ def _spread(path: Path, entry: Entry) -> tuple[Path, ScalarEntry] | None:
 def _rests(definition: StudyDefinition, path: Path, text: str) -> str:
     note = definition.document.annotations.get(path)
     basis = note.basis if note is not None and note.basis is not None else "declared"
+    text = _COMPUTED.sub(lambda number: significant(float(number[0])), text)
     words = {"paper": "from the paper", "datasheet": "from the data sheet"}.get(basis, basis)
     return f", {words}: {text}" if " " in words else f", {words} {text}"
