@@ -24,13 +24,13 @@ import numpy as np
 
 from tests.calibration.coverage import coverage_verdict, rank_verdict, run_trials
 from tests.calibration.depth_coverage import CASES, COVERAGES, by_corners, by_errors, by_target
+from tests.calibration.radial_rig import SHARED_NAMES
 from tests.calibration.random_poses import tilted_poses
 from tests.calibration.rig_draws import depth_of_draws
 from tests.calibration.trials import CalibrationTrial, normal_priors
 from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.pair_residual import sample_relative_pose
 from tradestudy.calibration.corners.real_rig import fit_rig, observe_pair
-from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.posterior.laplace import LaplaceFit
 from tradestudy.calibration.target.synthetic_target import SyntheticTarget, flat_grid
 from tradestudy.optics.arrays import BoolArray, FloatArray

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.calibration import cameras, plain_cameras, plain_pair
+from tests.calibration.radial_rig import SHARED_NAMES
 from tests.calibration.random_poses import tilted_poses
 from tests.calibration.trials import CalibrationTrial, normal_priors
 from tests.data.simulate_corners import NOISE_PX, pictures, true_rig
@@ -22,7 +23,6 @@ from tradestudy.calibration.calibration_file import CalibrationDraws
 from tradestudy.calibration.corners.corner_file import StereoCorners
 from tradestudy.calibration.corners.pair_residual import sample_relative_pose
 from tradestudy.calibration.corners.real_rig import fit_rig
-from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.posterior.laplace import LaplaceFit
 from tradestudy.calibration.posterior_file import posterior_of_file, rig_calibration, write_posterior
 from tradestudy.calibration.projection import move

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.calibration.radial_rig import SHARED_NAMES
 from tests.calibration.random_poses import tilted_poses
 from tradestudy.calibration.corners.bundle_adjustment import (
     check_rig,
@@ -16,7 +17,6 @@ from tradestudy.calibration.corners.corner_file import StereoCorners, read_corne
 from tradestudy.calibration.corners.initial_values import first_intrinsics
 from tradestudy.calibration.corners.view_blocks import (
     RELATIVE,
-    SHARED_NAMES,
     board_points,
     camera_blocks,
     cameras_of,

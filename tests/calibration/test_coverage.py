@@ -5,11 +5,11 @@ import pytest
 from scipy.stats import binom
 
 from tests.calibration.coverage import coverage_verdict, holm, rank_verdict, run_trials
+from tests.calibration.radial_rig import SHARED_NAMES
 from tests.calibration.random_poses import tilted_poses
 from tests.calibration.rig_draws import depth_of_draws
 from tests.calibration.trials import CalibrationTrial, normal_priors
 from tradestudy.calibration.corners.real_rig import observe_pair
-from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.target.synthetic_target import SyntheticTarget, flat_grid
 from tradestudy.errors import OutOfRangeError
 

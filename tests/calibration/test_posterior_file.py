@@ -6,10 +6,10 @@ import xarray
 
 from tests.calibration.calibration_files import write_calibration
 from tests.calibration.cameras import board, corners, focused, normal, shown, stereo, unfocused
+from tests.calibration.radial_rig import SHARED_NAMES
 from tests.data.simulate_corners import true_rig
 from tradestudy.calibration.calibration_file import CalibrationCovariance, CalibrationDraws, CalibrationFileError
 from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError
-from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.posterior_file import posterior_of_file, write_posterior
 from tradestudy.calibration.posteriors import infer
 from tradestudy.cameras.parts import Lens

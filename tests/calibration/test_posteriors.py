@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from tests.calibration.cameras import MEASURED, board, corners, focused, normal, shown, stereo, unfocused, webcams
+from tests.calibration.radial_rig import SHARED_NAMES
 from tradestudy.calibration.corners.corner_file import CornerFileError, read_corners
 from tradestudy.calibration.corners.real_rig import fit_rig
 from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError, check_geometry
-from tradestudy.calibration.corners.rig_reading import RIG_PARAMETERS
-from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
+from tradestudy.calibration.corners.rig_reading import rig_parameters
 from tradestudy.calibration.posteriors import MOST_DRAWS, infer, to_infer
+from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.cameras.calibration_declaration import calibration_part
 from tradestudy.cameras.parts import Sensor
 from tradestudy.errors import NotConvergedError, OutOfRangeError
@@ -177,7 +178,7 @@ def test_the_real_rig_is_more_uncertain_than_it_claims():
     inferred = infer(corners(webcams(), MEASURED, steps=200))
     assert inferred.check.passed
     assert inferred.calibration.groups[0].parameters == SHARED_NAMES
-    assert set(RIG_PARAMETERS) == set(SHARED_NAMES)
+    assert set(rig_parameters(RADIAL)) == set(SHARED_NAMES)
     fit = inferred.fit
     assert fit.left.corner_rms_px == pytest.approx(0.16, abs=0.01)
     assert fit.pair.corner_rms_px == pytest.approx(0.24, abs=0.01)

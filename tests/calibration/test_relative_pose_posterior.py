@@ -11,12 +11,13 @@ from tests.data.simulate_corners import FILE as SIMULATED
 from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.marginal_views import compress_views
 from tradestudy.calibration.corners.pair_residual import (
-    POSTERIOR_NAMES,
     check_marginalisation,
     log_posterior,
+    posterior_names,
     sample_relative_pose,
 )
 from tradestudy.calibration.corners.real_rig import fit_rig
+from tradestudy.cameras.calibrated_pair import RADIAL
 
 FILE = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corners.csv"
 
@@ -40,7 +41,7 @@ def test_the_posterior_converges_and_holds_at_exact_points(posterior):
     assert posterior.converged, (diagnostics.failures, posterior.check)
     assert diagnostics.lengths >= 50.0
     assert posterior.check.efficiency > 0.975  # so no mean is off by more than 0.16 standard deviations
-    assert posterior.sample.names == POSTERIOR_NAMES
+    assert posterior.sample.names == posterior_names(RADIAL)
 
 
 def test_the_posterior_is_as_wide_as_the_laplace_fit(rig, posterior):

@@ -5,12 +5,13 @@ import pytest
 
 from tests.calibration.cameras import MEASURED, corners, stereo, webcams
 from tests.calibration.plain_pair import depths_read
+from tests.calibration.radial_rig import SHARED_NAMES
 from tests.data.simulate_corners import true_rig
 from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.real_rig import fit_rig
-from tradestudy.calibration.corners.rig_reading import RIG_PARAMETERS, RigReading
-from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
+from tradestudy.calibration.corners.rig_reading import RigReading, rig_parameters
 from tradestudy.calibration.posteriors import infer
+from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.cameras.environment import Environment
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.triangulation import depth_of_inverse
@@ -24,7 +25,7 @@ def reading(best, camera=None, pixels=(1024, 1024)):
         best=np.asarray(best, dtype=float),
         pixels=pixels,
         pixel_pitch=camera.sensor.pixel_pitch,
-        vocabulary={**RIG_PARAMETERS, **camera.error_vocabulary},
+        vocabulary={**rig_parameters(RADIAL), **camera.error_vocabulary},
     )
 
 

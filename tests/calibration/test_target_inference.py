@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from tests.calibration.radial_rig import SHARED_NAMES
 from tests.calibration.random_poses import tilted_poses
 from tests.calibration.rig_draws import depth_of_draws
 from tests.calibration.trials import normal_priors
 from tradestudy.calibration.corners.real_rig import observe_pair
-from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.projection import move
 from tradestudy.calibration.target.synthetic_target import (
     Priors,

@@ -85,7 +85,7 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
         throughout = "equal throughout" if question.equal is not None else f"exactly {_goal_words(question)} throughout"
         answer = f"{throughout}, from {pretty(low, dimension)} to {pretty(high, dimension)}"
         return Solved(solutions=(), dimension=dimension, answer=answer)
-    find = ratios.first_whole if varying.is_counted else ratios.crossing
+    find = ratios.whole_number if varying.is_counted else ratios.crossing
     found = [
         find((places[k], places[k + 1]))
         for k in range(len(places) - 1)
@@ -125,8 +125,8 @@ class _Ratios:
         roots = np.exp([_root(partial(self._one, k), logs, self._question.says) for k in range(count)])
         return Solution(value=float(np.mean(roots)), error=_error_of_mean(roots))
 
-    def first_whole(self, logs: tuple[float, float]) -> Solution:
-        """The last whole number on the certain side between two values; its error is over all scrambles or plans."""
+    def whole_number(self, logs: tuple[float, float]) -> Solution:
+        """The whole number next to the crossing on the side that meets the limit; error over scrambles or plans."""
         count = max(len(self._all(log)) for log in logs)
         certain, other = sorted(logs, key=self.mean)
         each = [self._last_whole(partial(self._one, k), (certain, other)) for k in range(count)]

@@ -38,9 +38,6 @@ def coefficient_of(name: str) -> str | None:
     return name.rpartition(_COEFFICIENT)[2] if _COEFFICIENT in name else None
 
 
-INTRINSIC_NAMES = intrinsic_names(RADIAL)
-
-
 @dataclass(frozen=True, kw_only=True)
 class FreeLens:
     """A lens model that a fit may change.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import Final
 
 from tradestudy.cameras.declaration import DepthCameraDeclaration
@@ -10,12 +9,9 @@ from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.matcher import AT_BOUND
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, MappingEntry, ScalarEntry
-from tradestudy.units import significant
 
 _SESSION: Final = ("temperature", "pressure", "colour")
 Path = tuple[str | int, ...]
-
-_COMPUTED = re.compile(r"\d+\.\d{6,}")  # a number that nobody has written
 
 
 def input_words(definition: StudyDefinition, camera: str, parameter: str) -> str:
@@ -43,7 +39,7 @@ def input_words(definition: StudyDefinition, camera: str, parameter: str) -> str
         if not isinstance(declared, ScalarEntry):
             default = next(text for where, text in part.assumed() if where == ("depth", "disparity_error"))
             return f"matching noise of {title}, assumed {default}"
-        return f"matching noise of {title}{_rests(definition, path, declared.text)}"
+        return f"matching noise of {title}{_rests(definition, path)}"
     name = parameter.replace("_", " ")
     for path in (
         ("cameras", camera, "calibration", "errors", parameter),
@@ -51,24 +47,24 @@ def input_words(definition: StudyDefinition, camera: str, parameter: str) -> str
     ):
         entry = definition.document.entry(path)
         if entry is not None and (spread := _spread(path, entry)) is not None:
-            return f"{name} of {title}{_rests(definition, spread[0], spread[1].text)}"
+            return f"{name} of {title}{_rests(definition, spread)}"
     return f"{name} of {title}, as calibrated"
 
 
-def _spread(path: Path, entry: Entry) -> tuple[Path, ScalarEntry] | None:
-    """The first number of a declared error, and its path."""
+def _spread(path: Path, entry: Entry) -> Path | None:
+    """The path of the first number of a declared error."""
     if isinstance(entry, ScalarEntry):
-        return (path, entry) if entry.value is not None else None
+        return path if entry.value is not None else None
     if isinstance(entry, MappingEntry):
         for key, member in entry.members.items():
             if isinstance(member.entry, ScalarEntry) and member.entry.value is not None:
-                return (*path, key), member.entry
+                return (*path, key)
     return None
 
 
-def _rests(definition: StudyDefinition, path: Path, text: str) -> str:
+def _rests(definition: StudyDefinition, path: Path) -> str:
     note = definition.document.annotations.get(path)
     basis = note.basis if note is not None and note.basis is not None else "declared"
-    text = _COMPUTED.sub(lambda number: significant(float(number[0])), text)
+    text = definition.document.text_of(path)
     words = {"paper": "from the paper", "datasheet": "from the data sheet"}.get(basis, basis)
     return f", {words}: {text}" if " " in words else f", {words} {text}"

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, cast, get_args
 
 from tradestudy.errors import Problem
+from tradestudy.units import significant
 
 Path = tuple[str | int, ...]
 Scalar = str | int | float | bool | None
@@ -30,6 +32,8 @@ class Place(NamedTuple):
 
 # Place of a value that is in no file.
 OUTSIDE = Place("--set", 1, 1)
+
+_FOUND = re.compile(r"\d+\.\d{10,}")  # a number that a fit found: nobody writes so many decimals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,7 +167,9 @@ class Document:
         return self.locate(path)
 
     def text_of(self, path: str | Path) -> str:
-        """Give a value as it was written, without its basis; lists as ``[a, b]``, mappings as ``{a: b}``.
+        """Give a value for people to read: as it was written, without its basis, lists as ``[a, b]``.
+
+        Numbers that a fit found, which have all digits of a float, are rounded.
 
         Raises
         ------
@@ -173,7 +179,7 @@ class Document:
         entry = self.entry(path)
         if entry is None:
             raise KeyError(dotted(self.path_of(path)))
-        return text_of(entry)
+        return _FOUND.sub(lambda number: significant(float(number[0]), 4), text_of(entry))
 
     def entry(self, path: str | Path) -> Entry | None:
         """Find the entry at a path, or None."""

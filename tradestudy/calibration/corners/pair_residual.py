@@ -31,7 +31,6 @@ from tradestudy.calibration.posterior.laplace import (
     covariance_from_information,
 )
 from tradestudy.calibration.posterior.sampling import MINIMUM_ENSEMBLES, CheckedPosterior, sample_posterior
-from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 
@@ -43,9 +42,6 @@ _FIRST_STEPS = (0.05, 0.3, 0.3)  # of the logarithms of noise, motion scale and 
 def posterior_names(free: Sequence[str]) -> tuple[str, ...]:
     """What is sampled of a pair of lenses with these coefficients."""
     return (*shared_names(free), "log_noise_px", "motion_scale")
-
-
-POSTERIOR_NAMES = posterior_names(RADIAL)
 
 
 @dataclass(frozen=True, kw_only=True)

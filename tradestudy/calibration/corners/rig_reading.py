@@ -67,9 +67,6 @@ def rig_parameters(free: Sequence[str]) -> ErrorVocabulary:
     }
 
 
-RIG_PARAMETERS: Final[ErrorVocabulary] = rig_parameters(RADIAL)
-
-
 def pair_found(best: FloatArray, lens: FreeLens) -> CalibratedPair:
     """The pair that a fit found."""
     left, right = (lens.at(camera[4:]) for camera in cameras_of(best))

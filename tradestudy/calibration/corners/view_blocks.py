@@ -18,7 +18,6 @@ from tradestudy.calibration.projection import (
     project_with_jacobians,
     rotation_matrix,
 )
-from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 RELATIVE_POSE_NAMES = (
@@ -38,9 +37,6 @@ def shared_names(free: Sequence[str]) -> tuple[str, ...]:
     """Names of the parameters of a pair of lenses with these coefficients."""
     own = intrinsic_names(free)
     return (*(f"left_{name}" for name in own), *(f"right_{name}" for name in own), *RELATIVE_POSE_NAMES)
-
-
-SHARED_NAMES = shared_names(RADIAL)
 
 
 def cameras_of(shared: FloatArray) -> tuple[FloatArray, FloatArray]:
