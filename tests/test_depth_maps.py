@@ -191,6 +191,21 @@ def test_what_only_one_of_two_sees_is_hardly_ever_measured(tmp_path: Path) -> No
     assert score.elsewhere < 0.1 * np.count_nonzero(hidden)
 
 
+def test_a_rig_off_its_design_measures_as_much_as_one_as_designed(tmp_path: Path) -> None:
+    pytest.importorskip("cv2")
+    errors = "{pitch: {standard_deviation: 0.5 deg}, roll: {standard_deviation: 0.5 deg}}"
+    text = study_text("pair", PLANE.format(150), more="rig: drawn").replace(
+        "baseline: 10 mm", f"baseline: 10 mm\n    calibration: {{errors: {errors}}}", 1
+    )
+    path = tmp_path / "maps.yaml"
+    path.write_text(text, encoding="utf-8")
+    score = api.render(api.load(path), tmp_path, depth=True).depths["pair"]
+    camera = json.loads((tmp_path / "pictures" / "pair" / "camera.json").read_text(encoding="utf-8"))
+    assert max(abs(error) for error in camera["errors"].values()) > 2e-3  # 1.7 px
+    assert score.filled > 0.95
+    assert score.within > 0.95
+
+
 def test_the_command_says_how_well_each_camera_measured(tmp_path: Path) -> None:
     path = tmp_path / "maps.yaml"
     path.write_text(study_text("plenoptic", PLANE.format(150), pixels="[300, 300]"), encoding="utf-8")

@@ -12,6 +12,7 @@ import numpy as np
 from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, FlatPicture, TrueDepth
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.cameras.stereo.pair import SIDES, pair_poses
+from tradestudy.cameras.stereo.row_alignment import aligned_rows
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.lens_models.rational import IDEAL
@@ -37,7 +38,7 @@ class PairReader(DepthReader):
     """A stereo rig as it was designed, and what depth is looked for; the map is in the pixels of the left picture.
 
     Pictures of converging axes, or of lenses that distort, are first made those of parallel pinholes, and the map is in
-    the frame of the turned left picture.
+    the frame of the turned left picture. Rows that the errors of the rig displace are then aligned.
 
     Parameters
     ----------
@@ -70,6 +71,7 @@ class PairReader(DepthReader):
         left, right = (
             self._parallel(np.where(pictures[side].pure, pictures[side].values, np.nan), side) for side in SIDES
         )
+        right = aligned_rows(left, right, self._steps, _opencv())
         variance = float(np.nanmedian(pictures[SIDES[0]].variance))
         start = self._whole_pixels(left, right)
         steps = self._steps

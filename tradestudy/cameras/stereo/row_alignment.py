@@ -1,0 +1,108 @@
+"""A pair of pictures by a rig that is off its design: the rows of the right one, aligned to those of the left."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from tradestudy.optics.arrays import FloatArray, Samples
+
+_PATCHES: Final = 16  # along each side of the picture
+_HALF_PATCH: Final = 15  # px
+_WIDEST: Final = 0.02  # of the longer side of the picture; a rig with rows further apart has not been calibrated
+_NARROWEST: Final = 4  # px
+_ALIKE: Final = 0.7  # correlation of two patches that show the same texture
+_FEWEST: Final = 20  # patches that support a fit of five numbers
+_SCATTER_PX: Final = 0.2  # beyond which a patch is an outlier
+_NEGLIGIBLE_PX: Final = 0.1  # matching windows do not notice it
+_CERTAIN: Final = 3.0  # standard errors
+
+
+def aligned_rows(left: Samples, right: Samples, steps: range, library: Any) -> Samples:
+    """The right picture, resampled so that each point lies in the row in which the left picture shows it.
+
+    Small rotations between two parallel pinholes, different principal distances and a shift of the sensor displace rows
+    by ``a + b u + c v + d u v + e v²`` (u, v from the middle of the picture), whatever the depth: a and e by pitch, b
+    by roll, d by yaw. The five numbers are fitted to patches of the left picture that are found again in the right one,
+    with a Cauchy loss. Columns are left alone, since an error along them cannot be told from depth.
+
+    Parameters
+    ----------
+    left, right
+        Pictures of parallel pinholes, shape (rows, columns); NaN where there is no light.
+    steps
+        Disparities to search [px].
+    library
+        OpenCV.
+
+    Returns
+    -------
+    Samples
+        The right picture itself where no offset exceeds 0.1 px by three standard errors, or too few patches are found.
+    """
+    places, offsets = _offsets(left, right, steps, library)
+    if len(offsets) < _FEWEST:
+        return right
+    from scipy.optimize import least_squares
+
+    base = _basis(places, left.shape)
+    start = np.array([np.median(offsets), 0.0, 0.0, 0.0, 0.0])
+
+    def misses(five: FloatArray) -> FloatArray:
+        return np.asarray(base @ five - offsets)
+
+    fit = least_squares(misses, start, loss="cauchy", f_scale=_SCATTER_PX)
+    scatter = 1.4826 * float(np.median(np.abs(fit.fun)))
+    border = _basis(
+        np.stack(np.meshgrid(*(np.linspace(0, n - 1, 5) for n in left.shape)), axis=-1).reshape(-1, 2), left.shape
+    )
+    error = scatter * np.linalg.norm(border @ np.linalg.pinv(base), axis=1)
+    moved = np.abs(border @ fit.x)
+    if not np.any((moved > _NEGLIGIBLE_PX) & (moved > _CERTAIN * error)):
+        return right
+    return _resampled(right, fit.x)
+
+
+def _offsets(left: Samples, right: Samples, steps: range, library: Any) -> tuple[FloatArray, FloatArray]:
+    """Patches of the left picture found again: row and column in the right picture, and the offset in rows [px]."""
+    reach = max(_NARROWEST, math.ceil(_WIDEST * max(left.shape)))
+    high, wide = _HALF_PATCH + reach, _HALF_PATCH
+    first, second = (np.nan_to_num(one).astype(np.float32) for one in (left, right))
+    lit = np.isfinite(left), np.isfinite(right)
+    rows, columns = left.shape
+    places, offsets = [], []
+    for row in np.linspace(high, rows - 1 - high, _PATCHES).astype(int) if rows > 2 * high else ():
+        for column in np.linspace(wide, columns - 1 - wide, _PATCHES).astype(int):
+            patch = np.s_[row - wide : row + wide + 1, column - wide : column + wide + 1]
+            start = max(column - steps[-1] - wide, 0)
+            strip = np.s_[row - high : row + high + 1, start : min(column - steps[0] + wide + 1, columns)]
+            if second[strip].shape[1] <= 2 * wide + 2 or not (lit[0][patch].all() and lit[1][strip].all()):
+                continue
+            alike = library.matchTemplate(second[strip], first[patch], library.TM_CCOEFF_NORMED)
+            down, along = np.unravel_index(int(np.argmax(alike)), alike.shape)
+            if alike[down, along] < _ALIKE or not 0 < down < alike.shape[0] - 1:
+                continue
+            above, peak, below = alike[down - 1 : down + 2, along].astype(float)
+            places.append((row, start + wide + int(along)))
+            offsets.append(int(down) - reach + 0.5 * (above - below) / (above - 2.0 * peak + below))
+    return np.array(places, dtype=np.float64).reshape(-1, 2), np.array(offsets)
+
+
+def _basis(places: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """1, u, v, u v, v² of rows and columns (..., 2), shape (..., 5), in half the longer side of the picture."""
+    v, u = ((places[..., k] + 0.5 - shape[k] / 2.0) / (max(shape) / 2.0) for k in (0, 1))
+    return np.stack([np.ones_like(u), u, v, u * v, v * v], axis=-1)
+
+
+def _resampled(picture: Samples, five: FloatArray) -> Samples:
+    """A picture read so many rows further down; NaN where it shows nothing there."""
+    from scipy.ndimage import map_coordinates
+
+    rows, columns = np.indices(picture.shape)
+    down = _basis(np.stack([rows, columns], axis=-1), picture.shape) @ five
+    place = np.stack([rows + down, columns])
+    missing = map_coordinates(np.isnan(picture).astype(np.float32), place, order=1, mode="constant", cval=1.0)
+    found = map_coordinates(np.nan_to_num(picture).astype(np.float32), place, order=3, mode="nearest")
+    return np.where(missing > 0.0, np.nan, found).astype(picture.dtype)
