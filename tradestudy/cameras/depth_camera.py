@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import ClassVar, Protocol, Self
 
 import numpy as np
@@ -231,6 +232,7 @@ class DepthCamera(Camera):
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
         """How it pictures objects at distances [m]: the quantities that blur, noise and window depend on."""
 
+    @cached_property
     def as_pictured(self) -> Self:
         """The camera without what does not affect its picture: calibration, propagation and disparity error."""
         return replace(self, calibration=PERFECT, propagation=LINEAR, disparity_error_px=1.0)

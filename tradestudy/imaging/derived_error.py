@@ -106,7 +106,7 @@ class PictureDisparityError:
     def bound_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
         """The bound [samples] as a flat array; NaN without a picture, infinite where it shows nothing."""
         a = np.ascontiguousarray(distance, dtype=np.float64)
-        return _bound_px(camera.as_pictured(), self.settings, self.models, a.tobytes())
+        return _bound_px(camera.as_pictured, self.settings, self.models, a.tobytes())
 
 
 def at_bound(camera: DepthCamera) -> DepthCamera:

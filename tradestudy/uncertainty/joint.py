@@ -9,7 +9,7 @@ larger positive eigenvalue is kept, however small: a weak direction can be the o
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cache, cached_property
 from math import factorial
 from typing import Self
 
@@ -269,7 +269,7 @@ class GaussianCopula(_Joint):
         """Mean of each parameter, or its median if it has no mean."""
         return np.array([float(m.quantile(0.5)) if m.mean is None else m.mean for m in self.marginals])
 
-    @property
+    @cached_property
     def covariance(self) -> FloatArray | None:
         """Covariance of the parameters by Mehler's expansion in Hermite polynomials; None if one has no variance.
 
@@ -283,7 +283,9 @@ class GaussianCopula(_Joint):
         powers = np.clip(self.correlation, -1.0, 1.0)[..., None] ** np.arange(1, coefficients.shape[1] + 1)
         spread = np.array(deviations, float)
         tied = np.einsum("ik,jk,ijk->ij", coefficients, coefficients, powers)
-        return np.asarray(tied * np.outer(spread, spread))
+        found = np.asarray(tied * np.outer(spread, spread))
+        found.setflags(write=False)  # it is kept
+        return found
 
     def draw(self, scores: FloatArray) -> FloatArray:
         """Map standard normal scores (dimensions, n) to draws (k, n)."""
@@ -295,11 +297,17 @@ class GaussianCopula(_Joint):
         return self.marginals[index]
 
 
-def _hermite_coefficients(marginal: Distribution) -> FloatArray:
-    """Coefficients of Q(Φ(z)) in the orthonormal Hermite polynomials from the first on, scaled to unit length."""
+@cache
+def _hermite_rule() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Nodes and weights of a Gauss–Hermite rule, and the orthonormal polynomials there (nodes, orders)."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(_HERMITE_NODES)
     norm = np.sqrt([float(factorial(order)) for order in range(_HERMITE_NODES)])
-    polynomials = np.polynomial.hermite_e.hermevander(nodes, _HERMITE_NODES - 1) / norm
+    return nodes, weights, np.polynomial.hermite_e.hermevander(nodes, _HERMITE_NODES - 1) / norm
+
+
+def _hermite_coefficients(marginal: Distribution) -> FloatArray:
+    """Coefficients of Q(Φ(z)) in the orthonormal Hermite polynomials from the first on, scaled to unit length."""
+    nodes, weights, polynomials = _hermite_rule()
     coefficients = (weights * at_scores(marginal, nodes) @ polynomials)[1:]
     length = float(np.linalg.norm(coefficients))
     return np.asarray(coefficients / length if marginal.standard_deviation else np.zeros(coefficients.size))
