@@ -55,9 +55,13 @@ def recognised(path: Path, text: str, label: str) -> CameraFile | None:
         return file if _format_of(file) is not None else None
     file = parsed(path, text, syntax, label)
     if _format_of(file) is None:
-        known = ", ".join(one.name for one in FORMATS)
-        raise file.top.fail(f"this is no calibration file of a known format ({known})")
+        raise file.top.fail(f"this is not a calibration file of a known format ({known_formats()})")
     return file
+
+
+def known_formats() -> str:
+    """Names of all formats, for messages."""
+    return ", ".join(one.name for one in FORMATS)
 
 
 def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntry, str]:
