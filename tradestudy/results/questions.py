@@ -211,10 +211,16 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         error="exact",
     ),
     "reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="the worst value and where it lies"),
+    "limited_by": Variable(
+        dims=_OF_REQUIREMENT,
+        units="",
+        long_name="limit of the usable or sharp range that decides the answer; empty where the value decides",
+    ),
     "rests_on": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="uncertain input that contributes most to the variance at the worst distance, and its basis",
+        long_name="limit that decides, or uncertain input that contributes most to the variance at the worst distance, "
+        "with its basis",
     ),
     "rests_on_share": Variable(
         dims=_OF_REQUIREMENT,
@@ -268,6 +274,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         dims=_OF_REQUIREMENT, units="1", long_name="within_tolerance in this design: 1 it is, 0 it is not"
     ),
     "design_reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="reason in this design"),
+    "design_limited_by": Variable(dims=_OF_REQUIREMENT, units="", long_name="limited_by in this design"),
     "met_from": Variable(
         dims=("requirement", "stretch"),
         units="mixed",

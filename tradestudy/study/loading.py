@@ -77,7 +77,7 @@ def _stated_once(document: Document, problems: Sequence[Problem]) -> list[Proble
 
 def _origin(document: Document, name: str, shared: Mapping[str, Problem]) -> str:
     """The camera from which a camera inherits a problem that it shares with others; itself if it does not."""
-    place, other = _place(shared[name]), document.like.get(name)
+    place, other = _place(shared[name]), document.like.get(name, "")
     if other in shared and place in (_place(shared[other]), document.locate(("cameras", name))):
         return _origin(document, other, shared)
     return next((one for one in shared if _place(shared[one]) == place and one not in document.like), name)

@@ -69,6 +69,7 @@ def _requirements(requirements: xr.Dataset, place: Mapping[str, int]) -> xr.Data
             "margin_sigma": one["design_margin_sigma"],
             "within_tolerance": one["design_within_tolerance"],
             "reason": one["design_reason"],
+            "limited_by": one["design_limited_by"],
             "place": nothing,
             "conformity": nothing,
             "rests_on": xr.full_like(one["says"], ""),
