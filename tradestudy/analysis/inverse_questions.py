@@ -99,6 +99,8 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     answer = _answer(definition, question, found)
     if ratios.plans > 1:
         answer += f"; calibration planned, mean over {ratios.plans} spreads of the views"
+    if question.errors == "calibration" and question.equal is None:
+        answer += _larger_noise(definition.with_values(varying.changes(found[0].value)), question)
     return Solved(solutions=tuple(found), dimension=dimension, answer=answer)
 
 
@@ -192,6 +194,13 @@ def _widths(camera: DepthCamera, question: SolvePart) -> FloatArray:
     """Uncertainty [m] at the distance of the question, in each scramble; draws need to converge only there."""
     asked = replace(camera, propagation=replace(camera.propagation, judged=(question.place,)))
     return distribution(asked, np.array([question.place]), question.errors).half_widths(ONE_SIGMA)[:, 0]
+
+
+def _larger_noise(definition: StudyDefinition, question: SolvePart) -> str:
+    """The matching noise, if it exceeds what a question requires of the calibration: then noise limits the camera."""
+    noise = question.model_copy(update={"errors": "noise"})
+    width = float(np.mean(_widths(definition.case.cameras[question.camera or ""], noise)))
+    return f"; matching noise alone: {pretty(width, LENGTH)} there" if width > question.goal else ""
 
 
 def _undecided(question: SolvePart) -> str:
