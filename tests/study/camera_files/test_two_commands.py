@@ -33,7 +33,7 @@ def test_a_study_that_cannot_run_is_not_written(tmp_path: Path, monkeypatch: pyt
     monkeypatch.chdir(tmp_path)
     made = CliRunner().invoke(app, ["new", "my-rig", "--from", "stereo.yml"])
     assert made.exit_code == 2
-    assert "say length_unit: mm" in made.output
+    assert "length_unit: mm" in made.output
     assert "my-rig.yaml was not written" in made.output
     assert "--set length_unit=mm" in made.output
     assert not (tmp_path / "my-rig.yaml").exists()
