@@ -68,7 +68,7 @@ DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback o
 
 
 def _print_version(asked: bool) -> None:
-    """Print the version and exit, if asked to."""
+    """Print the version and exit, on request."""
     if asked:
         typer.echo(f"tradestudy {tradestudy.__version__}")
         raise typer.Exit

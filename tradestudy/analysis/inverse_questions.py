@@ -29,7 +29,7 @@ _ROOT_TOLERANCE: Final = 1e-10
 _ROUNDING: Final = 1e-12
 _PLACES: Final = 9  # values tried between the ends of a question
 _AS_FAR_AGAIN: Final = 2.0  # lengths of the interval, on a logarithmic scale, by which a solution may lie beyond it
-_BEYOND_ALL: Final = 700.0  # stands for the logarithm of the ratio to a width without bound
+_BEYOND_ALL: Final = 700.0  # represents the logarithm of the ratio to an unbounded width
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,7 +142,7 @@ class _Ratios:
         return bracketed(certain, other, lambda one: log_ratio(math.log(one)) <= 0.0, possible=possible, close=0.0)[0]
 
     def _one(self, number: int, log_value: float) -> float:
-        """Of one scramble, or one plan, alone; a linear model stands for all scrambles."""
+        """The ratio in one scramble or one plan; a linear model is the same in all scrambles."""
         if self.plans > 1:
             return float(np.mean(self._at(log_value, number)))
         ratios = self._at(log_value, 0)

@@ -101,7 +101,7 @@ class LensPointSpread(PointSpread):
         """
         if (held := window_share(self).value) < _LEAST_SHARE:
             raise OutOfRangeError(
-                "share of the light in the window, whose width is asked for",
+                "too little of the light in the window for a width",
                 value=f"{100.0 * float(held):.2g} %",
                 limit="≥ 50 %",
                 remedy="widen the window",

@@ -47,7 +47,7 @@ def tree_of_design(tree: xr.DataTree, place: Mapping[str, int]) -> xr.DataTree:
 
 
 def _decision(decision: xr.Dataset, place: Mapping[str, int]) -> xr.Dataset:
-    """The same variables, of noise and calibration together, as far as the run asked for them in every design."""
+    """The same variables, of noise and calibration together, as far as the run computed them in every design."""
     one = decision.isel(place)
     found = {"best_camera": one["design_best_camera_along"].expand_dims(way=["both"])}
     if "design_crossover_distance" in one:
