@@ -82,7 +82,7 @@ def _hold_range(found: SharpRange, over: tuple[float, float], name: str) -> Held
 def _first_gap(covered: FloatArray, near: float, far: float) -> tuple[float, float]:
     """The nearest range of distance [m] in which the scene is not sharp."""
     start = next((float(last) for first, last in covered if first <= near * _MORE and last > near), near)
-    return start, min((float(first) for first, _ in covered if first > start), default=far)
+    return start, min([far, *(float(first) for first, _ in covered if first > start)])
 
 
 def _exact(
