@@ -177,7 +177,7 @@ def sample_posterior(
     proposal : LaplaceFit, optional
         A normal approximation of the posterior. One step in forty for each parameter, at most every second one, then
         proposes a draw from a multivariate t about it, accepted or rejected by the exact posterior; this shortens the
-        autocorrelation twentyfold in twenty dimensions. Not used below five parameters, where it brings nothing.
+        autocorrelation twentyfold in twenty dimensions. Not used below five parameters: others are as fast.
     maximum_steps : int
         Steps of each ensemble after which sampling ends, converged or not.
 

@@ -20,7 +20,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, Samples
 
 SAMPLE_PX: Final = 2
-"""Pixels of the sensor for one of the picture: micro-images are at least twice smaller than the object's image."""
+"""Pixels of the sensor for one of the picture: micro-images are demagnified by 2 or more."""
 _VIEW_REACH: Final = 1.0  # pitches around a position in a view within which microlenses contribute
 
 
