@@ -279,7 +279,7 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
         head, _, expected = said.rpartition("; ") if isinstance(context["error"], UnitError) else (said, "", "")
         return head, expected, ""
     if kind in _SHAPES:
-        return f"{shown} stands here", _SHAPES[kind], ""
+        return f"{shown} is given", _SHAPES[kind], ""
     if kind == "literal_error":
         choices = re.findall(r"'([^']*)'", context["expected"])
         if not choices:
@@ -292,7 +292,7 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
     if kind in ("too_short", "too_long"):
         bound, words = ("min_length", "at least") if kind == "too_short" else ("max_length", "at most")
         count = len(finding.entry.items) if isinstance(finding.entry, ListEntry) else len(list(_members(finding.entry)))
-        here = "1 value stands here" if count == 1 else f"{count} values stand here"
+        here = "1 value is given" if count == 1 else f"{count} values are given"
         return here, f"{words} {context[bound]} {'is' if context[bound] == 1 else 'are'} expected", ""
     if kind == "string_too_short":
         return "the text is empty", "some text", ""
