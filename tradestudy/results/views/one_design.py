@@ -69,7 +69,7 @@ def _requirements(requirements: xr.Dataset, place: Mapping[str, int]) -> xr.Data
             "margin_sigma": one["design_margin_sigma"],
             "within_tolerance": one["design_within_tolerance"],
             "reason": one["design_reason"],
-            "limited_by": one["design_limited_by"],
+            **({"limited_by": one["design_limited_by"]} if "design_limited_by" in one else {}),  # earlier runs lack it
             "place": nothing,
             "conformity": nothing,
             "rests_on": xr.full_like(one["says"], ""),
