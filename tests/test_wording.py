@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from tradestudy.wording import counted, distance, listed, span
+from tradestudy.wording import counted, distance, limit_words, listed, span
 
 
 @pytest.mark.parametrize(
@@ -18,6 +18,11 @@ def test_one_is_singular(number: int, text: str) -> None:
 
 def test_a_plural_of_its_own() -> None:
     assert [counted(number, "entry", "entries") for number in (1, 2)] == ["1 entry", "2 entries"]
+
+
+def test_the_first_of_several_broken_limits_is_named_and_a_condition_is_its_own_words() -> None:
+    assert limit_words("overlap, focus") == limit_words("overlap")
+    assert limit_words("matching: the window is small, focus") == "the window is small"
 
 
 @pytest.mark.parametrize(

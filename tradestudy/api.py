@@ -280,7 +280,7 @@ def _folder_text(text: str) -> str:
 
 
 def _refuse_file(directory: Path) -> None:
-    """Refuse an output folder where a file stands in the way."""
+    """Refuse an output folder at the path of a file."""
     nearest = next((one for one in (directory, *directory.absolute().parents) if one.exists()), directory)
     if nearest.exists() and not nearest.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(nearest))

@@ -12,13 +12,13 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import tradestudy
 from tradestudy.cost import DEFAULT_BUDGET
-from tradestudy.errors import RequirementsNotMetError, TradestudyError, place_error
+from tradestudy.errors import RequirementsNotMetError, StudyError, TradestudyError, place_error
 from tradestudy.shown_progress import shown_progress
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback o
 
 
 def _print_version(asked: bool) -> None:
-    """Print the version and exit, if asked to."""
+    """Print the version and exit, on request."""
     if asked:
         typer.echo(f"tradestudy {tradestudy.__version__}")
         raise typer.Exit
@@ -292,10 +292,9 @@ def new(
         if from_:
             try:
                 _warned(api.load(path))
-            except TradestudyError:
+            except TradestudyError as error:
                 path.unlink()  # nobody can start from a study that cannot run
-                typer.echo(f"{path} was not written; {_SAYING_MORE}. It would have these mistakes:", err=True)
-                raise
+                raise _InputError(_not_written(path, error)) from None
         typer.echo(f"{path}\n{context.find_root().info_name} run {path}")
 
 
@@ -398,10 +397,15 @@ def _refuse_joined(files: Sequence[Path], further: Sequence[str]) -> None:
         raise _InputError("--from takes one file", value=" ".join(together), remedy=remedy)
 
 
-_SAYING_MORE: Final = (
-    "give what the files do not state with --set, such as --set length_unit=mm or --set 'sensor.pixels=[1280, 720]', "
-    "and the file of a second camera with another --from"
-)
+def _not_written(path: Path, error: TradestudyError) -> str:
+    """Mistakes of an imported camera, those of the study itself without a place, since its file is not written."""
+    problems = error.problems if isinstance(error, StudyError) else ()
+    causes = [f"{one.path}: {one.what}" if one.file == str(path) else str(one) for one in problems] or [str(error)]
+    advice = (
+        f"{path} was not written. Give values that the files do not state with --set, such as --set length_unit=mm or "
+        "--set 'sensor.pixels=[1280, 720]', and the file of a second camera with another --from."
+    )
+    return "\n".join([*causes, advice])
 
 
 class _InputError(TradestudyError):

@@ -80,7 +80,7 @@ class Result:
           ``distance`` [m], ``contrast`` and ``electrons``): ``spread`` and ``bias`` with the standard errors
           ``spread_error`` and ``bias_error``, the ``predicted`` spread [m], and the share ``filled`` of the points that
           it could measure.
-        - ``rests_on``: the inputs that decide the answers, in words.
+        - ``rests_on``: the limits and inputs that decide the answers, in words.
         - ``measure_first``: what to measure next, in words, or empty; ``assumptions``: the value of knowing each, the
           most valuable first: ``assumption``, ``between``, ``worth`` and its standard ``error`` (shares of the
           distance).

@@ -42,6 +42,11 @@ def span(start: float, end: float) -> str:
     return f"{first} to {last}"
 
 
+def plain_span(start: float, end: float) -> str:
+    """Write a range of distances [m] as `span` does, with plain spaces: for results, terminals and other programs."""
+    return span(start, end).replace("\N{NO-BREAK SPACE}", " ")
+
+
 _LIMITS: Final[Mapping[str, str]] = {
     "real_image": "no real image",
     "overlap": "too little overlap",
@@ -57,5 +62,12 @@ _LIMITS: Final[Mapping[str, str]] = {
 
 
 def limit_words(name: str) -> str:
-    """Say why a camera cannot be used where it breaks a limit of the usable range."""
-    return _LIMITS[name]
+    """Say why a camera cannot be used where it breaks limits of the usable range: the first of these.
+
+    Parameters
+    ----------
+    name
+        Names of limits as an end of the usable range has them: "overlap, focus", or "matching: its condition".
+    """
+    first, _, condition = name.partition(", ")[0].partition(": ")
+    return condition or _LIMITS[first]

@@ -54,6 +54,21 @@ def test_an_answer_beyond_an_end_is_said_with_what_is_left() -> None:
     assert float(said[1]) == pytest.approx(left, rel=0.06)
 
 
+@pytest.mark.parametrize(("goal", "says"), [("3 mm", True), ("30 mm", False)])
+def test_noise_that_exceeds_the_calibration_asked_for_is_reported(goal: str, *, says: bool) -> None:
+    """A noise of δ px makes Z² δ/(B f) of depth, whatever the calibration."""
+    yaw = {"vary": "stereo-75mm.calibration.errors.yaw.standard_deviation", "low": "0.0001 deg", "high": "1 deg"}
+    study = tradestudy.load(STUDIES / "robot.yaml").with_values({"stereo-75mm.depth.disparity_error": "0.1 px"})
+    question = {"says": "how well?", "at": "3 m", "uncertainty": goal, "errors": "calibration"}
+    definition = study.with_values({"solve": {"own": {**yaw, **question, "camera": "stereo-75mm"}}}).plan().definition
+    found = solve(definition, definition.file.solve["own"])
+    assert found.solutions
+    rig = definition.case.cameras["stereo-75mm"]
+    noise = 9.0 * 0.1 * rig.sensor.pixel_pitch / (rig.baseline * rig.principal_distance)  # type: ignore[attr-defined] # a rig
+    assert noise == pytest.approx(0.015, rel=0.5)
+    assert (f"{1e3 * noise:.3g} mm" in found.answer) is says
+
+
 def test_two_solutions_are_both_told() -> None:
     """The rig is surest in focus: nearer and farther focus distances blur a target at 0.6 m alike."""
     question = {"vary": "stereo-75mm.focus_distance", "low": "100 mm", "high": "5 m", "camera": "stereo-75mm"}

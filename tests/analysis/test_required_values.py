@@ -61,7 +61,7 @@ def test_a_requirement_can_be_met_between_two_values() -> None:
 def test_nowhere_says_how_near_and_anywhere_says_so() -> None:
     nowhere = asked({"depth_uncertainty": {"below_relative": "0.01 %", "over": ["0.4 m", "3 m"]}})
     assert nowhere.solutions == ()
-    assert re.match(r"met nowhere between 20 mm and 400 mm: .* at 400 mm, .* %; .* beyond", nowhere.answer)
+    assert re.match(r"met nowhere between 20 mm and 400 mm: .* at 400 mm \(.* %.*\); .* beyond", nowhere.answer)
     anywhere = asked({"depth_uncertainty": {"below_relative": "50 %", "over": ["0.4 m", "3 m"]}})
     assert anywhere.answer == "met anywhere between 20 mm and 400 mm; declared: 75 mm"
 

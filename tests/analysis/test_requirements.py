@@ -102,7 +102,8 @@ def test_a_camera_that_is_not_usable_misses_by_at_least_the_share_where_it_is_no
     # The R5 is usable up to 1.09 m of these.
     assert found.unusable == pytest.approx(np.log(3.0 / 1.09) / np.log(3.0 / 0.4), abs=0.003)
     assert found.margin == -found.unusable
-    assert found.reason.startswith("not usable just beyond 1.09 m")
+    assert "1.09 to 3 m" in found.reason
+    assert found.limit == "relative_uncertainty"
 
 
 @pytest.mark.parametrize(

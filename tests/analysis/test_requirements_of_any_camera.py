@@ -19,6 +19,7 @@ from tradestudy.report.document import PageBreak
 from tradestudy.run.groups.requirements import requirements_group
 from tradestudy.study.plausibility import implausible
 from tradestudy.study.sweep import sweep_axes, sweep_points
+from tradestudy.wording import plain_span
 
 STUDIES = Path(__file__).parents[2] / "studies"
 MASSES = {"mahli": "578 g", "r5-no-microlenses": "0.5 kg", "stereo": "about a kilogram"}
@@ -96,6 +97,9 @@ def test_the_depth_of_field_of_a_single_lens_is_that_of_the_closed_form() -> Non
     assert judged.value == pytest.approx(math.log(far / near) / math.log(160 / 140), rel=1e-9)
     assert judged.margin == pytest.approx(judged.value - 1.0)
     assert judged.place == pytest.approx(0.14)
+    assert plain_span(0.14, near) in judged.reason
+    before, _ = answer(hand_lens({"camera": name, "depth_of_field": {"over": ["140 mm", "142 mm"]}}))
+    assert plain_span(0.14, 0.142) in before.reason  # nothing in it is sharp
 
 
 def test_the_range_that_is_sharp_by_the_results_is_the_one_that_keeps_a_requirement() -> None:
@@ -192,7 +196,7 @@ def test_a_study_without_depth_answers_its_requirements_in_every_place(tmp_path:
     result = study.run()
     sharp, light = result.lines()
     assert sharp.startswith("Met: the rock is sharp, by Near (sharp from ")
-    assert light == "Not met: not heavy (should), not by Near (mass 400 g; missed by 50 %)"
+    assert light == "Not met: not heavy (should), not by Near (mass 400 g; missed by a factor of 2)"
     assert result.unmet_requirements == []
     blocks = compose_report(result.data, {}, {}).blocks
     first_page = str(list(itertools.takewhile(lambda block: not isinstance(block, PageBreak), blocks)))

@@ -107,14 +107,14 @@ def test_the_seed_says_which_rig_was_calibrated():
 
 
 def test_corners_beside_the_sensor_are_not_seen():
-    with pytest.raises(OutOfRangeError, match="seen in too few views"):
+    with pytest.raises(OutOfRangeError, match=r"rig: .* views: \d .allowed: at least 3 with 6 corners"):
         infer(shown(stereo(), PRIORS, board(spacing=2.0)))
 
 
 @pytest.mark.parametrize(
     ("groups", "words"),
     [
-        ((), "rig: a target without an error per rig"),
+        ((), "rig: .*errors"),
         (
             (
                 JointNormal(
@@ -125,7 +125,7 @@ def test_corners_beside_the_sensor_are_not_seen():
                     error_class=ErrorClass.RIG,
                 ),
             ),
-            "correlated errors are no priors of a target: mla_distance, focal_length",
+            ": mla_distance, focal_length .*independent",
         ),
         (
             (
@@ -135,7 +135,7 @@ def test_corners_beside_the_sensor_are_not_seen():
                     error_class=ErrorClass.RIG,
                 ),
             ),
-            "the distribution of mla_distance is no prior of a target: StudentT",
+            r"mla_distance .*: StudentT .allowed: normal or uniform",
         ),
     ],
 )
@@ -146,7 +146,7 @@ def test_what_is_no_prior_is_refused(groups, words):
 
 def test_a_target_that_determines_nothing_says_what():
     flat = Source(name="left_distortion_k2", distribution=Uniform(low=-1.0, high=1.0), error_class=ErrorClass.RIG)
-    with pytest.raises(NotConvergedError, match=r"do not determine|does not settle"):
+    with pytest.raises(NotConvergedError, match=r"do not determine|does not converge"):
         infer(shown(stereo(), (flat,), board(views=3, spacing=1e-6)))
 
 
@@ -204,11 +204,11 @@ def measured():
         ),
         (
             {"sensor": Sensor(columns=640, rows=360, pixel_pitch=6e-6)},
-            "focal length 231.3 px, corners say .* px; correct cameras.rig.lenses or take another corner file",
+            "focal length 231.3 px, corners say .* px; correct cameras.rig.lenses or use another corner file",
         ),
         (
             {"sensor": Sensor(columns=1280, rows=720, pixel_pitch=3e-6)},
-            "declared sensor 1280 × 720 px, corners say that the left axis meets it at",
+            "declared sensor 1280 × 720 px, corners say .* left .*cameras.rig.sensor.pixels",
         ),
     ],
 )

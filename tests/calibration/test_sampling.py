@@ -143,5 +143,5 @@ def test_thinning_refuses_more_than_there_is():
     rng = np.random.default_rng(0)
     sample = sample_posterior(correlated, starts(rng), names=NAMES, rng=rng, maximum_steps=200)
     assert sample.thinned(7).shape == (7, 2)
-    with pytest.raises(OutOfRangeError, match="do not exist"):
+    with pytest.raises(OutOfRangeError, match=r"draws.*\(allowed: 1 to "):
         sample.thinned(len(sample.draws) + 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from pathlib import Path
 
 import numpy as np
@@ -98,8 +99,12 @@ def test_points_that_form_no_grid_are_refused_by_metrics() -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"f_number": 0.0}, "f-number"),
-        ({"window": -1.0}, "window"),
+        ({"f_number": 0.0}, "f-number: 0 "),
+        ({"focal_length": float("nan")}, "focal length: nan m "),
+        ({"focal_length": -50e-3}, "focal length: -0.05 m "),
+        ({"wavelength": 550.0}, r"wavelength: 550 m .*0\.00625 m.*550e-9"),
+        ({"window": -1.0}, "window: -1 "),
+        ({"window": 1.0}, r"window: 1 .*1\.5"),
         ({"focus_distance": 20e-3}, "focus beyond the focal length"),
         ({"tolerance": 1.0}, "tolerance"),
         ({"method": "fraunhofer"}, "method"),
@@ -108,6 +113,39 @@ def test_points_that_form_no_grid_are_refused_by_metrics() -> None:
 def test_impossible_lenses_are_refused(change: dict[str, object], said: str) -> None:
     with pytest.raises(OutOfRangeError, match=said):
         optics.point_spread(**(LENS | change))
+
+
+def test_the_smallest_window_is_sampled_finely_enough_for_error_estimates() -> None:
+    assert optics.point_spread(**LENS, window=1.5).width().error > 0.0
+
+
+def test_frequencies_beyond_the_samples_are_refused_with_the_cutoff() -> None:
+    cutoff = 1 / SCALE
+    assert airy().modulation_transfer(1.01 * cutoff).value < 1e-3
+    for frequency in (100 * cutoff, np.nan):
+        with pytest.raises(OutOfRangeError, match=rf"{re.escape(f'{frequency:g}')} 1/m .*cutoff, {cutoff:g} 1/m"):
+            airy().modulation_transfer(frequency)
+
+
+def test_results_print_shape_spacing_and_error_instead_of_arrays() -> None:
+    psf = optics.point_spread(**LENS, window=4)
+    for text in ("kirchhoff", "81 × 81", f"{psf.spacing:.3g} m", f"{psf.relative_error:.1g}"):
+        assert text in repr(psf)
+    assert f"{psf.width()}" in repr(psf.width())
+    many = psf.modulation_transfer(np.linspace(0, 1 / SCALE, 50))
+    assert "(50,)" in repr(many)
+    field = optics.aperture_field(
+        source=optics.PointSource(distance=0.15),
+        lens=optics.CircularLens(radius=1.5e-3, focal_length=12.5e-3, lens_phase="parabolic"),
+        targets=optics.TargetGrid.centred(centre=(0.0, 0.0), pitch=0.5e-6, count=33, distance=13.64e-3),
+        wavelength=550e-9,
+        method="kirchhoff",
+        accuracy=optics.FieldAccuracy(tolerance=1e-4),
+    )
+    for text in ("kirchhoff", "33 × 33", "5e-07", f"{field.error.intensity:.1g}"):
+        assert text in repr(field)
+    spot = optics.PointSpread(x=psf.x, y=psf.y, intensity=psf.intensity, pupil_power=1.0)
+    assert all(len(repr(result)) < 150 for result in (psf, many, field, spot))
 
 
 def test_the_plot_has_spot_cuts_energy_and_transfer(tmp_path: Path) -> None:

@@ -39,6 +39,7 @@ def tree(
             {
                 "design_met": (dims, np.broadcast_to(met, (3, 2, 2))),
                 "design_margin_percent": (dims, np.broadcast_to(margins, (3, 2, 2)).astype(float)),
+                "design_reason": (dims, np.broadcast_to([["worst 1 %", "worst 2 %"]], (3, 2, 2))),
                 "priority": ("requirement", list(priority)),
                 "says": ("requirement", ["close enough", "far enough"]),
             },
@@ -83,7 +84,7 @@ def test_without_a_feasible_design_the_nearest_is_named_with_what_it_misses() ->
     margins[2, 0] = (10.0, -4.0)
     assert feasible_words(tree(0, margins)) == (
         "None of 6 designs meets both requirements. Rig with baseline 200 mm and focal length 4 mm comes nearest: it "
-        "misses “far enough” by 4 %"
+        "misses “far enough” (worst 2 %)"
     )
 
 
@@ -170,4 +171,4 @@ def test_a_design_that_only_its_guard_band_breaks_blames_the_right_requirement()
     margins = np.zeros((3, 2, 2))
     margins[..., 0], margins[..., 1] = 50.0, 5.0
     told = feasible_words(tree(met, margins))
-    assert told.endswith("comes nearest: it misses “close enough”")
+    assert told.endswith("comes nearest: it misses “close enough” (worst 1 %)")

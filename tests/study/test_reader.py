@@ -351,7 +351,7 @@ class TestMistakesOfValidators:
             "s.yaml:3:13: distances.focal: unknown key; nearest: 'focal_length'"
         ]
         assert told(read(write(text + "far"))) == [
-            "s.yaml:3:12: distances: 'far' stands here; a list or a mapping is expected"
+            "s.yaml:3:12: distances: 'far' is given; a list or a mapping is expected"
         ]
 
 

@@ -37,7 +37,7 @@ HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
         ("stereo-short.sensor.pixel_pitch=1e6 m", "pixel pitch of a sensor; check its unit; 10 nm to 5 mm"),
         ("stereo-short.baseline=1e-9 m", "baseline of two cameras"),
         ("stereo-short.lenses.f_number=1e-300", "'1e-300' is out of range; a number from 1e-30 to 1e30 in SI units is"),
-        ("scene.distances=[0.4 m]", "1 value stands here; at least 2 are expected"),
+        ("scene.distances=[0.4 m]", "1 value is given; at least 2 are expected"),
     ],
 )
 def test_check_refuses(override: str, told: str) -> None:

@@ -12,11 +12,11 @@ from tradestudy.errors import StudyError
 
 HERE = Path(__file__).parent / "wrong"
 
-# file in wrong/ → everything that is said about it, as a user in that folder sees it
-MESSAGES = {
-    name: told.strip().splitlines()
-    for name, told in re.findall(
-        r"^== (\S+)\.yaml\n((?:(?!== ).*\n)+)", (HERE / "messages.txt").read_text(encoding="utf-8"), re.MULTILINE
+# file in wrong/ → every mistake in it: its position and path, and what its message must contain
+MISTAKES = {
+    name: [(place.strip(), tuple(facts)) for place, *facts in (line.split(" | ") for line in said.splitlines() if line)]
+    for name, said in re.findall(
+        r"^== (\S+)\.yaml\n((?:(?!== ).*\n)+)", (HERE / "mistakes.txt").read_text(encoding="utf-8"), re.MULTILINE
     )
 }
 
@@ -27,14 +27,23 @@ def messages(path: Path) -> list[str]:
     return [str(problem) for problem in caught.value.problems]
 
 
-@pytest.mark.parametrize("name", MESSAGES)
-def test_says_exactly_this(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", MISTAKES)
+def test_every_mistake_is_reported_at_its_place_with_value_limit_and_remedy(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(HERE)
-    assert messages(Path(f"{name}.yaml")) == MESSAGES[name]
+    found = messages(Path(f"{name}.yaml"))
+    assert len(found) == len(MISTAKES[name])
+    for message, (place, facts) in zip(found, MISTAKES[name], strict=True):
+        start = f"{place.removesuffix(':')}: "
+        assert message.startswith(start)
+        said = message.removeprefix(start)
+        assert [fact for fact in facts if fact not in said] == []
+        assert len(said) > len("".join(facts))  # it explains them
 
 
 def test_no_wrong_file_is_forgotten() -> None:
-    assert {path.stem for path in HERE.glob("*.yaml")} == {*MESSAGES, "right"}
+    assert {path.stem for path in HERE.glob("*.yaml")} == {*MISTAKES, "right"}
 
 
 def test_the_files_are_wrong_by_their_mistakes_alone() -> None:
@@ -43,7 +52,7 @@ def test_the_files_are_wrong_by_their_mistakes_alone() -> None:
     assert definition.file.cameras["near"].baseline == 0.02  # type: ignore[union-attr]  # a stereo rig
 
 
-@pytest.mark.parametrize("name", MESSAGES)
+@pytest.mark.parametrize("name", MISTAKES)
 def test_the_place_holds_what_the_message_quotes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Found by looking into the file, not by trusting the reader: a quoted value stands at the place that is named."""
     monkeypatch.chdir(HERE)
@@ -83,3 +92,36 @@ def test_files_that_are_no_files(tmp_path: Path) -> None:
     assert messages(Path("a\0b")) == ["a\0b:1:1: it cannot be read (embedded null byte)"]
     long = Path("n" * 5000)
     assert messages(long) == [f"{long}:1:1: it cannot be read (File name too long)"]
+
+
+STUDY = """format: 2
+study: inherited
+title: t
+question: q
+cameras:
+  own: {like: wrong, lenses: {focal_lenght: 9 mm}}
+  wrong:
+    {kind: stereo, basline: 100 mm, sensor: {pixels: [1024, 1024], pixel_pitch: 10 um},
+     lenses: {focal_length: 8 mm, f_number: 8}, depth: {disparity_error: 0.1 px}}
+  again: {like: wrong}
+  third: {like: again, baseline: -1 m}
+scene: {distances: [0.5 m, 1 m], wavelength: 550 nm}
+"""
+
+
+def test_a_mistake_is_stated_once_for_all_cameras_that_inherit_it(tmp_path: Path) -> None:
+    path = tmp_path / "study.yaml"
+    path.write_text(STUDY)
+    found = {message.removeprefix(f"{path}:") for message in messages(path)}
+    by_key = {message.partition(": ")[2].partition(":")[0]: message for message in found}
+    assert sorted(by_key) == [
+        "cameras.own.lenses.focal_lenght",
+        "cameras.third.baseline",
+        "cameras.wrong.baseline",
+        "cameras.wrong.basline",
+    ]
+    assert by_key["cameras.wrong.basline"].startswith("8:20: ")
+    assert [name for name in ("own", "again", "third") if f"cameras.{name}" in by_key["cameras.wrong.basline"]] == [
+        "own", "again", "third",
+    ]  # fmt: skip
+    assert "cameras.third" not in by_key["cameras.wrong.baseline"]  # it has a baseline of its own

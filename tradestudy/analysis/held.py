@@ -30,6 +30,8 @@ class Held:
         That share, on a logarithmic scale.
     reason
         The reason, in words.
+    limit
+        Name of the limit of the usable range that decides the answer; empty if the value does.
     """
 
     camera: str
@@ -41,6 +43,7 @@ class Held:
     margin: float
     unusable: float
     reason: str
+    limit: str = ""
 
     @property
     def margin_in_errors(self) -> float:

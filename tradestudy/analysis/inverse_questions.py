@@ -29,7 +29,7 @@ _ROOT_TOLERANCE: Final = 1e-10
 _ROUNDING: Final = 1e-12
 _PLACES: Final = 9  # values tried between the ends of a question
 _AS_FAR_AGAIN: Final = 2.0  # lengths of the interval, on a logarithmic scale, by which a solution may lie beyond it
-_BEYOND_ALL: Final = 700.0  # stands for the logarithm of the ratio to a width without bound
+_BEYOND_ALL: Final = 700.0  # represents the logarithm of the ratio to an unbounded width
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +99,8 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     answer = _answer(definition, question, found)
     if ratios.plans > 1:
         answer += f"; calibration planned, mean over {ratios.plans} spreads of the views"
+    if question.errors == "calibration" and question.equal is None:
+        answer += _larger_noise(definition.with_values(varying.changes(found[0].value)), question)
     return Solved(solutions=tuple(found), dimension=dimension, answer=answer)
 
 
@@ -140,7 +142,7 @@ class _Ratios:
         return bracketed(certain, other, lambda one: log_ratio(math.log(one)) <= 0.0, possible=possible, close=0.0)[0]
 
     def _one(self, number: int, log_value: float) -> float:
-        """Of one scramble, or one plan, alone; a linear model stands for all scrambles."""
+        """The ratio in one scramble or one plan; a linear model is the same in all scrambles."""
         if self.plans > 1:
             return float(np.mean(self._at(log_value, number)))
         ratios = self._at(log_value, 0)
@@ -192,6 +194,13 @@ def _widths(camera: DepthCamera, question: SolvePart) -> FloatArray:
     """Uncertainty [m] at the distance of the question, in each scramble; draws need to converge only there."""
     asked = replace(camera, propagation=replace(camera.propagation, judged=(question.place,)))
     return distribution(asked, np.array([question.place]), question.errors).half_widths(ONE_SIGMA)[:, 0]
+
+
+def _larger_noise(definition: StudyDefinition, question: SolvePart) -> str:
+    """The matching noise, if it exceeds what a question requires of the calibration: then noise limits the camera."""
+    noise = question.model_copy(update={"errors": "noise"})
+    width = float(np.mean(_widths(definition.case.cameras[question.camera or ""], noise)))
+    return f"; matching noise alone: {pretty(width, LENGTH)} there" if width > question.goal else ""
 
 
 def _undecided(question: SolvePart) -> str:

@@ -18,7 +18,7 @@ from tradestudy.analysis.requirements import Judge
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.varying import Varying
-from tradestudy.units import FRACTION, Dimension, pretty, pretty_with_error
+from tradestudy.units import Dimension, pretty, pretty_with_error
 from tradestudy.wording import listed
 
 _PLACES: Final = 17  # values tried between the ends of a question
@@ -109,8 +109,8 @@ def _nearest(trials: Sequence[_Trial], dimension: Dimension) -> str:
     words = f"closest at {pretty(trials[nearest].value, dimension)}"
     if margins[nearest] > 0.0:
         words += ", where only its guard band is violated"
-    elif margins[nearest] > -1.0:
-        words += f", missed by {pretty(-float(margins[nearest]), FRACTION, digits=2)}"
+    else:
+        words += f" ({trials[nearest].held.reason})"
     # A margin that rises towards an end may rise further.
     if nearest in (0, len(trials) - 1) and np.ptp(margins) > 0.0:
         words += "; it may be met beyond that end"

@@ -29,7 +29,7 @@ from tradestudy.study.schema.requirements import (
     UsablePart,
 )
 from tradestudy.units import FRACTION, LENGTH, Dimension, pretty
-from tradestudy.wording import limit_words
+from tradestudy.wording import limit_words, plain_span
 
 ANY: Final = "any"
 ALL: Final = "all"
@@ -77,7 +77,7 @@ def _hold_measured(
     at = np.array([place])
     value = float(measured(at)[0])
     error = float((_ERRORS[requirement.quantity](camera, at) / _scale(required, at))[0])
-    unusable, not_there = _unusable(intervals, required.over)
+    unusable, gap = _unusable(intervals, required.over)
     small, large = (bound, value) if above else (value, bound)
     margin = (large / small if small > 0.0 else math.inf) - 1.0
     margin = -1.0 if math.isnan(margin) else margin
@@ -85,7 +85,7 @@ def _hold_measured(
     guard = 0.0 if requirement.guard_band is None else requirement.guard_band.width * error
     reason = f"worst {pretty(value, dimension)} at {pretty(place, LENGTH)}"
     if unusable > 0.0:
-        reason = f"{_not_usable(intervals, not_there, required.over)}; {reason}"
+        reason = f"{_not_usable(intervals, gap)}; {reason}"
     return Held(
         camera=name,
         met=bool(kept and abs(bound - value) >= guard and unusable == 0.0),
@@ -96,6 +96,7 @@ def _hold_measured(
         margin=min(margin, -unusable) if unusable > 0.0 else margin,
         unusable=unusable,
         reason=reason,
+        limit=_limit_of(intervals, gap[0]) if unusable > 0.0 else "",
     )
 
 
@@ -175,16 +176,18 @@ def _nearness(held: Held, *, above: bool) -> tuple[bool, float, float]:
 def _hold_use(required: UsablePart, intervals: Sequence[Interval], name: str) -> Held:
     """How far the usable range extends beyond the required range, at the end where it extends least."""
     near, far = required.over
-    unusable, place = _unusable(intervals, required.over)
+    unusable, gap = _unusable(intervals, required.over)
     if unusable == 0.0:
         one = next(one for one in intervals if one.far >= far * _LESS)
         margins = {one.near: near / one.near - 1.0, one.far: one.far / far - 1.0}
         place = min(margins, key=lambda end: margins[end])
         margin, words = margins[place], f"usable from {pretty(one.near, LENGTH)} to {pretty(one.far, LENGTH)}"
-        if END_OF_STUDY in (one.near_limit if place == one.near else one.far_limit):
-            words += ", the end of the study's range"
+        limit = (one.near_limit if place == one.near else one.far_limit).partition(", ")[0]
+        if limit == END_OF_STUDY:
+            words, limit = f"{words}, the end of the study's range", ""
     else:
-        margin, words = -unusable, _not_usable(intervals, place, required.over)
+        place, limit = gap[0], _limit_of(intervals, gap[0])
+        margin, words = -unusable, _not_usable(intervals, gap)
     return Held(
         camera=name,
         met=unusable == 0.0,
@@ -195,6 +198,7 @@ def _hold_use(required: UsablePart, intervals: Sequence[Interval], name: str) ->
         margin=margin,
         unusable=unusable,
         reason=words,
+        limit=limit,
     )
 
 
@@ -207,24 +211,30 @@ def _intervals(case: Case, name: str, over: tuple[float, ...], known: Sequence[I
     return usable_intervals(case.cameras[name], case.criteria, grid)
 
 
-def _unusable(intervals: Sequence[Interval], over: tuple[float, ...]) -> tuple[float, float]:
-    """Share of a range, on a logarithmic scale, that no interval covers, and where the first gap begins [m]."""
-    reached, missing, first = over[0], 0.0, math.nan
+def _unusable(intervals: Sequence[Interval], over: tuple[float, ...]) -> tuple[float, tuple[float, float]]:
+    """Share of a range, on a logarithmic scale, that no interval covers, and the ends of the first gap [m]."""
+    reached, missing, first = over[0], 0.0, (math.nan, math.nan)
     for near, far in (*((one.near, one.far) for one in intervals), (over[1], math.inf)):
         gap = min(near, over[1])
         if gap > reached * _MORE:
             missing += math.log(gap / reached)
-            first = reached if math.isnan(first) else first
+            first = (reached, gap) if math.isnan(first[0]) else first
         reached = max(reached, far)
     return missing / math.log(over[1] / over[0]), first
 
 
-def _not_usable(intervals: Sequence[Interval], place: float, over: tuple[float, ...]) -> str:
-    """Where the first gap begins, and the limit that the camera breaks there: one at the end of its range."""
+def _limit_of(intervals: Sequence[Interval], place: float) -> str:
+    """The limit that a camera breaks in the gap that begins at a distance [m]; empty if that is not known."""
     limits = [one.far_limit for one in intervals if one.far == place]
     limits += [one.near_limit for one in sorted(intervals, key=lambda one: one.near) if one.near > place]
-    why = f": {limit_words(limits[0])}" if limits and limits[0] != END_OF_STUDY else ""
-    return f"not usable {'at' if place == over[0] else 'just beyond'} {pretty(place, LENGTH)}{why}"
+    return limits[0].partition(", ")[0] if limits and limits[0] != END_OF_STUDY else ""
+
+
+def _not_usable(intervals: Sequence[Interval], gap: tuple[float, float]) -> str:
+    """The first gap, and the limit that the camera breaks in it."""
+    limit = _limit_of(intervals, gap[0])
+    why = f": {limit_words(limit)}" if limit else ""
+    return f"not usable from {plain_span(*gap)}{why}"
 
 
 def _worst_place(broken_by: Callable[[FloatArray], FloatArray], over: tuple[float, ...]) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -15,6 +16,7 @@ from tradestudy.study.definition import Case
 from tradestudy.study.schema.criteria import criterion_dimension
 from tradestudy.study.schema.requirements import CriterionPart, SharpPart
 from tradestudy.units import LENGTH, parse, pretty
+from tradestudy.wording import plain_span
 
 _LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # relative allowance for rounding of distances
 _LEAST_MISS: Final = 1e-9  # share of a range: a miss within rounding is still a miss
@@ -69,16 +71,18 @@ def _hold_range(found: SharpRange, over: tuple[float, float], name: str) -> Held
         return _exact(name, kept=True, value=1.0, bound=1.0, margin=margin, reason=reason, place=place)
     clipped = np.clip(found.union.covered, near, far)
     unsharp = 1.0 - float(np.sum(np.log(clipped[:, 1] / clipped[:, 0]))) / math.log(far / near)
-    place = _nearest_unsharp(found.union.covered, near)
+    place, end = _first_gap(found.union.covered, near, far)
     why = f": {found.reason}" if found.extent == 0.0 and found.reason else ""
-    reason = f"not sharp {'at' if place == near else 'just beyond'} {pretty(place, LENGTH)}{why}"
+    reason = f"not sharp from {plain_span(place, end)}{why}"
     margin = -max(unsharp, _LEAST_MISS)
-    return _exact(name, kept=False, value=1.0 - unsharp, bound=1.0, margin=margin, reason=reason, place=place)
+    miss = _exact(name, kept=False, value=1.0 - unsharp, bound=1.0, margin=margin, reason=reason, place=place)
+    return replace(miss, limit="focus")
 
 
-def _nearest_unsharp(covered: FloatArray, near: float) -> float:
-    """The nearest distance [m] beyond which the scene is not sharp."""
-    return next((float(last) for first, last in covered if first <= near * _MORE and last > near), near)
+def _first_gap(covered: FloatArray, near: float, far: float) -> tuple[float, float]:
+    """The nearest range of distance [m] in which the scene is not sharp."""
+    start = next((float(last) for first, last in covered if first <= near * _MORE and last > near), near)
+    return start, min([far, *(float(first) for first, _ in covered if first > start)])
 
 
 def _exact(

@@ -1,11 +1,11 @@
-"""A calibration brought by the user: a covariance or joint draws, as CSV or NetCDF.
+"""User calibrations from CSV or NetCDF: a covariance or joint draws.
 
-CSV with draws: the first line names the parameters, every further line is one joint draw. CSV with a covariance: the
+CSV with draws: the first line names the parameters, every other line is one joint draw. CSV with a covariance: the
 first line is ``parameter,mean,NAME,NAME…``, then one line per parameter with its name, its mean and its row of the
 covariance. NetCDF: ``draws(draw, parameter)``, or ``mean(parameter)`` and ``covariance(parameter, parameter_)``, with
 the names in a text variable ``parameter``. Numbers are in SI units, and in pixels where the name ends in ``_px``. The
-posterior of a rig calibrated from corners has ``best(parameter)`` and ``pixels(side)`` too, and the attribute
-``lens_model`` where its lenses are none but pinholes with k1 and k2: its reading needs them.
+posterior of a rig calibrated from corners also has ``best(parameter)`` and ``pixels(side)``, and the attribute
+``lens_model`` unless its lenses are pinholes with k1 and k2.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from tradestudy.calibration.projection import RADIAL_LENS, FreeLens, lens_of_tex
 from tradestudy.errors import OutOfRangeError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
 
-MINIMUM_DRAWS = 100  # fewer do not carry a 95 % interval
+MINIMUM_DRAWS = 100  # fewer do not determine a 95 % interval
 _SYMMETRY_LIMIT = 1e-9  # relative
 _NEGATIVE_LIMIT = 1e-10  # of the largest eigenvalue of the correlation: rounding of a written file
 
 
 class CalibrationFileError(TradestudyError):
-    """A calibration file cannot be what it says it is."""
+    """A calibration file is unreadable or inconsistent."""
 
     exit_status = 2
 
@@ -63,7 +63,7 @@ class CalibrationDraws:
     draws : array (K, P)
         Joint draws.
     best : array (P,), optional
-        Best parameters of a rig calibrated from corners, about which it reads.
+        Best parameters of a rig calibrated from corners: those with which it measures depth.
     pixels : tuple of int, optional
         Columns and rows of its pictures.
     lens
@@ -78,7 +78,7 @@ class CalibrationDraws:
 
 
 def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDraws:
-    """Read a calibration; the suffix says the format (.csv, .nc), the content whether it is draws or a covariance.
+    """Read a calibration, draws or a covariance, in the format of its suffix (.csv, .nc).
 
     Parameters
     ----------
@@ -93,24 +93,24 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
     Raises
     ------
     CalibrationFileError
-        With what is wrong, the limit and a remedy.
+        The file cannot be read, or fails one of these checks.
     """
     path = Path(path)
     if path.suffix not in _READERS:
         raise CalibrationFileError(
-            f"{path.name} has no known format",
+            f"{path.name} has an unknown format",
             value=path.suffix or "no suffix",
             limit=", ".join(_READERS),
             remedy="rename or convert it",
         )
     try:
-        path.open("rb").close()  # the operating system says best what is wrong with a file
+        path.open("rb").close()  # for the message of the operating system
         found = _READERS[path.suffix](path)
     except (OSError, UnicodeDecodeError, KeyError) as error:
         raise CalibrationFileError(
             f"{path.name} cannot be read",
-            value=getattr(error, "strerror", None) or f"no {path.suffix.removeprefix('.')} file",
-            remedy="check its name, its folder and what wrote it",
+            value=getattr(error, "strerror", None) or f"not a {path.suffix} file",
+            remedy="check its path and the program that wrote it",
         ) from None
     _check_names(path, found.names)
     if isinstance(found, CalibrationDraws):
@@ -122,20 +122,20 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
 
 
 def _read_csv(path: Path) -> CalibrationCovariance | CalibrationDraws:
-    """What the first line says the table is."""
+    """Draws or a covariance, by the first line."""
     with path.open(newline="", encoding="utf-8") as stream:
         lines = [[cell.strip() for cell in line] for line in csv.reader(stream) if line]
     if len(lines) < 2:
         raise CalibrationFileError(
-            f"{path.name} is empty", value=f"{len(lines)} lines", limit=">= 2", remedy="give a header and numbers"
+            f"{path.name} is empty", value=f"{len(lines)} lines", limit=">= 2", remedy="write a header and numbers"
         )
     header, rows = lines[0], lines[1:]
     for number, row in enumerate(rows, start=2):
         if len(row) != len(header):
             raise CalibrationFileError(
-                f"{path.name}:{number} is ragged",
+                f"{path.name}:{number} has a different number of cells than the header",
                 value=f"{len(row)} cells",
-                limit=f"{len(header)} as in the header",
+                limit=str(len(header)),
                 remedy="complete the line",
             )
     if header[:2] != ["parameter", "mean"]:
@@ -143,10 +143,10 @@ def _read_csv(path: Path) -> CalibrationCovariance | CalibrationDraws:
     names = tuple(header[2:])
     if tuple(row[0] for row in rows) != names:
         raise CalibrationFileError(
-            f"{path.name} names rows and columns of the covariance differently",
+            f"{path.name} names the rows of the covariance differently from its columns",
             value=", ".join(row[0] for row in rows),
             limit=", ".join(names),
-            remedy="give the parameters in the same order both ways",
+            remedy="list the parameters in the same order in rows and columns",
         )
     table = _numbers(path, [row[1:] for row in rows])
     return CalibrationCovariance(names=names, mean=table[:, 0], covariance=table[:, 1:])
@@ -158,7 +158,7 @@ def _numbers(path: Path, rows: list[list[str]]) -> FloatArray:
         return np.array(rows, dtype=np.float64)
     except ValueError as error:
         raise CalibrationFileError(
-            f"{path.name} holds a cell that is no number",
+            f"{path.name} contains a cell that is not a number",
             value=str(error),
             limit="numbers in SI units",
             remedy="remove units and text",
@@ -166,16 +166,16 @@ def _numbers(path: Path, rows: list[list[str]]) -> FloatArray:
 
 
 def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
-    """What its variables say it is."""
+    """Draws or a covariance, by the variables."""
     import h5netcdf
 
     with h5netcdf.File(path, "r") as file:
         if "parameter" not in file.variables or not ({"draws", "covariance"} & set(file.variables)):
             raise CalibrationFileError(
-                f"{path.name} holds no calibration",
+                f"{path.name} contains no calibration",
                 value=", ".join(file.variables) or "no variables",
-                limit="parameter, and draws or mean and covariance",
-                remedy="name the variables so",
+                limit="variables named parameter, and draws or mean and covariance",
+                remedy="rename the variables",
             )
         names = tuple(
             name.decode() if isinstance(name, bytes) else str(name) for name in file.variables["parameter"][...]
@@ -195,7 +195,7 @@ def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
 
 
 def _netcdf_draws(names: tuple[str, ...], variables: Mapping[str, Any], lens: str) -> CalibrationDraws:
-    """Draws, and what the reading of a rig calibrated from corners takes."""
+    """Draws, with best parameters, picture size and lens for a rig calibrated from corners."""
     draws = np.asarray(variables["draws"][...], dtype=np.float64)
     if "best" not in variables:
         return CalibrationDraws(names=names, draws=draws)
@@ -205,14 +205,16 @@ def _netcdf_draws(names: tuple[str, ...], variables: Mapping[str, Any], lens: st
         raise CalibrationFileError(
             "the posterior of a rig needs pixels (columns and rows) and one best value for each parameter",
             value=f"{size.size} pixels, {best.size} best values for {len(names)} parameters",
-            remedy="take the file as a run wrote it",
+            remedy="use an unchanged file written by a run",
         )
     columns, rows = (int(count) for count in size)
     try:
         return CalibrationDraws(names=names, draws=draws, best=best, pixels=(columns, rows), lens=lens_of_text(lens))
     except (ValueError, LookupError, TypeError, OutOfRangeError) as error:
         raise CalibrationFileError(
-            "the lens model of the posterior of a rig", value=str(error), remedy="take the file as a run wrote it"
+            "the posterior of a rig has an invalid lens model",
+            value=str(error),
+            remedy="use an unchanged file written by a run",
         ) from None
 
 
@@ -223,33 +225,33 @@ _READERS: Final[Mapping[str, Callable[[Path], CalibrationCovariance | Calibratio
 
 
 def _check_finite(path: Path, *tables: FloatArray) -> None:
-    """No NaN, no infinity."""
+    """Refuse NaN and infinity."""
     if bad := sum(int(np.sum(~np.isfinite(table))) for table in tables):
         raise CalibrationFileError(
-            f"{path.name} holds what is no finite number",
+            f"{path.name} contains non-finite values",
             value=f"{bad} cells",
             limit="finite numbers",
-            remedy="remove draws that failed, and say why they did",
+            remedy="remove the draws that failed",
         )
 
 
 def _check_names(path: Path, names: tuple[str, ...]) -> None:
-    """Every parameter named once."""
+    """Refuse parameters that are unnamed or named twice."""
     repeated = sorted({name for name in names if names.count(name) > 1 or not name})
     if repeated:
         raise CalibrationFileError(
             f"{path.name} names parameters more than once or not at all",
             value=", ".join(repeated) or "''",
-            limit="each once",
+            limit="each exactly once",
             remedy="rename the columns",
         )
 
 
 def _check_draws(path: Path, names: tuple[str, ...], draws: FloatArray) -> None:
-    """Enough draws, one column per name."""
+    """Refuse too few draws, or columns that do not match the names."""
     if draws.ndim != 2 or draws.shape[1] != len(names) or len(draws) < MINIMUM_DRAWS:
         raise CalibrationFileError(
-            f"{path.name} holds too few draws or of the wrong shape",
+            f"{path.name} contains too few draws, or draws of the wrong shape",
             value=" × ".join(map(str, draws.shape)),
             limit=f">= {MINIMUM_DRAWS} draws of {len(names)} parameters",
             remedy="write one joint draw per row; with fewer draws give their covariance instead",
@@ -257,7 +259,7 @@ def _check_draws(path: Path, names: tuple[str, ...], draws: FloatArray) -> None:
 
 
 def _checked_covariance(path: Path, names: tuple[str, ...], covariance: FloatArray) -> FloatArray:
-    """Symmetric and positive semidefinite, or refused with the offending number."""
+    """A symmetric, positive semidefinite covariance; any other is refused with the number that violates this."""
     if covariance.shape != (len(names), len(names)):
         raise CalibrationFileError(
             f"the covariance in {path.name} does not match its names",
@@ -269,7 +271,7 @@ def _checked_covariance(path: Path, names: tuple[str, ...], covariance: FloatArr
     if np.any(variance < 0.0):
         index = int(np.argmin(variance))
         raise CalibrationFileError(
-            f"{path.name} gives {names[index]} a negative variance",
+            f"the variance of {names[index]} in {path.name} is negative",
             value=f"{variance[index]:g}",
             limit=">= 0",
             remedy="check the order of rows and columns",
@@ -280,7 +282,7 @@ def _checked_covariance(path: Path, names: tuple[str, ...], covariance: FloatArr
     if asymmetry > _SYMMETRY_LIMIT:
         raise CalibrationFileError(
             f"the covariance in {path.name} is not symmetric",
-            value=f"{asymmetry:.1e} of the deviations' product",
+            value=f"asymmetry of {asymmetry:.1e} in the correlation matrix",
             limit=f"<= {_SYMMETRY_LIMIT:g}",
             remedy="write both triangles with all digits",
         )
@@ -290,6 +292,6 @@ def _checked_covariance(path: Path, names: tuple[str, ...], covariance: FloatArr
             f"the covariance in {path.name} is not positive semidefinite",
             value=f"eigenvalue {values[0]:.2e} of the correlation matrix",
             limit=">= 0",
-            remedy="write it with all digits; correlations beyond ±1 mean a wrong unit in one row",
+            remedy="write it with all digits; correlations beyond ±1 indicate a wrong unit in one row",
         )
     return (covariance + covariance.T) / 2.0

@@ -1,4 +1,4 @@
-"""A saved posterior: written beside the results of a run, and read as the calibration of a camera."""
+"""Saved posteriors: written beside the results of a run, and read as calibrations of cameras."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from tradestudy.uncertainty.sources import Group
 
 
 def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
-    """Write a posterior as NetCDF, with all its bits, as `read_calibration` reads it.
+    """Write a posterior as NetCDF at full precision, for `read_calibration`.
 
     Parameters
     ----------
     path
         The file; its folder exists.
     posterior
-        Its draws, and what the reading of a rig calibrated from corners takes.
+        Draws, with best parameters, picture size and lens for a rig calibrated from corners.
     """
     import h5netcdf
 
@@ -50,12 +50,12 @@ def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
             file.dimensions["side"] = 2
             file.create_variable("best", ("parameter",), data=posterior.best)
             file.create_variable("pixels", ("side",), data=np.array(posterior.pixels, dtype=np.int64))
-            if said := text_of_lens(posterior.lens):
-                file.attrs["lens_model"] = said
+            if lens := text_of_lens(posterior.lens):
+                file.attrs["lens_model"] = lens
 
 
 def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration:
-    """What a file determines of a camera's calibration.
+    """The part of a camera's calibration that a file determines.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration
     Raises
     ------
     CalibrationFileError
-        The file cannot be what it says it is, or names parameters that the camera does not have.
+        The file is unreadable or inconsistent, or names parameters that the camera does not have.
     GeometryContradictionError
         It contradicts the declared geometry.
     """
@@ -81,16 +81,16 @@ def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration
 
 
 def rig_calibration(camera: PairGeometry, posterior: CalibrationDraws, *, source: SourceName) -> Calibration:
-    """The calibration of a rig by the posterior of its parameters, which brings its own reading.
+    """The calibration of a rig by the posterior of its parameters, with its own exact model.
 
     Parameters
     ----------
     camera
         The design.
     posterior
-        Draws of the parameters, the best of them, their lens, and the size of the pictures.
+        Draws of the parameters, the best parameters, their lens, and the size of the pictures.
     source
-        Where it comes from.
+        Origin of the posterior.
     """
     assert posterior.best is not None
     assert posterior.pixels is not None
@@ -122,9 +122,9 @@ def reading_of_rig(camera: PairGeometry, pair: CalibratedPair, pixels: tuple[int
 
 
 def as_calibrated(calibration: Calibration, camera: DepthCamera) -> Calibration:
-    """A calibration that reads depth with the geometry that the camera was calibrated with, where it has one.
+    """The calibration, with depth read by the calibrated geometry of a camera that has one.
 
-    What a source brings with a reading of its own stays as it is.
+    A calibration that already has an exact model of its own is returned unchanged.
     """
     if camera.calibrated_pair is None or calibration.reading is not None or not calibration.inferred:
         return calibration
@@ -134,13 +134,12 @@ def as_calibrated(calibration: Calibration, camera: DepthCamera) -> Calibration:
 
 
 def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws) -> Calibration:
-    """The saved posterior of corners, for a stereo rig alone."""
+    """The posterior of a rig calibrated from corners; refused for any camera but a stereo rig."""
     if not camera.corners_calibrate:
         raise CalibrationFileError(
-            f"{path.name} holds the posterior of a stereo rig",
-            value=f"{name} is none",
+            f"{path.name} contains the posterior of a stereo rig, but {name} is not one",
             limit="the posterior of a camera of the same kind",
-            remedy="take the file that a run wrote for such a camera",
+            remedy="use the file that a run wrote for such a camera",
         )
     names = shared_names(found.lens.free)
     _require_known(path, found.names, names)
@@ -149,10 +148,10 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws)
             f"{path.name} lacks parameters of a rig",
             value=", ".join(lacking),
             limit=f"all {len(names)}",
-            remedy="take the file as a run wrote it",
+            remedy="use an unchanged file written by a run",
         )
     assert found.best is not None
-    if found.names != names:  # the reading takes them by place
+    if found.names != names:  # the exact model takes them by position
         order = [found.names.index(name) for name in names]
         draws = np.ascontiguousarray(found.draws[:, order])
         found = replace(found, names=names, draws=draws, best=found.best[order])
@@ -181,5 +180,5 @@ def _require_known(path: Path, names: tuple[str, ...], known: Collection[str]) -
             f"{path.name} names parameters that the camera does not have",
             value=", ".join(unknown),
             limit=", ".join(known),
-            remedy="rename the columns; values are in SI units",
+            remedy="rename or remove them",
         )

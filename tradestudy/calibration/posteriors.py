@@ -1,4 +1,4 @@
-"""Calibrations inferred: from a synthetic target shown to a camera of the study, or from the corners of a real rig."""
+"""Calibrations inferred from a synthetic target or from the corners of a real rig."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.streams import point_generator
 
 MOST_DRAWS = 2**13
-"""Joint draws of a posterior that are propagated, spread evenly over ensembles, steps and walkers."""
+"""Number of joint posterior draws that are propagated, spread evenly over ensembles, steps and walkers."""
 _CHECKED_DRAWS = 1000
 
 
@@ -43,18 +43,18 @@ class InferredCalibration:
     Parameters
     ----------
     calibration
-        What the observations determine of the camera's calibration, with the exact model of a rig calibrated from
-        corners: `calibration_of` puts it in the place of the priors.
+        The part of the camera's calibration that the observations determine, with the exact model of a rig calibrated
+        from corners: `calibration_of` replaces the priors by it.
     posterior
-        The draws that are propagated, as they are saved.
+        The propagated draws, as saved.
     sample, check
-        The chains with their verdict, and whether the poses could be marginalised as they were.
+        The chains with their diagnostics, and the check of the marginalisation over the poses.
     laplace_deviation, laplace_seconds
-        Standard deviations of the normal approximation beside it, in the order of the sample, and its cost [s].
+        Standard deviations of the normal approximation, in the order of the sample, and its computing time [s].
     prior_deviation
         Standard deviations of the priors; infinite where flat without bounds.
     fit, trust
-        Bundle adjustment, left–right term and noise of corners, and how far they are to be trusted.
+        Bundle adjustment, left–right term and corner noise, and the checks of the calibration.
     """
 
     calibration: Calibration
@@ -69,22 +69,22 @@ class InferredCalibration:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Why it cannot be stated as converged; empty where it can."""
-        efficiency = f"{self.check.efficiency:.2f} of the draws survive reweighting to poses settled anew"
+        """Why the chains count as not converged; empty if they converged."""
+        efficiency = f"{self.check.efficiency:.2f} of the draws survive reweighting to refitted poses"
         marginal = () if self.check.passed else (efficiency,)
         return (*self.sample.diagnostics.failures, *marginal)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CornersToInfer:
-    """A rig to be calibrated from a corner file.
+    """A calibration of a rig from a corner file, still to be computed.
 
     Parameters
     ----------
     name, camera, part, seed
         As for `TargetToInfer`.
     folder
-        Where the file is looked for.
+        Folder of the file.
     content
         SHA-256 of the file.
     """
@@ -98,7 +98,7 @@ class CornersToInfer:
 
     @classmethod
     def of(cls, name: str, camera: DepthCamera, part: CornersPart, folder: Path, *, seed: int) -> CornersToInfer:
-        """As the file stands now; one that cannot be read is refused where it is read."""
+        """With the current content of the file; `infer` refuses one that cannot be read."""
         path = folder / part.file
         content = sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
         return cls(name=name, camera=camera, part=part, folder=folder, seed=seed, content=content)
@@ -107,7 +107,7 @@ class CornersToInfer:
 def to_infer(
     name: str, camera: DepthCamera, part: CalibrationPart, *, folder: Path, seed: int
 ) -> TargetToInfer | CornersToInfer | None:
-    """What is to be inferred before a camera's calibration is known; None where nothing is.
+    """The inference that a camera's calibration requires; None if it requires none.
 
     Parameters
     ----------
@@ -116,9 +116,9 @@ def to_infer(
     camera
         The design.
     part
-        What the study declares of its calibration.
+        Its declared calibration.
     folder
-        Where the files that the part names are.
+        Folder of the files that the part names.
     seed
         Of the study.
     """
@@ -130,30 +130,30 @@ def to_infer(
     return TargetToInfer(name=name, camera=camera, groups=groups, part=part.target, seed=seed)
 
 
-def infer(asked: TargetToInfer | CornersToInfer) -> InferredCalibration:
-    """Infer a calibration from whatever it is to be inferred from.
+def infer(problem: TargetToInfer | CornersToInfer) -> InferredCalibration:
+    """Infer a calibration from a target or from corners.
 
     Raises
     ------
     TradestudyError
         See `infer_from_target` and `infer_from_corners`.
     """
-    return infer_from_corners(asked) if isinstance(asked, CornersToInfer) else infer_from_target(asked)
+    return infer_from_corners(problem) if isinstance(problem, CornersToInfer) else infer_from_target(problem)
 
 
-def infer_from_target(asked: TargetToInfer) -> InferredCalibration:
-    """Show a synthetic target to a camera drawn from the declared errors, and infer its parameters by emcee.
+def infer_from_target(request: TargetToInfer) -> InferredCalibration:
+    """Simulate a target seen by a camera drawn from the declared errors, and infer its parameters with emcee.
 
     Raises
     ------
     OutOfRangeError
-        An error per rig is not normal or uniform, or is drawn jointly with another: priors are independent.
+        A prior is neither normal nor uniform, or is correlated with another.
     NotConvergedError
-        The fit does not settle, or the target leaves parameters undetermined.
+        The fit does not converge, or the target leaves parameters undetermined.
     """
-    problem, rng = target_problem(asked)
+    problem, rng = target_problem(request)
     fit = fit_target(problem)
-    found = sample_target(problem, fit, rng=rng, maximum_steps=asked.part.max_steps)
+    found = sample_target(problem, fit, rng=rng, maximum_steps=request.part.max_steps)
     posterior = propagated(problem.priors.names, found.sample)
     group = group_of_draws(CALIBRATION, posterior.names, posterior.draws)
     return InferredCalibration(
@@ -167,32 +167,32 @@ def infer_from_target(asked: TargetToInfer) -> InferredCalibration:
     )
 
 
-def infer_from_corners(asked: CornersToInfer) -> InferredCalibration:
-    """Calibrate a real rig from a corner file: bundle adjustment, left–right term, posterior by emcee.
+def infer_from_corners(request: CornersToInfer) -> InferredCalibration:
+    """Calibrate a real rig from a corner file: bundle adjustment, left–right term, posterior with emcee.
 
     Raises
     ------
     CornerFileError
-        The file cannot be read, or contradicts itself.
+        The file cannot be read, or is inconsistent.
     GeometryContradictionError
         It contradicts the declared rig.
     NotConvergedError
         The views do not determine the parameters.
     """
-    rig = cast(PairGeometry, asked.camera)  # the schema lets no other kind in
-    corners = read_corners(asked.folder / asked.part.file)
-    check_inside(asked.name, rig, np.concatenate([corners.left[corners.present], corners.right[corners.present]]))
-    lens = lens_of(asked.part.lens_model)
+    rig = cast(PairGeometry, request.camera)  # the schema admits no other kind
+    corners = read_corners(request.folder / request.part.file)
+    check_inside(request.name, rig, np.concatenate([corners.left[corners.present], corners.right[corners.present]]))
+    lens = lens_of(request.part.lens_model)
     fit, names = fit_rig(replace(corners, lens=lens)), shared_names(lens.free)
     normal = LaplaceFit(names=names, mean=fit.explained.shared, covariance=fit.explained.covariance)
     draws = normal.draw(np.random.default_rng(0), _CHECKED_DRAWS)
-    check_geometry(asked.name, rig, normal.mean, draws, says="corners say", lens=lens)
-    rng = point_generator(seed=asked.seed, point=f"corners/{asked.name}", replicate=0)
-    found = sample_relative_pose(fit.explained, fit.corners, rng=rng, maximum_steps=asked.part.max_steps)
+    check_geometry(request.name, rig, normal.mean, draws, says="corners say", lens=lens)
+    rng = point_generator(seed=request.seed, point=f"corners/{request.name}", replicate=0)
+    found = sample_relative_pose(fit.explained, fit.corners, rng=rng, maximum_steps=request.part.max_steps)
     draws_kept = propagated(names, found.sample)
     posterior = replace(
         draws_kept,
-        draws=with_square_size(draws_kept.draws, asked.part.square_size_uncertainty, rng),
+        draws=with_square_size(draws_kept.draws, request.part.square_size_uncertainty, rng),
         best=found.sample.draws[:, : len(names)].mean(axis=0),
         lens=lens,
         pixels=(rig.sensor.columns, rig.sensor.rows),
@@ -206,24 +206,24 @@ def infer_from_corners(asked: CornersToInfer) -> InferredCalibration:
         laplace_seconds=fit.explained.seconds,
         prior_deviation=np.full(len(found.sample.names), np.inf),
         fit=fit,
-        trust=examine(fit, (rig.sensor.columns, rig.sensor.rows), others=[*map(lens_of, asked.part.compared_with)]),
+        trust=examine(fit, (rig.sensor.columns, rig.sensor.rows), others=[*map(lens_of, request.part.compared_with)]),
     )
 
 
 def lens_of(part: FittedLensModel | None) -> FreeLens:
-    """What both lenses are fitted with."""
+    """The lens model that is fitted to both lenses."""
     return RADIAL_LENS if part is None else FreeLens(model=part.lens_model(), free=part.fitted)
 
 
 def with_square_size(draws: FloatArray, uncertainty: float, rng: np.random.Generator) -> FloatArray:
-    """Draws of a rig, shape (n, P), whose lengths all share the relative error of the board's squares.
+    """Draws of a rig, shape (n, P), scaled by the relative error of the size of the board's squares.
 
     Parameters
     ----------
     draws
         In the order of ``shared_names``.
     uncertainty
-        Relative standard deviation of the size of the squares: no corner reveals it.
+        Relative standard deviation of the size of the squares, which corners cannot determine.
     rng
         Randomness.
     """
@@ -235,7 +235,7 @@ def with_square_size(draws: FloatArray, uncertainty: float, rng: np.random.Gener
 
 
 def propagated(names: tuple[str, ...], sample: PosteriorSample) -> CalibrationDraws:
-    """The draws of these parameters that are propagated and saved."""
+    """The draws of these parameters to propagate and save."""
     columns = [sample.names.index(name) for name in names]
     draws = sample.thinned(min(MOST_DRAWS, len(sample.draws)))[:, columns]
     return CalibrationDraws(names=names, draws=np.ascontiguousarray(draws))

@@ -1,8 +1,8 @@
-"""Cameras with lenses of any model, some of whose coefficients are parameters, and rigid motions, with derivatives.
+"""Projection by cameras with any lens model, and rigid motions, both with derivatives.
 
-Intrinsic parameters travel as the last axis of an array, in the order of ``intrinsic_names``; rotations as rotation
-vectors (axis times angle). Everything broadcasts over leading axes. Coefficients among the parameters take the place of
-those of the lens model.
+Intrinsic parameters are the last axis of an array, in the order of ``intrinsic_names``; rotations are rotation vectors
+(axis times angle). Everything broadcasts over leading axes. Coefficients among the parameters replace those of the lens
+model.
 """
 
 from __future__ import annotations
@@ -34,52 +34,52 @@ def intrinsic_names(free: Sequence[str]) -> tuple[str, ...]:
 
 
 def coefficient_of(name: str) -> str | None:
-    """The coefficient that a parameter stands for; None of one that is none."""
+    """The lens coefficient that a parameter represents; None for any other parameter."""
     return name.rpartition(_COEFFICIENT)[2] if _COEFFICIENT in name else None
 
 
 @dataclass(frozen=True, kw_only=True)
 class FreeLens:
-    """A lens model that a fit may change.
+    """A lens model with free coefficients.
 
     Parameters
     ----------
     model
-        Where the fit starts, and the coefficients that stay as they are.
+        Starting values of the free coefficients, and values of the fixed ones.
     free
-        Names of the others, which are parameters.
+        Names of the free coefficients, which are parameters.
     """
 
     model: LensModel = IDEAL
     free: tuple[str, ...] = RADIAL
 
     def at(self, coefficients: FloatArray) -> LensModel:
-        """The lens with these values (n,) of the parameters."""
+        """The lens with these values (n,) of its free coefficients."""
         return replace(self.model, **dict(zip(self.free, map(float, coefficients), strict=True)))
 
     @property
     def start(self) -> FloatArray:
-        """Values of the parameters to start from, shape (n,)."""
+        """Starting values of the free coefficients, shape (n,)."""
         return np.array([getattr(self.model, name) for name in self.free], dtype=np.float64)
 
 
 def text_of_lens(lens: FreeLens) -> str:
-    """A lens as text, for files; empty for `RADIAL_LENS`."""
+    """A lens as JSON, for files; empty for `RADIAL_LENS`."""
     if lens == RADIAL_LENS:
         return ""
     return json.dumps({"model": lens.model.name, "free": lens.free, "from": lens.model.coefficients()})
 
 
 def lens_of_text(text: str) -> FreeLens:
-    """The lens that `text_of_lens` has written."""
+    """The lens that `text_of_lens` wrote."""
     if not text:
         return RADIAL_LENS
-    said = json.loads(text)
-    return FreeLens(model=FAMILIES[said["model"]](**said["from"]), free=tuple(said["free"]))
+    fields = json.loads(text)
+    return FreeLens(model=FAMILIES[fields["model"]](**fields["from"]), free=tuple(fields["free"]))
 
 
 RADIAL_LENS = FreeLens()
-"""A pinhole with two terms of radial distortion, which corners are fitted with unless another is asked for."""
+"""A pinhole with two radial distortion coefficients: the default for fits to corners."""
 
 
 def project(
@@ -94,14 +94,14 @@ def project(
     points : array (..., N, 3)
         Points in the camera's frame: x right, y down, z along the optical axis [m].
     lens
-        Lens model, of which the coefficients of the parameters take the place.
+        Lens model, whose free coefficients come from the parameters.
     free
-        Names of these n coefficients.
+        Names of the n free coefficients.
 
     Returns
     -------
     array (..., N, 2)
-        Image coordinates [px]; NaN outside the valid field of the lens model, that of a pinhole ending at Z = 0.
+        Image coordinates [px]; NaN outside the valid field of the lens model (for a pinhole, Z > 0).
 
     Raises
     ------
@@ -113,7 +113,7 @@ def project(
     D. C. Brown, "Close-range camera calibration", Photogrammetric Engineering 37 (1971) 855, radial terms only.
     """
     x, y, z = points[..., 0], points[..., 1], points[..., 2]
-    with np.errstate(all="ignore"):  # what the law is not made for ends as NaN
+    with np.errstate(all="ignore"):  # outside its range the law gives NaN
         u, v = _lens(intrinsics, lens, free).image(x, y, z)
     return np.where(lens.sees(x, y, z)[..., None], _pixels(intrinsics, u, v), np.nan)
 
@@ -131,14 +131,15 @@ def project_with_jacobians(
     Returns
     -------
     image : array (..., N, 2)
-        Image coordinates [px]; by the bare law, NaN where that has none, as are the derivatives there.
+        Image coordinates [px] by the law itself, without the limit of the valid field; image and derivatives are NaN
+        where the law has no value.
     by_intrinsics : array (..., N, 2, 4 + n)
         Derivatives by the intrinsic parameters.
     by_points : array (..., N, 2, 3)
         Derivatives by the points [px/m].
     """
     lens = _lens(intrinsics, lens, free)
-    with np.errstate(all="ignore"):  # what the law is not made for ends as NaN
+    with np.errstate(all="ignore"):  # outside its range the law gives NaN
         u, v = lens.image(points[..., 0], points[..., 1], points[..., 2])
         by_points, by_coefficients = lens.derivatives(points, free)
     focal = np.stack([intrinsics[..., 0, None], intrinsics[..., 1, None]], axis=-1)[..., None]
@@ -151,7 +152,7 @@ def project_with_jacobians(
 def ray_slopes(
     intrinsics: FloatArray, image: FloatArray, lens: LensModel = IDEAL, free: Sequence[str] = RADIAL
 ) -> FloatArray:
-    """Slopes (X/Z, Y/Z) of the ray that a camera images at a place: the inverse of ``project``.
+    """Slopes (X/Z, Y/Z) of the ray that a camera images at given coordinates: the inverse of ``project``.
 
     Parameters
     ----------
@@ -165,9 +166,8 @@ def ray_slopes(
     Returns
     -------
     array (..., N, 2)
-        Slopes of the rays [1]; NaN where the image coordinates are NaN, for rays at or beyond 90° from the axis, and
-        where the distortion has no rising inverse (too far outside the calibrated field): an outcome of a draw, to be
-        counted by its cause.
+        Slopes of the rays [1]; NaN where the image coordinates are NaN, for rays 90° or more from the axis, and where
+        the distortion cannot be inverted (too far outside the calibrated field).
     """
     x = (image[..., 0] - intrinsics[..., 2, None]) / intrinsics[..., 0, None]
     y = (image[..., 1] - intrinsics[..., 3, None]) / intrinsics[..., 1, None]
@@ -232,7 +232,7 @@ def right_jacobian(rotation_vector: FloatArray) -> FloatArray:
 
 
 def move(pose: FloatArray, points: FloatArray) -> FloatArray:
-    """Points carried by rigid motions, R x + t.
+    """Points after rigid motions, R x + t.
 
     Parameters
     ----------
@@ -259,14 +259,14 @@ def move_jacobian(pose: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def _lens(intrinsics: FloatArray, lens: LensModel, free: Sequence[str]) -> LensModel:
-    """The lens model of intrinsic parameters, which broadcasts with points."""
+    """The lens model with the free coefficients of the intrinsic parameters, broadcasting with points."""
     changed = {name: intrinsics[..., 4 + k, None] for k, name in enumerate(free)}
     if all(np.all(value == getattr(lens, name)) for name, value in changed.items()):
-        return lens  # whose inverse and field hold for single numbers
+        return lens  # with scalar coefficients, for which it knows its inverse and field
     return replace(lens, **changed)
 
 
 def _pixels(intrinsics: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
-    """From the normalised picture to pixels."""
+    """From normalised image coordinates to pixels."""
     f_x, f_y, c_x, c_y = (intrinsics[..., i, None] for i in range(4))
     return np.stack([f_x * u + c_x, f_y * v + c_y], axis=-1)

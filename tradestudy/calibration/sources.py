@@ -1,4 +1,4 @@
-"""From what a study declares of a camera's calibration to the joint distribution of its errors."""
+"""The joint distribution of a camera's errors, from the calibration that a study declares."""
 
 from __future__ import annotations
 
@@ -48,21 +48,21 @@ def calibration_of(
     Parameters
     ----------
     part
-        What the study declares.
+        The declared calibration.
     camera
         The camera as designed.
     folder
-        Where the files that the part names are.
+        Folder of the files that the part names.
     wavelength
         Of the scene [m].
     posterior
-        What the source of the part says: the groups that it determines, and the exact model that these belong to. None
-        where there is no source, or nothing has been inferred from it yet.
+        Result of the part's source: the groups that it determines, and the exact model to which they belong. None
+        without a source, or before the source has been evaluated.
 
     Returns
     -------
     Calibration
-        Not ``inferred``, and without groups, where a posterior is needed and there is none.
+        Without groups and not ``inferred`` if the part has a source but no posterior is given.
     """
     if part.source != "errors" and posterior is None:
         return Calibration(source=part.source, inferred=False)
@@ -82,7 +82,7 @@ def calibration_of(
 
 
 def mistakes_of_files(part: CalibrationPart, folder: Path) -> list[MistakeAt]:
-    """Files of draws and corners that a calibration names and that cannot be read; their places are below the part."""
+    """Unreadable draw files and missing corner files of a calibration, with paths relative to the part."""
     mistakes: list[MistakeAt] = []
     for path, distribution in _distributions(part):
         if distribution.resolved_shape == "empirical":
@@ -96,20 +96,20 @@ def mistakes_of_files(part: CalibrationPart, folder: Path) -> list[MistakeAt]:
 
 
 def given_twice(part: CalibrationPart, posterior: Calibration) -> list[MistakeAt]:
-    """Errors that are declared, and that a saved posterior determines; their places are below the part."""
+    """Declared errors that a saved posterior already determines, with paths relative to the part."""
     assert part.posterior is not None
     determined = {name for group in posterior.groups for name in group.parameters}
     of_a_rig = posterior.reading is not None
-    says = "determines every parameter of the rig" if of_a_rig else "determines it already"
+    determines = "every parameter of the rig" if of_a_rig else "this error"
     return [
-        MistakeAt(("errors", name), f"{part.posterior.file} (posterior.file) {says}; give it once")
+        MistakeAt(("errors", name), f"{part.posterior.file} (posterior.file) determines {determines}; remove it here")
         for name in part.errors.given()
         if of_a_rig or name in determined
     ]
 
 
 def declared_groups(part: CalibrationPart, vocabulary: ErrorVocabulary, folder: Path) -> tuple[Group, ...]:
-    """The declared errors in the order of the vocabulary; those that are correlated are drawn together."""
+    """The declared errors in the order of the vocabulary; correlated ones form one group."""
     from tradestudy.uncertainty.joint import GaussianCopula
     from tradestudy.uncertainty.sources import Source
 
@@ -134,7 +134,7 @@ def declared_groups(part: CalibrationPart, vocabulary: ErrorVocabulary, folder: 
 
 
 def stability_groups(part: StabilityPart, folder: Path) -> tuple[Source, ...]:
-    """What has happened since the calibration: ageing, and changes of temperature, pressure and color."""
+    """Changes since the calibration: ageing, and changes of temperature, pressure and color."""
     from tradestudy.uncertainty.sources import Source
 
     changes: dict[str, AnyDistribution | None] = dict(
@@ -149,10 +149,10 @@ def stability_groups(part: StabilityPart, folder: Path) -> tuple[Source, ...]:
 
 
 def environment_of(part: StabilityPart, wavelength: float) -> Environment | None:
-    """How the camera answers to temperature and pressure; None where neither changes."""
+    """How the camera responds to temperature and pressure; None if neither changes."""
     if part.temperature is None and part.pressure is None:
         return None
-    assert part.glass_index is not None  # both need it, says the validator
+    assert part.glass_index is not None  # the validator requires it of both
     return Environment(
         housing_expansion=part.housing_expansion or 0.0,
         focal_length_expansion=part.focal_length_expansion or 0.0,
@@ -164,12 +164,12 @@ def environment_of(part: StabilityPart, wavelength: float) -> Environment | None
 
 
 def distribution_of(part: AnyDistribution, folder: Path) -> Distribution:
-    """The distribution that a part of a study describes; files are looked for in ``folder``.
+    """The distribution that a study declares; files are read from ``folder``.
 
     Raises
     ------
     OutOfRangeError
-        A file of draws cannot be read, or values that do not make a distribution.
+        A file of draws cannot be read, or the values define no distribution.
     """
     from tradestudy.uncertainty.distributions import (
         Arcsine,
@@ -201,14 +201,14 @@ def distribution_of(part: AnyDistribution, folder: Path) -> Distribution:
 
 
 def group_of_draws(name: str, parameters: tuple[str, ...], draws: FloatArray) -> JointDraws:
-    """Joint draws of a calibration as errors about their mean: what the calibration leaves open."""
+    """Joint draws of a calibration as errors about their mean."""
     from tradestudy.uncertainty.joint import JointDraws
 
     return JointDraws(name=name, parameters=parameters, draws=draws - draws.mean(axis=0), error_class=ErrorClass.RIG)
 
 
 def _distributions(part: CalibrationPart) -> Iterable[tuple[tuple[str, ...], AnyDistribution]]:
-    """Every distribution of a calibration, with its place."""
+    """Every distribution of a calibration, with its path."""
     stability = part.stability
     for path, errors in ((("errors",), part.errors), (("stability", "ageing"), stability.ageing)):
         yield from (((*path, name), error) for name, error in errors.given().items())
@@ -226,11 +226,11 @@ def _draws(part: AnyDistribution, folder: Path) -> FloatArray:
             reader = csv.DictReader(stream)
             header, rows = list(reader.fieldnames or ()), list(reader)
     except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "no text"
+        why = getattr(error, "strerror", None) or "not UTF-8 text"
         raise OutOfRangeError(f"'{path}' cannot be read", value=why) from None
     if column not in header:
         raise OutOfRangeError(
-            f"{path.name} has no column of draws of that name",
+            f"{path.name} has no such column",
             value=column,
             limit=", ".join(header) or "no columns",
             remedy="name the columns in the first line",
@@ -239,12 +239,13 @@ def _draws(part: AnyDistribution, folder: Path) -> FloatArray:
         draws = np.array([float(row[column]) for row in rows])
     except (TypeError, ValueError):
         raise OutOfRangeError(
-            f"the column {column} of {path.name} holds a cell that is no number", remedy="remove units and text"
+            f"column {column} of {path.name} contains a cell that is not a number", remedy="remove units and text"
         ) from None
     if draws.size < 2 or not np.all(np.isfinite(draws)):
         raise OutOfRangeError(
-            f"the column {column} of {path.name}",
+            f"column {column} of {path.name} contains too few or non-finite draws",
             value=f"{draws.size} draws, {int(np.sum(~np.isfinite(draws)))} of them not finite",
-            limit="at least two finite draws",
+            limit="at least two, all finite",
+            remedy="add draws, or remove those that failed",
         )
     return draws

@@ -1,4 +1,4 @@
-"""A calibrated pair of cameras, which reads depth in place of the design."""
+"""A calibrated pair of cameras, which measures depth instead of the design."""
 
 from __future__ import annotations
 

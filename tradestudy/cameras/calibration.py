@@ -82,7 +82,7 @@ class Propagation:
     tolerance
         Relative sampling error allowed in a reported half width.
     max_draws
-        Largest number of draws over all scrambles, for each camera, place in the field and way.
+        Largest number of draws over all scrambles, for each camera, field place and error source.
     coverages
         Coverage of the central intervals that are reported; the first is that of the depth uncertainty.
     judged

@@ -167,7 +167,7 @@ class CalibrationPart(Part):
             yield MistakeAt(("corners",), what)
         elif self.corners is not None and self.errors.given():
             what = (
-                "corners determine every parameter of the rig; leave errors out (null takes inherited ones back), and "
+                "corners determine every parameter of the rig; remove errors (null removes inherited ones), and "
                 "put changes since the calibration under stability"
             )
             yield MistakeAt(("errors",), what)
@@ -187,8 +187,8 @@ class CalibrationPart(Part):
         for name, others in self.correlations.items():
             if priors & {name, *others}:
                 what = (
-                    "priors of a target are independent, since it finds their correlation; leave this out (null takes "
-                    "an inherited one back)"
+                    "priors of a target are independent, since it determines their correlation; remove this (null "
+                    "removes an inherited one)"
                 )
                 yield MistakeAt(("correlations", name), what)
 

@@ -64,9 +64,9 @@ class LensPart(Part):
     @model_validator(mode="after")
     def _one_way(self) -> Self:
         if (self.focal_length is not None) + (self.field_of_view is not None) not in self.ways:
-            raise MistakeAt((), "give exactly one of focal_length and field_of_view (null takes an inherited one back)")
+            raise MistakeAt((), "give exactly one of focal_length and field_of_view (null removes an inherited one)")
         if self.field_of_view is None and "across" in self.model_fields_set:
-            raise MistakeAt(("across",), "belongs to field_of_view; leave it out (null takes an inherited one back)")
+            raise MistakeAt(("across",), "belongs to field_of_view; remove it (null removes an inherited one)")
         if self.field_of_view is not None and not self.field_of_view < math.pi:
             raise MistakeAt(("field_of_view",), "a flat sensor sees less than 180°")
         return self
@@ -147,7 +147,7 @@ class DisparityPart(Part):
             raise MistakeAt(
                 ("matcher",),
                 "adds to a derived disparity error, and the error of this camera is declared; write disparity_error: "
-                "derived, or leave matcher out (null takes an inherited one back)",
+                "derived, or remove matcher (null removes an inherited one)",
             )
         return self
 

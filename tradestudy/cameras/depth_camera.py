@@ -144,7 +144,7 @@ class DepthCamera(Camera):
 
     @property
     def calibrated_pair(self) -> CalibratedPair | None:
-        """The calibrated pair that reads depth; None if the design does."""
+        """The calibrated pair that measures depth; None if the design does."""
         return None
 
     def exported(self, fitted: CalibratedPair | None = None) -> ImportedRig | None:  # noqa: ARG002 - of a pair

@@ -48,7 +48,7 @@ class LensStage:
 
     @cached_property
     def columns(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Magnification to the sensor, f-number and blur [m], as columns to stand beside a row over frequency."""
+        """Magnification to the sensor, f-number and blur [m], as columns that broadcast with a row over frequency."""
         return column(self.relay), column(self.f_number), column(self.blur_diameter)
 
     def finest_period(self, wavelength: float) -> float:
@@ -146,6 +146,6 @@ class PictureGeometry:
 
 
 def column(values: FloatArray) -> FloatArray:
-    """Values over distance as a column, to stand beside a row over frequency; one number where all are the same."""
+    """Values over distance as a column that broadcasts with a row over frequency; one number if all are equal."""
     found = values[:, np.newaxis]
     return found[:1] if values.size and np.all(values == values[0]) else found

@@ -167,7 +167,7 @@ class PlenopticCamera(DepthCamera):
                 "a second stop before the lens of a plenoptic camera cannot be rendered; scene.picture.stop_separation",
                 value=f"{stop_separation * 1e3:g} mm",
                 limit="0 mm",
-                remedy="leave it out",
+                remedy="remove it",
             )
         changed = self.geometry.changed(errors, environment)
         moved = {name: value_of(errors, name) + value_of(changed, name) for name in {**errors, **changed}}

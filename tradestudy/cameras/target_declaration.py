@@ -106,7 +106,7 @@ class TargetPart(Part):
         given = [name for name in _DRAWN if getattr(self, name) is not None]
         if self.poses is not None:
             for name in given:
-                yield MistakeAt((name,), "poses gives every view; leave this out (null takes an inherited one back)")
+                yield MistakeAt((name,), "poses gives every view; remove this (null removes an inherited one)")
         elif missing := [name for name in _DRAWN if name not in given]:
             yield MistakeAt((), f"needs {', '.join(missing)}, or poses instead of {', '.join(_DRAWN)}")
 

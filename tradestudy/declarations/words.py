@@ -34,7 +34,7 @@ def distinct(values: tuple[Item, ...]) -> tuple[Item, ...]:
     return values
 
 
-Way = Literal["noise", "calibration", "both"]
+ErrorSources = Literal["noise", "calibration", "both"]
 Span = Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=2), AfterValidator(increasing)]
 Text = Annotated[str, Field(min_length=1, max_length=2000)]
 CameraName = Annotated[str, Field(min_length=1, max_length=80)]

@@ -119,10 +119,10 @@ def _fraction(axes: Axes, which: str, value: float) -> float:
 
 
 def spread(wanted: FloatArray, sizes: FloatArray) -> FloatArray:
-    """Centres for things of these sizes side by side from 0 to 1, in the order of the wanted ones and near to them.
+    """Centres for labels of these sizes side by side from 0 to 1, in the order of the ideal ones and close to them.
 
-    Least squares: neighbours that would overlap form a block about their mean. Things that need more room than there
-    is stand about the middle.
+    Least squares: neighbours that would overlap form a block about their mean. Labels that need too much room are
+    centred.
     """
     order = np.argsort(wanted, kind="stable")
     blocks: list[tuple[float, float, list[int]]] = []  # centre, size, members

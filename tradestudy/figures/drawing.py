@@ -67,7 +67,7 @@ class Curve:
     id
         Of its group in the SVG.
     kind
-        "line", "points", "band" (from `y` up to `top`) or "shape", whose data are not told.
+        "line", "points", "band" (from `y` up to `top`) or "shape", whose data are not shown.
     label
         Whose curve it is: a camera, a part; artists of one label are switched together.
     name

@@ -157,7 +157,7 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Dr
 
 
 def _values_at(tree: xr.DataTree, shown: tuple[CameraTrace, ...], place: float) -> str:
-    """At a declared distance the values of the table, elsewhere those of the nearest computed one, which is told."""
+    """At a declared distance the values of the table, elsewhere those of the nearest computed one, which is named."""
     depth = nominal(tree)
     if "depth_at_places" in tree.children:
         declared = tree["depth_at_places"].to_dataset()

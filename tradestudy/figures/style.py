@@ -247,7 +247,7 @@ def legend(
     *,
     longest: int = LONGEST_LABEL,
 ) -> Legend:
-    """A legend under the figure, in as many of the wanted columns as fit.
+    """A legend under the figure, in as many of these columns as fit.
 
     Labels, cut where too long, are literal, also one that starts with an underscore.
     """

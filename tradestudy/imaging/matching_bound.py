@@ -36,7 +36,7 @@ class BandNodes:
 
     @cached_property
     def slope(self) -> FloatArray:
-        """Weights of (2π ν_x)²: by symmetry ν_x² may stand for half of |ν|²."""
+        """Weights of (2π ν_x)²: by symmetry ν_x² may replace half of |ν|²."""
         return np.asarray(self.weight * (2.0 * np.pi) ** 2 * np.square(self.radius) / 2.0)
 
 

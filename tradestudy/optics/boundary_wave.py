@@ -170,7 +170,7 @@ def _turned(weight: Array, path: FloatArray, k: float, tolerance: float) -> Comp
 
 
 def _obliquity_ratio(kernel: KirchhoffKernel, p_z: Array, s: Array, z: Array) -> Array | float:
-    """Obliquity asked for, relative to the textbook one (p_z + z/s)/2."""
+    """Requested obliquity, relative to the textbook one (p_z + z/s)/2."""
     if kernel.obliquity == "textbook":
         return 1.0
     ratio = 2 * z / (p_z * s + z)

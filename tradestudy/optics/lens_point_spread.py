@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _LEAST_SHARE = 0.5  # of the light, in a window whose spot has a width
+_LEAST_WINDOW = 1.5  # Airy radii: fewer samples do not allow an estimate of the errors
 _SAMPLES_PER_PERIOD = 8.0  # of the shortest period λ N_w of an intensity
 _ON_AXIS_AT_INFINITY = PointSource.at_infinity()
 
@@ -80,6 +81,9 @@ class LensPointSpread(PointSpread):
     method: Method
     effort: Effort
 
+    def __repr__(self) -> str:
+        return f"LensPointSpread({self.method}, {self._summary()}, Airy radius {self.airy_radius:.3g} m)"
+
     @property
     def relative_intensity(self) -> FloatArray:
         """Intensity relative to the peak without aberration; its maximum is the Strehl ratio."""
@@ -97,7 +101,7 @@ class LensPointSpread(PointSpread):
         """
         if (held := window_share(self).value) < _LEAST_SHARE:
             raise OutOfRangeError(
-                "share of the light in the window, whose width is asked for",
+                "too little of the light in the window for a width",
                 value=f"{100.0 * float(held):.2g} %",
                 limit="≥ 50 %",
                 remedy="widen the window",
@@ -117,8 +121,22 @@ class LensPointSpread(PointSpread):
         return strehl_ratio(self, reference_peak=self.reference_peak)
 
     def modulation_transfer(self, frequency: npt.ArrayLike, *, angle: float = 0.0) -> Measured:
-        """MTF at frequencies [cycles/m] along a direction [rad], by `modulation_transfer`."""
+        """MTF at frequencies [cycles/m] along a direction [rad], by `modulation_transfer`.
+
+        Raises
+        ------
+        OutOfRangeError
+            A frequency is beyond what the samples resolve, which is well beyond the cutoff D/(λ b).
+        """
         f = np.asarray(frequency, dtype=np.float64)
+        resolved = 1 / (2 * self.spacing)
+        if not np.all(np.abs(f) <= resolved):
+            raise OutOfRangeError(
+                "spatial frequency",
+                value=f"{np.abs(f).max():g} 1/m",
+                limit=f"≤ {resolved:g} 1/m",
+                remedy=f"keep to the cutoff, {FIRST_DARK_RING / self.airy_radius:g} 1/m, beyond which the MTF is 0",
+            )
         return modulation_transfer(self, frequency_x=f * math.cos(angle), frequency_y=f * math.sin(angle))
 
     def plot(self, file: str | Path | None = None) -> Figure:
@@ -173,8 +191,8 @@ def point_spread(
     pupil
         Amplitude and aberrations. Default: a clear aperture without aberration.
     window
-        Half the side of the sampled square about the chief ray, in Airy radii. The light outside enters the error of
-        the MTF: 0.8 % of the light for a window of 20, inversely proportional to the window.
+        Half the side of the sampled square about the chief ray, in Airy radii; at least 1.5. The light outside enters
+        the error of the MTF: 0.8 % of the light for a window of 20, inversely proportional to the window.
     obliquity
         Obliquity factor of Kirchhoff's integral, as in `aperture_field`.
     limits
@@ -218,10 +236,7 @@ def point_spread(
     MTF 0.56 at 100/mm, 0.31 at 200/mm, to 0.01
     """
     nominal = reference_focal_length(focal_length)
-    if not (f_number > 0 and math.isfinite(f_number)):
-        raise OutOfRangeError("f-number", value=f"{f_number:g}", limit="> 0, finite")
-    if not (window > 0 and math.isfinite(window)):
-        raise OutOfRangeError("window", value=f"{window:g} Airy radii", limit="> 0, finite")
+    _check_numbers(nominal, f_number, wavelength, window)
     focus = source.distance if focus_distance is None else focus_distance
     image = finite_image_distance(focus, nominal)
     if not image > 0:
@@ -254,6 +269,32 @@ def point_spread(
         limits=limits,
     )
     return _of_field(field, source, lens, centre, wavelength=wavelength, obliquity=obliquity, airy=airy)
+
+
+def _check_numbers(focal_length: float, f_number: float, wavelength: float, window: float) -> None:
+    """Refuse impossible numbers under their own names, before laws combine them."""
+    if not 0 < focal_length < math.inf:
+        raise OutOfRangeError(
+            "focal length", value=f"{focal_length:g} m", limit="> 0, finite", remedy="describe a converging lens"
+        )
+    if not 0 < f_number < math.inf:
+        raise OutOfRangeError(
+            "f-number", value=f"{f_number:g}", limit="> 0, finite", remedy="divide focal length by pupil diameter"
+        )
+    if not 0 < wavelength < focal_length / f_number:
+        raise OutOfRangeError(
+            "wavelength",
+            value=f"{wavelength:g} m",
+            limit=f"> 0 and less than the pupil diameter of {focal_length / f_number:g} m",
+            remedy="give it in metres: 550 nm are 550e-9",
+        )
+    if not _LEAST_WINDOW <= window < math.inf:
+        raise OutOfRangeError(
+            "window",
+            value=f"{window:g} Airy radii",
+            limit=f"≥ {_LEAST_WINDOW:g}, finite",
+            remedy="widen it; the default is 20",
+        )
 
 
 def _of_field(

@@ -60,7 +60,8 @@ class MicrolensCamera:
     Raises
     ------
     OutOfRangeError
-        If the f-number, the pitch or the number of types is impossible; `light_path` checks the other lengths.
+        If the f-number, the focal length, the distance of the array, the pitch or the number of types is impossible;
+        `light_path` checks the other lengths.
 
     Examples
     --------
@@ -99,6 +100,11 @@ class MicrolensCamera:
     def __post_init__(self) -> None:
         if not (self.f_number > 0 and math.isfinite(self.f_number)):
             raise OutOfRangeError("f-number", value=f"{self.f_number:g}", limit="> 0, finite")
+        lengths = {"focal length": reference_focal_length(self.focal_length), "array distance": self.array_distance}
+        for name, length in lengths.items():
+            if not 0 < length < math.inf:
+                remedy = "give it in metres, such as 12.5e-3"
+                raise OutOfRangeError(name, value=f"{length:g} m", limit="> 0, finite", remedy=remedy)
         widest = self.array_distance / self.f_number
         if not 0 < self.microlens_pitch <= widest:
             raise OutOfRangeError(

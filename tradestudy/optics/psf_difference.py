@@ -212,7 +212,7 @@ def _annuli(windows: Sequence[float], *, symmetric: bool) -> list[_Annulus]:
     """One annulus for each window, starting at the previous window."""
     found = []
     for inner, outer in itertools.pairwise((0.0, *windows)):
-        # An intensity holds no period shorter than λ N_w: so many go around the outermost ring, two angles for each.
+        # An intensity contains no period shorter than λ N_w: so many go around the outermost ring, two angles for each.
         periods = 2 * math.pi * FIRST_DARK_RING * outer
         found.append(
             _Annulus(

@@ -17,6 +17,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 
 _LEAST_SAMPLES = 33  # a side; every fourth of them still carries a quintic spline
+_FEW_VALUES = 4  # that are written out
 _BEST_REDUCTION = 1 / 16  # of the error when the spacing is halved; a quintic spline approaches 1/64
 
 
@@ -41,6 +42,12 @@ class Measured:
 
     value: FloatArray
     error: FloatArray
+
+    def __repr__(self) -> str:
+        if self.value.size <= _FEW_VALUES:
+            return f"Measured({self})"
+        low, high = np.nanmin(self.value), np.nanmax(self.value)
+        return f"Measured({self.value.shape}, {low:.6g} to {high:.6g}, errors up to {np.nanmax(self.error):.1g})"
 
     def __str__(self) -> str:
         return ", ".join(_with_error(v, e) for v, e in zip(np.ravel(self.value), np.ravel(self.error), strict=True))
@@ -126,6 +133,18 @@ class PointSpread:
             raise OutOfRangeError(
                 "relative error of the samples", value=f"{self.relative_error:g}", limit="≥ 0, finite"
             )
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self._summary()})"
+
+    def _summary(self) -> str:
+        """Shape, spacing and stated error of the samples."""
+        rows, columns = self.intensity.shape
+        x, y = (f"{spacing:.3g}" for spacing in self.spacings)
+        return (
+            f"{rows} × {columns} samples, spacing {x if x == y else f'{x}, {y}'} m, "
+            f"relative error {self.relative_error:.1g}"
+        )
 
     @property
     def spacings(self) -> tuple[float, float]:

@@ -36,7 +36,7 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
     Raises
     ------
     OutOfRangeError
-        If a frequency exceeds half the sampling frequency.
+        If a frequency exceeds half the sampling frequency, or is not a number.
 
     References
     ----------
@@ -59,12 +59,12 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
     fx, fy = np.broadcast_arrays(np.asarray(frequency_x, dtype=np.float64), np.asarray(frequency_y, dtype=np.float64))
     for frequency, spacing in zip((fx, fy), psf.spacings, strict=True):
         limit = 1 / (2 * spacing)
-        if np.abs(frequency).max() > limit:
+        if not np.all(np.abs(frequency) <= limit):
             raise OutOfRangeError(
                 "spatial frequency",
                 value=f"{np.abs(frequency).max():g} 1/m",
                 limit=f"≤ {limit:g} 1/m",
-                remedy="sample more finely",
+                remedy=f"sample at most {1 / (2 * np.abs(frequency).max()):.3g} m apart",
             )
 
     def transfer(grid: PointSpread) -> FloatArray:

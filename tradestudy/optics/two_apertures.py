@@ -6,7 +6,7 @@ object and β = mₛ Bₒ − Bₛ mₒ from the stop to the object, Collins's i
 
     U(x) ∝ ∬ dP dη exp{iπ/λ [mₛ η²/Bₛ − 2 η·P/Bₛ + g P² − 2 P·x/β]},    g = Bₒ/(Bₛ β),
 
-places counted from the ray through the middle of the lens. Without a stop the lens stands in its place: P = η,
+places counted from the ray through the middle of the lens. Without a stop, the lens takes its role: P = η,
 g = mₒ/Bₒ, β = Bₒ. By reciprocity, a place on a pixel gathers light of the object in just the way in which light of its
 own would spread over it.
 
@@ -91,7 +91,7 @@ class TwoApertures:
 
     @cached_property
     def lit_radius(self) -> float:
-        """About how far light goes from the middle of the aperture that stands before the object [m]."""
+        """Approximate reach of the light from the centre of the aperture before the object [m]."""
         if self.stop is None:
             return self.radius
         return min(self.stop.radius, abs(self.stop.scale) * self.radius + self._airy)

@@ -45,7 +45,7 @@ class Chosen:
 
 def pieces(definition: StudyDefinition, forced: Models) -> Iterator[Piece]:
     """Every problem of a study that needs models, in the order in which a run solves them."""
-    # Imported only where asked for: `check` comes here too, and few studies simulate light.
+    # Imported only where needed: `check` comes here too, and few studies simulate light.
     file, case = definition.file, definition.case
     if case.cameras:
         from tradestudy.plan.pieces.depth import depth_pieces

@@ -14,7 +14,7 @@ from tradestudy.results.views.groups import FloatArray, has
 from tradestudy.units import FRACTION, pretty
 
 CURVES: Final = ("depth_uncertainty", "depth_quantile", "depth_discrimination", "variance_share")
-"""The variables of ``/depth`` that are told of every design."""
+"""The variables of ``/depth`` that are shown for every design."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -53,7 +53,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         dims=("reading", "way", "change"),
         units="m",
         long_name="distance where the winner of the headline pair switches; NaN where there is none",
-        error="change_error; its range over readings stands beside it",
+        error="change_error; its range over readings is beside it",
     ),
     "change_error": Variable(
         dims=("reading", "way", "change"),
@@ -68,7 +68,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         dims=("reading", "way", "crossing"),
         units="m",
         long_name="distance where the cameras of the headline pair are equally uncertain; NaN where there is none",
-        error="crossover_error; its range over readings stands beside it",
+        error="crossover_error; its range over readings is beside it",
     ),
     "crossover_error": Variable(
         dims=("reading", "way", "crossing"),
@@ -122,7 +122,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         dims=("question",),
         units="mixed",
         long_name="smallest value of the varied input that makes two cameras equally certain, or one as certain as "
-        "asked, in solved_units",
+        "required, in solved_units",
         error="solved_error",
     ),
     "solved_error": Variable(
@@ -211,10 +211,16 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         error="exact",
     ),
     "reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="the worst value and where it lies"),
+    "limited_by": Variable(
+        dims=_OF_REQUIREMENT,
+        units="",
+        long_name="limit of the usable or sharp range that decides the answer; empty where the value decides",
+    ),
     "rests_on": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="uncertain input that contributes most to the variance at the worst distance, and its basis",
+        long_name="limit that decides, or uncertain input that contributes most to the variance at the worst distance, "
+        "with its basis",
     ),
     "rests_on_share": Variable(
         dims=_OF_REQUIREMENT,
@@ -250,7 +256,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     ),
     "bound_alone_reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="reason at the matching bound"),
     "camera_met": Variable(
-        dims=_OF_CAMERA, units="1", long_name="1 met by this camera, 0 not met, −1 cannot be decided or not asked"
+        dims=_OF_CAMERA, units="1", long_name="1 met by this camera, 0 not met, −1 cannot be decided or not required"
     ),
     "camera_margin_percent": Variable(
         dims=_OF_CAMERA, units="percent", long_name="margin_percent of this camera", error="as that of its value"
@@ -268,6 +274,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         dims=_OF_REQUIREMENT, units="1", long_name="within_tolerance in this design: 1 it is, 0 it is not"
     ),
     "design_reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="reason in this design"),
+    "design_limited_by": Variable(dims=_OF_REQUIREMENT, units="", long_name="limited_by in this design"),
     "met_from": Variable(
         dims=("requirement", "stretch"),
         units="mixed",

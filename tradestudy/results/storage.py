@@ -62,7 +62,7 @@ def remove_abandoned(directory: Path) -> None:
 
 
 def _is_running(process: int) -> bool:
-    """Whether a process of this machine is alive; assumed alive where that cannot be asked without harm."""
+    """Whether a process of this machine is alive; assumed alive where that cannot be checked safely."""
     if os.name != "posix":
         return True
     try:

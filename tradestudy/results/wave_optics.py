@@ -210,7 +210,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "benchmark_error": Variable(
         dims=("benchmark",),
         units="1",
-        long_name="stated relative L2 error of the intensities; the seconds stand in the record of the run",
+        long_name="stated relative L2 error of the intensities; the seconds are in the record of the run",
         error="an estimate itself",
     ),
     "published_seconds": Variable(

@@ -227,7 +227,7 @@ def _picture_facts(one: TakenPicture, path: Path, rendering: Rendering) -> dict[
 
 
 def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any]) -> dict[str, Any]:
-    """What stands beside the pictures of a camera."""
+    """The record beside the pictures of a camera."""
     definition, image, sensor = rendering.definition, rendering.image, taken.camera.sensor
     recording = next(one.tile.recording for one in rendering.pictures if one.camera == taken.name)
     part = definition.file.cameras[taken.name]

@@ -123,6 +123,8 @@ class Document:
         Values set from outside, in the order in which they were given.
     imported
         What was read from calibration files, one line per camera.
+    like
+        For each camera that is like another, the name of the other.
     """
 
     root: MappingEntry
@@ -130,6 +132,7 @@ class Document:
     broken: frozenset[Path] = field(default_factory=frozenset)
     overrides: tuple[Override, ...] = ()
     imported: tuple[str, ...] = ()
+    like: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def tree(self) -> dict[str, Any]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.study.camera_files.importing import ONE_CAMERA
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import Document, Entry, Value
+from tradestudy.study.document import Document, Entry, Place, Value
 from tradestudy.study.expectations import expectation_bounds, question_ends
 from tradestudy.study.reader import read
 from tradestudy.study.schema.value_of_information import AssumptionPart
@@ -36,7 +37,7 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
     try:
         definition = StudyDefinition.of(document)
     except StudyError as error:
-        raise StudyError([*error.problems, *_single_cameras(document, error)]) from None
+        raise StudyError(_stated_once(document, [*error.problems, *_single_cameras(document, error)])) from None
     problems: list[Problem] = []
     try:
         definition.readings  # noqa: B018 - built here so that `check` sees their mistakes
@@ -50,6 +51,40 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
     if problems:
         raise StudyError(list(dict.fromkeys(problems)))
     return definition
+
+
+def _stated_once(document: Document, problems: Sequence[Problem]) -> list[Problem]:
+    """The problems, each that several cameras share only at the camera from which the others inherit it."""
+    cameras = document.tree.get("cameras")
+    names = sorted(cameras, key=len, reverse=True) if isinstance(cameras, dict) else []
+    found: list[Problem] = []
+    by_content: dict[tuple[str, str], dict[str, Problem]] = {}
+    for problem in problems:
+        name = next((name for name in names if f"{problem.path}.".startswith(f"cameras.{name}.")), None)
+        shared = by_content.setdefault((problem.path.removeprefix(f"cameras.{name}"), problem.what), {})
+        if name is None or name in shared:
+            found.append(problem)
+        else:
+            shared[name] = problem
+    for shared in by_content.values():
+        origins = {name: _origin(document, name, shared) for name in shared}
+        for origin in dict.fromkeys(origins.values()):
+            also = [f"cameras.{name}" for name, other in origins.items() if name != origin == other]
+            what = shared[origin].what + (f" (also in {', '.join(also)})" if also else "")
+            found.append(replace(shared[origin], what=what))
+    return found
+
+
+def _origin(document: Document, name: str, shared: Mapping[str, Problem]) -> str:
+    """The camera from which a camera inherits a problem that it shares with others; itself if it does not."""
+    place, other = _place(shared[name]), document.like.get(name, "")
+    if other in shared and place in (_place(shared[other]), document.locate(("cameras", name))):
+        return _origin(document, other, shared)
+    return next((one for one in shared if _place(shared[one]) == place and one not in document.like), name)
+
+
+def _place(problem: Problem) -> Place:
+    return Place(problem.file, problem.line, problem.column)
 
 
 def _single_cameras(document: Document, error: StudyError) -> Iterator[Problem]:

@@ -74,6 +74,7 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Document:
         problems=(*problems, *cameras.problems),
         broken=frozenset(cameras.broken),
         imported=tuple(cameras.imported),
+        like=cameras.like,
     )
     for number, override in enumerate(overrides, start=1):
         document = _overridden(document, override, number)

@@ -10,7 +10,7 @@ from pathlib import Path
 from tradestudy.declarations.mistakes import nearest_name
 from tradestudy.errors import Problem
 from tradestudy.study import document as tree
-from tradestudy.study.camera_files.importing import imported, recognised
+from tradestudy.study.camera_files.importing import imported, known_formats, recognised
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError
 from tradestudy.study.camera_files.request import Request, wrong_request
 from tradestudy.study.document import (
@@ -20,6 +20,7 @@ from tradestudy.study.document import (
     Member,
     Place,
     ScalarEntry,
+    child,
     count_values,
     merged,
     plain,
@@ -106,6 +107,7 @@ class SharedCameras:
         self.problems: list[Problem] = []
         self.broken: list[tree.Path] = []
         self.imported: list[str] = []
+        self.like: dict[str, str] = {}
         self.done: dict[str, Entry | None] = {}
         self.files: dict[str, tuple[Entry, list[Problem]]] = {}
         self.values = 0
@@ -231,7 +233,14 @@ class SharedCameras:
         ]
         self.files[file] = (entry, [])  # for the next camera; the file's mistakes are already reported
         if not isinstance(entry, MappingEntry):
-            self.problems.append(entry.place.problem(("cameras", name), f"a camera is expected, not {kind_of(entry)}"))
+            what = f"a camera or a calibration file ({known_formats()}) is expected, not {kind_of(entry)}"
+            self.problems.append(entry.place.problem(("cameras", name), what))
+            return None
+        if isinstance(cameras := child(entry, "cameras"), MappingEntry):
+            what = (
+                f"'{file}' is a study, not a camera; copy its camera {' or '.join(cameras.members)} to a separate file"
+            )
+            self.note(place, name, "from", what)
             return None
         for key in SHARING:
             if key in entry.members:
@@ -253,6 +262,7 @@ class SharedCameras:
             known = [camera for camera in self.written.members if camera != name]
             self.note(place, name, "like", f"no camera is called '{other}'{nearest_name(other, known)}")
             return None
+        self.like[name] = other
         below = self.camera(other, chain)
         return below if isinstance(below, MappingEntry) else None
 

@@ -53,7 +53,7 @@ def test_nothing_in_a_cameramodel_is_executed(tmp_path: Path) -> None:
     path = devices.cameramodels(tmp_path)[0]
     path.write_text(path.read_text().replace("[640, 480]", f"[open({str(sign)!r}, 'w').write('x'), 480]"))
     message = refusal(study(tmp_path, rig="from: [left.cameramodel, right.cameramodel]"))
-    assert "nothing is computed here" in message
+    assert message.startswith(f"{path}:")
     assert not sign.exists()
 
 
@@ -87,8 +87,8 @@ def test_the_relay_follows_from_the_microlenses_and_not_from_the_main_lens(tmp_p
     assert camera.mla_distance == pytest.approx(0.05686)
     assert camera.microlenses.gap == pytest.approx(0.32e-3)
     relay = loaded.file.cameras["r12"].read_as["relay"]
-    assert relay.startswith("galilean: microlenses of 578 µm beside a gap of 320 µm")
-    assert relay.endswith("the file's mode says keplerian, which is not used")
+    assert relay.startswith("galilean: ")
+    assert all(word in relay for word in ("578 µm", "320 µm", "keplerian"))
 
 
 def test_microlenses_shorter_than_the_gap_are_keplerian(tmp_path: Path) -> None:

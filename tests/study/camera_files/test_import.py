@@ -129,7 +129,7 @@ def test_rectified_pictures_have_no_distortion(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[12:], [0, 0, 0, -np.linalg.norm(T), 0, 0], atol=1e-12)
     written.opencv(tmp_path / "rig.yml", D1=lens, D2=lens)
     said = refusal(study(tmp_path, rig="from: rig.yml, length_unit: mm, pictures: rectified"))
-    assert "rectified pictures need the P1 and P2 that stereoRectify computes" in said
+    assert all(word in said for word in ("rectified", "P1", "P2", "stereoRectify"))
 
 
 def test_the_register_lists_how_the_file_was_read(tmp_path: Path) -> None:
@@ -151,17 +151,17 @@ def test_the_register_lists_how_the_file_was_read(tmp_path: Path) -> None:
 
 
 MISTAKES = {
-    "unit": ("from: rig.yml", "does not state its unit of length; say length_unit: mm"),
-    "metres": ("from: rig.yml, length_unit: m", "the baseline would be 60.1 m: metres taken for millimetres?"),
-    "millimetres": ("from: chain.yaml, length_unit: mm", "millimetres taken for metres?"),
-    "exchanged": ("from: chain.yaml, pair: [cam1, cam0]", "cam0 stands 60.1 mm to the left of cam1: left and right"),
-    "files exchanged": ("from: [right.yaml, left.yaml]", "left and right are exchanged; exchange the files"),
-    "no baseline": ("from: [left.yaml, left.yaml]", "P[3] and P[7] are both 0"),
-    "another camera": ("from: chain.yaml, pair: [cam0, cam7]", "there is no camera 'cam7'; known: cam0, cam1"),
-    "mixed": ("from: [left.yaml, rig.yml]", "a file of OpenCV FileStorage, and the first one of ROS camera_info"),
-    "unit that is none": ("from: rig.yml, length_unit: furlong", "unknown unit 'furlong'"),
-    "an option of another format": ("from: chain.yaml, pictures: rectified", "pictures says nothing about a file of"),
-    "given twice": ("from: chain.yaml, baseline: 60 mm", "the geometry of the calibrated pair gives it"),
+    "unit": ("from: rig.yml", ("length_unit: mm",)),
+    "metres": ("from: rig.yml, length_unit: m", ("60.1 m,", "length_unit: mm")),
+    "millimetres": ("from: chain.yaml, length_unit: mm", ("60.1 µm,", "length_unit: m ")),
+    "exchanged": ("from: chain.yaml, pair: [cam1, cam0]", ("cam0", "60.1 mm", "left of cam1", "pair:")),
+    "files exchanged": ("from: [right.yaml, left.yaml]", ("P[3]", "exchanged", "from:")),
+    "no baseline": ("from: [left.yaml, left.yaml]", ("P[3] and P[7]", "0")),
+    "another camera": ("from: chain.yaml, pair: [cam0, cam7]", ("'cam7'", "cam0, cam1")),
+    "mixed": ("from: [left.yaml, rig.yml]", ("OpenCV FileStorage", "ROS camera_info")),
+    "unit that is none": ("from: rig.yml, length_unit: furlong", ("'furlong'",)),
+    "an option of another format": ("from: chain.yaml, pictures: rectified", ("pictures", "Kalibr camchain")),
+    "given twice": ("from: chain.yaml, baseline: 60 mm", ("cameras.rig.baseline", "geometry: null")),
 }
 
 
@@ -170,9 +170,9 @@ def test_mix_ups_are_named_at_their_place(tmp_path: Path, name: str) -> None:
     written.opencv(tmp_path / "rig.yml")
     written.camera_info_pair(tmp_path)
     written.camchain(tmp_path / "chain.yaml")
-    said, expected_words = MISTAKES[name]
+    said, facts = MISTAKES[name]
     message = refusal(study(tmp_path, rig=said))
-    assert expected_words in message
+    assert [fact for fact in facts if fact not in message] == []
     file, line, column, path = message.split(":")[:4]
     assert Path(file).parent == tmp_path
     assert int(line) >= 1
@@ -186,8 +186,7 @@ def test_a_fisheye_lens_under_the_name_of_a_pinhole_one_is_named(tmp_path: Path)
     written.camera_info(tmp_path / "left.yaml", K1, fisheye, r1, p1)
     written.camera_info(tmp_path / "right.yaml", K2, fisheye, r2, p2)
     message = refusal(study(tmp_path, rig="from: [left.yaml, right.yaml]"))
-    assert "p1 = -0.12 is no tangential distortion" in message
-    assert "k1 to k4 of a fisheye lens" in message
+    assert all(word in message for word in ("p1 = -0.12", "0.05", "equidistant", "lens_model: fisheye"))
 
 
 def test_a_calibrated_pair_without_errors_reads_depth_exactly(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import get_args
@@ -205,4 +206,4 @@ def test_errors_of_radial_terms_that_a_lens_lacks_are_refused(tmp_path: Path) ->
     written.camchain(tmp_path / "chain.yaml", distortion_model="fov", distortion_coeffs=[0.9])
     errors = "calibration: {errors: {right_distortion_k1: {standard_deviation: 0.001}}}"
     said = refusal(study(tmp_path, rig=f"from: chain.yaml, {errors}"))
-    assert "cameras.rig.calibration.errors.right_distortion_k1: a lens of the model fov has no k1 and k2" in said
+    assert re.search(r"cameras\.rig\.calibration\.errors\.right_distortion_k1: .*fov .*k1 and k2", said)

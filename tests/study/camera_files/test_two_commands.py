@@ -33,10 +33,34 @@ def test_a_study_that_cannot_run_is_not_written(tmp_path: Path, monkeypatch: pyt
     monkeypatch.chdir(tmp_path)
     made = CliRunner().invoke(app, ["new", "my-rig", "--from", "stereo.yml"])
     assert made.exit_code == 2
-    assert "say length_unit: mm" in made.output
+    assert "length_unit: mm" in made.output
     assert "my-rig.yaml was not written" in made.output
     assert "--set length_unit=mm" in made.output
     assert not (tmp_path / "my-rig.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "cause"),
+    [
+        ("broken.yaml", "camera_matrix: {rows: 3\ncols: [", "broken.yaml:2:5: "),
+        ("broken.json", '{"a": [1,', "broken.json:1:10: "),
+        ("words.txt", "hello", "words.txt:1:1: cameras.rig: "),
+        ("study.yaml", "format: 2\nstudy: a\ncameras: {near: {kind: stereo}}", "'study.yaml' is a study"),
+        ("absent.yaml", None, "cameras.rig.from: 'absent.yaml'"),
+    ],
+)
+def test_the_cause_comes_before_the_advice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, content: str | None, cause: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    made = CliRunner().invoke(app, ["new", "my-rig", "--from", name])
+    assert made.exit_code == 2
+    first, *_, advice = made.output.strip().splitlines()
+    assert cause in first
+    assert "--set" in advice
+    assert "my-rig.yaml:" not in made.output  # that file does not exist
 
 
 def test_two_files_in_one_argument_are_refused_with_how_to_give_them(

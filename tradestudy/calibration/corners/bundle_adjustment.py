@@ -31,14 +31,14 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 RESIDUAL_LIMIT_PX = 2.0  # a corner detector is ten times better; more means wrong correspondences
 _MOST_EVALUATIONS = 400  # curved valleys of many coefficients are followed in small steps
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-14, 1e12
-_ROUNDING = 1e-13  # of the square sum: a promised decrease of less cannot be told from rounding
+_ROUNDING = 1e-13  # of the square sum: a smaller predicted decrease is rounding
 _NO_NOISE = 1e-11  # px
-_ROTATION_LIMIT = np.radians(10.0)  # a rigid pair does not turn between views
+_ROTATION_LIMIT = np.radians(10.0)  # a rigid pair does not rotate between views
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Fit:
-    """What a fit says beside its parameters: board poses, covariance of the parameters, noise and residuals."""
+    """Results of a fit besides its parameters: board poses, covariance of the parameters, noise and residuals."""
 
     poses: FloatArray
     covariance: FloatArray
@@ -60,7 +60,7 @@ class CameraFit(_Fit):
     covariance : array (4 + n, 4 + n)
         Of the intrinsic parameters, poses marginalised, with the noise estimated from the residuals.
     noise_px : float
-        Standard deviation of one coordinate, freed of the fitted parameters [px].
+        Standard deviation of one coordinate, from residuals and degrees of freedom [px].
     residuals_px : array (V, 2 N)
         Observed minus fitted [px]; zero where a corner is absent.
     corner_rms_px : float
@@ -81,9 +81,9 @@ class PairFit(_Fit):
     poses : array (V, 6)
         Board to left camera [rad, m].
     covariance : array (P, P)
-        Of the shared parameters, poses marginalised, independent corner noise supposed.
+        Of the shared parameters, poses marginalised, for independent corner noise.
     noise_px : float
-        Standard deviation of one coordinate, freed of the fitted parameters [px].
+        Standard deviation of one coordinate, from residuals and degrees of freedom [px].
     residuals_px : array (V, 4 N)
         Observed minus fitted, left corners then right corners [px]; zero where a corner is absent.
     corner_rms_px : float
@@ -120,9 +120,9 @@ def fit_camera(
     present : bool array (V, N)
         Which corners exist.
     weights : array (V, N)
-        Of the corners, to keep outliers down; None: all alike.
+        Weights of the corners, small for outliers; None: all equal.
     lens
-        What the lens is fitted with.
+        The lens model to fit.
 
     Returns
     -------
@@ -132,9 +132,9 @@ def fit_camera(
     Raises
     ------
     NotConvergedError
-        The views do not determine the parameters, or the fit does not settle.
+        The views do not determine the parameters, or the fit does not converge.
     CornerFileError
-        The corners are off by more than ``RESIDUAL_LIMIT_PX``.
+        The residuals exceed ``RESIDUAL_LIMIT_PX``.
     """
     roots = present if weights is None else np.sqrt(weights)
     start, poses = first_values(board, image, present, lens)
@@ -153,7 +153,7 @@ def fit_camera(
 
 
 def fit_pair(corners: StereoCorners, left: CameraFit, right: CameraFit) -> PairFit:
-    """Fit both cameras, their relative pose and all board poses, started from the single fits.
+    """Fit both cameras, their relative pose and all board poses, starting from the fits of the single cameras.
 
     Parameters
     ----------
@@ -165,16 +165,15 @@ def fit_pair(corners: StereoCorners, left: CameraFit, right: CameraFit) -> PairF
     Returns
     -------
     PairFit
-        Maximum likelihood under equal, independent, normal noise of all coordinates. That supposition is what
-        ``pair_residual`` examines.
+        Maximum likelihood under equal, independent, normal noise of all coordinates; ``pair_residual`` tests this
+        assumption.
 
     Raises
     ------
     NotConvergedError
-        The fit does not settle.
+        The fit does not converge.
     CornerFileError
-        A view contradicts the others (corners in another order), or the corners are off by more than
-        ``RESIDUAL_LIMIT_PX``.
+        A view contradicts the others (corners in another order), or the residuals exceed ``RESIDUAL_LIMIT_PX``.
     """
     start = np.concatenate([left.intrinsics, right.intrinsics, _median_relative_pose(corners, left, right)])
     shared, poses, blocks = _minimise(lambda shared, poses: pair_blocks(shared, poses, corners), start, left.poses)
@@ -191,7 +190,7 @@ def fit_pair(corners: StereoCorners, left: CameraFit, right: CameraFit) -> PairF
 
 
 def check_rig(fit: PairFit) -> None:
-    """Refuse a fitted pair whose right camera stands to the left.
+    """Refuse a fitted pair whose right camera lies to the left of the left one.
 
     Parameters
     ----------
@@ -207,7 +206,7 @@ def check_rig(fit: PairFit) -> None:
     if centre[0] <= 0.0:
         raise CornerFileError(
             "the left and right columns are exchanged",
-            value=f"the right camera stands {1e3 * centre[0]:+.1f} mm to the right of the left one",
+            value=f"the right camera lies {1e3 * centre[0]:+.1f} mm to the right of the left one",
             limit="> 0 mm",
             remedy="exchange the left_ and right_ columns",
         )
@@ -216,7 +215,7 @@ def check_rig(fit: PairFit) -> None:
 def marginal_information(blocks: ViewBlocks) -> FloatArray:
     """Information of the shared parameters for unit noise, poses marginalised: the Schur complement, shape (P, P).
 
-    S = Σ_v AᵀA − AᵀJ (JᵀJ)⁻¹ JᵀA, computed through an orthonormal basis of each J so that nothing cancels.
+    S = Σ_v AᵀA − AᵀJ (JᵀJ)⁻¹ JᵀA, computed with an orthonormal basis of each J to avoid cancellation.
 
     Parameters
     ----------
@@ -243,9 +242,9 @@ def _minimise(
         try:
             tried = evaluate(shared + step, poses + pose_step)
             tried_cost = float(np.sum(tried.residuals**2))
-        except OutOfRangeError:  # a coefficient beyond the range of its law
+        except OutOfRangeError:  # a coefficient outside its range
             tried_cost = np.inf
-        if tried_cost <= cost:  # NaN, of a board behind the camera, is not
+        if tried_cost <= cost:  # False for NaN: a board behind the camera
             shared, poses, blocks = shared + step, poses + pose_step, tried
         if expected <= _ROUNDING * cost + _NO_NOISE**2 * blocks.residuals.size:
             return shared, poses, blocks
@@ -255,7 +254,7 @@ def _minimise(
         if damping > _MOST_DAMPING:
             break
     raise NotConvergedError(
-        "the bundle adjustment did not settle",
+        "the bundle adjustment did not converge",
         value=f"{_MOST_EVALUATIONS} evaluations",
         limit="a step that changes the residuals by no more than rounding",
         remedy="check the order of the corners, add views with the board tilted differently, or fit fewer coefficients",
@@ -263,7 +262,7 @@ def _minimise(
 
 
 def _damped_step(blocks: ViewBlocks, damping: float) -> tuple[FloatArray, FloatArray, float]:
-    """Steps of the shared parameters and of the poses, and the decrease of the square sum that they promise [px²]."""
+    """Steps of the shared parameters and of the poses, and the predicted decrease of the square sum [px²]."""
     views, _, count = blocks.by_shared.shape
     root = np.sqrt(damping)
     held = root * np.linalg.norm(blocks.by_pose, axis=1)[:, None] * np.eye(6)
@@ -279,12 +278,12 @@ def _damped_step(blocks: ViewBlocks, damping: float) -> tuple[FloatArray, FloatA
     step = np.linalg.lstsq(triangle[:count, :count] / scale, triangle[:count, count], rcond=1e-15)[0] / scale
     right = inner[..., count] - inner[..., :count] @ step
     pose_step = np.linalg.solve(factor, right[..., None])[..., 0]
-    promised = np.sum(inner[..., count] ** 2) + np.sum(triangle[:count, count] ** 2)
-    return step, pose_step, float(promised)
+    predicted = np.sum(inner[..., count] ** 2) + np.sum(triangle[:count, count] ** 2)
+    return step, pose_step, float(predicted)
 
 
 def _residual_sizes(blocks: ViewBlocks, corner_count: int) -> tuple[float, float]:
-    """Root mean square length per corner and noise of one coordinate [px]; refused when corners are disordered."""
+    """Root mean square length per corner and noise of one coordinate [px]; refused where no camera fits the corners."""
     views, _, count = blocks.by_shared.shape
     square_sum = float(np.sum(blocks.residuals**2))
     freedom = 2 * corner_count - count - 6 * views
@@ -307,7 +306,7 @@ def _residual_sizes(blocks: ViewBlocks, corner_count: int) -> tuple[float, float
 
 
 def _median_relative_pose(corners: StereoCorners, left: CameraFit, right: CameraFit) -> FloatArray:
-    """Relative pose of the most central view, all views compared with it."""
+    """Relative pose of the median view; refuses views that differ too much from it."""
     left_rotation, right_rotation = rotation_matrix(left.poses[:, :3]), rotation_matrix(right.poses[:, :3])
     rotation = right_rotation @ np.swapaxes(left_rotation, -1, -2)
     translation = right.poses[:, 3:] - np.einsum("vij,vj->vi", rotation, left.poses[:, 3:])
@@ -320,6 +319,6 @@ def _median_relative_pose(corners: StereoCorners, left: CameraFit, right: Camera
             f"view {', '.join(str(corners.views[row]) for row in stray[:5])} contradicts the others",
             value=f"relative rotation off by {np.degrees(angles[centre, stray].max()):.3g}°",
             limit=f"<= {np.degrees(_ROTATION_LIMIT):.0f}°",
-            remedy="number the corners alike in both images, or remove the view",
+            remedy="number the corners in the same order in both images, or remove the view",
         )
     return np.concatenate([rotation_vector(rotation[centre]), np.median(translation, axis=0)])

@@ -1,4 +1,4 @@
-"""Corner files: what two cameras saw of a flat board, read and distrusted before anything is fitted."""
+"""Corner files: corners of a flat board seen by two cameras, read and checked before any fit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 
 MINIMUM_CORNERS = 6  # four fix the pose of a plane; two more let a wrong corner show
 MOST_ROWS = 50_000
-MINIMUM_VIEWS = 3  # two conditions per view for four intrinsic parameters, and one view to spare
+MINIMUM_VIEWS = 3  # two conditions per view for four intrinsic parameters, plus one view for checking
 
 _IMAGE_COLUMNS = ("left_x_px", "left_y_px", "right_x_px", "right_y_px")
 _SURPLUS = "more fields than columns"
@@ -26,14 +26,14 @@ _BOARD_UNITS = {"mm": 1e-3, "m": 1.0}
 
 
 class CornerFileError(TradestudyError):
-    """A corner file cannot be what it says it is."""
+    """A corner file is unreadable or inconsistent."""
 
     exit_status = 2
 
 
 @dataclass(frozen=True, kw_only=True)
 class StereoCorners:
-    """Corners of a board in both images of every view, padded to the fullest view.
+    """Corners of a board in both images of every view, padded to the view with the most corners.
 
     Parameters
     ----------
@@ -46,11 +46,11 @@ class StereoCorners:
     present : bool array (V, N)
         False where a view has no such corner; coordinates are zero there.
     heights : array (V, N)
-        How far the corners lie behind the board's plane, away from who looks at it [m]; None: it is flat.
+        Distance of the corners behind the board's plane, as seen from its front [m]; None: the board is flat.
     noise
-        How the noise of the corners varies and correlates, by which residuals are whitened; None: independent, equal.
+        Noise model that whitens the residuals; None: independent and equal.
     lens
-        What both lenses are fitted with.
+        The lens model to fit to both lenses.
     """
 
     views: tuple[int, ...]
@@ -75,7 +75,7 @@ class StereoCorners:
 
 
 def read_corners(path: str | Path) -> StereoCorners:
-    """Read a corner file and refuse one that contradicts itself.
+    """Read a corner file; an inconsistent one is refused.
 
     Parameters
     ----------
@@ -93,10 +93,10 @@ def read_corners(path: str | Path) -> StereoCorners:
     Raises
     ------
     CornerFileError
-        It cannot be read; a column is missing; a row has surplus fields, as decimal commas make them; a cell is no
-        number; a corner stands twice; a view has too few corners or all in a line, or repeats another; there are too
-        few views; the board is mirrored, an image is mirrored, or x and y columns are swapped. Left and right exchanged
-        need a fit: see ``bundle_adjustment.check_rig``; what contradicts the declared rig: see ``rig_geometry``.
+        It cannot be read; a column is missing; a row has surplus fields, for example from decimal commas; a cell is not
+        a number; a corner occurs twice; a view has too few corners or all on a line, or repeats another; there are too
+        few views; the board or an image is mirrored, or x and y columns are swapped. Exchanged left and right columns
+        need a fit: see ``bundle_adjustment.check_rig``; contradictions with the declared rig: see ``rig_geometry``.
     UnaffordableError
         It has more than `MOST_ROWS` rows.
     """
@@ -108,8 +108,8 @@ def read_corners(path: str | Path) -> StereoCorners:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise CornerFileError(
             f"{path.name} cannot be read",
-            value=getattr(error, "strerror", None) or "no text",
-            remedy="check its name and its folder; corners come as CSV",
+            value=getattr(error, "strerror", None) or "not UTF-8 text",
+            remedy="check its path; corner files are CSV",
         ) from None
     groups = _group_views(table)
     size = max(len(group) for group in groups.values())
@@ -127,7 +127,7 @@ def read_corners(path: str | Path) -> StereoCorners:
 
 
 def _require_affordable(path: Path) -> None:
-    """Refuse more rows than a fit takes minutes for, before any is read as numbers."""
+    """Refuse files whose fit would take longer than minutes, before parsing them."""
     with path.open("rb") as stream:
         rows = sum(block.count(b"\n") for block in iter(lambda: stream.read(1 << 20), b"")) - 1
     if rows > MOST_ROWS:
@@ -135,7 +135,7 @@ def _require_affordable(path: Path) -> None:
             f"{path.name} has too many rows to fit",
             value=f"{rows:,} rows",
             limit=f"{MOST_ROWS:,}",
-            remedy=f"keep one view in {-(-rows // MOST_ROWS)}: depth gains little from more",
+            remedy=f"keep one view in {-(-rows // MOST_ROWS)}; more improve depth little",
         )
 
 
@@ -165,16 +165,16 @@ def _read_table(path: Path) -> tuple[FloatArray, float]:
         rows = [_numbers(path, line, row, wanted) for line, row in enumerate(reader, start=2)]
     if not rows:
         raise CornerFileError(
-            f"{path.name} has no corners", value="0 rows", limit=">= 1", remedy="give one row per corner and view"
+            f"{path.name} has no corners", value="0 rows", limit=">= 1", remedy="write one row per corner and view"
         )
     return np.array(rows), _BOARD_UNITS[unit]
 
 
 def _refuse_utf16(path: Path) -> None:
-    """Text that spreadsheets save as "Unicode" is refused by its name; what cannot be opened is told by the reader."""
+    """Refuse UTF-16, which spreadsheets save as "Unicode"; the reader reports files that cannot be opened."""
     with suppress(OSError), path.open("rb") as stream:
         if stream.read(2) in (b"\xff\xfe", b"\xfe\xff"):
-            raise CornerFileError(f"{path.name} is text in UTF-16", limit="UTF-8", remedy="save it as CSV in UTF-8")
+            raise CornerFileError(f"{path.name} is UTF-16 text", limit="UTF-8", remedy="save it as CSV in UTF-8")
 
 
 def _numbers(path: Path, line: int, row: dict[str, Any], wanted: Sequence[str]) -> list[float]:
@@ -185,7 +185,7 @@ def _numbers(path: Path, line: int, row: dict[str, Any], wanted: Sequence[str]) 
             f"{path.name}:{line}: there are more fields than columns",
             value=f"{fields} fields",
             limit=f"{len(row) - 1} as in the first line",
-            remedy="write decimal points, not commas, and take surplus fields out",
+            remedy="write decimal points, not commas, and remove surplus fields",
         )
     numbers = []
     for name in wanted:
@@ -198,7 +198,7 @@ def _numbers(path: Path, line: int, row: dict[str, Any], wanted: Sequence[str]) 
                 f"{path.name}:{line}: {name} is not a finite number",
                 value=repr(row[name]),
                 limit="a number",
-                remedy="leave out the row of a corner that was not found",
+                remedy="remove the row if the corner was not detected",
             )
         numbers.append(number)
     return numbers
@@ -223,21 +223,21 @@ def _group_views(table: FloatArray) -> dict[int, FloatArray]:
 
 
 def _refuse_repeated(groups: dict[int, FloatArray]) -> None:
-    """A view that is written twice would count as two measurements."""
+    """Refuse a view that occurs twice: it would count as two measurements."""
     seen: dict[bytes, int] = {}
     for view, group in groups.items():
         first = seen.setdefault(np.ascontiguousarray(group[:, 1:]).tobytes(), view)
         if first != view:
             raise CornerFileError(
-                f"view {view} repeats view {first} to the last digit",
+                f"view {view} repeats view {first} exactly",
                 value=f"{len(group)} equal corners",
-                limit="every view once, with the board moved between views",
+                limit="each view once",
                 remedy="remove the repeated views",
             )
 
 
 def _check_counts(corners: StereoCorners) -> None:
-    """Enough views, and in each enough corners spread over the plane."""
+    """Refuse too few views, and views with too few corners or all corners on a line."""
     if len(corners.views) < MINIMUM_VIEWS:
         raise CornerFileError(
             "too few views to calibrate from",
@@ -276,7 +276,7 @@ def handedness(board: FloatArray, image: FloatArray, present: BoolArray) -> Floa
 
 
 def _check_handedness(corners: StereoCorners) -> None:
-    """No mirror between board and images: a plane cannot tell in a fit, a sign can tell before it."""
+    """Refuse mirrored boards and images, which a fit to a plane cannot detect."""
     left = handedness(corners.board, corners.left, corners.present) < 0
     right = handedness(corners.board, corners.right, corners.present) < 0
     if not (left.any() or right.any()):
@@ -286,7 +286,7 @@ def _check_handedness(corners: StereoCorners) -> None:
     limit = "board x to the right, board y downwards as seen from the front; image y downwards"
     if left.all() and right.all():
         what = "the board is mirrored"
-        remedy = "turn the sign of the board's y, or exchange its x and y columns if those are swapped"
+        remedy = "change the sign of the board's y, or exchange its x and y columns if they are swapped"
     elif left.all() and not right.any():
         what, remedy = _mirrored_image("left", corners.left, corners.right, corners.present)
     elif right.all() and not left.any():
@@ -294,12 +294,12 @@ def _check_handedness(corners: StereoCorners) -> None:
     else:
         views = [v for v, bad in zip(corners.views, left | right, strict=True) if bad]
         what = f"the order of the corners is mirrored in view {', '.join(map(str, views[:5]))}"
-        remedy = "number the corners alike in every view, or remove these views"
+        remedy = "number the corners in the same order in every view, or remove these views"
     raise CornerFileError(what, value=value, limit=limit, remedy=remedy)
 
 
 def _mirrored_image(side: str, image: FloatArray, other: FloatArray, present: BoolArray) -> tuple[str, str]:
-    """Swapped columns or a flipped picture: whichever brings the rows of both cameras closer."""
+    """Swapped columns or a mirrored picture, whichever brings the two images closer together."""
     flipped = image.copy()
     flipped[..., 0] = image[present][:, 0].max() + image[present][:, 0].min() - image[..., 0]
     swapped_fits = _shape_mismatch(image[..., ::-1], other, present)
@@ -316,7 +316,7 @@ def _mirrored_image(side: str, image: FloatArray, other: FloatArray, present: Bo
 
 
 def _shape_mismatch(first: FloatArray, second: FloatArray, present: BoolArray) -> float:
-    """Mean square distance of the corners of both images after removal of each view's means [px²]."""
+    """Mean square distance between the corners of both images, each view centred first [px²]."""
     weight = present[..., None] / present.sum(axis=1)[:, None, None]
     difference = first - second
     difference = difference - (difference * weight).sum(axis=1, keepdims=True)

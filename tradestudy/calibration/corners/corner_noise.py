@@ -1,7 +1,7 @@
-"""The noise of corners: how it differs from view to view, how neighbours on the board share it, and which are outliers.
+"""The noise of corners: its standard deviation per view, its correlation between neighbours, and outliers.
 
-A corner detector errs alike for neighbours (blur, shading, what is left of the lens), and more in some views than in
-others. A fit that takes such noise for independent and equal claims too much.
+Errors of a corner detector are correlated between neighbours (blur, shading, residual distortion) and larger in some
+views than in others. A fit that treats them as independent and equal is overconfident.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 FULL_WEIGHT: Final = 3.5
 """Robust standard deviations up to which a corner counts fully."""
 ZERO_WEIGHT: Final = 10.0
-"""Those from which on it does not count at all."""
+"""Robust standard deviations from which on it does not count at all."""
 _HALF_WAY: Final = 6.0
-_LEAST_DEVIATION: Final = 1e-6  # px: of pictures without noise
+_LEAST_DEVIATION: Final = 1e-6  # px, for pictures without noise
 _RAYLEIGH_MEDIAN: Final = float(np.sqrt(2.0 * np.log(2.0)))  # of the length of a vector with unit deviations
-_VIEWS_LOOKED_AT: Final = 60
-_LEAST_WHITE: Final = 1e-3  # share of independent noise, without which neighbours could not differ
+_MOST_VIEWS: Final = 60
+_LEAST_WHITE: Final = 1e-3  # share of independent noise: keeps the covariance regular
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,13 +30,13 @@ class CornerNoise:
 
     In each view, camera and coordinate it is ``σ_v² (a/(1 + d²/ℓ²) + (1 − a) δ/w)`` between corners at the distance d
     on the board, with w the weight of a corner. Its long tail is deliberate: on a measured rig a Gaussian fits the
-    residuals a little better, but random halves of the views then differ by 1.27 times what they claim, and with this
-    tail by 1.16 times.
+    residuals slightly better, but depths from random halves of the views then differ by 1.27 times their stated
+    uncertainty, with this tail by 1.16 times.
 
     Parameters
     ----------
     share
-        a, of the variance that neighbours share [1].
+        a, share of the variance that is correlated between neighbours [1].
     length
         ℓ [m].
     deviation : array (V,)
@@ -44,8 +44,8 @@ class CornerNoise:
     weights : array (V, 2, N)
         Of the corners in the left and the right picture [1]; zero where absent.
     whitening : array (V, 2, N, N)
-        Lower triangles that make the noise of each coordinate independent, with the deviation that is the root mean
-        square of σ_v.
+        Lower triangles that make the noise of the coordinates independent, with the root mean square of σ_v as its
+        standard deviation.
     """
 
     share: float
@@ -63,12 +63,12 @@ class CornerNoise:
 
 
 def equal_noise(weights: FloatArray, board: FloatArray) -> CornerNoise:
-    """Noise that is independent and equal but for the weights (V, 2, N)."""
+    """Independent noise, equal except for the weights (V, 2, N)."""
     return _noise(board, weights, share=0.0, length=1.0, deviation=np.ones(len(board)))
 
 
 def outlier_weights(residuals: FloatArray, present: BoolArray) -> FloatArray:
-    """Weights of the corners of one camera by the lengths of their residual vectors, shape (V, N).
+    """Weights of the corners of one camera from the lengths of their residual vectors, shape (V, N).
 
     Three-part weights: 1 up to `FULL_WEIGHT` robust standard deviations of the view, falling to 0 at `ZERO_WEIGHT`.
 
@@ -77,11 +77,11 @@ def outlier_weights(residuals: FloatArray, present: BoolArray) -> FloatArray:
     residuals : array (V, 2 N)
         Observed minus fitted [px].
     present : bool array (V, N)
-        Which corners exist; the others have weight zero.
+        Which corners exist; the others get weight zero.
 
     Notes
     -----
-    F. R. Hampel, J. Am. Stat. Assoc. 69 (1974) 383; the deviation of a view from the median length.
+    F. R. Hampel, J. Am. Stat. Assoc. 69 (1974) 383; the standard deviation of a view from its median length.
     """
     length = np.linalg.norm(residuals.reshape(*present.shape, 2), axis=-1)
     median = np.nanmedian(np.where(present, length, np.nan), axis=1, keepdims=True)
@@ -92,14 +92,14 @@ def outlier_weights(residuals: FloatArray, present: BoolArray) -> FloatArray:
 
 
 def estimate_noise(residuals: FloatArray, by_view: FloatArray, board: FloatArray, weights: FloatArray) -> CornerNoise:
-    """Share, length and deviations by restricted maximum likelihood, pose and motion of every view left free.
+    """Share, length and deviations by restricted maximum likelihood, with free pose and motion of every view.
 
     Parameters
     ----------
     residuals : array (V, 4 N)
         Observed minus fitted [px], of an equal-noise fit.
     by_view : array (V, 4 N, 12)
-        Derivatives by what is free in every view.
+        Derivatives by pose and motion.
     board : array (V, N, 2)
         Corners on the board [m].
     weights : array (V, 2, N)
@@ -107,12 +107,12 @@ def estimate_noise(residuals: FloatArray, by_view: FloatArray, board: FloatArray
 
     Notes
     -----
-    D. Harville, J. Am. Stat. Assoc. 72 (1977) 320, with the shared parameters at their fit. Share and length follow
-    from at most sixty views, evenly taken.
+    D. Harville, J. Am. Stat. Assoc. 72 (1977) 320, with the shared parameters fixed at their fit. Share and
+    length are estimated from at most sixty evenly spaced views.
     """
-    from scipy.optimize import minimize  # it takes long to import, and only corners need it
+    from scipy.optimize import minimize  # slow to import, needed only for corners
 
-    some = np.unique(np.linspace(0, len(board) - 1, min(len(board), _VIEWS_LOOKED_AT)).astype(int))
+    some = np.unique(np.linspace(0, len(board) - 1, min(len(board), _MOST_VIEWS)).astype(int))
     spacing = _spacing(board, weights)
     table = np.concatenate([by_view, residuals[..., None]], axis=-1)
 
@@ -133,13 +133,13 @@ def estimate_noise(residuals: FloatArray, by_view: FloatArray, board: FloatArray
 
 
 def _share_and_length(place: FloatArray, spacing: float) -> tuple[float, float]:
-    """From free numbers to a share between 0 and nearly 1, and a length between a third and ten corners' distance."""
+    """Share between 0 and nearly 1, and length between 0.3 and 10 corner spacings, from unbounded parameters."""
     share = (1.0 - _LEAST_WHITE) / (1.0 + np.exp(-place[0]))
     return float(share), float(spacing * np.exp(np.clip(place[1], np.log(0.3), np.log(10.0))))
 
 
 def _spacing(board: FloatArray, weights: FloatArray) -> float:
-    """Median distance of a corner to its nearest neighbour [m], in the fullest view."""
+    """Median distance of a corner to its nearest neighbour [m], in the view with the most corners."""
     view = int(np.argmax((weights[:, 0] > 0.0).sum(axis=1)))
     corners = board[view, weights[view, 0] > 0.0]
     apart = np.linalg.norm(corners[:, None] - corners[None], axis=-1) + np.diag(np.full(len(corners), np.inf))
@@ -149,7 +149,7 @@ def _spacing(board: FloatArray, weights: FloatArray) -> float:
 def _restricted(
     table: FloatArray, board: FloatArray, weights: FloatArray, share: float, length: float
 ) -> tuple[float, FloatArray]:
-    """Restricted log likelihood with the deviations of the views at their best, and these, shape (V,) [px]."""
+    """Restricted log likelihood, maximised over the deviations of the views, and these deviations (V,) [px]."""
     whitening = _whitening(board, weights, share, length)
     views, _, corners, _ = whitening.shape
     whitened = (whitening @ table.reshape(views, 2, corners, -1)).reshape(table.shape)

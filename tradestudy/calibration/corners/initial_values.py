@@ -1,4 +1,4 @@
-"""First values of intrinsic parameters and board poses in closed form, from the homographies of a flat board."""
+"""Initial values of intrinsic parameters and board poses in closed form, from the homographies of a flat board."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def homography(board: FloatArray, image: FloatArray) -> FloatArray:
     Parameters
     ----------
     board : array (N, 2)
-        Corners on the board, any unit; at least four, no three of them enough.
+        Corners on the board, any unit; at least four, no three of these on a line.
     image : array (N, 2)
         The same corners in the image.
 
@@ -55,17 +55,17 @@ def homography(board: FloatArray, image: FloatArray) -> FloatArray:
 def first_values(
     board: FloatArray, image: FloatArray, present: BoolArray, lens: FreeLens
 ) -> tuple[FloatArray, FloatArray]:
-    """Intrinsic parameters of a lens with the coefficients of its model, and board poses.
+    """Intrinsic parameters of a lens, and board poses.
 
-    Those of a pinhole in closed form. Lenses of other models see lines bent, so focal lengths are tried besides, from a
-    fifth to four times the extent of the corners; the one counts by which poses explain the corners best.
+    A pinhole has a closed form. Other lens models bend lines, so focal lengths from a fifth to four times the extent of
+    the corners are tried as well, and the one whose poses fit the corners best is taken.
 
     Parameters
     ----------
     board, image, present
         As for `first_intrinsics`.
     lens
-        Its model is where the fit starts.
+        Lens model with starting values of its coefficients.
 
     Returns
     -------
@@ -98,10 +98,10 @@ def first_values(
             best, values = cost, (intrinsics, poses)
     if not np.isfinite(best):
         raise NotConvergedError(
-            "no focal length lets the lens model explain the corners",
+            "the lens model fits the corners at no focal length",
             value=f"{lens.model.name}, focal lengths of {focals[0]:.0f} to {focals[-1]:.0f} px",
             limit="poses of the board in front of the camera in every view",
-            remedy="check the order of the corners, or give coefficients nearer to those of the lens",
+            remedy="check the order of the corners, or give coefficients closer to those of the lens",
         )
     return values
 
@@ -124,7 +124,7 @@ def first_intrinsics(board: FloatArray, image: FloatArray, present: BoolArray) -
     Raises
     ------
     NotConvergedError
-        The views do not determine the intrinsic parameters (boards all parallel, or corners in disorder).
+        The views do not determine the intrinsic parameters (all boards parallel, or corners in the wrong order).
 
     Notes
     -----
@@ -148,7 +148,7 @@ def first_intrinsics(board: FloatArray, image: FloatArray, present: BoolArray) -
         raise NotConvergedError(
             "the views do not determine the focal length",
             value=f"{len(present)} views",
-            limit="views with the board tilted in different directions, corners in the order of the board",
+            limit="boards tilted in different directions, with corners in the order of the board",
             remedy="add tilted views, and check the order of the corners",
         )
     zoom = normalise[0, 0]
@@ -157,7 +157,7 @@ def first_intrinsics(board: FloatArray, image: FloatArray, present: BoolArray) -
 
 
 def first_poses(intrinsics: FloatArray, board: FloatArray, image: FloatArray, present: BoolArray) -> FloatArray:
-    """Board poses from homographies, distortion ignored.
+    """Board poses from homographies, without distortion.
 
     Parameters
     ----------

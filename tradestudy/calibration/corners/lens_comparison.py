@@ -1,8 +1,8 @@
-"""Lens models compared: which the corners support, and what another one changes in depth.
+"""Comparison of lens models: how well the corners support each, and how much it changes depth.
 
-A model is supported by how well it foretells views that it has not seen: each view is left out in turn, the pair is
-fitted to the others, and the log likelihood of the view is taken, its pose and motion integrated out. Everything is
-linear about a fit, with the noise and the left–right term of the fit that depth is read with.
+Support is measured by leave-one-out cross-validation: the pair is fitted to all views but one, and the log likelihood
+of that view is computed with its pose and motion integrated out. Everything is linearised about a fit, with the noise
+and the left–right term of the fit in use.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from tradestudy.optics.lens_models.lens_model import LensModel
 from tradestudy.optics.lens_models.rational import Rational
 
 EXTENSIONS: Final[Sequence[tuple[str, ...]]] = (("k3",), ("p1", "p2"), ("k3", "p1", "p2"), ("s1", "s2", "s3", "s4"))
-"""Coefficients that a rational model is compared with having too."""
+"""Additional coefficients with which a rational model is compared."""
 _STEP: Final = 1e-2  # standard deviations of a parameter
 
 
 @dataclass(frozen=True, kw_only=True)
 class ComparedLens:
-    """Another lens model, against the one that depth is read with.
+    """Another lens model, compared with the one in use.
 
     Parameters
     ----------
     support, support_deviation
-        Log likelihood of views left out in turn, above that of the model in use, and its standard error over views:
-        well above zero, the corners call for the other model.
+        Log likelihood of the views left out in turn, minus that of the model in use, and its standard error over views:
+        well above zero, the corners favour the other model.
     depth_change, depth_change_deviation : array (D,)
-        Depth by the other model less that by the one in use, of the same pictures [m], and its standard error by the
-        jackknife over views.
+        Depth by the other model minus depth by the one in use, from the same pictures [m], and its standard error by
+        the jackknife over views.
     """
 
     support: float
@@ -49,25 +49,25 @@ class ComparedLens:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _WithoutEachView:
+class _LeaveOneOut:
     """A model fitted to all views, and to all but one: inverse depths (D,) and (V, D), log likelihoods (V,)."""
 
     inverse: FloatArray
     inverses: FloatArray
-    foretold: FloatArray
+    log_likelihoods: FloatArray
 
 
 def compare_lenses(fit: RigFit, z: FloatArray, others: Sequence[FreeLens]) -> Mapping[str, ComparedLens]:
-    """Compare the lens model of a fit with others, by the names that reports give them.
+    """Compare the lens model of a fit with others; keys are their names in reports.
 
     Parameters
     ----------
     fit
         From `fit_rig`.
     z
-        Where depth is compared, midway between the cameras and their axes [m].
+        Distances at which depth is compared, midway between the cameras and their axes [m].
     others
-        Models to fit anew; a rational model is compared with more of its coefficients too.
+        Models to fit; a rational model is also compared with `EXTENSIONS`.
 
     Raises
     ------
@@ -76,20 +76,20 @@ def compare_lenses(fit: RigFit, z: FloatArray, others: Sequence[FreeLens]) -> Ma
     """
     explained, lens = fit.explained, fit.corners.lens
     seen = _seen(fit, z)
-    own = _without_each_view(fit, lens, explained.shared, explained.states, explained.lever, seen)
+    own = _leave_one_out(fit, lens, explained.shared, explained.states, explained.lever, seen)
     found = {}
     for names in EXTENSIONS if isinstance(lens.model, Rational) else ():
         if more := tuple(name for name in names if name not in lens.free):
             wider = FreeLens(model=lens.model, free=(*lens.free, *more))
             start = _with_more(explained.shared, lens.model, more)
-            other = _without_each_view(fit, wider, start, explained.states, explained.lever, seen)
+            other = _leave_one_out(fit, wider, start, explained.states, explained.lever, seen)
             found[f"{lens.model.name} with {' '.join(more)} too"] = _compared(own, other, z)
     for other_lens in others:
         corners = replace(fit.corners, lens=other_lens)
         white = replace(corners, noise=None)
         cameras = [fit_camera(white.board, side, white.present, lens=other_lens) for side in (white.left, white.right)]
         anew = fit_pair_residual(fit_pair(white, *cameras), corners)
-        other = _without_each_view(fit, other_lens, anew.shared, anew.states, anew.lever, seen)
+        other = _leave_one_out(fit, other_lens, anew.shared, anew.states, anew.lever, seen)
         found[f"{other_lens.model.name} with {' '.join(other_lens.free)}"] = _compared(own, other, z)
     return found
 
@@ -101,12 +101,12 @@ def depth_slopes(fit: RigFit, z: FloatArray) -> FloatArray:
 
 
 def compressed_fit(fit: RigFit) -> CompressedViews:
-    """The views, linear about the fit."""
+    """The views, linearised about the fit."""
     return compress_views(fit.explained.shared, fit.explained.states, fit.corners, fit.explained.lever)
 
 
 def _seen(fit: RigFit, z: FloatArray) -> FloatArray:
-    """Where both pictures show points midway, shape (D, 4) [px]."""
+    """Image coordinates of points midway in both pictures, shape (D, 4) [px]."""
     lens, shared = fit.corners.lens, fit.explained.shared
     return observe_pair(shared, points_midway(shared, z), (lens.model, lens.model), lens.free)
 
@@ -122,35 +122,37 @@ def _slopes(lens: FreeLens, shared: FloatArray, deviation: FloatArray, seen: Flo
 
 
 def _with_more(shared: FloatArray, model: LensModel, names: Sequence[str]) -> FloatArray:
-    """Parameters with these coefficients of both cameras behind their own, as the model has them."""
+    """Parameters with these coefficients of both cameras added, at the values of the model."""
     more = [getattr(model, name) for name in names]
     left, right = cameras_of(shared)
     return np.array([*left, *more, *right, *more, *shared[RELATIVE]])
 
 
-def _without_each_view(
+def _leave_one_out(
     fit: RigFit, lens: FreeLens, shared: FloatArray, states: ViewStates, lever: float, seen: FloatArray
-) -> _WithoutEachView:
-    """Steps from where the views are linearised to the best of all views, and of all but each one."""
+) -> _LeaveOneOut:
+    """Fits to all views and to all but each one, by linear steps from the parameters given."""
     noise, scale = fit.explained.noise_px, fit.explained.motion_scale
     compressed = compress_views(shared, states, replace(fit.corners, lens=lens), lever)
     information, gradient = compressed.information(noise, scale)
     covariance = inverse_information(information)
     best = shared + covariance @ gradient
     slopes = _slopes(lens, best, np.sqrt(np.diag(covariance)), seen)
-    inverses, foretold = [], []
+    inverses, log_likelihoods = [], []
     for view in range(len(states.poses)):
         one = compressed.of(np.array([view]))
         own_information, own_gradient = one.information(noise, scale)
         step = inverse_information(information - own_information) @ (gradient - own_gradient)
         inverses.append(slopes @ (shared + step - best))
-        foretold.append(float(one.log_likelihood(shared + step, np.asarray(noise), np.asarray(scale))))
+        log_likelihoods.append(float(one.log_likelihood(shared + step, np.asarray(noise), np.asarray(scale))))
     inverse = _read(lens, best, seen)
-    return _WithoutEachView(inverse=inverse, inverses=inverse + np.array(inverses), foretold=np.array(foretold))
+    return _LeaveOneOut(
+        inverse=inverse, inverses=inverse + np.array(inverses), log_likelihoods=np.array(log_likelihoods)
+    )
 
 
-def _compared(own: _WithoutEachView, other: _WithoutEachView, z: FloatArray) -> ComparedLens:
-    gains = other.foretold - own.foretold
+def _compared(own: _LeaveOneOut, other: _LeaveOneOut, z: FloatArray) -> ComparedLens:
+    gains = other.log_likelihoods - own.log_likelihoods
     jackknife = (len(gains) - 1) * np.var(other.inverses - own.inverses, axis=0)
     return ComparedLens(
         support=float(gains.sum()),

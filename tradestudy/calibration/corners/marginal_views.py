@@ -1,8 +1,8 @@
 """Views of a pair with a left–right term, board poses and terms integrated out view by view (Laplace).
 
-The board moves a little between the two exposures of a view (or anything else does that looks like it): the right
-camera sees each corner displaced by a small rigid motion: translations N(0, τ²) per axis, rotations N(0, (τ/lever)²).
-With the board's radius of gyration as lever, both displace the corners alike.
+The board moves a little between the two exposures of a view (or something else has the same effect): the right camera
+sees the corners displaced by a small rigid motion, with translations N(0, τ²) per axis and rotations N(0, (τ/lever)²).
+With the board's radius of gyration as lever, both displace the corners equally.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _MOST_STEPS = 20
 
 @dataclass(frozen=True, kw_only=True)
 class ViewStates:
-    """What belongs to each view: the pose of its board, and its left–right motion.
+    """Parameters of each view: the pose of its board, and its left–right motion.
 
     Parameters
     ----------
@@ -40,24 +40,24 @@ class ViewStates:
 
 @dataclass(frozen=True, kw_only=True)
 class CompressedViews:
-    """Views linearised in everything and reduced to what a likelihood needs, poses and motions integrated out.
+    """Linearised views, reduced to what the likelihood needs; poses and motions are integrated out.
 
     Parameters
     ----------
     centre : array (P,)
         Shared parameters at which the views were linearised.
     motion_rows : array (V, 6, P + 1)
-        Rows in which the motion shows: derivatives by the shared parameters, then the residual.
+        Rows that depend on the motion: derivatives by the shared parameters, then the residual.
     motion_gains : array (V, 6)
-        Variance that a unit motion scale gives each of these rows [px²/m²].
+        Variance of each of these rows for unit motion scale [px²/m²].
     motion_columns : array (V, 6, 6)
         Derivatives of these rows by the motion [px/m].
     view_rests : array (V, P + 1, P + 1)
-        Triangular factor of all the other rows of each view, columns likewise.
+        Triangular factor of all other rows of each view, with the same columns.
     rest : array (P + 1, P + 1)
         The same of all views together.
     view_counts : int array (V,)
-        How many other rows each view has.
+        Number of other rows of each view.
     """
 
     centre: FloatArray
@@ -70,11 +70,11 @@ class CompressedViews:
 
     @property
     def rest_count(self) -> int:
-        """How many other rows all views have."""
+        """Number of other rows of all views."""
         return int(self.view_counts.sum())
 
     def of(self, views: IndexArray) -> CompressedViews:
-        """Some of the views alone."""
+        """A selection of the views."""
         return CompressedViews(
             centre=self.centre,
             motion_rows=self.motion_rows[views],
@@ -86,7 +86,7 @@ class CompressedViews:
         )
 
     def with_lever(self, factor: float) -> CompressedViews:
-        """The same views where the lever is larger by a factor: at one motion scale, they turn less."""
+        """The same views with the lever multiplied by a factor: at the same motion scale, they rotate less."""
         columns = self.motion_columns / np.array([*[factor] * 3, *[1.0] * 3])
         left, gains, _ = np.linalg.svd(columns)
         back = np.swapaxes(left, -1, -2)
@@ -159,24 +159,24 @@ def compress_views(
     Parameters
     ----------
     shared : array (P,)
-        Where to linearise, in the order of ``view_blocks.shared_names``.
+        Shared parameters at which to linearise, in the order of ``view_blocks.shared_names``.
     states : ViewStates
         Poses and motions at which to linearise (see ``settle_views``).
     corners : StereoCorners
         What was seen.
     lever : float
-        Radius that turns rotations into displacements [m].
+        Radius that converts rotations into displacements [m].
     extra : array (V, 4 N, E)
-        Derivatives by more parameters, which are zero where the views are linearised; None: none.
+        Derivatives by additional parameters, which are zero where the views are linearised.
 
     Returns
     -------
     CompressedViews
-        Exact for the linearised model: QR of [poses | motions | shared | residual] keeps all inner products, and
-        the rows of the poses drop out when these are integrated out under a flat prior.
+        Exact for the linearised model: QR of [poses | motions | shared | residual] preserves all inner products, and
+        the rows of the poses vanish when these are integrated out under a flat prior.
     """
     residuals, by_shared, by_states = _state_blocks(shared, states, corners, lever)
-    # at zero motion of the linearised model
+    # as for zero motion in the linearised model
     residuals = residuals + np.einsum("vmk,vk->vm", by_states[..., 6:], states.motions)
     if extra is not None:
         by_shared = np.concatenate([by_shared, extra], axis=-1)
@@ -198,7 +198,7 @@ def compress_views(
 
 
 def _stacked(triangles: FloatArray) -> FloatArray:
-    """Triangular factor of the rows of several."""
+    """Triangular factor of the rows of all these triangles."""
     triangle: FloatArray = np.linalg.qr(triangles.reshape(-1, triangles.shape[-1]))[1]
     return triangle
 
@@ -212,30 +212,30 @@ def settle_views(
     noise_px: float,
     motion_scale: float,
 ) -> ViewStates:
-    """Most probable poses and motions of all views, shared parameters given (Gauss–Newton).
+    """Most probable poses and motions of all views for given shared parameters (Gauss–Newton).
 
     Parameters
     ----------
     shared : array (P,)
         Shared parameters.
     states : ViewStates
-        Where to start.
+        Starting values.
     corners : StereoCorners
         What was seen.
     lever : float
-        Radius that turns rotations into displacements [m].
+        Radius that converts rotations into displacements [m].
     noise_px, motion_scale : float
         Standard deviations of a coordinate [px] and of the motion [m], both > 0.
 
     Returns
     -------
     ViewStates
-        Where no view moves by more than 1e-4 of its standard deviations.
+        Converged to 1e-4 standard deviations in every view.
 
     Raises
     ------
     NotConvergedError
-        A view does not settle.
+        A view does not converge.
     """
     for _ in range(_MOST_STEPS):
         residuals, _, by_states = _state_blocks(shared, states, corners, lever)
@@ -245,10 +245,10 @@ def settle_views(
         if np.max(np.einsum("vi,vij,vj->v", step, hessian, step)) < 1e-8:
             return states
     raise NotConvergedError(
-        "the board pose of a view does not settle",
+        "the board pose of a view does not converge",
         value=f"{_MOST_STEPS} steps",
         limit="steps below 1e-4 standard deviations",
-        remedy="start nearer to the fit",
+        remedy="start closer to the fit",
     )
 
 
@@ -261,10 +261,10 @@ def exact_log_likelihood(
     noise_px: float,
     motion_scale: float,
 ) -> float:
-    """Laplace marginal likelihood with poses and motions settled anew at these parameters, up to a constant.
+    """Laplace marginal likelihood with poses and motions refitted at these parameters, up to a constant.
 
-    The constant is that of ``CompressedViews.log_likelihood`` plus the volume of the poses, so only differences between
-    parameters can be compared.
+    The constant differs from that of ``CompressedViews.log_likelihood`` by the volume of the poses: compare only
+    differences between parameters.
 
     Parameters
     ----------
@@ -288,7 +288,7 @@ def exact_log_likelihood(
 def _state_blocks(
     shared: FloatArray, states: ViewStates, corners: StereoCorners, lever: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Residuals with the motions applied, and derivatives by shared parameters and by (pose, motion)."""
+    """Residuals including the motions, and derivatives by shared parameters and by (pose, motion)."""
     blocks = pair_blocks(shared, states.poses, corners)
     motion = motion_columns(shared, states.poses, corners, lever)
     residuals = blocks.residuals - np.einsum("vmk,vk->vm", motion, states.motions)

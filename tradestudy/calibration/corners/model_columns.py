@@ -1,4 +1,4 @@
-"""What corners would change by, were the board bent."""
+"""Derivatives of the corners by a warp of the board."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from tradestudy.optics.arrays import FloatArray
 
 
 def warp_shapes(corners: StereoCorners, lever: float) -> FloatArray:
-    """Heights of the corners, shape (V, N, 3) [1], of a board bent by one unit: see `warp_columns`.
+    """Heights of the corners, shape (V, N, 3) [1], for unit warp: see `warp_columns`.
 
-    The middle is that of the whole board, so that views which miss corners see the same shape.
+    They refer to the centre of the whole board, so that views with missing corners see the same shape.
     """
     low, high = (end(corners.board[corners.present], axis=0) for end in (np.min, np.max))
     x, y = np.moveaxis((corners.board - (low + high) / 2.0) / lever, -1, 0)
@@ -21,19 +21,19 @@ def warp_shapes(corners: StereoCorners, lever: float) -> FloatArray:
 
 
 def warp_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, lever: float) -> FloatArray:
-    """Derivatives by a bent board: ``z = a (x² + y²)/L² + b (x² − y²)/L² + c 2xy/L²`` about its middle.
+    """Derivatives by a warp of the board: ``z = a (x² + y²)/L² + b (x² − y²)/L² + c 2xy/L²`` about its centre.
 
     Parameters
     ----------
     shared, poses, corners
         As for ``view_blocks.pair_blocks``.
     lever
-        L, radius of gyration of the board [m]: a, b and c are lengths, about the sag towards its edge.
+        L, radius of gyration of the board [m]; a, b and c are lengths, roughly the sag towards the edge.
 
     Returns
     -------
     array (V, 4 N, 3)
-        By a, b and c, whitened as the residuals are.
+        By a, b and c, whitened like the residuals.
     """
     normal = rotation_matrix(poses[:, :3])[..., 2]
     seen_left = move(poses, corners.points)
@@ -47,7 +47,7 @@ def warp_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, 
 
 
 def _laid_out(left: FloatArray, right: FloatArray, corners: StereoCorners) -> FloatArray:
-    """Rows of both pictures, each (V, N, 2, E), as `ViewBlocks` has them: left corners, then right corners."""
+    """Rows of both pictures, each (V, N, 2, E), in the order of `ViewBlocks`: left corners, then right corners."""
     rows = [np.where(corners.present[..., None, None], side, 0.0) for side in (left, right)]
     both = np.concatenate([side.reshape(len(side), -1, side.shape[-1]) for side in rows], axis=1)
     return both if corners.noise is None else corners.noise.whiten(both)

@@ -1,4 +1,4 @@
-"""A pair with a left–right term per view: why it fits worse than its cameras, and the posterior of what it says."""
+"""A pair with a left–right term per view, which explains why the pair fits worse than its cameras; its posterior."""
 
 from __future__ import annotations
 
@@ -35,25 +35,25 @@ from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 
 _MOST_LINEARISATIONS = 20
-_LEVER_DEVIATION = 1.0  # of the logarithm of the lever over the radius of gyration, beforehand
+_LEVER_DEVIATION = 1.0  # prior, of the logarithm of the lever over the radius of gyration
 _FIRST_STEPS = (0.05, 0.3, 0.3)  # of the logarithms of noise, motion scale and lever
 
 
 def posterior_names(free: Sequence[str]) -> tuple[str, ...]:
-    """What is sampled of a pair of lenses with these coefficients."""
+    """Sampled parameters of a pair of lenses with these free coefficients."""
     return (*shared_names(free), "log_noise_px", "motion_scale")
 
 
 @dataclass(frozen=True, kw_only=True)
 class ViewMeans:
-    """Mean residual of each view in both images, and how strictly they oppose each other.
+    """Mean residual of each view in both images, and their correlation.
 
     Parameters
     ----------
     left, right : array (V, 2)
         Mean residual vectors [px].
     correlation : float
-        Of all left with all right components: −1 means that every view is pulled apart between the cameras.
+        Of all left with all right components: −1 if every view pulls the cameras apart.
     """
 
     left: FloatArray
@@ -63,7 +63,7 @@ class ViewMeans:
 
 @dataclass(frozen=True, kw_only=True)
 class PairResidualFit:
-    """The pair with a left–right term: scales by restricted maximum likelihood, the rest given these.
+    """The pair with a left–right term: scales by restricted maximum likelihood, the other parameters given these.
 
     Parameters
     ----------
@@ -76,15 +76,15 @@ class PairResidualFit:
     motion_scale : float
         Standard deviation of the translation between the exposures, per axis [m].
     lever : float
-        That of the translation over that of the rotation [m].
+        Standard deviation of the translation over that of the rotation [m].
     states : ViewStates
         Most probable poses and motions.
     log_likelihood_gain : float
         Restricted log likelihood above that of the fit without the term.
     left_rms_px, right_rms_px : float
-        Root mean square length per corner of what the term leaves unexplained [px].
+        Root mean square length per corner of the residuals that remain [px].
     overconfidence : array (P,)
-        Standard deviation with the term over that claimed without it.
+        Standard deviation with the term over that without it.
     seconds : float
         Wall time.
     """
@@ -103,7 +103,7 @@ class PairResidualFit:
 
 
 def view_means(fit: PairFit, corners: StereoCorners) -> ViewMeans:
-    """Mean residuals per view: noise averages out over the corners, what is left belongs to the view.
+    """Mean residuals per view, in which the noise of single corners averages out.
 
     Parameters
     ----------
@@ -131,14 +131,14 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
     Returns
     -------
     PairResidualFit
-        Scales by restricted maximum likelihood (D. Harville, J. Am. Stat. Assoc. 72 (1977) 320), so that P + 6 V
-        fitted parameters do not make the noise look small. Boards may shift more than they turn, or less: the lever
-        is found with them, under a log-normal prior about the radius of gyration of the board.
+        Scales by restricted maximum likelihood (D. Harville, J. Am. Stat. Assoc. 72 (1977) 320), so that the
+        P + 6 V fitted parameters do not bias the noise. The lever, which sets how much boards shift for how much they
+        rotate, is fitted with them, under a log-normal prior about the radius of gyration of the board.
 
     Raises
     ------
     NotConvergedError
-        The linearisation does not settle.
+        The fit does not converge.
     """
     begin = time.perf_counter()
     radius = lever = gyration_radius(corners)
@@ -146,7 +146,7 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
     states = ViewStates(poses=fit.poses, motions=np.zeros_like(fit.poses))
     compressed = compress_views(shared, states, corners, lever)
     without = _restricted(compressed, fit.noise_px, 0.0)
-    # From the motion scale that would explain the rows in which motion shows.
+    # Start at the motion scale that would explain the rows that depend on motion.
     scale = float(np.sqrt(np.mean(compressed.motion_rows[..., -1] ** 2 / compressed.motion_gains)))
     noise = fit.noise_px
     for _ in range(_MOST_LINEARISATIONS):
@@ -161,22 +161,22 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
         if step @ information @ step < 1e-8:
             return _result(fit, corners, compressed, states, lever, noise, scale, without, begin)
     raise NotConvergedError(
-        "the fit with a left-right term does not settle",
+        "the fit with a left–right term does not converge",
         value=f"{_MOST_LINEARISATIONS} linearisations",
         limit="steps below 1e-4 standard deviations",
-        remedy="add views: the shared parameters are too loosely determined to linearise",
+        remedy="add views: the shared parameters are too uncertain to linearise",
     )
 
 
 def extended_step(fit: PairResidualFit, corners: StereoCorners, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Generalised least-squares step of the shared parameters and of more, which are zero at the fit; its covariance.
+    """Generalised least-squares step of the shared and additional parameters, with its covariance.
 
     Parameters
     ----------
     fit, corners
-        The fit and what it was made to.
+        The fit and its data.
     columns : array (V, 4 N, E)
-        Derivatives by the additional parameters, whitened as the residuals are.
+        Derivatives by the additional parameters, which are zero at the fit, whitened like the residuals.
 
     Returns
     -------
@@ -190,7 +190,7 @@ def extended_step(fit: PairResidualFit, corners: StereoCorners, columns: FloatAr
 
 
 def inverse_information(information: FloatArray) -> FloatArray:
-    """Inverse of an information matrix that is known to have one, scaled to a unit diagonal first."""
+    """Inverse of a regular information matrix, scaled to a unit diagonal first."""
     size = 1.0 / np.sqrt(np.diag(information))
     return np.asarray(size[:, None] * np.linalg.inv(information * np.outer(size, size)) * size)
 
@@ -206,7 +206,7 @@ def _result(
     without: float,
     begin: float,
 ) -> PairResidualFit:
-    """Gather the fit and what it leaves unexplained."""
+    """The fit with its remaining residuals."""
     covariance = covariance_from_information(compressed.information(noise, scale)[0], shared_names(corners.lens.free))
     as_seen = replace(corners, noise=None)
     motion = motion_columns(compressed.centre, states.poses, as_seen, lever)
@@ -239,11 +239,11 @@ def _restricted(compressed: CompressedViews, noise_px: float, motion_scale: floa
 def _best_scales(
     compressed: CompressedViews, noise_px: float, motion_scale: float, stretch: float
 ) -> tuple[float, float, float]:
-    """Noise and motion scale of highest restricted likelihood, and the factor by which the lever grows for it.
+    """Noise and motion scale of highest restricted likelihood, and the factor by which the lever changes.
 
-    The stretch is that of the lever against the radius of gyration, as it is now.
+    The stretch is the present ratio of the lever to the radius of gyration.
     """
-    from scipy.optimize import minimize  # it takes long to import, and only corners need it
+    from scipy.optimize import minimize  # slow to import, needed only for corners
 
     def cost(logs: FloatArray) -> float:
         noise, scale, factor = np.exp(logs)
@@ -282,8 +282,8 @@ def log_posterior(compressed: CompressedViews, parameters: FloatArray, *, larges
     -------
     array (...)
         Natural logarithm; −inf beyond ``largest_motion``. Priors: flat in the shared parameters and in ln σ, and
-        flat in the motion scale (A. Gelman, Bayesian Analysis 1 (2006) 515), which is sampled itself: views that do not
-        move leave it free down to zero.
+        flat in the motion scale (A. Gelman, Bayesian Analysis 1 (2006) 515), which therefore can reach zero where views
+        do not move.
     """
     scale = parameters[..., -1]
     allowed = (scale > 0.0) & (scale <= largest_motion)
@@ -298,7 +298,7 @@ def sample_relative_pose(
     rng: np.random.Generator,
     maximum_steps: int = 20_000,
 ) -> CheckedPosterior:
-    """Sample the pair's posterior with emcee and check its marginalisation at exact points.
+    """Sample the pair's posterior with emcee, and check its marginalisation against the exact one.
 
     Parameters
     ----------
@@ -314,7 +314,7 @@ def sample_relative_pose(
     Returns
     -------
     CheckedPosterior
-        Ask ``converged`` before using it.
+        Check ``converged`` before using it.
     """
     compressed = compress_views(fit.shared, fit.states, corners, fit.lever)
     laplace = _joint_laplace(fit, compressed, corners)
@@ -337,7 +337,7 @@ def sample_relative_pose(
 def check_marginalisation(
     draws: FloatArray, compressed: CompressedViews, fit: PairResidualFit, corners: StereoCorners
 ) -> LaplaceCheck:
-    """Compare the linearised marginal posterior with the one whose poses are settled anew at each draw.
+    """Compare the linearised marginal posterior with the one whose poses are refitted at each draw.
 
     Parameters
     ----------
@@ -346,7 +346,7 @@ def check_marginalisation(
     compressed : CompressedViews
         The views, reduced.
     fit : PairResidualFit
-        Where the poses start from.
+        Starting values of the poses.
     corners : StereoCorners
         What was seen.
 
@@ -369,7 +369,7 @@ def check_marginalisation(
 
 
 def _joint_laplace(fit: PairResidualFit, compressed: CompressedViews, corners: StereoCorners) -> LaplaceFit:
-    """Normal approximation of all parameters: the noise by the number of coordinates, the motion by its likelihood."""
+    """Normal approximation of all parameters, with the noise from the number of coordinates."""
     names = posterior_names(corners.lens.free)
     covariance = np.zeros((len(names), len(names)))
     covariance[:-2, :-2] = fit.covariance
@@ -380,7 +380,7 @@ def _joint_laplace(fit: PairResidualFit, compressed: CompressedViews, corners: S
 
 
 def _motion_deviation(fit: PairResidualFit, compressed: CompressedViews) -> float:
-    """How far above the best motion scale the restricted likelihood has fallen by a half in its logarithm [m]."""
+    """Distance above the best motion scale at which the restricted log likelihood is lower by a half [m]."""
     from scipy.optimize import brentq
 
     best = _restricted(compressed, fit.noise_px, fit.motion_scale)

@@ -1,4 +1,4 @@
-"""A real pair from its corner file to its calibration, with every check on the way."""
+"""Calibration of a real pair from a corner file: cameras, outliers, bundle adjustment, noise and warp."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ from tradestudy.optics.triangulation import inverse_depth_on_ray
 
 _MOST_WEIGHTINGS = 10
 _WEIGHTS_SETTLED = 1e-2
-_ROUNDS = 2  # of noise, fit and warp: each knows of the others
-_BETTER = 0.9  # an exchange of columns must lower the residuals by a tenth to be believed
+_ROUNDS = 2  # of noise, fit and warp, which depend on each other
+_BETTER = 0.9  # columns count as swapped if exchanging them lowers the residuals by a tenth
 
 
 def observe_pair(
@@ -57,12 +57,12 @@ def observe_pair(
     points : array (..., N, 3)
         Points in the left camera's frame [m].
     lenses, free
-        Lens models, and names of the coefficients that are among the parameters.
+        Lens models, and names of their free coefficients.
 
     Returns
     -------
     array (..., N, 4)
-        Left x, y and right x, y [px]; NaN for points outside the field of the camera concerned.
+        Left x, y and right x, y [px]; NaN for points outside the field of that camera.
     """
     of_left, of_right = cameras_of(shared)
     left = project(of_left, points, lenses[0], free)
@@ -82,8 +82,8 @@ def inverse_depth(
 ) -> FloatArray:
     """Inverse depth of points from their coordinates in both images, by disparity only.
 
-    The left ray Z d is Z R d in the axes of the right camera; see `inverse_depth_on_ray`. The right y coordinate takes
-    no part.
+    The left ray Z d is Z R d in the axes of the right camera; see `inverse_depth_on_ray`. The right y coordinate is not
+    used.
 
     Parameters
     ----------
@@ -92,13 +92,13 @@ def inverse_depth(
     seen : array (..., N, 4)
         Left x, y and right x, y [px].
     lenses, free
-        Lens models, and names of the coefficients that are among the parameters.
+        Lens models, and names of their free coefficients.
 
     Returns
     -------
     array (..., N)
-        1/Z in the left camera's frame [1/m]; zero or negative where the rays do not meet in front of the pair, which
-        stands for infinity.
+        1/Z in the left camera's frame [1/m]; zero or negative, meaning infinity, where the rays do not meet in
+        front of the pair.
     """
     of_left, of_right = cameras_of(shared)
     left = ray_slopes(of_left, seen[..., :2], lenses[0], free)
@@ -111,24 +111,24 @@ def inverse_depth(
 
 @dataclass(frozen=True, kw_only=True)
 class RigFit:
-    """Everything that a corner file says about a pair, short of sampling.
+    """All stages of the fit of a pair to a corner file, before sampling.
 
     Parameters
     ----------
     corners : StereoCorners
-        What was seen and counts, without outliers, with the noise that was found.
+        Observed corners without outliers, with the estimated noise.
     present : bool array (V, N)
         Corners of the file.
     weights : array (V, 2, N)
-        Of the corners of the file in the left and the right picture: 1 for most, 0 for outliers and absent ones.
+        Weights of the corners of the file in both pictures: 1 for most, 0 for outliers and absent ones.
     left, right : CameraFit
-        Each camera alone.
+        Each camera fitted separately.
     pair : PairFit
         Both cameras with one relative pose and independent noise.
     means : ViewMeans
         Mean residuals of the views of that fit.
     warp, warp_deviation : array (3,)
-        How the board is bent [m], and how well that is known; see `warp_columns`.
+        Warp of the board and its standard deviation [m]; see `warp_columns`.
     explained : PairResidualFit
         The pair with a left–right term per view: the calibration to use.
     """
@@ -148,8 +148,8 @@ class RigFit:
 def fit_rig(corners: StereoCorners) -> RigFit:
     """Fit a pair: cameras, outliers, bundle adjustment, left–right term, noise, and warp of the board.
 
-    Each corner counts by its weight, a view by the noise found in it; see `CornerNoise`. The covariance of
-    ``explained`` is that of generalised least squares under this noise.
+    Corners are weighted, with a noise for each view; see `CornerNoise`. The covariance of ``explained`` is that of
+    generalised least squares under this noise.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def fit_rig(corners: StereoCorners) -> RigFit:
 
 
 def _noise_of(corners: StereoCorners, fit: PairResidualFit, weights: FloatArray) -> CornerNoise:
-    """The noise of corners about a fit, pose and motion of every view left free."""
+    """The noise of corners about a fit, with free pose and motion of every view."""
     as_seen = replace(corners, noise=None)
     blocks = pair_blocks(fit.shared, fit.states.poses, as_seen)
     motions = motion_columns(fit.shared, fit.states.poses, as_seen, fit.lever)
@@ -210,7 +210,7 @@ def _noise_of(corners: StereoCorners, fit: PairResidualFit, weights: FloatArray)
 
 
 def _weighted(corners: StereoCorners, left: CameraFit, right: CameraFit) -> tuple[CameraFit, CameraFit, FloatArray]:
-    """Both cameras fitted again until the weights of the corners, shape (V, 2, N), have settled."""
+    """Both cameras, refitted until the weights of the corners, shape (V, 2, N), converge."""
     weights = np.repeat(corners.present[:, None].astype(np.float64), 2, axis=1)
     for _ in range(_MOST_WEIGHTINGS):
         found = np.stack([outlier_weights(fit.residuals_px, corners.present) for fit in (left, right)], axis=1)
@@ -223,23 +223,23 @@ def _weighted(corners: StereoCorners, left: CameraFit, right: CameraFit) -> tupl
 
 
 def _without_outliers(corners: StereoCorners, weights: FloatArray) -> StereoCorners:
-    """Corners that count in both pictures, each with its weight."""
+    """Corners with nonzero weight in both pictures."""
     if np.all(weights[np.repeat(corners.present[:, None], 2, axis=1)] == 1.0):
         return corners
     present = np.all(weights > 0.0, axis=1)
     if np.any(few := present.sum(axis=1) < MINIMUM_CORNERS):
         view = int(np.argmax(few))
         raise CornerFileError(
-            f"view {corners.views[view]} has too few corners that fit",
+            f"view {corners.views[view]} has too few corners that are not outliers",
             value=str(int(present[view].sum())),
             limit=f">= {MINIMUM_CORNERS}",
-            remedy="remove the view, or find its corners anew",
+            remedy="remove the view, or detect its corners again",
         )
     return replace(corners, present=present, noise=equal_noise(weights * present[:, None], corners.board))
 
 
 def _check_columns(corners: StereoCorners, left: CameraFit, right: CameraFit) -> None:
-    """Refuse columns swapped between nearly parallel cameras, which fit, though not as well as the right ones."""
+    """Refuse swapped columns, which fit nearly parallel cameras, though less well than the right ones."""
     mixed_left = np.stack([corners.left[..., 0], corners.right[..., 1]], axis=-1)
     mixed_right = np.stack([corners.right[..., 0], corners.left[..., 1]], axis=-1)
     mixed = _rms_or_none(replace(corners, left=mixed_left, right=mixed_right))
@@ -258,6 +258,6 @@ def _rms_or_none(corners: StereoCorners) -> float | None:
     try:
         sides: list[FloatArray] = [corners.left, corners.right]
         fits = [fit_camera(corners.board, side, corners.present, lens=corners.lens) for side in sides]
-    except TradestudyError:  # then the columns as given are the better ones
+    except TradestudyError:  # the exchanged columns fit no camera
         return None
     return float(np.hypot(fits[0].corner_rms_px, fits[1].corner_rms_px))

@@ -1,4 +1,4 @@
-"""The geometry that a study declares of a pair beside the one that its corners say."""
+"""The declared geometry of a pair, compared with the one fitted to its corners."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Says = Literal["corners say", "the posterior says"]
 
 
 class GeometryContradictionError(TradestudyError):
-    """A study declares another geometry than the corners of the rig say."""
+    """The declared geometry of a rig contradicts the one fitted to its corners."""
 
     exit_status = 2
 
@@ -31,7 +31,7 @@ class GeometryContradictionError(TradestudyError):
 def check_geometry(
     name: str, rig: PairGeometry, best: FloatArray, draws: FloatArray, *, says: Says, lens: FreeLens = RADIAL_LENS
 ) -> None:
-    """Refuse a declared pair that contradicts the fitted one, with all contradictions at once.
+    """Refuse a declared pair that contradicts the fitted one, listing all contradictions.
 
     Parameters
     ----------
@@ -42,30 +42,30 @@ def check_geometry(
     best : array (P,)
         Best parameters, in the order of ``view_blocks.shared_names``.
     draws : array (K, P)
-        Joint draws about them, which say how well they are known.
+        Joint draws, whose spread is the uncertainty of these parameters.
     says
-        Where they come from.
+        Origin of the parameters, with its verb.
     lens
-        What the coefficients of the parameters belong to.
+        Lens model of the free coefficients.
 
     Raises
     ------
     GeometryContradictionError
         Focal length or baseline differ by more than 5 %, the angle between the axes by more than 5 % of the field of
-        view, or the principal point lies farther from the middle of the sensor than 15 % of it; five standard
-        deviations where these are larger.
+        view, or the principal point lies farther from the centre of the sensor than 15 % of its size; or by more than
+        five standard deviations where these are larger.
     """
     if found := tuple(_contradictions(name, rig, best, draws, says, lens)):
         raise GeometryContradictionError("\n".join(found))
 
 
 def check_inside(name: str, rig: PairGeometry, seen: FloatArray) -> None:
-    """Refuse corners (N, 2) [px] beside the declared sensor: they are of pictures of another size.
+    """Refuse corners (N, 2) [px] outside the declared sensor: the pictures have another size.
 
     Raises
     ------
     GeometryContradictionError
-        With the corner farthest out.
+        A corner lies outside.
     """
     size = np.array([rig.sensor.columns, rig.sensor.rows])
     if np.all((seen >= -0.5) & (seen <= size - 0.5)):
@@ -73,18 +73,18 @@ def check_inside(name: str, rig: PairGeometry, seen: FloatArray) -> None:
     low, high = seen.min(axis=0), seen.max(axis=0)
     raise GeometryContradictionError(
         f"declared sensor {size[0]} × {size[1]} px, corners lie between ({low[0]:.0f}, {low[1]:.0f}) and "
-        f"({high[0]:.0f}, {high[1]:.0f}) px; correct cameras.{name}.sensor.pixels or take another corner file"
+        f"({high[0]:.0f}, {high[1]:.0f}) px; correct cameras.{name}.sensor.pixels or use another corner file"
     )
 
 
 def _contradictions(
     name: str, rig: PairGeometry, best: FloatArray, draws: FloatArray, says: Says, lens: FreeLens
 ) -> Iterator[str]:
-    """One line for each quantity that is off by more than is allowed."""
+    """One line for each quantity that differs by more than the limit."""
     focal, baseline, angle = _geometry(best)
     deviation = np.std(np.stack(_geometry(draws)), axis=-1)
     instead = "another corner file" if says == "corners say" else "another posterior"
-    # Focal lengths of lens models are comparable as they image the middle.
+    # Focal lengths of different lens models compare by the scale of the image on the axis.
     fitted = np.mean([_scale_on_axis(lens.at(camera[4:])) for camera in cameras_of(best)])
     focal, deviation[0] = focal * fitted, deviation[0] * fitted
     declared = rig.principal_distance / rig.sensor.pixel_pitch * _scale_on_axis(rig.distortion)
@@ -107,15 +107,15 @@ def _contradictions(
             yield (
                 f"declared {what} {significant(said * per_unit, 4)}{label}, {says} "
                 f"{_with_spread(float(found) * per_unit, float(spread) * per_unit)}{label}; "
-                f"correct cameras.{name}.{key} or take {instead}"
+                f"correct cameras.{name}.{key} or use {instead}"
             )
     for side, own, drawn in zip(("left", "right"), cameras_of(best), cameras_of(draws), strict=True):
         size = np.array([rig.sensor.columns, rig.sensor.rows])
         centre, spread = own[2:4], drawn[:, 2:4].std(axis=0)
         if np.any(np.abs(centre - (size - 1) / 2.0) > np.maximum(CENTRE_LIMIT * size, _DEVIATIONS * spread)):
             yield (
-                f"declared sensor {size[0]} × {size[1]} px, {says} that the {side} axis meets it at "
-                f"({centre[0]:.0f}, {centre[1]:.0f}) px; correct cameras.{name}.sensor.pixels or take {instead}"
+                f"declared sensor {size[0]} × {size[1]} px, {says} that the {side} optical axis meets it at "
+                f"({centre[0]:.0f}, {centre[1]:.0f}) px; correct cameras.{name}.sensor.pixels or use {instead}"
             )
 
 
@@ -130,11 +130,11 @@ def _geometry(shared: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _scale_on_axis(lens: LensModel) -> float:
-    """How far places in the picture move with slopes about the axis: 1 for most models."""
+    """Scale of normalised image coordinates with slope on the axis: 1 for most models."""
     return float(lens.derivatives(np.array([0.0, 0.0, 1.0]), ())[0][0, 0])
 
 
 def _with_spread(value: float, spread: float) -> str:
-    """A value with its standard deviation, both to the first digit of the latter: "60.1 ± 0.1"."""
+    """A value with its standard deviation, both to the leading digit of the latter: "60.1 ± 0.1"."""
     digits = max(0, -int(np.floor(np.log10(spread)))) if spread > 0.0 else 3
     return f"{value:.{digits}f} ± {spread:.{digits}f}".replace("-", "−")

@@ -1,4 +1,4 @@
-"""Depth read by a calibrated pair: all of its parameters can be in error."""
+"""Depth measured by a calibrated pair, all of whose parameters can be in error."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def rig_parameters(free: Sequence[str]) -> ErrorVocabulary:
             f"{side}_{name}": ErrorParameter(
                 unit=_unit_of(name),
                 part=INTERIOR,
-                meaning=f"The {side} camera's {name.replace('_', ' ')}, by the fit.",
+                meaning=f"The {side} camera's {name.replace('_', ' ')}, from the fit.",
             )
             for side in SIDES
             for name in intrinsic_names(free)
@@ -60,7 +60,7 @@ def rig_parameters(free: Sequence[str]) -> ErrorVocabulary:
             name: ErrorParameter(
                 unit=_unit_of(name),
                 part="relative rotation" if "rotation" in name else "relative position",
-                meaning=f"The right camera's {name.replace('_', ' ')} against the left one, by the fit.",
+                meaning=f"The right camera's {name.replace('_', ' ')} to the left one, from the fit.",
             )
             for name in RELATIVE_POSE_NAMES
         },
@@ -68,14 +68,14 @@ def rig_parameters(free: Sequence[str]) -> ErrorVocabulary:
 
 
 def pair_found(best: FloatArray, lens: FreeLens) -> CalibratedPair:
-    """The pair that a fit found."""
+    """The fitted pair."""
     left, right = (lens.at(camera[4:]) for camera in cameras_of(best))
     return CalibratedPair(parameters=tuple(best), lenses=(left, right), free=lens.free)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RigReading:
-    """The exact model of a pair calibrated from corners or by a calibration file, as a `Calibration` takes it.
+    """The exact model of a pair calibrated from corners or by a calibration file, for a `Calibration`.
 
     Parameters
     ----------
@@ -84,11 +84,11 @@ class RigReading:
     pixels
         Columns and rows of each picture.
     pixel_pitch
-        [m], which turns errors on the sensor into pixels.
+        Converts errors on the sensor into pixels [m].
     vocabulary
-        Everything that can be in error: `rig_parameters`, and those of a stereo rig, which can have aged.
+        Everything that can be in error: `rig_parameters`, and the errors of a stereo rig, which include ageing.
     lenses, free
-        Lens models, and names of the coefficients that are among the parameters.
+        Lens models, and names of their free coefficients.
     """
 
     best: FloatArray
@@ -101,11 +101,11 @@ class RigReading:
     def __call__(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None = None
     ) -> InverseDepthReading:
-        """Inverse depths by disparity in the frame of the left camera; arguments as of `DepthCamera.read`.
+        """Inverse depths from disparity in the frame of the left camera; arguments as for `DepthCamera.read`.
 
-        The axis runs from the middle of the baseline midway between the two optical axes; the edge lies from there
-        towards the corner of the left picture, as its lens model images it. Baseline and principal distances grow with
-        the housing; pressure and colour move the focus of a lens, not its principal distance.
+        The axis runs from the middle of the baseline midway between the two optical axes; field places lie from there
+        towards the corner of the left picture, as imaged by its lens model. Baseline and principal distances expand
+        with the housing; pressure and color move the focus of a lens, not its principal distance.
         """
         require_known(errors, self.vocabulary, "a rig calibrated from corners")
         rigs = [np.shape(error) for name, error in errors.items() if name != PIXEL_NOISE]
@@ -114,7 +114,7 @@ class RigReading:
         points = self._points(np.asarray(distance, dtype=np.float64), field)
         seen = observe_pair(self._grown(errors, environment), points, self.lenses, self.free)
         size = np.array([*self.pixels, *self.pixels], dtype=np.float64)
-        inside = np.all((seen >= -0.5) & (seen <= size - 0.5), axis=-1)  # NaN, outside a field, is not inside
+        inside = np.all((seen >= -0.5) & (seen <= size - 0.5), axis=-1)  # False for NaN, outside the field of a lens
         half = value_of(errors, PIXEL_NOISE)[..., None] / (2.0 * self.pixel_pitch)
         measured = np.where(inside[..., None], seen, size / 2.0) + half * np.array([1.0, 0.0, -1.0, 0.0])
         inverse = inverse_depth(self._believed(errors), measured, self.lenses, self.free)
@@ -125,7 +125,7 @@ class RigReading:
     def _at_each(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None
     ) -> InverseDepthReading:
-        """Rigs that differ from distance to distance, errors of shape (draws, distances): one distance at a time."""
+        """The reading one distance at a time, for errors of shape (draws, distances)."""
         found = []
         for k in range(len(distance)):
             values = {name: value_of(errors, name) for name in errors}
@@ -152,7 +152,7 @@ class RigReading:
         return points
 
     def _grown(self, errors: Errors, environment: Environment | None) -> FloatArray:
-        """The rig as it is at the temperature of the reading, shape (P,) or (draws, P)."""
+        """The true rig at the present temperature, shape (P,) or (draws, P)."""
         if environment is None or "temperature_change" not in errors:
             return self.best
         growth = environment.length_factor(errors).reshape(-1, 1)
@@ -160,7 +160,7 @@ class RigReading:
         return np.where(lengths, self.best * growth, self.best)
 
     def _believed(self, errors: Errors) -> FloatArray:
-        """The rigs that calibrations in error believe in, shape (draws, P)."""
+        """The rigs as calibrated, with their errors, shape (draws, P)."""
         names = shared_names(self.free)
         own = np.broadcast_arrays(*(_of_draws(errors, name) for name in names))
         rigs: FloatArray = self.best + np.stack(own, axis=-1)
@@ -169,7 +169,7 @@ class RigReading:
         return _posed(rigs, errors) if aged & set(_POSE) else rigs
 
     def _interior(self, errors: Errors) -> FloatArray:
-        """Errors of the cameras by the names of a stereo rig, shape (draws, P)."""
+        """Errors of the cameras under the names of a stereo rig, shape (draws, P)."""
         pitch, columns = self.pixel_pitch, []
         for side in SIDES:
             focal = (_of_draws(errors, "focal_length") + _of_draws(errors, f"{side}_focal_length")) / pitch
@@ -196,7 +196,7 @@ def _right_centre(rigs: FloatArray) -> FloatArray:
 
 
 def _posed(rigs: FloatArray, errors: Errors) -> FloatArray:
-    """Rigs whose right camera is moved and turned as a stereo rig's errors say; see `cameras.stereo.pair`."""
+    """Rigs whose right camera is moved and rotated by the errors of a stereo rig; see `cameras.stereo.pair`."""
     yaw, pitch, roll, longer, down, along = np.broadcast_arrays(*(_of_draws(errors, name) for name in _POSE))
     zero = np.zeros_like(yaw)
     turned = (

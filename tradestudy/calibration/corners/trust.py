@@ -1,7 +1,7 @@
-"""How far to trust a pair fitted to corners: what its views, its residuals and other models say of its depths.
+"""How far to trust a pair fitted to corners: checks by halves of the views, residuals and other lens models.
 
-All depths are of points midway between the cameras and between their axes. Everything is linear about the fit, in
-inverse depth, with the noise and the left–right term that the fit found.
+All depths are of points midway between the cameras and between their axes. Everything is linearised about the fit, in
+inverse depth, with the noise and the left–right term of the fit.
 """
 
 from __future__ import annotations
@@ -31,20 +31,21 @@ class CalibrationTrust:
     Parameters
     ----------
     distances : array (D,)
-        Where [m].
+        Distances of the checks [m].
     claimed : array (D,)
-        Standard deviation of depth that the covariance of the fit states [m].
+        Standard deviation of depth by the covariance of the fit [m].
     halves_difference, halves_claim : array (D,)
-        Depths by random halves of the views: root mean square of their difference, and of ``√(C_A + C_B)`` [m].
+        Depths by random halves of the views: root mean square of their difference, and its expectation ``√(C_A + C_B)``
+        by the covariances of the halves [m].
     halves
-        How many random splits.
+        Number of random splits.
     view_rms : array (V, 2)
         Root mean square length of the residuals of the views, left and right [px].
     neighbour_correlation : array (2, 2)
-        Of residuals of neighbours on the board, along its rows and columns, left and right.
+        Correlation of the residuals of neighbours on the board, along its rows and columns, left and right.
     residual_map : array (2, 6, 8, 2)
-        Mean residuals in cells of the left and right picture, rows before columns, x and y [px]; NaN where there are
-        no corners.
+        Mean residuals in cells of the left and right picture, rows before columns, x and y [px]; NaN in cells without
+        corners.
     lenses
         Other lens models, by name.
     """
@@ -61,12 +62,12 @@ class CalibrationTrust:
 
     @property
     def ratio(self) -> FloatArray:
-        """Differences of the halves over what they claim, shape (D,): 1 for an honest covariance."""
+        """Differences of the halves over their expectation, shape (D,): 1 for a correct covariance."""
         return self.halves_difference / self.halves_claim
 
     @property
     def good_to(self) -> FloatArray:
-        """Standard deviation of depth [m] that the halves bear out, shape (D,): never less than is claimed."""
+        """Standard deviation of depth [m] that the halves support, shape (D,): never below the claimed one."""
         return self.claimed * np.maximum(self.ratio, 1.0)
 
 
@@ -85,9 +86,9 @@ def examine(
     pixels
         Columns and rows of the pictures.
     distances
-        Where depth is compared [m].
+        Distances at which depth is compared [m].
     others
-        Lens models to fit beside those that the program compares with of its own accord.
+        Lens models to compare in addition to those that are always compared.
     """
     z = np.array(distances)
     explained, compressed = fit.explained, compressed_fit(fit)
@@ -107,7 +108,7 @@ def examine(
 
 
 def _halves(fit: RigFit, compressed: CompressedViews, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Root mean square difference of inverse depth between random halves of the views, and what they claim, (D,)."""
+    """Root mean square difference of inverse depth between random halves of the views, and its expectation, (D,)."""
     rng = np.random.default_rng(0)
     count = len(fit.corners.views)
     squares, claims = [], []
@@ -126,7 +127,7 @@ def _halves(fit: RigFit, compressed: CompressedViews, slopes: FloatArray) -> tup
 
 
 def _residuals(fit: RigFit) -> FloatArray:
-    """Of both cameras fitted alone [px], shape (2, V, N, 2); NaN where a corner does not count."""
+    """Residuals of the cameras fitted separately [px], shape (2, V, N, 2); NaN where a corner does not count."""
     present = fit.corners.present
     both = np.stack([one.residuals_px.reshape(*present.shape, 2) for one in (fit.left, fit.right)])
     return np.where(present[None, ..., None], both, np.nan)

@@ -30,11 +30,11 @@ RELATIVE_POSE_NAMES = (
 )
 RELATIVE = slice(-6, None)
 ROTATION, TRANSLATION = slice(-6, -3), slice(-3, None)
-"""Where a pair's parameters hold the relative pose, its rotation and its translation."""
+"""Positions of the rotation and the translation of the relative pose among a pair's parameters."""
 
 
 def shared_names(free: Sequence[str]) -> tuple[str, ...]:
-    """Names of the parameters of a pair of lenses with these coefficients."""
+    """Names of the parameters of a pair of lenses with these free coefficients."""
     own = intrinsic_names(free)
     return (*(f"left_{name}" for name in own), *(f"right_{name}" for name in own), *RELATIVE_POSE_NAMES)
 
@@ -52,8 +52,8 @@ class ViewBlocks:
     Parameters
     ----------
     residuals : array (V, M)
-        Observed minus predicted coordinates [px]; zero where a corner is absent; whitened, as are the derivatives,
-        where the corners say how their noise correlates.
+        Observed minus predicted coordinates [px]; zero where a corner is absent. Residuals and derivatives are whitened
+        if the corners have a noise model.
     by_shared : array (V, M, P)
         Derivatives of the prediction by the shared parameters.
     by_pose : array (V, M, 6)
@@ -89,7 +89,7 @@ def camera_blocks(
     board, image : array (V, N, 2)
         Corners on the board [m] and in the image [px].
     present : array (V, N)
-        Which corners exist; numbers are square roots of their weights.
+        Which corners exist, or the square roots of their weights.
     lens
         Of the camera.
 
@@ -109,7 +109,7 @@ def camera_blocks(
 
 
 def pair_blocks(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -> ViewBlocks:
-    """Blocks of both cameras joined by their relative pose.
+    """Blocks of both cameras, coupled by their relative pose.
 
     Parameters
     ----------

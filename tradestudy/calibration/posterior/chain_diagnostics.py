@@ -19,7 +19,7 @@ def rank_normalised_split_r_hat(chains: FloatArray) -> float:
     Parameters
     ----------
     chains : array (ensembles, steps, walkers)
-        Draws; walkers = 1 gives the textbook chain.
+        Draws; one walker gives an ordinary chain.
 
     Returns
     -------
@@ -34,7 +34,7 @@ def rank_normalised_split_r_hat(chains: FloatArray) -> float:
 
 
 def bulk_effective_size(chains: FloatArray) -> float:
-    """Independent draws worth of the merged ensembles, for the centre of one parameter's distribution.
+    """Effective sample size of the merged ensembles for the centre of one parameter's distribution.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def bulk_effective_size(chains: FloatArray) -> float:
 
 
 def tail_effective_size(chains: FloatArray) -> float:
-    """Smaller effective size of the indicators of the 5 % and 95 % quantiles (section 4.3 of the paper).
+    """The smaller effective sample size of the indicators of the 5 % and 95 % quantiles (section 4.3 of the paper).
 
     Parameters
     ----------
@@ -62,16 +62,16 @@ def tail_effective_size(chains: FloatArray) -> float:
 
 
 def _halves(chains: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """First and last steps of each chain, equally many."""
+    """First and second half of each chain."""
     half = chains.shape[1] // 2
     return chains[:, :half], chains[:, -half:]
 
 
 def _effective_size(chains: FloatArray) -> float:
-    """Effective size of merged chains, walkers averaged before correlation is measured.
+    """Effective sample size of merged chains, from the autocorrelation of the walkers' average.
 
-    The mean of all draws is the mean over steps of the walkers' average, whose autocorrelation carries the correlation
-    between walkers too. So that average's effective size is scaled to the variance of a single draw.
+    That average also contains the correlation between walkers; its effective sample size is scaled to the variance of a
+    single draw.
     """
     from arviz_stats.base.array import array_stats
 

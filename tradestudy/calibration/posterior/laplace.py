@@ -1,4 +1,4 @@
-"""Laplace's approximation: a normal posterior about its peak, and the check that it may stand for the exact one."""
+"""Laplace's approximation: a normal posterior about its peak, and its check against the exact one."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ class LaplaceFit:
         rng : numpy.random.Generator
             Randomness.
         count : int
-            Draws wanted.
+            Number of draws.
         """
-        # scaled first: parameters of very different units would spoil the factorisation
+        # scaled first: very different units would make the factorisation inaccurate
         deviation = self.standard_deviation
         factor = np.linalg.cholesky(self.correlation)
         draws: FloatArray = self.mean + deviation * (rng.standard_normal((count, len(self.mean))) @ factor.T)
@@ -62,14 +62,14 @@ class LaplaceFit:
 
 
 def covariance_from_information(information: FloatArray, names: tuple[str, ...]) -> FloatArray:
-    """Covariance as the inverse of an information matrix, refused where a direction is left open.
+    """Covariance as the inverse of an information matrix, refused where that is singular.
 
     Parameters
     ----------
     information : array (P, P)
         Symmetric, in any units: it is scaled to a unit diagonal first.
     names : tuple of str, length P
-        Parameters, to say which combination is open.
+        Parameters, for the message.
 
     Returns
     -------
@@ -97,7 +97,7 @@ def covariance_from_information(information: FloatArray, names: tuple[str, ...])
 
 @dataclass(frozen=True, kw_only=True)
 class LaplaceCheck:
-    """An approximate log posterior against the exact one, at draws of the former.
+    """Comparison of an approximate log posterior with the exact one, at draws of the former.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class LaplaceCheck:
 
     @property
     def passed(self) -> bool:
-        """Whether the approximate posterior may stand for the exact one."""
+        """Whether the approximate posterior may replace the exact one."""
         return self.efficiency >= EFFICIENCY_LIMIT
 
 
@@ -139,5 +139,5 @@ def _open_direction(culprits: list[str], condition: float) -> NotConvergedError:
         f"the observations do not determine {', '.join(culprits)}",
         value=f"condition {condition:.1e}",
         limit=f"<= {CONDITION_LIMIT:.0e}",
-        remedy="add views at other tilts and distances, state priors, or fix a parameter",
+        remedy="add views at other tilts and distances, declare priors, or fix a parameter",
     )

@@ -1,4 +1,4 @@
-"""Posterior draws by several independent ensembles of walkers, and the verdict on whether they can be believed."""
+"""Posterior draws by several independent ensembles of walkers, with convergence diagnostics."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LogProbability = Callable[[FloatArray], FloatArray]
 """Takes parameters (N, P), returns log probabilities (N,); -inf where the parameters are impossible."""
 
 MINIMUM_ENSEMBLES = 4
-MINIMUM_LENGTHS = 50.0  # steps over autocorrelation time, below which the time itself is not known
+MINIMUM_LENGTHS = 50.0  # steps over autocorrelation time: with fewer, the time itself is not known
 R_HAT_LIMIT = 1.01
 WALKER_R_HAT_LIMIT = 1.1  # walkers of one ensemble are shorter and correlated; stuck ones give 2 and more
 MINIMUM_EFFECTIVE_SIZE = 400.0
@@ -38,7 +38,7 @@ _R_HAT_DRAWS = 4000  # steps kept for the ranks: more do not change a verdict at
 
 @dataclass(frozen=True, kw_only=True)
 class SamplerDiagnostics:
-    """What the chains say about themselves.
+    """Convergence diagnostics of the chains.
 
     Parameters
     ----------
@@ -51,13 +51,13 @@ class SamplerDiagnostics:
     walker_r_hat : array (P,)
         The same with the walkers of one ensemble as chains, the largest over the ensembles.
     bulk_effective_size, tail_effective_size : array (P,)
-        Independent draws worth, over all ensembles.
+        Effective sample sizes over all ensembles.
     acceptance : array (ensembles,)
         Mean accepted fraction.
     stuck_ensembles : tuple of int
-        Ensembles without which the others agree; empty when no single one is to blame.
+        Ensembles without which the others agree; empty if no single one is the cause.
     failures : tuple of str
-        Limits that are not met, in words; none means converged.
+        Limits that are not met, in words; empty if converged.
     """
 
     autocorrelation_steps: FloatArray
@@ -77,13 +77,13 @@ class SamplerDiagnostics:
 
     @property
     def final(self) -> bool:
-        """Whether more steps cannot change the verdict: nothing fails, or only the acceptance rate does."""
+        """Whether more steps cannot help: nothing fails, or only the acceptance rate does."""
         return all(failure.startswith(_ACCEPTANCE) for failure in self.failures)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PosteriorSample:
-    """Draws of a posterior with their diagnostics and their cost.
+    """Draws of a posterior with diagnostics and computing time.
 
     Parameters
     ----------
@@ -92,11 +92,11 @@ class PosteriorSample:
     chains : array (ensembles, steps, walkers, P)
         Kept draws, after the warm-up.
     warm_up_steps : int
-        Steps dropped at the start.
+        Steps discarded at the start.
     diagnostics : SamplerDiagnostics
-        Verdict and numbers.
+        Convergence of the chains.
     evaluations : int
-        Log probabilities computed, the warm-up included.
+        Log probabilities computed, including the warm-up.
     seconds : float
         Wall time.
     """
@@ -119,29 +119,29 @@ class PosteriorSample:
         Parameters
         ----------
         count : int
-            Draws wanted; at most as many as there are.
+            Number of draws, at most as many as were sampled.
         """
         draws = self.draws
         if not 0 < count <= len(draws):
             raise OutOfRangeError(
-                "so many posterior draws do not exist",
+                "the requested number of posterior draws is out of range",
                 value=str(count),
                 limit=f"1 to {len(draws)}",
-                remedy="sample longer, or ask for fewer",
+                remedy="sample longer, or request fewer",
             )
         return draws[(np.arange(count) * len(draws)) // count]
 
 
 @dataclass(frozen=True, kw_only=True)
 class CheckedPosterior:
-    """Posterior draws of a calibration's parameters, board poses marginalised, with both verdicts.
+    """Posterior draws of a calibration's parameters, board poses marginalised, with both checks.
 
     Parameters
     ----------
     sample : PosteriorSample
         Draws.
     check : LaplaceCheck
-        Whether the marginalisation by Laplace holds.
+        Check of the marginalisation by Laplace's approximation.
     """
 
     sample: PosteriorSample
@@ -149,7 +149,7 @@ class CheckedPosterior:
 
     @property
     def converged(self) -> bool:
-        """Whether the chains converged and the marginalisation holds."""
+        """Whether the chains converged and the marginalisation passed its check."""
         return self.sample.diagnostics.converged and self.check.passed
 
 
@@ -162,30 +162,29 @@ def sample_posterior(
     proposal: LaplaceFit | None = None,
     maximum_steps: int = 20_000,
 ) -> PosteriorSample:
-    """Sample with independent affine-invariant ensembles until the diagnostics pass or the steps are spent.
+    """Sample with independent affine-invariant ensembles until the diagnostics pass or the steps run out.
 
     Parameters
     ----------
     log_probability : callable
         Log probabilities of many parameter vectors at once.
     starts : array (ensembles, walkers, P)
-        First positions, spread over what is plausible; at least four ensembles, an even number of walkers >= 2 P.
+        First positions, spread over plausible values; at least four ensembles, an even number of walkers >= 2 P.
     names : tuple of str
         Parameters.
     rng : numpy.random.Generator
         Seeds every ensemble independently.
     proposal : LaplaceFit, optional
-        A normal approximation of the posterior. One step in forty for each parameter, at most every second one, is
-        then drawn from its heavy-tailed neighbour and accepted or refused by the exact posterior, which shortens the
-        autocorrelation twentyfold in twenty dimensions. Left aside below five parameters, where the other moves are as
-        quick.
+        A normal approximation of the posterior. One step in forty for each parameter, at most every second one, then
+        proposes a draw from a multivariate t about it, accepted or rejected by the exact posterior; this shortens the
+        autocorrelation twentyfold in twenty dimensions. Not used below five parameters: others are as fast.
     maximum_steps : int
-        Steps of each ensemble after which it ends with whatever verdict.
+        Steps of each ensemble after which sampling ends, converged or not.
 
     Returns
     -------
     PosteriorSample
-        Converged or not: ask ``diagnostics.converged``; nothing is thrown away but the warm-up.
+        Converged or not: see ``diagnostics.converged``. Only the warm-up is discarded.
 
     Raises
     ------
@@ -238,14 +237,14 @@ def diagnose(
     acceptance : array (ensembles,)
         Mean accepted fraction.
     names : tuple of str
-        Parameters, to say which one fails.
+        Parameters, for ``failures``.
     times : array (P,), optional
-        Autocorrelation times, if they are known already [steps].
+        Autocorrelation times, if already known [steps].
 
     Returns
     -------
     SamplerDiagnostics
-        ``failures`` says in words which limits are not met.
+        ``failures`` names the limits that are not met.
     """
     times = autocorrelation_times(chains) if times is None else times
     lengths = float(chains.shape[1] / times.max())
@@ -288,16 +287,16 @@ def autocorrelation_times(chains: FloatArray) -> FloatArray:
     from emcee.autocorr import integrated_time
 
     times: FloatArray = np.max([integrated_time(chain, tol=0) for chain in chains], axis=0)
-    # a walker that never moved has no autocorrelation: it is as correlated as can be
+    # a walker that never moved has no autocorrelation time: it counts as fully correlated
     return np.where(np.isfinite(times), times, float(chains.shape[1]))
 
 
 def _check_starts(log_probability: LogProbability, starts: FloatArray, names: tuple[str, ...]) -> None:
-    """Enough ensembles and walkers, every one at a possible place."""
+    """Refuse too few ensembles or walkers, and starts outside the support of the posterior."""
     ensembles, walkers, dimensions = starts.shape
     if ensembles < MINIMUM_ENSEMBLES:
         raise OutOfRangeError(
-            "too few independent ensembles to tell whether they agree",
+            "too few independent ensembles to compare",
             value=str(ensembles),
             limit=f">= {MINIMUM_ENSEMBLES}",
             remedy="start more",
@@ -338,7 +337,7 @@ def _sampler(  # type: ignore[no-untyped-def]  # emcee ships no types
         moves = [(move, weight * (1.0 - share)) for move, weight in moves]
         moves.append((emcee.moves.MHMove(_independent_move(proposal)), share))
     sampler = emcee.EnsembleSampler(*start.shape, log_probability, moves=moves, vectorize=True)
-    legacy = np.random.RandomState(int(rng.integers(2**32)))  # the only generator emcee takes
+    legacy = np.random.RandomState(int(rng.integers(2**32)))  # the only generator that emcee accepts
     sampler.random_state = legacy.get_state()
     return sampler
 
@@ -366,7 +365,7 @@ def _independent_move(
 
 
 def _warm_up(walks: FloatArray) -> int:
-    """Steps to drop: ten autocorrelation times, at most half of the walk."""
+    """Steps to discard: ten autocorrelation times, at most half of the walk."""
     half = walks.shape[1] // 2
     return int(min(half, np.ceil(_WARM_UP_TIMES * autocorrelation_times(walks[:, half:]).max())))
 
@@ -388,13 +387,13 @@ def _stuck_ensembles(chains: FloatArray, r_hat: FloatArray) -> tuple[int, ...]:
 
 
 def _failure(what: str, value: float, limit: float, side: str) -> list[str]:
-    """Words for a limit that is not met; a value that is no number meets none."""
+    """Text for a limit that is not met; NaN meets none."""
     broken = not (value >= limit if side == "below" else value <= limit)
     return [f"{what} {value:.4g} (allowed {'>=' if side == 'below' else '<='} {limit:g})"] if broken else []
 
 
 def _worst(what: str, values: FloatArray, limit: float, side: str, names: tuple[str, ...]) -> list[str]:
-    """Words for the worst parameter."""
+    """Text for the worst parameter."""
     signed = values if side == "above" else -values
     index = int(np.argmax(np.where(np.isnan(signed), np.inf, signed)))
     return _failure(f"{names[index]}: {what}", float(values[index]), limit, side)

@@ -1,1 +1,1 @@
-"""Calibration of a designed camera from a synthetic target that is shown to it."""
+"""Calibration of a designed camera from a simulated target."""

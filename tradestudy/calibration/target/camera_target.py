@@ -1,4 +1,4 @@
-"""The calibration of a camera by a simulated target: what it sees of it, and what that is expected to tell."""
+"""Calibration of a camera by a simulated target: its observations, and the information expected from them."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ _FEWEST_CORNERS, _FEWEST_VIEWS = 6, 3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TargetToInfer:
-    """A calibration to be inferred from a synthetic target.
+    """A calibration from a synthetic target, still to be computed.
 
     Parameters
     ----------
     name
-        Of the camera; with the seed it says which random numbers are drawn.
+        Of the camera; with the seed it determines the random numbers.
     camera
         The design.
     groups
-        The declared errors; those that are drawn per rig are the priors.
+        The declared errors; those drawn per rig are the priors.
     part
         The target.
     seed
@@ -57,39 +57,39 @@ class TargetToInfer:
     seed: int
 
 
-def target_problem(asked: TargetToInfer) -> tuple[TargetProblem, np.random.Generator]:
-    """What a camera drawn from the declared errors sees of the target, and the generator that goes on from there."""
-    camera, priors = asked.camera, _priors(asked.name, asked.groups)
-    rng = point_generator(seed=asked.seed, point=f"target/{asked.name}", replicate=0)
-    target = _target(asked, rng)
+def target_problem(request: TargetToInfer) -> tuple[TargetProblem, np.random.Generator]:
+    """Observations of the target by a camera drawn from the declared errors, and the generator for the sampling."""
+    camera, priors = request.camera, _priors(request.name, request.groups)
+    rng = point_generator(seed=request.seed, point=f"target/{request.name}", replicate=0)
+    target = _target(request, rng)
     model = observer(camera, priors.names)
     truth = priors.draw(rng, 1)[0]
-    seen, target = _on_sensor(asked.name, camera, observe_target(target, model, truth, rng), target)
+    seen, target = _on_sensor(request.name, camera, observe_target(target, model, truth, rng), target)
     return TargetProblem(observed=seen, target=target, model=model, priors=priors), rng
 
 
-def planned_calibration(asked: TargetToInfer, plan: int) -> Calibration:
-    """What a target is expected to determine, without sampling: a joint normal about the design.
+def planned_calibration(request: TargetToInfer, plan: int) -> Calibration:
+    """The calibration expected from a target, without sampling: a joint normal about the design.
 
-    A uniform prior counts as a normal one of the same standard deviation: exact where the views say much more than the
-    prior, or nothing.
+    A uniform prior is replaced by a normal one of the same standard deviation: exact where the views determine the
+    parameter much better than the prior, or not at all.
 
     Parameters
     ----------
-    asked
+    request
         The target.
     plan
-        Which spread of the views over distances, field and tilts; that of the run is 0. Poses that are given have one.
+        Number of the random arrangement of views; a run uses 0. Declared poses have only one.
 
     Raises
     ------
     TradestudyError
-        As of `infer_from_target`.
+        As for `infer_from_target`.
     """
-    camera, priors = asked.camera, _as_normal(_priors(asked.name, asked.groups))
-    target = _target(asked, point_generator(seed=asked.seed, point=f"target/{asked.name}", replicate=plan))
+    camera, priors = request.camera, _as_normal(_priors(request.name, request.groups))
+    target = _target(request, point_generator(seed=request.seed, point=f"target/{request.name}", replicate=plan))
     model = observer(camera, priors.names)
-    seen, target = _on_sensor(asked.name, camera, model(priors.mean, move(target.poses, target.points)), target)
+    seen, target = _on_sensor(request.name, camera, model(priors.mean, move(target.poses, target.points)), target)
 
     def on_sensor(parameters: FloatArray, points: FloatArray) -> FloatArray:
         return np.where(np.isnan(seen), np.nan, model(parameters, points))
@@ -105,13 +105,13 @@ def planned_calibration(asked: TargetToInfer, plan: int) -> Calibration:
     return Calibration(groups=(group,), source="target")
 
 
-def _target(asked: TargetToInfer, rng: np.random.Generator) -> SyntheticTarget:
-    """The board in all its poses: those that are given, or spread by a generator."""
-    part = asked.part
+def _target(request: TargetToInfer, rng: np.random.Generator) -> SyntheticTarget:
+    """The board in all its poses, declared or random."""
+    part = request.part
     if part.poses is not None:
         poses = np.array([(*pose.rotation, *pose.position) for pose in part.poses])
     else:
-        assert part.views is not None  # the schema asks for all three where there are no poses
+        assert part.views is not None  # the schema requires all three where there are no poses
         assert part.distances is not None
         assert part.tilt is not None
         near, far = part.distances
@@ -119,7 +119,7 @@ def _target(asked: TargetToInfer, rng: np.random.Generator) -> SyntheticTarget:
     return SyntheticTarget(
         points=flat_grid(part.columns, part.rows, part.spacing),
         poses=poses,
-        noise=asked.camera.target_noise_px(part.corner_noise),
+        noise=request.camera.target_noise_px(part.corner_noise),
         rotation_deviation=part.rotation_known_to or np.inf,
         translation_deviation=part.position_known_to or np.inf,
     )
@@ -139,21 +139,21 @@ def _priors(name: str, groups: tuple[Group, ...]) -> Priors:
                 rows.append((group.name, distribution.mean, np.inf, distribution.low, distribution.high))
             case None:
                 raise OutOfRangeError(
-                    f"{name}: correlated errors are no priors of a target",
+                    f"{name}: correlated errors cannot be priors of a target",
                     value=", ".join(group.parameters),
                     limit="independent errors",
-                    remedy="leave their correlations out; the target finds them",
+                    remedy="remove their correlations; the target determines them",
                 )
             case _:
                 raise OutOfRangeError(
-                    f"{name}: the distribution of {group.name} is no prior of a target",
+                    f"{name}: the distribution of {group.name} cannot be a prior of a target",
                     value=type(distribution).__name__,
                     limit="normal or uniform",
-                    remedy="give a standard_deviation or a half_width alone",
+                    remedy="declare only a standard_deviation or a half_width",
                 )
     if not rows:
         raise OutOfRangeError(
-            f"{name}: a target without an error per rig", remedy="declare under errors what it is to determine"
+            f"{name}: a target needs an error per rig", remedy="declare the parameters to determine under errors"
         )
     names, *columns = zip(*rows, strict=True)
     mean, deviation, lower, upper = (np.array(column, dtype=np.float64) for column in columns)
@@ -171,21 +171,21 @@ def _as_normal(priors: Priors) -> Priors:
 def _on_sensor(
     name: str, camera: DepthCamera, observed: FloatArray, target: SyntheticTarget
 ) -> tuple[FloatArray, SyntheticTarget]:
-    """Corners that fall beside the sensor are not seen, and views with fewer than six are not taken."""
+    """Observations and target without the corners outside the sensor and the views with fewer than six corners."""
     seen = camera.seen_on_sensor(observed)
     taken = np.all(np.sum(seen, axis=1) >= _FEWEST_CORNERS, axis=-1)
     if taken.sum() < _FEWEST_VIEWS:
         raise OutOfRangeError(
-            f"{name}: its target is seen in too few views",
+            f"{name}: the target is visible in too few views",
             value=str(int(taken.sum())),
             limit=f"at least {_FEWEST_VIEWS} with {_FEWEST_CORNERS} corners",
-            remedy="show a smaller board, farther away, or nearer to the axis",
+            remedy="use a smaller board, or place it farther away or closer to the axis",
         )
     return np.where(seen, observed, np.nan)[taken], replace(target, poses=target.poses[taken])
 
 
 def observer(camera: DepthCamera, names: tuple[str, ...]) -> CameraModel:
-    """What a camera with given errors sees of points, as inference takes it: components [px] last."""
+    """The observation of points by a camera with given errors, components [px] last."""
     pixel = camera.sensor.pixel_pitch
 
     def observe(parameters: FloatArray, points: FloatArray) -> FloatArray:

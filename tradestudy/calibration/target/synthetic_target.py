@@ -14,12 +14,12 @@ from tradestudy.optics.arrays import FloatArray
 
 CameraModel = Callable[[FloatArray, FloatArray], FloatArray]
 """Takes parameters (..., P) and points in the camera's frame (..., N, 3) [m], returns observations (..., N, C), with
-NaN for what is not seen; leading axes broadcast."""
+NaN for points that are not visible; leading axes broadcast."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Priors:
-    """Independent priors: normal with mean and standard deviation, cut at bounds.
+    """Independent priors: normal with mean and standard deviation, truncated at bounds.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class Priors:
 
     @property
     def scale(self) -> FloatArray:
-        """A length typical of each parameter: its deviation, or a quarter of its range, shape (P,)."""
+        """A typical scale of each parameter: its deviation, or a quarter of its range, shape (P,)."""
         with np.errstate(invalid="ignore"):  # inf − inf of an unbounded normal, which is not selected
             width = (self.upper - self.lower) / 4.0
         return np.where(np.isinf(self.standard_deviation), width, self.standard_deviation)
@@ -87,7 +87,7 @@ class Priors:
         Parameters
         ----------
         parameters : array (..., P)
-            Where.
+            Parameters.
         """
         inside = np.all((parameters >= self.lower) & (parameters <= self.upper), axis=-1)
         square = np.sum(((parameters - self.mean) / self.standard_deviation) ** 2, axis=-1)
@@ -101,7 +101,7 @@ class Priors:
         rng : numpy.random.Generator
             Randomness.
         count : int
-            Draws wanted.
+            Number of draws.
         """
         uniform = rng.random((count, len(self.names)))
         flat = np.isinf(self.standard_deviation)
@@ -114,7 +114,7 @@ class Priors:
 
 @dataclass(frozen=True, kw_only=True)
 class SyntheticTarget:
-    """A rigid set of points shown to a camera in several poses.
+    """A rigid set of points seen by a camera in several poses.
 
     Parameters
     ----------
@@ -125,8 +125,7 @@ class SyntheticTarget:
     noise : array (C,)
         Standard deviation of each component of an observation, in its unit.
     rotation_deviation, translation_deviation : float
-        How well the poses are known: standard deviation per component [rad], [m]. inf: not at all, as with a board held
-        by hand.
+        Standard deviations of the poses per component [rad], [m]; inf for unknown poses, such as a board held by hand.
 
     Raises
     ------
@@ -147,21 +146,21 @@ class SyntheticTarget:
                 "a synthetic target needs positive noise and positive pose deviations",
                 value=f"{smallest:g}",
                 limit="> 0",
-                remedy="give a small deviation to a pose that is known well, inf to one that is not known",
+                remedy="set a small deviation for well-known poses, inf for unknown ones",
             )
 
     @property
     def pose_precision(self) -> FloatArray:
-        """Inverse variances of the components of a pose, zero where not known, shape (6,)."""
+        """Inverse variances of the components of a pose, zero where unknown, shape (6,)."""
         return np.repeat([self.rotation_deviation**-2.0, self.translation_deviation**-2.0], 3)
 
 
 def spread_poses(
     count: int, distances: tuple[float, float], half_field: float, tilt: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Poses of a target held into the field of view, spread evenly over 1/Z, field and tilt by a scrambled Halton set.
+    """Poses of a target in the field of view, spread evenly over 1/Z, field and tilt by a scrambled Halton set.
 
-    The first views of more are those of fewer, so that a view that is added never makes a calibration less certain.
+    A longer sequence begins with the shorter one, so that adding views never makes a calibration less certain.
 
     Parameters
     ----------
@@ -181,7 +180,7 @@ def spread_poses(
     array (V, 6)
         Rotation vectors [rad] and translations [m].
     """
-    from scipy.stats.qmc import Halton  # scipy.stats takes longer to load than most fits take
+    from scipy.stats.qmc import Halton  # scipy.stats loads more slowly than most fits run
 
     shares = Halton(6, rng=rng).random(count)
     depth = 1.0 / (1.0 / distances[0] + shares[:, 0] * (1.0 / distances[1] - 1.0 / distances[0]))
@@ -206,7 +205,7 @@ def flat_grid(columns: int, rows: int, spacing: float) -> FloatArray:
 def observe_target(
     target: SyntheticTarget, model: CameraModel, parameters: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
-    """What a camera with these parameters measures of the target.
+    """Measurements of the target by a camera with these parameters.
 
     Parameters
     ----------
@@ -217,12 +216,12 @@ def observe_target(
     parameters : array (P,)
         Its true parameters.
     rng : numpy.random.Generator
-        Randomness of the noise, and of the true poses where these are known within a deviation.
+        Randomness of the noise, and of the true poses where these have a finite deviation.
 
     Returns
     -------
     array (V, N, C)
-        Observations with noise; NaN where the camera sees nothing.
+        Observations with noise; NaN where a point is not visible.
     """
     deviation = np.repeat([target.rotation_deviation, target.translation_deviation], 3)
     offset = np.where(np.isfinite(deviation), deviation, 0.0) * rng.standard_normal(target.poses.shape)

@@ -1,4 +1,4 @@
-"""Parameters of any camera from observations of a target: Laplace fit, posterior draws, poses marginalised."""
+"""Camera parameters from observations of a target: Laplace fit and posterior draws, poses marginalised."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _RELATIVE_STEP = 1e-3  # of a prior's scale: central differences are then good t
 _POINT_STEP = 1e-5  # of a point's distance
 _MOST_STEPS, _MOST_POSE_STEPS = 50, 20
 _SETTLED = 1e-8  # squared step in standard deviations
-_CHUNK_NUMBERS = 250_000  # residuals at a time: what fits a processor's cache
+_CHUNK_NUMBERS = 250_000  # residuals at a time: fit into a processor's cache
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ class TargetFit:
     poses : array (V, 6)
         Most probable poses [rad, m].
     evaluations : int
-        Parameter vectors at which the camera was computed.
+        Number of parameter vectors at which the camera was evaluated.
     seconds : float
         Wall time.
     """
@@ -50,18 +50,18 @@ class TargetFit:
 
 @dataclass(frozen=True, kw_only=True)
 class TargetProblem:
-    """Observations of a target by a camera, with the stated priors.
+    """Observations of a target by a camera, and the priors.
 
     Parameters
     ----------
     observed : array (V, N, C)
-        Observations; NaN where nothing was seen.
+        Observations; NaN where a point was not visible.
     target : SyntheticTarget
         Points, nominal poses, noise.
     model : CameraModel
         The camera.
     priors : Priors
-        What was known of its parameters before.
+        Priors of its parameters.
     """
 
     observed: FloatArray
@@ -70,7 +70,7 @@ class TargetProblem:
     priors: Priors
 
     def residuals(self, parameters: FloatArray, poses: FloatArray) -> FloatArray:
-        """Observed minus predicted in units of noise, shape (..., V, N·C); zero where nothing was seen.
+        """Observed minus predicted in units of noise, shape (..., V, N·C); zero where a point was not visible.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ class TargetProblem:
         parameters : array (..., P)
             Camera parameters.
         points : array (V, N, 3)
-            Target points as posed.
+            Target points in their poses.
         """
         seen = self.model(parameters[..., None, :], points)
         values = np.where(np.isnan(self.observed), 0.0, (self.observed - seen) / self.target.noise)
@@ -104,7 +104,7 @@ def fit_target(problem: TargetProblem) -> TargetFit:
     Parameters
     ----------
     problem : TargetProblem
-        What was observed, and the priors; the fit starts from their means and from the nominal poses.
+        Observations and priors; the fit starts from their means and from the nominal poses.
 
     Returns
     -------
@@ -114,7 +114,7 @@ def fit_target(problem: TargetProblem) -> TargetFit:
     Raises
     ------
     NotConvergedError
-        The fit does not settle, leaves the bounds of the priors, loses sight of an observed point, or the
+        The fit does not converge, leaves the bounds of the priors, moves an observed point out of sight, or the
         observations leave parameters undetermined.
     """
     begin = time.perf_counter()
@@ -131,27 +131,27 @@ def fit_target(problem: TargetProblem) -> TargetFit:
                 seconds=time.perf_counter() - begin,
             )
     raise NotConvergedError(
-        "the calibration does not settle",
+        "the calibration does not converge",
         value=f"{_MOST_STEPS} steps",
         limit="steps below 1e-4 standard deviations",
-        remedy="give nominal poses and prior means nearer to the truth, or narrower priors",
+        remedy="give nominal poses and prior means closer to the truth, or narrower priors",
     )
 
 
 def expected_fit(target: SyntheticTarget, model: CameraModel, priors: Priors) -> LaplaceFit:
-    """What a target is expected to tell of a camera: the normal approximation about the design, no noise drawn.
+    """The calibration expected from a target: the normal approximation about the design, without drawn noise.
 
-    The inverse of Fisher's information of all views and of the priors, the poses marginalised; the covariance of a fit
-    to one noisy set of views differs from it by what the fit is off the design.
+    Its covariance is the inverse of the Fisher information of all views and the priors, poses marginalised. The
+    covariance of a fit to noisy views differs from it because the fit differs from the design.
 
     Parameters
     ----------
     target : SyntheticTarget
         Points, poses, noise.
     model : CameraModel
-        The camera; what it does not see there does not count.
+        The camera; points it does not see do not count.
     priors : Priors
-        What is known of its parameters before; their means are the design.
+        Priors of its parameters; their means are the design.
 
     Raises
     ------
@@ -176,7 +176,7 @@ def sample_target(
     Parameters
     ----------
     problem : TargetProblem
-        What was observed, and the priors.
+        Observations and priors.
     fit : TargetFit
         Its peak, from ``fit_target``.
     rng : numpy.random.Generator
@@ -187,7 +187,7 @@ def sample_target(
     Returns
     -------
     CheckedPosterior
-        Ask ``converged`` before using it.
+        Check ``converged`` before using it.
     """
     names = problem.priors.names
     walkers = 2 * len(names) + 2
@@ -213,14 +213,14 @@ def sample_target(
 
 
 def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: FloatArray) -> float:
-    """Log posterior with the poses settled anew at these parameters (Laplace), up to a constant.
+    """Log posterior with the poses refitted at these parameters (Laplace), up to a constant.
 
     Parameters
     ----------
     problem : TargetProblem
-        What was observed, and the priors.
+        Observations and priors.
     poses : array (V, 6)
-        Where the poses start from.
+        Starting values of the poses.
     parameters : array (P,)
         Camera parameters.
 
@@ -232,7 +232,7 @@ def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: F
     Raises
     ------
     NotConvergedError
-        A pose does not settle.
+        A pose does not converge.
     """
     for _ in range(_MOST_POSE_STEPS):
         residuals = np.concatenate([problem.residuals(parameters, poses), _pose_misfit(problem, poses)], axis=-1)
@@ -243,10 +243,10 @@ def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: F
             return float(problem.priors.log_density(parameters) - 0.5 * np.sum(residuals**2) - volume)
         poses = poses + np.linalg.solve(factor, inner[..., None])[..., 0]
     raise NotConvergedError(
-        "the pose of a target does not settle",
+        "the pose of a target does not converge",
         value=f"{_MOST_POSE_STEPS} steps",
         limit="steps below 1e-4 standard deviations",
-        remedy="start nearer to the fit",
+        remedy="start closer to the fit",
     )
 
 
@@ -271,7 +271,7 @@ def _gauss_newton_step(
 
 
 def _require_inside(priors: Priors, parameters: FloatArray) -> None:
-    """Refuse a peak outside the bounds: the posterior then ends at a bound, and no normal describes it."""
+    """Refuse a peak outside the bounds: the posterior then ends at a bound and is not normal."""
     if np.isfinite(priors.log_density(parameters)):
         return
     outside = np.flatnonzero((parameters < priors.lower) | (parameters > priors.upper))[0]
@@ -279,14 +279,14 @@ def _require_inside(priors: Priors, parameters: FloatArray) -> None:
         f"the most probable {priors.names[outside]} lies outside its prior",
         value=f"{parameters[outside]:g}",
         limit=f"{priors.lower[outside]:g} to {priors.upper[outside]:g}",
-        remedy="widen the prior, or observe more: no normal approximation exists at a bound",
+        remedy="widen the prior, or add views: at a bound no normal approximation exists",
     )
 
 
 def _frozen_log_posterior(
     problem: TargetProblem, points: FloatArray, basis: FloatArray, misfit: FloatArray, parameters: FloatArray
 ) -> FloatArray:
-    """Log posterior, exact in the parameters; each pose at its best by one linear step from the fit."""
+    """Log posterior, exact in the parameters; each pose is optimised by one linear step from the fit."""
     result = problem.priors.log_density(parameters)
     rows = np.flatnonzero(np.isfinite(result))
     size = max(1, _CHUNK_NUMBERS // problem.observed.size)
@@ -299,7 +299,7 @@ def _frozen_log_posterior(
         )  # views first: a batched product
         inner = residuals @ basis[:, :split] + constant[:, None]
         result[chosen] -= 0.5 * (np.sum(residuals**2, axis=(0, 2)) - np.sum(inner**2, axis=(0, 2)))
-    return np.where(np.isnan(result), -np.inf, result)  # an observed point that these parameters cannot see
+    return np.where(np.isnan(result), -np.inf, result)  # an observed point is not visible with these parameters
 
 
 def _linearise(problem: TargetProblem, parameters: FloatArray, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -309,10 +309,10 @@ def _linearise(problem: TargetProblem, parameters: FloatArray, poses: FloatArray
     values = problem.residuals(shifted, poses)
     if not np.all(np.isfinite(values)):
         raise NotConvergedError(
-            "the fit loses sight of an observed point",
+            "the fit moves observed points out of sight",
             value=f"{int(np.sum(~np.isfinite(values[0])))} observations",
             limit="none",
-            remedy="give nominal poses and prior means nearer to the truth",
+            remedy="give nominal poses and prior means closer to the truth",
         )
     forward, backward = values[1 : len(step) + 1], values[len(step) + 1 :]
     derivative = (backward - forward) / (2.0 * step[:, None, None])
@@ -320,7 +320,7 @@ def _linearise(problem: TargetProblem, parameters: FloatArray, poses: FloatArray
 
 
 def _pose_basis(problem: TargetProblem, parameters: FloatArray, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """QR factors of the derivatives by the poses, the rows of their priors below them."""
+    """QR factors of the derivatives by the poses, with the rows of their priors appended."""
     points = move(poses, problem.target.points)
     step = _POINT_STEP * np.linalg.norm(points, axis=-1, keepdims=True)
     shifts = step * np.concatenate([np.eye(3), -np.eye(3)])[:, None, None, :]
@@ -336,7 +336,7 @@ def _pose_basis(problem: TargetProblem, parameters: FloatArray, poses: FloatArra
 
 
 def _pose_misfit(problem: TargetProblem, poses: FloatArray) -> FloatArray:
-    """Nominal minus present poses in units of their deviation, zero where not known, shape (V, 6)."""
+    """Nominal minus present poses in units of their deviation, zero where unknown, shape (V, 6)."""
     misfit: FloatArray = np.sqrt(problem.target.pose_precision) * (problem.target.poses - poses)
     return misfit
 
@@ -350,7 +350,7 @@ def _starts_inside(priors: Priors, fit: LaplaceFit, rng: np.random.Generator, co
         if len(starts) >= count:
             return starts[:count]
     raise NotConvergedError(
-        "the posterior lies almost wholly outside the bounds of the priors",
+        "the posterior lies almost entirely outside the bounds of the priors",
         value=f"{len(starts)} of {1000 * count} draws inside",
         limit=f">= {count}",
         remedy="widen the priors",

@@ -1,4 +1,4 @@
-"""What a study declares of a conventional camera."""
+"""The declaration of a conventional camera in a study."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from tradestudy.optics.depth_of_field import object_distance_of_magnification, o
 
 
 class ReferenceScalePart(Part):
-    """What a data sheet says of one focus: it tells where the principal plane lies behind the front of the lens."""
+    """A focus setting from a data sheet, which locates the principal plane behind the front of the lens."""
 
     working_distance: ObjectDistance = Field(description="From the front of the lens.")
     image_scale: DetailSize = Field(description="Size that one pixel covers on the object.")
 
 
 class FocusStackPart(Part):
-    """A stack of images at different focus, as few as cover the range but no more than it may have."""
+    """A stack of images at different focus: as few as cover the range, up to a maximum."""
 
     start: ObjectDistance = Field(alias="from", description="Nearest distance to cover.")
     stop: ObjectDistanceOrInfinity = Field(alias="to", description="Farthest distance to cover; may be infinity.")
     images: PositiveCount = Field(description="The most images of one stack.")
     time_per_image: PositiveDuration | None = Field(
-        default=None, description="From one image to the next, refocusing included."
+        default=None, description="Time from one image to the next, including refocusing."
     )
 
     @model_validator(mode="after")
@@ -73,12 +73,12 @@ class ConventionalFocusPart(Part):
         if self.working_distance is not None and self.reference is None:
             raise MistakeAt(
                 ("working_distance",),
-                "counts from the front of the lens; give a reference (working_distance and image_scale at one focus)",
+                "starts at the front of the lens; give a reference (working_distance and image_scale at one focus)",
             )
         return self
 
     def resolved(self, by_scale: Callable[[float], float]) -> float:
-        """Distance of the focus from the principal plane [m], whichever way it is given."""
+        """Distance of the focus from the principal plane [m], however it is declared."""
         if self.distance is not None:
             return self.distance
         if self.image_scale is not None:
@@ -94,7 +94,7 @@ class ConventionalFocusPart(Part):
 
 
 class ConventionalLensPart(LensPart):
-    """Its lens; the f-number has a default."""
+    """The lens of a conventional camera; its f-number has a default."""
 
     f_number: FNumber = Field(default="2.8", validate_default=True, description="Focal length over pupil diameter.")
 
@@ -114,7 +114,7 @@ class ConventionalDeclaration(CameraDeclaration):
 
     @classmethod
     def stated_by(cls, imported: Imported) -> Iterator[Stated]:
-        """A single calibrated camera: its focal length and pixels; its distortion moves no focus."""
+        """Focal length and pixels of a single calibrated camera; distortion does not affect focus."""
         assert isinstance(imported, ImportedCamera)
         keys = imported.keys
         yield Stated(path=("kind",), value="conventional", key=keys["focal_lengths"], basis="derived")
@@ -127,8 +127,8 @@ class ConventionalDeclaration(CameraDeclaration):
     def design(self, picture_law: DisparityErrorLaw | None) -> ConventionalCamera:  # noqa: ARG002 - it measures no disparity
         """The camera in SI, focused by distance, by image scale, or by a data sheet's working distance.
 
-        The scale s of a pixel p gives the magnification p/s and with it the distance of the principal plane; at a
-        reference it tells how far that plane lies behind the front of the lens, which is supposed to stay so.
+        The image scale s of a pixel p gives the magnification p/s and so the distance of the principal plane. At a
+        reference it gives the position of that plane behind the front of the lens, assumed constant.
         """
         sensor = self.sensor.sensor()
         lens = self.lens.lens(sensor)

@@ -1,8 +1,8 @@
-"""Depth from focus: in which picture of a stack a point is sharpest.
+"""Depth from focus: the picture of a stack in which a point is sharpest.
 
-The pictures are brought to the scale of the first one, since a lens that focuses nearer also pictures larger. The
-focus measure is the energy of the gradient in a window, less that of the noise. Its logarithm is taken for a parabola
-in inverse focus distance, because the blur grows in proportion to that distance from the object's.
+The pictures are brought to the scale of the first one, since a lens focused closer magnifies more. The focus measure is
+the energy of the gradient in a window, minus that of the noise. Its logarithm is fitted by a parabola in inverse focus
+distance, because the blur is proportional to the difference of inverse focus and object distance.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from tradestudy.optics.window_matching import Reason, gradient_along, odd_window
 
 LEAST_PICTURES: Final = 3
 _NOISE_SPREAD: Final = 1.5  # variance of the energy of noise in one pixel, over the square of its mean
-_CERTAIN: Final = 4.0  # standard deviations that the energy at the peak lies above noise
+_CERTAIN: Final = 4.0  # standard deviations by which the energy at the peak exceeds noise
 _LARGEST_DEVIATION: Final = 0.5  # of the peak, in steps of the stack
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FocusStackReader(DepthReader):
-    """A camera that takes a focus stack, and what depth is looked for; the map is in the pixels of its first picture.
+    """Depth by the focus stack of a camera; the map is in the pixels of its first picture.
 
     Parameters
     ----------
     camera, search
-        Them.
+        The camera, and the depths to search.
 
     Raises
     ------
     OutOfRangeError
-        For a stack of fewer than three pictures, which has no peak.
+        The stack has fewer than three pictures, and therefore no peak.
     """
 
     camera: ConventionalCamera
@@ -47,10 +47,10 @@ class FocusStackReader(DepthReader):
     def __post_init__(self) -> None:
         if len(self._stack) < LEAST_PICTURES:
             raise OutOfRangeError(
-                "pictures of a focus stack from which depth is measured",
+                "too few pictures in a focus stack for depth from focus",
                 value=str(len(self._stack)),
                 limit=f"{LEAST_PICTURES} or more",
-                remedy="let the stack have more images over a wider range, or leave the camera out of scene.image",
+                remedy="allow more images over a wider range, or remove the camera from scene.image",
             )
 
     @property
@@ -97,7 +97,7 @@ class FocusStackReader(DepthReader):
         )
 
     def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
-        """True depth of the first picture; every point in the range of the stack can be measured."""
+        """True depth in the first picture; measurable in the range of the stack."""
         stack = self._stack
         first = stack[0].name
         depth = np.where(pure[first], depths[first], np.nan)
@@ -114,7 +114,7 @@ def _gradient_energy(values: Samples) -> Samples:
 
 
 def _scaled(values: Samples, scale: float) -> Samples:
-    """A picture read at ``scale`` times the place of each pixel from its middle: the nearest pixel there."""
+    """A picture rescaled about its centre by nearest pixels: each pixel is read at ``scale`` times its position."""
     if scale == 1.0:
         return values
     index = [np.rint((np.arange(n) + 0.5 - n / 2.0) * scale + n / 2.0 - 0.5).astype(np.intp) for n in values.shape]
@@ -124,7 +124,7 @@ def _scaled(values: Samples, scale: float) -> Samples:
 
 
 def _vertex(x: Samples, y: Samples) -> tuple[Samples, Samples, Samples]:
-    """Of the parabola through three points: its place, its second coefficient, and the place's slopes in each y."""
+    """Vertex of the parabola through three points, its second coefficient, and derivatives of the vertex by each y."""
     x0, x1, x2 = x
     d = np.stack([(x1 - x2), (x2 - x0), (x0 - x1)])
     e = np.stack([x1**2 - x2**2, x2**2 - x0**2, x0**2 - x1**2])

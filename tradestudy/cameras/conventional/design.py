@@ -1,4 +1,4 @@
-"""A conventional camera: one lens, one sensor, and either a fixed focus or a mechanism that takes a stack of images."""
+"""A conventional camera: one lens, one sensor, with a fixed focus or a mechanism for focus stacks."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
 if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
 
-# A thin lens in place of a real one, at a focus rounded to two digits.
+# A thin lens instead of a real one, at a focus rounded to two digits.
 _DEPTH_OF_FIELD_TOLERANCE: Final = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
 class FocusStackPlan:
-    """How a camera with a focus mechanism takes a stack.
+    """The focus stack of a camera with a focus mechanism.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class FocusStackPlan:
     most_images
         The most images of one stack.
     time_per_image
-        From one image to the next, refocusing included [s]; None where it is not known.
+        Time from one image to the next, including refocusing [s]; None if unknown.
 
     Raises
     ------
@@ -56,24 +56,24 @@ class FocusStackPlan:
 
 @dataclass(frozen=True, kw_only=True)
 class ConventionalCamera(Camera):
-    """A camera that measures no depth by triangulation; a focus stack makes it one of extended depth of field.
+    """A camera without triangulation; a focus stack extends its depth of field.
 
     Parameters
     ----------
     lens, sensor
         The parts.
     focus_distance
-        Where a single image is focused [m] from the principal plane; infinity is allowed.
+        Distance in focus of a single image [m] from the principal plane; infinity is allowed.
     stack
-        How it takes a stack instead of a single image; None for a fixed focus.
+        Focus stack instead of a single image; None for a fixed focus.
     front_to_principal_plane
-        How far the principal plane lies behind the front of the lens [m], from which data sheets count working
-        distances; None where it is not known.
+        Distance of the principal plane behind the front of the lens [m], from which data sheets measure working
+        distances; None if unknown.
 
     Raises
     ------
     OutOfRangeError
-        For a focus inside the focal length, or a stack that cannot be.
+        The focus is within the focal length, or the stack is impossible.
     """
 
     family: ClassVar[str] = "conventional"
@@ -84,7 +84,7 @@ class ConventionalCamera(Camera):
     front_to_principal_plane: float | None = None
 
     def __post_init__(self) -> None:
-        # Both check their arguments: a camera that cannot focus so is refused when it is built.
+        # Both check their arguments.
         _ = self.single_image, self.focus
 
     @property
@@ -94,7 +94,7 @@ class ConventionalCamera(Camera):
 
     @property
     def focus(self) -> SingleLensFocus | ImageStackFocus:
-        """What one image, or the stack where there is one, keeps sharp."""
+        """The focus of the stack, or of one image if there is no stack."""
         if self.stack is None:
             return self.single_image
         return ImageStackFocus(
@@ -122,11 +122,11 @@ class ConventionalCamera(Camera):
 
     @property
     def time_per_image(self) -> float | None:
-        """From one image of the stack to the next [s]; None where it is not known."""
+        """Time from one image of the stack to the next [s]; None if unknown."""
         return None if self.stack is None else self.stack.time_per_image
 
     def depth_behind_lens(self, nearest: float) -> float:  # noqa: ARG002 - its own focus, whatever the scene
-        """Lens to sensor [m], at the nearest focus of the stack where there is one."""
+        """Distance from lens to sensor [m], at the nearest focus of a stack."""
         focus = self.focus_distance if self.stack is None else min(self.focus_distance, self.stack.near)
         return float(image_distance(focus, self.lens.focal_length))
 
@@ -137,7 +137,7 @@ class ConventionalCamera(Camera):
         environment: Environment | None,  # noqa: ARG002 - as above
         stop_separation: float,
     ) -> Sequence[SingleLensExposure]:
-        """One picture, or those of the stack as it is planned for a blur of one pixel."""
+        """One picture, or those of the stack planned for a blur of one pixel."""
         focus = {"image": self.focus_distance}
         if isinstance(self.focus, ImageStackFocus):
             focus = {f"image-{k}": distance for k, distance in enumerate(self.focus.sharpest_distances, start=1)}
@@ -175,9 +175,9 @@ class ConventionalCamera(Camera):
         return tuple(rows)
 
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:  # noqa: ARG002 - it measures no depth
-        """Those of the lens, and a stated depth of field against that of the thin lens.
+        """Contradictions of the lens, and between the stated depth of field and that of the thin lens.
 
-        What a data sheet counts as sharp is seldom said.
+        Data sheets seldom state their blur criterion, so the message gives the one implied.
         """
         found = lens_contradictions(self.lens, self.sensor, stated)
         if stated is None or stated.depth_of_field is None:

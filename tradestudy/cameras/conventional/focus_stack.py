@@ -1,4 +1,4 @@
-"""A lens that a mechanism focuses anew for every image of a stack."""
+"""A lens that a mechanism refocuses for every image of a stack."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from tradestudy.optics.thin_lens import image_distance
 
 @dataclass(frozen=True, kw_only=True)
 class ImageStackFocus:
-    """As few images as cover a range of distances, but no more than the stack may have.
+    """As few images as cover a range of distances, up to a maximum.
 
-    Where the most images are too few, all are taken and spread evenly; the gaps between their slices are then equal.
+    If the maximum is too small, all images are taken and spread evenly, with equal gaps between their slices.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class ImageStackFocus:
     sample_pitch
         The pixel pitch [m].
     near, far
-        Range that the stack is spread over [m]; far may be infinite.
+        Range of the stack [m]; far may be infinite.
     most_images
         The most images that one stack may have.
 
@@ -66,19 +66,19 @@ class ImageStackFocus:
         return SingleLensFocus(lens=self.lens, focus_distance=focus_distance, sample_pitch=self.sample_pitch, name=name)
 
     def _planning_blur(self, criterion: BlurCriterion) -> tuple[float, str]:
-        """The blur [m] left to defocus at the near end, where the diffraction spot is widest, and why there is none."""
+        """The blur [m] for defocus at the near end, where diffraction is widest, and the reason if it is zero."""
         f_number = image_distance(self.near, self.lens.focal_length) / self.lens.pupil_diameter
         allowance = criterion.allowance(self.sample_pitch, f_number)
         return float(allowance.geometric_diameter), allowance.reason
 
     def focus_distances(self, criterion: BlurCriterion) -> FloatArray:
-        """Where the images are focused [m], nearest first; none where diffraction leaves no blur to defocus."""
+        """Focus distances of the images [m], nearest first; none if diffraction exceeds the criterion."""
         blur, _ = self._planning_blur(criterion)
         if not blur > 0.0:
             return np.empty(0)
         lens = {"focal_length": self.lens.focal_length, "pupil_diameter": self.lens.pupil_diameter}
         count = min(images_needed(self.near, self.far, **lens, blur_diameter=blur), self.most_images)
-        if blur >= self.lens.pupil_diameter:  # all is sharp by this criterion, wherever the one image is focused
+        if blur >= self.lens.pupil_diameter:  # everything is sharp at any focus
             return np.array([self.near])
         return plan_focus_stack(self.near, self.far, images=count, **lens, blur_diameter=blur).focus_distances
 
@@ -89,22 +89,22 @@ class ImageStackFocus:
         return [self._at(float(distance), f"image {number}") for number, distance in enumerate(focus_distances, 1)]
 
     def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
-        """The slices of the stack, each with what diffraction leaves at its own focus."""
+        """The slices of the stack, each with the diffraction at its own focus."""
         images = self._images(criterion)
         ranges = [image.sharp_range(criterion).slices for image in images]
         names = tuple(image.name for image in images)
         return sharp_range(names, ranges, self._planning_blur(criterion)[1])
 
     def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
-        """The slices of a stack spread for a size of detail on the object instead of a blur on the sensor.
+        """The slices of a stack planned for a resolution on the object instead of a blur on the sensor.
 
-        An image focused at a₀ resolves r from ``a₀ (1 − r/A)`` to ``a₀ (1 + r/A)``, a fixed ratio, so that a touching
-        stack is a geometric progression of distances.
+        An image focused at a₀ resolves r from ``a₀ (1 − r/A)`` to ``a₀ (1 + r/A)``, a constant ratio, so that
+        adjoining slices form a geometric progression.
         """
-        # Beyond this a pixel alone covers more than the size asked for, and no focus helps.
+        # Beyond this a pixel covers more than the resolution, at any focus.
         far = min(self.far, self.lens.focal_length * (1.0 + resolution / self.sample_pitch))
         share = resolution / self.lens.pupil_diameter
-        if share >= 1.0 or far <= self.near:  # everything nearer than one focus is resolved, or nothing is anyway
+        if share >= 1.0 or far <= self.near:  # one focus resolves everything closer, or nothing is resolved
             focus = np.array([max(far, self.near)])
         else:
             stretch = math.log(far / self.near)
@@ -117,25 +117,25 @@ class ImageStackFocus:
         return sharp_range(names, [image.sharp_range_at_resolution(resolution).slices for image in images])
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:  # noqa: ARG002 - the stack has its own range
-        """How many images the stack takes for its own range."""
+        """Number of images of the stack for its own range."""
         return len(self.focus_distances(criterion))
 
     @property
     def sharpest_distances(self) -> list[float]:
-        """Where the images of the stack are focused as planned for a blur of one pixel, geometric [m]."""
+        """Focus distances of the stack planned for a geometric blur of one pixel [m]."""
         return [image.focus_distance for image in self._sharpest]
 
     @cached_property
     def _sharpest(self) -> list[SingleLensFocus]:
-        """The stack as planned for a blur of one pixel, geometric: what resolution is judged by."""
+        """The stack planned for a geometric blur of one pixel, by which resolution is judged."""
         return self._images(BlurCriterion(blur_px=1.0, measure="none", wavelength=1e-6))  # λ does not enter
 
     def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
-        """That of the best image of the stack that covers its range at one pixel of blur [m]."""
+        """Resolution of the best image of the stack planned for one pixel of blur [m]."""
         return np.asarray(np.min([image.lateral_resolution(distance) for image in self._sharpest], axis=0))
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
-        """That of the image that resolves best there [m]."""
+        """Diffraction width of the image that resolves best at each distance [m]."""
         best = np.argmin([image.lateral_resolution(distance) for image in self._sharpest], axis=0)
         widths = np.stack([image.diffraction_width(distance, wavelength, measure) for image in self._sharpest])
         return np.asarray(np.take_along_axis(widths, best[np.newaxis], axis=0)[0])

@@ -1,4 +1,4 @@
-"""What lenses keep in focus, at which resolution, and with how many images."""
+"""Depth of field, resolution and number of images of lenses."""
 
 from tradestudy.cameras.focus.every_object import EveryObjectFocus
 from tradestudy.cameras.focus.focus import BlurCriterion, Focus, SharpRange

@@ -1,4 +1,4 @@
-"""Lenses that a mechanism focuses on whatever is looked at."""
+"""Lenses that a mechanism focuses on every object."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tradestudy.optics.thin_lens import image_distance
 
 @dataclass(frozen=True, kw_only=True)
 class EveryObjectFocus:
-    """A focus without limits, at the price of a mechanism in each lens and one exposure for each depth of field.
+    """Unlimited focus, at the cost of a mechanism in each lens and one exposure for each depth of field.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class EveryObjectFocus:
     sample_pitch
         The pixel pitch [m].
     mechanisms
-        How many lenses are moved.
+        Number of moving lenses.
     """
 
     lens: Lens
@@ -37,10 +37,10 @@ class EveryObjectFocus:
         require_positive("pixel pitch", self.sample_pitch)
 
     def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
-        """Everything beyond the focal length, one focus after another, unless diffraction alone is too wide.
+        """Everything beyond the focal length, one focus after another, unless diffraction alone exceeds the criterion.
 
-        The diffraction spot at a is ``d∞ b(a)/f`` wide, so that it leaves room from the distance on at which it equals
-        the criterion: ``b = f c/d∞``.
+        The diffraction spot at a is ``d∞ b(a)/f`` wide. It is within the criterion from the distance on at which
+        ``b = f c/d∞``.
         """
         f = self.lens.focal_length
         at_infinity = criterion.allowance(self.sample_pitch, self.lens.f_number)
@@ -49,18 +49,18 @@ class EveryObjectFocus:
             return sharp_range(("refocused",), [nothing], at_infinity.reason)
         spot = float(diffraction_diameter(criterion.wavelength, self.lens.f_number, criterion.measure))
         widest = criterion.blur_px * self.sample_pitch
-        # b − f = f (c/d∞ − 1) is the largest focus shift that diffraction leaves sharp.
+        # b − f = f (c/d∞ − 1) is the largest focus shift that is still sharp.
         near = f + f * spot / (widest - spot) if widest > spot else math.inf
         return sharp_range(("refocused",), [DepthOfField(near=np.asarray(near), far=np.asarray(math.inf))])
 
     def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
-        """From the focal length to where a pixel covers the size: ``p (a − f)/f = r``."""
+        """From the focal length to the distance at which a pixel covers the resolution: ``p (a − f)/f = r``."""
         f = self.lens.focal_length
         far = f + f * (resolution / self.sample_pitch)
         return sharp_range(("refocused",), [DepthOfField(near=np.asarray(f), far=np.asarray(far))])
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:
-        """The fewest depths of field that cover the scene; 0 where diffraction leaves none at its near end."""
+        """The fewest depths of field that cover the scene; 0 if diffraction exceeds the criterion at its near end."""
         f = self.lens.focal_length
         if not near > f:
             return 0
@@ -75,7 +75,7 @@ class EveryObjectFocus:
         return np.asarray(np.where(a > f, np.asarray(on_sensor) * ((a - f) / f), np.nan))
 
     def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
-        """``p (a − f)/f``: a pixel on an object in focus [m]."""
+        """``p (a − f)/f``: size of a pixel on an object in focus [m]."""
         return self._magnified(distance, self.sample_pitch)
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What every camera can tell about its focus, so that a study treats all of them alike."""
+"""The focus of a camera: the interface that all kinds of camera share."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from tradestudy.optics.depth_of_field import (
 
 @dataclass(frozen=True, kw_only=True)
 class BlurCriterion:
-    """How much blur counts as sharp.
+    """The largest blur that counts as sharp.
 
     Parameters
     ----------
     blur_px
         Diameter of the blur in lateral samples: pixels, or microlenses of an unfocused plenoptic camera.
     measure
-        How wide the diffraction spot counts in quadrature beside defocus; ``none`` is geometric optics.
+        Measure of the diffraction spot, added in quadrature to defocus; ``none``: geometric optics.
     wavelength
         λ [m].
 
@@ -50,23 +50,23 @@ class BlurCriterion:
         require_positive("wavelength", self.wavelength)
 
     def allowance(self, sample_pitch: float, working_f_number: ArrayLike) -> BlurAllowance:
-        """What diffraction leaves to defocus [m], ``√(c² − d²)``; see `blur_allowance`."""
+        """The blur that remains for defocus beside diffraction [m], ``√(c² − d²)``; see `blur_allowance`."""
         spot = diffraction_diameter(self.wavelength, working_f_number, self.measure)
         return blur_allowance(self.blur_px * sample_pitch, spot)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SharpRange:
-    """What a camera keeps sharp: slice by slice, and together.
+    """The sharp range of a camera, in slices and in total.
 
     Parameters
     ----------
     names
-        Of the slices: an image of a stack, a type of microlens, the lens.
+        Names of the slices: an image of a stack, a type of microlens, the lens.
     slices
-        Near and far limit [m] of each, shape (slices,); NaN where a slice is nowhere sharp.
+        Near and far limit [m] of each, shape (slices,); NaN where a slice is sharp nowhere.
     reason
-        Why there is none, where there is none.
+        Why nothing is sharp; empty otherwise.
     """
 
     names: tuple[str, ...]
@@ -75,12 +75,12 @@ class SharpRange:
 
     @property
     def union(self) -> IntervalUnion:
-        """What the slices cover together, with gaps and overlaps."""
+        """The union of the slices, with gaps and overlaps."""
         return union(self.slices)
 
     @property
     def extent(self) -> float:
-        """Total length [m] of all that is sharp; infinite where a far limit is."""
+        """Total length of the sharp range [m]; infinite if a far limit is."""
         covered = self.union.covered
         return float(np.sum(covered[:, 1] - covered[:, 0])) if len(covered) else 0.0
 
@@ -91,7 +91,7 @@ class SharpRange:
 
 
 def sharp_range(names: tuple[str, ...], parts: Sequence[DepthOfField], reason: str = "") -> SharpRange:
-    """A sharp range of one slice for each name; the reason is that given, or all that the parts have."""
+    """A sharp range of one slice for each name, with the given reason or those of the parts."""
     near, far = (
         np.concatenate([np.empty(0), *(np.atleast_1d(getattr(part, end)) for part in parts)]) for end in ("near", "far")
     )
@@ -104,19 +104,19 @@ class Focus(Protocol):
 
     @property
     def mechanisms(self) -> int:
-        """How many lenses have to be moved to cover what `sharp_range` covers."""
+        """Number of lenses that move to cover `sharp_range`."""
         ...
 
     def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
-        """What is sharp by a blur criterion."""
+        """The sharp range by a blur criterion."""
         ...
 
     def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
-        """What is resolved with a given size of detail on the object [m] or better; geometric."""
+        """The range in which details of a size on the object [m] are resolved, by geometric optics."""
         ...
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:
-        """Exposures taken for a scene from near to far [m]; 0 where no number is enough."""
+        """Number of exposures for a scene from near to far [m]; 0 if no number suffices."""
         ...
 
     def lateral_resolution(self, distance: ArrayLike) -> FloatArray:

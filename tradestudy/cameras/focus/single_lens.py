@@ -17,7 +17,7 @@ from tradestudy.optics.thin_lens import image_distance
 
 
 def require_focus(focus_distance: float, focal_length: float) -> None:
-    """Refuse a focus that a lens cannot have."""
+    """Refuse a focus within the focal length."""
     if not focus_distance > focal_length:
         raise OutOfRangeError(
             "the lens cannot focus that close",
@@ -29,7 +29,7 @@ def require_focus(focus_distance: float, focal_length: float) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class SingleLensFocus:
-    """A lens that stays focused at one distance.
+    """A lens with fixed focus.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class SingleLensFocus:
     sample_pitch
         The pixel pitch [m].
     name
-        Of the one slice that it keeps sharp.
+        Name of its one slice.
 
     Raises
     ------
@@ -65,7 +65,7 @@ class SingleLensFocus:
         return float(image_distance(self.focus_distance, self.lens.focal_length)) / self.lens.pupil_diameter
 
     def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
-        """The exact thin lens with what diffraction leaves of the criterion; see `depth_of_field`."""
+        """The depth of field of the exact thin lens, diffraction deducted from the blur; see `depth_of_field`."""
         allowance = criterion.allowance(self.sample_pitch, self.working_f_number)
         limits = depth_of_field(
             self.focus_distance, self.lens.focal_length, self.lens.pupil_diameter, allowance.geometric_diameter

@@ -1,4 +1,4 @@
-"""What a study declares of a focused plenoptic camera."""
+"""The declaration of a focused plenoptic camera in a study."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ from tradestudy.optics.thin_lens import image_distance
 class MicrolensesPart(Part):
     """The microlens array."""
 
-    layout: Literal["hexagonal", "square"] = Field(description="How the microlenses are arranged.")
-    pitch: MicrolensPitch = Field(description="Distance of neighbouring microlens centres.")
+    layout: Literal["hexagonal", "square"] = Field(description="Arrangement of the microlenses.")
+    pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres.")
     gap: LensToSensor | Literal["f-number-matching"] = Field(
-        description="Array to sensor; f-number-matching makes it pitch × mla_distance / pupil diameter."
+        description="Distance from array to sensor; f-number-matching: pitch × mla_distance / pupil diameter."
     )
-    types: Literal[1, 3] = Field(default=1, description="Kinds of microlenses, by focal length.")
+    types: Literal[1, 3] = Field(default=1, description="Number of microlens types, by focal length.")
     focal_lengths: tuple[FocalLength, ...] | None = Field(
         default=None,
-        description="One per type; left out, they are designed so that their depths of field touch, at one "
-        "pixel of blur, from the total covering plane on.",
+        description="One per type; default: chosen so that their depths of field adjoin, at one pixel of blur, from "
+        "the total covering plane on.",
     )
     aperture_diameter: MicrolensPitch | None = Field(default=None, description="Of one microlens; default: the pitch.")
 
@@ -55,21 +55,22 @@ class MicrolensesPart(Part):
                 f"{len(self.focal_lengths)} focal lengths for {self.types} types: give one for each type",
             )
         if self.layout == "square" and self.types != 1:
-            raise MistakeAt(("types",), "three types do not tile a square array evenly; use layout: hexagonal")
+            raise MistakeAt(("types",), "three types cannot tile a square array; use layout: hexagonal")
         if self.aperture_diameter is not None and self.aperture_diameter > self.pitch:
-            raise MistakeAt(("aperture_diameter",), "the microlenses overlap: at most the pitch")
+            raise MistakeAt(("aperture_diameter",), "the microlenses overlap; at most the pitch is expected")
         return self
 
 
 class FocusPart(Part):
-    """Where the array stands: directly, or by the plane from which a pair of microlenses sees every point."""
+    """Position of the array: directly, or by the plane from which a pair of microlenses sees every point."""
 
-    mla_distance: LensToSensor | None = Field(default=None, description="Main lens to array z.")
+    mla_distance: LensToSensor | None = Field(default=None, description="Distance z from main lens to array.")
     total_covering_plane: ObjectDistanceOrInfinity | None = Field(
         default=None, description="Object distance at which |virtual depth| is 2; may be infinity."
     )
     relay: Literal["keplerian", "galilean"] | None = Field(
-        default=None, description="Image of the main lens before (keplerian) or behind (galilean) the array."
+        default=None,
+        description="Image of the main lens before (keplerian) or behind (galilean) the array.",
     )
 
     @model_validator(mode="after")
@@ -84,18 +85,16 @@ class FocusPart(Part):
 class PlenopticDepthPart(DisparityPart):
     """Depth by micro-images."""
 
-    estimator: PlenopticEstimator = Field(description="Which micro-images depth is measured from.")
+    estimator: PlenopticEstimator = Field(description="Micro-images that are compared.")
     microlenses: UsedLenses | None = Field(
         default=None,
-        description="Microlenses that widest-pair and least-squares use; default: sharpest-type.",
+        description="Microlenses for widest-pair and least-squares; default: sharpest-type.",
     )
 
     @model_validator(mode="after")
     def _choice(self) -> Self:
         if self.microlenses is not None and self.estimator in LENSES_OF_PAIRS:
-            raise MistakeAt(
-                ("microlenses",), f"the estimator {self.estimator} has no choice of microlenses; leave it out"
-            )
+            raise MistakeAt(("microlenses",), f"the estimator {self.estimator} has no choice of microlenses; remove it")
         return self
 
 
@@ -121,17 +120,17 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
     depth: PlenopticDepthPart
     field_curvature: Length = Field(
         default=0.0,
-        description="How much farther from the main lens than on the axis its image lies in the corner of the sensor; "
-        "known, and corrected for.",
+        description="How much farther from the main lens its image lies in the corner of the sensor than on the axis; "
+        "known and corrected.",
     )
     calibration: FocusedPlenopticCalibration = Field(default_factory=FocusedPlenopticCalibration)
 
     @classmethod
     def stated_by(cls, imported: Imported) -> Iterator[Stated]:
-        """Everything that a calibration of such a camera says; how disparity is measured, the study says."""
+        """All values of an imported calibration; the study declares how disparity is measured."""
         assert isinstance(imported, ImportedPlenoptic)
         one, keys = imported, imported.keys
-        said: dict[tuple[str, ...], tuple[Value, str]] = {
+        values: dict[tuple[str, ...], tuple[Value, str]] = {
             ("main_lens", "focal_length"): (f"{one.focal_length!r} m", "focal_length"),
             ("main_lens", "f_number"): (one.f_number, "f_number"),
             ("sensor", "pixels"): (list(one.pixels), "pixels"),
@@ -144,12 +143,12 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
             ("focus", "mla_distance"): (f"{one.mla_distance!r} m", "mla_distance"),
         }
         yield Stated(path=("kind",), value="focused-plenoptic", key=keys["mla_distance"], basis="derived")
-        for path, (value, name) in said.items():
+        for path, (value, name) in values.items():
             yield Stated(path=path, value=value, key=keys[name])
         yield from conventions_stated(imported.conventions)
 
     def design(self, picture_law: DisparityErrorLaw | None) -> FocusedPlenoptic:
-        """The camera in SI; its array is put where the declared plane is the total covering plane.
+        """The camera in SI; its array is placed so that the declared plane is the total covering plane.
 
         With b_M the image distance of that plane, ``z = b_M ± 2 b_L`` (Keplerian +, Galilean −); with f-number
         matching, where ``b_L = p z / A``, this is ``z = b_M / (1 ∓ 2p/A)``.
@@ -180,7 +179,9 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
                 z = b + sign * COVERING_VIRTUAL_DEPTH * gap
         if not (z > 0.0 and gap > 0.0):
             raise OutOfRangeError(
-                "the microlens array would stand before the main lens", value=f"{z * 1e3:g} mm", remedy="reduce the gap"
+                "the microlens array would lie in front of the main lens",
+                value=f"{z * 1e3:g} mm",
+                remedy="reduce the gap",
             )
         depth = self.depth
         return FocusedPlenoptic(
@@ -202,7 +203,7 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
         )
 
     def _designed_focal_lengths(self, gap: float, sign: float) -> tuple[float, ...]:
-        """Those of types whose depths of field touch, at one pixel of blur, from the total covering plane on [m]."""
+        """Focal lengths [m] whose depths of field adjoin, at one pixel of blur, from the total covering plane on."""
         array = self.microlenses
         inverse_depths = touching_inverse_virtual_depths(
             nearest_virtual_depth=COVERING_VIRTUAL_DEPTH,

@@ -1,4 +1,4 @@
-"""Depth from a raw picture: micro-images matched with those that the declared estimator compares them with."""
+"""Depth from a raw picture: micro-images matched as the declared estimator pairs them."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from tradestudy.optics.window_matching import (
     odd_window,
 )
 
-_AT_ONCE: Final = 400  # microlenses, so that what one step needs stays in the cache
+_AT_ONCE: Final = 400  # microlenses, so that one step fits into the cache
 _LEAST_SHARE: Final = 0.15  # of a window that both micro-images show
-_AGREE: Final = 4.0  # standard deviations that matches of one point may lie apart
+_AGREE: Final = 4.0  # standard deviations by which matches of one point may differ
 _ASIDE: Final = 0.25  # of the pupil, by which views are shifted
 _TABLE: Final = 2048  # radii of the table of lit parts of microlenses
 _SAME_SURFACE_PX: Final = 0.5  # of disparity, between the two pixels that show a point
@@ -39,12 +39,12 @@ Step = tuple[int, int]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RawPictureReader(DepthReader):
-    """A focused plenoptic camera as it was designed, and what depth is looked for.
+    """Depth by a focused plenoptic camera as designed.
 
     Parameters
     ----------
     camera, search
-        Them.
+        The camera, and the depths to search.
     """
 
     camera: FocusedPlenoptic
@@ -56,12 +56,12 @@ class RawPictureReader(DepthReader):
 
     @cached_property
     def _inverse_virtual_depths(self) -> Samples:
-        """1/v over the distances searched; it falls with distance."""
+        """1/v at the distances searched; decreases with distance."""
         v = self.camera.virtual_depth(self.search.distances)
         found = 1.0 / v
         if not (np.all(np.isfinite(found)) and np.all(v * v[0] > 0.0)):
             raise OutOfRangeError(
-                "depth by micro-images of distances on both sides of the image on the microlens array",
+                "the depths searched lie on both sides of the plane imaged onto the microlens array",
                 value=f"{self.search.near:g} to {self.search.far:g} m",
                 limit="one side",
                 remedy="narrow scene.distances, or move the total covering plane",
@@ -70,7 +70,7 @@ class RawPictureReader(DepthReader):
 
     @cached_property
     def _steps(self) -> tuple[Step, ...]:
-        """Along the lattice, to the microlenses that the estimator compares one with; opposite ones included."""
+        """Lattice steps to the microlenses that the estimator compares with one, including opposite steps."""
         camera, grid = self.camera, self._grid
         array = camera.microlenses
         same_type = camera.lenses == "sharpest-type" and array.types > 1
@@ -93,12 +93,12 @@ class RawPictureReader(DepthReader):
 
     @cached_property
     def _sharpest(self) -> NDArray[np.intp]:
-        """Type over the distances searched."""
+        """Sharpest type at each distance searched."""
         return np.asarray(np.argmin(self.camera.blur_px(self.search.distances), axis=0))
 
     @cached_property
     def _types(self) -> NDArray[np.intp]:
-        """Of each microlens."""
+        """Type of each microlens."""
         types = self.camera.microlenses.types
         return np.asarray((self._grid.first - self._grid.second) % types)
 
@@ -108,13 +108,13 @@ class RawPictureReader(DepthReader):
 
     @cached_property
     def _used(self) -> Indices:
-        """Microlenses of the types that are the sharpest somewhere in the range."""
+        """Microlenses of the types that are the sharpest at some distance searched."""
         if not self._by_type:
             return np.arange(self._grid.first.size)
         return np.flatnonzero(np.isin(self._types, np.unique(self._sharpest)))
 
     def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
-        """Depth of every pixel that shows what the estimator has a second micro-image of."""
+        """Depth of every pixel whose object point the estimator finds in a second micro-image."""
         picture = pictures["raw"]
         values = squares(self._grid, picture.values, picture.pure)
         noise = squares(self._grid, picture.variance, picture.pure)
@@ -129,7 +129,7 @@ class RawPictureReader(DepthReader):
         return self._on_sensor(picture, inverse, deviation, reason)
 
     def made_of(self, pictures: Mapping[str, FlatPicture], found: DepthMap, middle: float) -> dict[str, Samples]:
-        """Refocused on the middle of the scene where it is searched, sharp throughout, and so from left and right."""
+        """Pictures refocused on the middle of the scene, sharp throughout, and from the left and the right."""
         synthesis = RawPictureSynthesis(camera=self.camera, search=self.search, picture=pictures["raw"])
         made = {"refocused": synthesis.refocused(middle)} if self.search.near <= middle <= self.search.far else {}
         if np.any(np.isfinite(found.depth)):
@@ -140,7 +140,7 @@ class RawPictureReader(DepthReader):
         return made
 
     def _matches(self, step: Step, values: Samples, variance: Samples) -> Matches:
-        """Of all used microlenses with those a step away, disparities along the step [px]."""
+        """Matches of all used microlenses with those a step away; disparities along the step [px]."""
         grid, used = self._grid, self._used
         shape = (used.size, grid.side, grid.side)
         matches = Matches(
@@ -190,7 +190,7 @@ class RawPictureReader(DepthReader):
         )
 
     def _defocus(self, lenses: Indices, inverse_virtual_depth: float) -> Samples:
-        """How far a ray arrives from where the chief ray of its point does, over its place on the microlens."""
+        """Distance of a ray from the chief ray on the sensor, over its height on the microlens."""
         array = self.camera.microlenses
         focal_lengths = np.asarray(array.focal_lengths)[self._types[lenses]]
         found = 1.0 - array.gap / focal_lengths + inverse_virtual_depth
@@ -198,17 +198,18 @@ class RawPictureReader(DepthReader):
 
     @cached_property
     def _middles(self) -> Samples:
-        """Where on the microlens the middle of the light to a pixel passes, over the pixel's place, for each type.
+        """Centroid on the microlens of the light to a pixel, over the pixel's position, for each type.
 
-        Away from the middle of a micro-image the pupil cuts the cone of light on one side. The rest of a defocused
-        point lies beside its chief ray, in opposite directions in two micro-images, and would shift every disparity.
+        Away from the centre of a micro-image the pupil vignettes the cone of light on one side. The centroid of a
+        defocused point is then off its chief ray, in opposite directions in two micro-images, which would bias every
+        disparity.
         """
         camera = self.camera
         array, pixel = camera.microlenses, camera.sensor.pixel_pitch
         radius = (np.arange(_TABLE) + 0.5) / _TABLE * self._table_end
         ratios = []
         for f in array.focal_lengths:
-            # The pupil as it is seen on the microlens through the pixel.
+            # The pupil as seen from the pixel, on the microlens.
             scale = 1.0 + camera.mla_distance * (1.0 / array.gap - 1.0 / f)
             scale = math.copysign(max(abs(scale), 1e-6), scale)
             apart = radius * pixel * camera.mla_distance / array.gap / scale
@@ -219,7 +220,7 @@ class RawPictureReader(DepthReader):
         return np.array(ratios, np.float32)
 
     def _shift_along(self, place: Samples, lenses: Indices, along: Samples) -> Samples:
-        """Middle of the light on the microlens along a direction [px], of all pixels of squares from ``place`` on."""
+        """Centroid of the light on the microlens along a direction [px], for all pixels of squares at ``place``."""
         line = np.arange(self._grid.side)
         x, y = ((place[k][:, np.newaxis] + line).astype(np.float32) for k in (0, 1))
         distance = np.sqrt(np.square(x)[:, np.newaxis, :] + np.square(y)[:, :, np.newaxis])
@@ -230,11 +231,11 @@ class RawPictureReader(DepthReader):
 
     @property
     def _table_end(self) -> float:
-        """Farthest from the middle of a micro-image that pixels of its square lie [px]."""
+        """Largest distance of the pixels of a square from the centre of its micro-image [px]."""
         return 3.0 * self._grid.radius
 
     def _hold_against(self, step: Step, forth: Matches, back: Matches) -> None:
-        """Mark what the match of the partner with this micro-image contradicts."""
+        """Mark matches that the reverse match contradicts."""
         row, y, x = np.nonzero(forth.reason == Reason.MEASURED)
         d = forth.disparity[row, y, x]
         partner, px, py = self._partner(step, row, x, y, d)
@@ -248,7 +249,7 @@ class RawPictureReader(DepthReader):
     def _partner(
         self, step: Step, row: Indices, x: Indices, y: Indices, disparity: Samples
     ) -> tuple[Indices, Indices, Indices]:
-        """Row among the used microlenses, and pixel of its square, that show what pixels of squares show."""
+        """Row among the used microlenses, and pixel of its square, of the matches of pixels."""
         grid, used = self._grid, self._used
         number = np.full(grid.first.size + 1, -1, np.intp)
         number[used] = np.arange(used.size)
@@ -262,7 +263,7 @@ class RawPictureReader(DepthReader):
         return number[others], *(np.rint(one).astype(np.intp) for one in place)
 
     def _combined(self, found: Mapping[Step, Matches]) -> tuple[Samples, Samples, NDArray[np.uint8]]:
-        """1/v, its standard deviation and reasons in the squares, by the rule of the estimator."""
+        """1/v, its standard deviation and reasons in the squares, as the estimator combines them."""
         first = next(iter(found.values()))
         shape = first.disparity.shape
         best, deviation = np.full(shape, np.nan, np.float32), np.full(shape, np.inf, np.float32)
@@ -276,8 +277,8 @@ class RawPictureReader(DepthReader):
             rank[better] = worth[better]
             best[better], deviation[better] = one.disparity[better] / length, one.deviation[better] / length
             reason[better] = Reason.MEASURED
-            told = (reason == Reason.NO_PARTNER) & ~good
-            reason[told] = one.reason[told]
+            explained = (reason == Reason.NO_PARTNER) & ~good
+            reason[explained] = one.reason[explained]
         if self.camera.estimator == "least-squares":
             return *self._least_squares(found, best, deviation), reason
         return best, deviation, reason
@@ -285,9 +286,9 @@ class RawPictureReader(DepthReader):
     def _least_squares(
         self, found: Mapping[Step, Matches], best: Samples, best_deviation: Samples
     ) -> tuple[Samples, Samples]:
-        """Weighted mean of all pairs that agree with the surest one.
+        """Weighted mean of all pairs that agree with the most precise one.
 
-        Pairs of one pixel share its micro-image, whose noise they have in common: half of the variance of each.
+        Pairs of one pixel share its micro-image, whose noise contributes half of the variance of each.
         """
         total, weights, squares = (np.zeros(best.shape, np.float32) for _ in range(3))
         shared = np.zeros(best.shape, np.float32)
@@ -308,34 +309,34 @@ class RawPictureReader(DepthReader):
     def _on_sensor(
         self, picture: FlatPicture, inverse: Samples, deviation: Samples, reason: NDArray[np.uint8]
     ) -> DepthMap:
-        """From the squares to the pixels of the sensor, and from 1/v to depth."""
+        """The depth map on the pixels of the sensor, from 1/v in the squares."""
         shape = picture.values.shape
         w, spread = (np.full(shape, np.nan, np.float32) for _ in range(2))
-        told = np.where(picture.pure, Reason.LESS_SHARP, Reason.NO_LIGHT).astype(np.uint8)
+        reasons = np.where(picture.pure, Reason.LESS_SHARP, Reason.NO_LIGHT).astype(np.uint8)
         row, y, x, rows, columns = self._pixels(picture.pure)
         w[rows, columns], spread[rows, columns] = inverse[row, y, x], deviation[row, y, x]
-        told[rows, columns] = reason[row, y, x]
-        measured = told == Reason.MEASURED
+        reasons[rows, columns] = reason[row, y, x]
+        measured = reasons == Reason.MEASURED
         if self._by_type:
             kinds = np.full(shape, -1, np.intp)
             kinds[rows, columns] = self._types[self._used[row]]
             nearest = self._nearest(w)
             less = measured & (self._sharpest[nearest] != kinds)
-            told[less] = Reason.LESS_SHARP
+            reasons[less] = Reason.LESS_SHARP
             measured &= ~less
         depth, rate = self._depth(np.where(measured, w, np.nan))
         baseline = self.camera.estimator_baseline(self.search.distances) / self.camera.sensor.pixel_pitch
         beyond = measured & ~np.isfinite(depth)
-        told[beyond] = Reason.OUT_OF_RANGE
+        reasons[beyond] = Reason.OUT_OF_RANGE
         return DepthMap(
             depth=np.where(np.isfinite(depth), depth, np.nan),
             deviation=spread * np.abs(rate),
             disparity_deviation=np.where(measured, spread * baseline[self._nearest(w)], np.nan),
-            reason=told,
+            reason=reasons,
         )
 
     def _pixels(self, pure: BoolArray) -> tuple[Indices, Indices, Indices, Indices, Indices]:
-        """Pixels of squares that show their own micro-image: square, row and column there; row and column here."""
+        """Pixels within their own micro-image: square, row and column in it; row and column on the sensor."""
         grid, used = self._grid, self._used
         inner = slice(MARGIN, -MARGIN)
         row, y, x = np.nonzero(np.isfinite(squares(grid, pure.astype(np.float32), pure)[used, inner, inner]))
@@ -343,14 +344,14 @@ class RawPictureReader(DepthReader):
         return row, y, x, corner[1] + y, corner[0] + x
 
     def _nearest(self, inverse: Samples) -> NDArray[np.intp]:
-        """Number of the distance searched whose 1/v is about the given one."""
+        """Index of the distance searched with the closest 1/v."""
         table = self._inverse_virtual_depths
         order = np.argsort(table)
         number = np.interp(np.nan_to_num(inverse), table[order], order.astype(float))
         return np.asarray(np.rint(number).astype(np.intp))
 
     def _depth(self, inverse: Samples) -> tuple[Samples, Samples]:
-        """Depth [m] and its rate [m] for 1/v, by the camera's own law; linear in inverse depth between 4097 values."""
+        """Depth [m] and its derivative by 1/v [m], by the camera's law, interpolated in inverse depth."""
         if not np.any(np.isfinite(inverse)):
             return np.full(inverse.shape, np.nan), np.full(inverse.shape, np.nan)
         values = np.linspace(float(np.nanmin(inverse)), float(np.nanmax(inverse)) + 1e-9, 4097)
@@ -364,7 +365,7 @@ class RawPictureReader(DepthReader):
         return np.asarray(depth), np.asarray(rate)
 
     def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
-        """True depth of the raw picture, and where one of the estimator's microlenses sees the same point."""
+        """True depth in the raw picture; measurable where one of the estimator's microlenses sees the same point."""
         depth = np.asarray(depths["raw"], np.float64)
         shape = depth.shape
         table, order = self._inverse_virtual_depths, np.argsort(1.0 / self.search.distances)

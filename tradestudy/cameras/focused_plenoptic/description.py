@@ -1,4 +1,4 @@
-"""What follows from the inputs of a focused plenoptic camera, in words for readers."""
+"""Derived properties of a focused plenoptic camera."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ def properties_of(
 
 
 def focuses_before_array(array: MicrolensArray) -> bool:
-    """Whether the first type focuses on images before the array, as a Keplerian relay needs it."""
+    """Whether the first type focuses on images before the array: a Keplerian relay."""
     return array.gap >= array.focal_lengths[0]
 
 
 def _covered_from(lens: Lens, array: MicrolensArray, mla_distance: float) -> str:
-    """Exact distance from which (Keplerian), or up to which (Galilean), two lenses of any type see every point."""
+    """Exact distance from which (Keplerian) or up to which (Galilean) two microlenses of any type see every point."""
     keplerian = focuses_before_array(array)
     needed = covering_radius_over_pitch(at_least=2, layout=array.layout)
     if not keplerian and 2.0 * needed * array.pitch > lens.pupil_diameter:

@@ -49,7 +49,7 @@ from tradestudy.optics.thin_lens import focus_shift
 from tradestudy.optics.triangulation import plenoptic_depth
 
 COVERING_VIRTUAL_DEPTH: Final = 2.0
-"""Of the total covering plane: the nearest at which two microlenses of any type see every point."""
+"""Virtual depth of the total covering plane: the smallest at which two microlenses of any type see every point."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,23 +61,23 @@ class FocusedPlenoptic(PlenopticCamera):
     main_lens, sensor, microlenses, field_curvature
         See `PlenopticCamera`.
     mla_distance
-        Main lens to array z [m].
+        Distance z from main lens to array [m].
     estimator
-        Which micro-images depth is measured from: two neighbours, two neighbours of the same type, the two farthest
-        apart, or least squares over all.
+        Micro-images that are compared: two neighbours, two neighbours of the same type, the two farthest apart, or all
+        by least squares.
     lenses
-        Which microlenses the estimator may use: ``all`` types, or those of the ``sharpest-type`` at each distance. Two
-        neighbours are of different types, so ``adjacent-pair`` uses all; ``same-type-pair`` uses the sharpest.
+        Microlenses that the estimator may use: ``all`` types, or those of the ``sharpest-type`` at each distance.
+        Neighbours are of different types, so ``adjacent-pair`` uses all; ``same-type-pair`` uses the sharpest.
     disparity_error_px
-        Standard deviation of the disparity of one pair [px], of which one image coordinate has 1/√2, or the law it
-        follows from.
+        Standard deviation of the disparity of one pair [px] (1/√2 of it for one image coordinate), or the law that
+        gives it.
     discrimination_step_px
         The disparity step [px] of the depth discrimination.
 
     Raises
     ------
     OutOfRangeError
-        For parts that do not fit together.
+        The parts do not fit together.
     """
 
     pictured_by_microlenses: ClassVar[bool] = True
@@ -100,7 +100,7 @@ class FocusedPlenoptic(PlenopticCamera):
 
     @property
     def focus(self) -> MicrolensTypesFocus:
-        """What the types of microlenses keep sharp."""
+        """The focus of the microlens types."""
         return MicrolensTypesFocus(
             main_lens=self.main_lens,
             microlenses=self.microlenses,
@@ -117,7 +117,7 @@ class FocusedPlenoptic(PlenopticCamera):
         return virtual_depth(distance, self.mla_distance, self.microlenses.gap, self.main_lens.focal_length)
 
     def radius_over_pitch(self, distance: ArrayLike) -> FloatArray:
-        """Radius of the disc in which microlenses see a point, over the pitch; infinite objects allowed.
+        """Radius of the disc in which microlenses see a point, over the pitch; objects at infinity allowed.
 
         NaN for objects inside the focal length, which have no image behind the main lens.
         """
@@ -132,7 +132,7 @@ class FocusedPlenoptic(PlenopticCamera):
         return np.asarray(np.where(real, radius, np.nan))
 
     def estimator_baseline(self, distance: ArrayLike) -> FloatArray:
-        """The distance Δx [m] of two microlenses that would measure as well as the estimator."""
+        """Baseline Δx [m] of a pair of microlenses with the precision of the estimator."""
         if self.estimator in LENSES_OF_PAIRS:
             return np.full(np.shape(distance), neighbour_distance(self.estimator, self.microlenses))
         return effective_baseline(self.estimator, self.lenses, self.microlenses, self.radius_over_pitch(distance))
@@ -146,8 +146,8 @@ class FocusedPlenoptic(PlenopticCamera):
     def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
         """Disparity [m] of infinity over the baseline that the estimator has at a distance.
 
-        Minus infinity for an object so near that its image lies on the other side of the array than that of infinity:
-        no error of disparity takes it there without passing a_L = 0.
+        Minus infinity for an object so near that its image lies on the other side of the array: no disparity error can
+        take it to infinity without passing a_L = 0.
         """
         reached = self.estimator_baseline(distance) / self.virtual_depth(np.inf)
         return np.asarray(np.where(self.disparity(distance) * reached > 0.0, reached, -np.inf))
@@ -155,8 +155,8 @@ class FocusedPlenoptic(PlenopticCamera):
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
         """Eq. 8 [m] with the baseline that the estimator has at a true distance; see `plenoptic_depth`.
 
-        Past zero it is what the true sign tends to, not the image of the other relay: infinity for a Keplerian relay,
-        the front focal point for a Galilean one.
+        Disparities of the wrong sign give the limit at zero disparity, not the depth of the other relay: infinity for a
+        Keplerian relay, the front focal point for a Galilean one.
         """
         true, f = self.disparity(distance), self.main_lens.focal_length
         depth = plenoptic_depth(
@@ -207,19 +207,19 @@ class FocusedPlenoptic(PlenopticCamera):
         return found
 
     def least_sharp_type(self, distance: ArrayLike) -> NDArray[np.intp]:
-        """Number of the type that gives the least sharp picture that the estimator needs: second best of neighbours."""
+        """Index of the least sharp type that the estimator needs; for neighbours, the second sharpest."""
         order = np.argsort(self.blur_px(distance), axis=0)
         if self.estimator == "adjacent-pair":
             return np.asarray(order[min(1, len(order) - 1)])
         return np.asarray(order[-1] if self.lenses == "all" else order[0])
 
     def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
-        """Blur [px] of the least sharp picture that the estimator needs."""
+        """Blur [px] of the least sharp type that the estimator needs."""
         used = self.least_sharp_type(distance)
         return np.asarray(np.take_along_axis(self.blur_px(distance), used[np.newaxis], axis=0)[0])
 
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
-        """The micro-images on the sensor; the least sharp type that the estimator needs stands for all."""
+        """The micro-images on the sensor; the least sharp type that the estimator needs represents all."""
         a = np.asarray(distance, dtype=np.float64)
         a = np.where(self.images(a), a, np.nan)
         used = self.least_sharp_type(a)
@@ -238,24 +238,24 @@ class FocusedPlenoptic(PlenopticCamera):
 
     @property
     def geometry(self) -> ArrayGeometry:
-        """With the declared distance of the array."""
+        """The geometry with the declared distance of the array."""
         return self.geometry_at(self.mla_distance)
 
     def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Observation:
-        """Distance of the two micro-images of a point, and where they lie; see `relay_observation`."""
+        """Distance between the two micro-images of a point, and their position; see `relay_observation`."""
         return relay_observation(self.geometry, self.estimator_baseline(z), errors, x, y, z)
 
     def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:
-        """By eq. 8; see `relay_inverse_depth`."""
+        """Inverse depth by eq. 8; see `relay_inverse_depth`."""
         return relay_inverse_depth(self.geometry, self.estimator_baseline(distance), errors, seen)
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
-        """Disparity of the two micro-images of a corner, and where on the array they lie."""
+        """Disparity of the two micro-images of a corner, and their position on the array."""
         apart, on_x, on_y = self.observe(errors, x, y, z)
         return apart - self.estimator_baseline(z), on_x, on_y
 
     def target_noise_px(self, corner_noise_px: float) -> FloatArray:
-        """That of the disparity as declared, and of both coordinates on the array."""
+        """Noise of the disparity as declared, and of both coordinates on the array."""
         return np.array([declared_disparity_error(self), corner_noise_px, corner_noise_px])
 
     def microlenses_seeing(self, distance: FloatArray) -> FloatArray:
@@ -266,7 +266,7 @@ class FocusedPlenoptic(PlenopticCamera):
 
     @property
     def total_covering_plane(self) -> float:
-        """Where |v| = 2 on the side of the array that the first type focuses on [m]; NaN where that is nowhere."""
+        """Object distance with |v| = 2 on the side of the array on which the first type focuses [m]; NaN if none."""
         side = 1.0 if focuses_before_array(self.microlenses) else -1.0
         return float(
             object_distance_of_virtual_depth(

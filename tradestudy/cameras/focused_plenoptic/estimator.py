@@ -1,4 +1,4 @@
-"""Which micro-images depth is measured from, and what that makes of the baseline and of the points it is there for."""
+"""Estimators of depth from micro-images: effective baseline, compared pairs and availability."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tradestudy.optics.microlens_coverage import (
 PlenopticEstimator = Literal["adjacent-pair", "same-type-pair", "widest-pair", "least-squares"]
 UsedLenses = Literal["all", "sharpest-type"]
 LENSES_OF_PAIRS: Final[dict[str, UsedLenses]] = {"adjacent-pair": "all", "same-type-pair": "sharpest-type"}
-"""The microlenses of estimators that leave no choice."""
+"""Microlenses of the estimators without a choice."""
 
 
 def require_choice(estimator: PlenopticEstimator, lenses: UsedLenses) -> None:
@@ -32,7 +32,7 @@ def require_choice(estimator: PlenopticEstimator, lenses: UsedLenses) -> None:
 
 
 def neighbour_distance(estimator: PlenopticEstimator, array: MicrolensArray) -> float:
-    """Of the two microlenses of an adjacent or a same-type pair [m]: the pitch, times √3 for types that take turns."""
+    """Distance between the microlenses of an adjacent or same-type pair [m]: the pitch, or √3 times it."""
     same_of_three = estimator == "same-type-pair" and array.types > 1
     return array.pitch * (math.sqrt(3.0) if same_of_three else 1.0)
 
@@ -40,17 +40,17 @@ def neighbour_distance(estimator: PlenopticEstimator, array: MicrolensArray) -> 
 def effective_baseline(
     estimator: PlenopticEstimator, lenses: UsedLenses, array: MicrolensArray, radius_over_pitch: FloatArray
 ) -> FloatArray:
-    """The distance [m] of two microlenses that would measure as well as the widest pair, or as least squares over all.
+    """Baseline [m] of a pair of microlenses with the precision of the widest pair, or of least squares over all.
 
-    In the mean square of the error over the places of a point in the lattice, which grows with the absolute v and with
-    v². NaN where the microlenses it needs are never there.
+    Precision is the mean square error over all positions of a point in the lattice. NaN where no pair of microlenses
+    sees a point.
 
     Parameters
     ----------
     estimator, lenses, array
-        What measures.
+        The estimator and its microlenses.
     radius_over_pitch
-        Of the disc in which microlenses see a point; NaN where it has no image.
+        Radius of the disc in which microlenses see a point; NaN where it has no image.
     """
     law = {"widest-pair": widest_pair_baseline, "least-squares": least_squares_baseline}[estimator]
     radius, counting = radius_over_pitch, _counting(lenses, array)
@@ -65,18 +65,18 @@ def pairs_of(
     radius_over_pitch: FloatArray,
     width: float = 1.0,
 ) -> PairLengths:
-    """Pairs of microlenses that an estimator compares through a pupil of which so much is left of the width.
+    """Pairs of microlenses that an estimator compares through a vignetted pupil.
 
-    One pair of the length of neighbours, or of that which stands for the widest pairs, or all pairs of least squares.
-    Those that a narrower pupil leaves tell less, in proportion to the squares of the effective baselines: disparities
-    count over the baseline of the whole pupil.
+    One pair of neighbours, one that represents the widest pairs, or all pairs of least squares. Pairs through a
+    narrower pupil contain less information, in proportion to the squares of the effective baselines, since disparities
+    refer to the baseline of the whole pupil.
 
     Parameters
     ----------
     estimator, lenses, array, radius_over_pitch
         As for `effective_baseline`; the radius is that of the whole pupil.
     width
-        Of the pupil over that of the whole one, from 0 to 1.
+        Width of the vignetted pupil over that of the whole one, from 0 to 1.
     """
     radius = np.nan_to_num(radius_over_pitch) * width
     if estimator in LENSES_OF_PAIRS:

@@ -1,4 +1,4 @@
-"""The microlenses of a focused plenoptic camera: one depth of field for each type."""
+"""The focus of a focused plenoptic camera: one depth of field for each microlens type."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tradestudy.optics.microlens_projection import virtual_depth
 
 @dataclass(frozen=True, kw_only=True)
 class MicrolensTypesFocus:
-    """Main lens, array and sensor at fixed distances; each type is used on the side of the array it focuses on.
+    """Main lens, array and sensor at fixed distances; each type works on the side of the array on which it focuses.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class MicrolensTypesFocus:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """One for each type."""
+        """Names of the types."""
         count = self.microlenses.types
         return ("microlenses",) if count == 1 else tuple(f"type {number}" for number in range(1, count + 1))
 

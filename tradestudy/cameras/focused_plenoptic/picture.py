@@ -32,19 +32,19 @@ def relayed_picture(
     Parameters
     ----------
     distance, lens, array, sensor, mla_distance
-        The objects, and what pictures them.
+        The objects and the camera.
     estimator, lenses, radius_over_pitch
-        Which of them are compared, as of `MicroImages`.
+        The micro-images compared, as for `MicroImages`.
     blur
-        Of the micro-images [m], shape of ``distance``.
+        Blur of the micro-images [m], shape of ``distance``.
     used_type
-        Number of the type of microlens that they are of.
+        Index of their microlens type.
     """
     a, pixel = distance, sensor.pixel_pitch
     f, pupil = lens.focal_length, lens.pupil_diameter
     image = image_distance(a, f)
     relayed = np.asarray(microlens_object_distance(a, mla_distance, f))
-    # The main lens's image on the array is pictured infinitely large: no picture.
+    # An image on the array is magnified infinitely: there is no picture.
     relayed = np.where(relayed == 0.0, np.nan, relayed)
     relay = array.gap / np.abs(relayed)
     microlens = LensStage(

@@ -1,4 +1,4 @@
-"""The disparity of two micro-images, every parameter in error: what is seen, and which inverse depth follows."""
+"""Observation and inverse depth by two micro-images, with all parameters in error."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from tradestudy.optics.triangulation import plenoptic_focus_shift
 def relay_observation(
     geometry: ArrayGeometry, baseline: ArrayLike, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike
 ) -> Observation:
-    """What a camera that deviates from its design by ``errors`` sees of a point.
+    """The observation of a point by a camera that deviates from its design by ``errors``.
 
-    Two microlenses Δx apart repeat the image at a_L before the array: ``Δu = Δx (1 + b_L/a_L)`` (eq. 4 in absolute
+    Two microlenses Δx apart relay the image at a_L before the array: ``Δu = Δx (1 + b_L/a_L)`` (eq. 4 in absolute
     coordinates of the detector).
 
     Parameters
@@ -24,17 +24,17 @@ def relay_observation(
     geometry
         The design.
     baseline
-        Δx [m]: how far the two microlenses of the design are apart.
+        Δx [m]: distance between the two microlenses as designed.
     errors
-        What the camera is less what its design says, by the names of `PLENOPTIC_ERRORS`, without pixel noise and
-        without the scatter of the microlens centres, which differs from place to place.
+        True minus designed values, by the names of `PLENOPTIC_ERRORS`, without pixel noise and without the scatter of
+        the microlens centres, which varies over the array.
     x, y, z
         The point [m] from the centre of the main lens; upright coordinates.
 
     Returns
     -------
     Observation
-        Distance of the two micro-images, and where they lie. Exact for thin lenses; infinite where the main lens
+        Distance between the two micro-images, and their position. Exact for thin lenses; infinite where the main lens
         images onto the array, NaN for points that it does not image.
     """
     place = geometry.place_of(errors, x, y, z)
@@ -47,7 +47,7 @@ def relay_observation(
 def relay_inverse_depth(
     geometry: ArrayGeometry, baseline: ArrayLike, errors: Errors, seen: Observation
 ) -> tuple[FloatArray, BoolArray]:
-    """The inverse depth that a calibration which is off by ``errors`` reads: eq. 8 from the detector's coordinates.
+    """The inverse depth that a calibration in error by ``errors`` computes: eq. 8 with coordinates on the detector.
 
     ``Δσ = Δu cos φ + error − Δx``, ``a_L = b_L Δx/Δσ``, ``b = z − a_L``, ``1/a = (b − f)/(f b)``.
 
@@ -56,18 +56,18 @@ def relay_inverse_depth(
     geometry, baseline
         The design.
     errors
-        What the calibration says less what the design says, by the names of `PLENOPTIC_ERRORS`.
+        Calibrated minus designed values, by the names of `PLENOPTIC_ERRORS`.
     seen
         From `relay_observation`.
 
     Returns
     -------
     inverse_depth
-        [1/m]. Below infinity it goes on smoothly to −1/f, where it stays; a disparity that has crossed zero is there
-        for a Keplerian relay, at the front focal point (1/f) for a Galilean one. NaN where the estimator has no
+        [1/m]. Beyond infinity it continues smoothly down to −1/f. A disparity of the wrong sign gives −1/f for a
+        Keplerian relay, and the front focal point (1/f) for a Galilean one. NaN where the estimator has no
         microlenses.
     valid
-        False where a believed length is not positive or the believed distortion has no inverse.
+        False where a calibrated length is not positive or the calibrated distortion has no inverse.
     """
     apart, seen_x, seen_y = seen
     f, place = geometry.focal_length_with(errors), geometry.place_seen(errors, seen_x, seen_y)
@@ -86,7 +86,7 @@ def relay_inverse_depth(
 
 
 def _grid_scale(geometry: ArrayGeometry, errors: Errors) -> FloatArray:
-    """Distance of the microlens centres over that of the design: pitch, and the pupil through which they are found."""
+    """Distance between microlens centres over that of the design: pitch, and the pupil by which they are located."""
     z, gap = geometry.mla_distance, geometry.gap
     through_pupil = (1.0 + gap / z) / (1.0 + gap / (z + value_of(errors, "pupil_distance")))
     return geometry.pitch_scale(errors) * through_pupil

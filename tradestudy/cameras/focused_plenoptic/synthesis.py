@@ -1,8 +1,8 @@
-"""Pictures made of a raw one: refocused, from another place on the pupil, and sharp throughout.
+"""Pictures synthesised from a raw one: refocused, from other positions on the pupil, and sharp throughout.
 
-On the array, an object whose virtual depth is v shows itself through the middle of the pupil at Y, and the microlens at
-c pictures it ``(c − Y)(1/v − b_L/z)`` from the middle of its micro-image. Seen from a place u on the pupil it stands at
-C instead of Y, and its picture is ``(c − C)(1/v − b_L/z) + u b_L/z`` from there. Lengths are in pixels.
+An object of virtual depth v appears on the array at Y through the centre of the pupil, and the microlens at c images
+it ``(c − Y)(1/v − b_L/z)`` from the centre of its micro-image. From a position u on the pupil it appears at C instead
+of Y, and its image lies ``(c − C)(1/v − b_L/z) + u b_L/z`` from there. Lengths are in pixels.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, Samples
 
 SAMPLE_PX: Final = 2
-"""Pixels of the sensor for one of the picture: micro-images picture objects at half their size or less."""
-_VIEW_REACH: Final = 1.0  # pitches around the place of a view from which its microlenses are taken
+"""Pixels of the sensor for one of the picture: micro-images are demagnified by 2 or more."""
+_VIEW_REACH: Final = 1.0  # pitches around a position in a view within which microlenses contribute
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RawPictureSynthesis:
-    """What makes pictures of one raw picture.
+    """Synthesis of pictures from one raw picture.
 
     Parameters
     ----------
     camera, search
-        As designed, and the distances that it may be focused on.
+        The camera as designed, and the distances on which it may be refocused.
     picture
-        The raw one.
+        The raw picture.
     """
 
     camera: FocusedPlenoptic
@@ -51,79 +51,81 @@ class RawPictureSynthesis:
 
     @cached_property
     def _middle(self) -> Samples:
-        """Of the sensor [px], shape (2, 1)."""
+        """Centre of the sensor [px], shape (2, 1)."""
         sensor = self.camera.sensor
         return np.array([[sensor.columns], [sensor.rows]]) / 2.0 - 0.5
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns of a picture."""
+        """Rows and columns of a synthesised picture."""
         sensor = self.camera.sensor
         return sensor.rows // SAMPLE_PX, sensor.columns // SAMPLE_PX
 
     @cached_property
     def _places(self) -> Samples:
-        """Of all samples on the array [px of the sensor], shape (2, samples)."""
+        """Positions of all samples on the array [px of the sensor], shape (2, samples)."""
         rows, columns = np.indices(self.shape)
         at = np.stack([columns.ravel(), rows.ravel()]) * float(SAMPLE_PX) + (SAMPLE_PX - 1) / 2.0
         return np.asarray(at)
 
     def refocused(self, distance: float) -> Samples:
-        """The picture of the whole pupil focused on a distance [m]; NaN where no microlens shows anything.
+        """The picture through the whole pupil refocused on a distance [m]; NaN where no microlens contributes.
 
         Raises
         ------
         OutOfRangeError
-            Outside the distances searched.
+            The distance lies outside those searched.
         """
         if not self.search.near <= distance <= self.search.far:
             raise OutOfRangeError(
                 "distance to refocus on",
                 value=f"{distance:g} m",
                 limit=f"{self.search.near:g} to {self.search.far:g} m",
+                remedy="choose a distance within those searched",
             )
         inverse = 1.0 / float(self.camera.virtual_depth(np.array([distance]))[0])
         reach = self._grid.radius / max(abs(inverse - self._over), 1e-6)
         return self._gathered(np.full(self.shape, inverse), (0.0, 0.0), reach, is_view=False)
 
     def view(self, depth: Samples, place: tuple[float, float] = (0.0, 0.0)) -> Samples:
-        """The scene from a place on the pupil [m], sharp wherever its depth [m] is right; in the frame of that place.
+        """The scene from a position on the pupil [m], in its own frame; sharp where the depth [m] is correct.
 
         Parameters
         ----------
         depth
-            On the samples of the picture, such as from `filled_depth`.
+            Depth of the samples of the picture, for example from `filled_depth`.
         place
-            x and y; inside the pupil.
+            x and y, inside the pupil.
 
         Raises
         ------
         OutOfRangeError
-            For a place outside the pupil.
+            The position lies outside the pupil.
         """
         radius = self.camera.main_lens.pupil_diameter / 2.0
         if not np.hypot(*place) < radius:
             raise OutOfRangeError(
-                "distance of a view from the middle of the pupil",
+                "distance of a view from the centre of the pupil",
                 value=f"{np.hypot(*place) * 1e3:g} mm",
                 limit=f"below {radius * 1e3:g} mm",
+                remedy="move it towards the centre",
             )
         reach = _VIEW_REACH * float(np.linalg.norm(self._grid.basis[:, 0]))
         return self._gathered(1.0 / self.camera.virtual_depth(depth), place, reach, is_view=True)
 
     def filled_depth(self, found: DepthMap) -> Samples:
-        """Depth of every sample [m] for `view`: the median of its measurements, or that of the nearest sample with one.
+        """Depth of every sample [m] for `view`: smoothed measurements, filled from the nearest sample that has one.
 
         Raises
         ------
         OutOfRangeError
-            For a map without any depth.
+            The map contains no depth.
         """
         from scipy.ndimage import distance_transform_edt, median_filter
 
         rows, columns = np.nonzero(np.isfinite(found.depth))
         if not rows.size:
-            raise OutOfRangeError("depths of the map", value="0", limit="1 or more")
+            raise OutOfRangeError("depths in the map", value="0", limit="1 or more", remedy="use a scene with texture")
         depth = np.asarray(found.depth[rows, columns], np.float64)
         inverse = 1.0 / self.camera.virtual_depth(depth)
         at = np.stack([columns, rows]).astype(float)
@@ -141,7 +143,7 @@ class RawPictureSynthesis:
         return np.asarray(median_filter(mean[nearest[0], nearest[1]], 5))
 
     def _nearest(self, at: Samples, *, image: bool) -> Indices:
-        """The microlens next to places on the array, or on the sensor by its micro-image [px]; −1: none."""
+        """The microlens nearest to positions on the array, or on the sensor by its micro-image [px]; −1: none."""
         grid = self._grid
         scale = 1.0 + self._over if image else 1.0
         first, second = np.rint(np.linalg.solve(grid.basis, (at - self._middle) / scale)).astype(np.intp)
@@ -156,7 +158,7 @@ class RawPictureSynthesis:
     def _gathered(
         self, inverse_virtual_depth: Samples, place: tuple[float, float], reach: float, *, is_view: bool
     ) -> Samples:
-        """Mean of what the microlenses within reach [px] of each sample show; for a view, nearer ones count more."""
+        """Mean over the microlenses within reach [px] of each sample; in a view, nearer ones have more weight."""
         grid, at = self._grid, self._places
         values = np.where(self.picture.pure, self.picture.values, np.float32(np.nan))
         turn = (inverse_virtual_depth - self._over).ravel()

@@ -1,4 +1,4 @@
-"""What a study declares of a stereo rig."""
+"""The declaration of a stereo rig in a study."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from tradestudy.declarations.quantities import Baseline, FNumber, ObjectDistance
 from tradestudy.optics.lens_models.rational import IDEAL
 
 _NEARLY_PARALLEL: Final = 0.05
-"""Share of the field of view by which the axes of a calibrated pair may converge and its design stay parallel."""
+"""Convergence, as a share of the field of view, up to which a calibrated pair is designed as parallel."""
 
 
 class StereoLensPart(LensPart):
-    """The lenses of both cameras; those of a calibrated pair have their focal length from its geometry."""
+    """The lenses of both cameras; a calibrated pair takes its focal length from its geometry."""
 
     ways: ClassVar[tuple[int, ...]] = (0, 1)
 
@@ -74,27 +74,29 @@ class StereoDeclaration(DepthCameraDeclaration):
     sensor: SensorPart
     geometry: GeometryPart | None = Field(
         default=None,
-        description="Both cameras as calibrated, in place of a focal length and a baseline: depth is read with it.",
+        description="Both cameras as calibrated, instead of a focal length and a baseline; depth is measured with it.",
     )
     baseline: Baseline | None = Field(
         default=None, validate_default=True, description="Distance between the two centres of projection."
     )
     convergence_distance: ObjectDistanceOrInfinity = Field(
-        default="infinity", validate_default=True, description="Where the optical axes meet; infinity is parallel."
+        default="infinity",
+        validate_default=True,
+        description="Distance at which the optical axes meet; infinity: they are parallel.",
     )
     focus_distance: ObjectDistanceOrInfinity | Literal["autofocus"] = Field(
         default="autofocus",
         validate_default=True,
-        description="Where the lenses are focused; autofocus: a mechanism focuses them on every object.",
+        description="Distance in focus; autofocus: a mechanism focuses the lenses on every object.",
     )
     principal_distance: Literal["focal_length", "focused"] = Field(
         default="focal_length",
-        description="Lens to sensor, which turns disparity into depth: the focal length (as of a calibration in "
+        description="Lens to sensor, which converts disparity into depth: the focal length (from a calibration in "
         "pixels, or focused at infinity), or the image distance of focus_distance.",
     )
     depth: StereoDepthPart = Field(default_factory=StereoDepthPart)
     distortion: AnyLensModel | None = Field(
-        default=None, description="Lens model of both cameras, without errors; left out: none."
+        default=None, description="Lens model of both cameras, without errors; default: none."
     )
     calibration: StereoCalibration = Field(default_factory=StereoCalibration)
 
@@ -117,7 +119,7 @@ class StereoDeclaration(DepthCameraDeclaration):
             if not has_lens:
                 yield MistakeAt(("lenses",), "give exactly one of focal_length and field_of_view")
             return
-        given = "the geometry of the calibrated pair gives it; leave it out, or take that back (geometry: null)"
+        given = "the geometry of the calibrated pair determines it; remove it, or remove the geometry (geometry: null)"
         if has_lens:
             name = "focal_length" if self.lenses.focal_length is not None else "field_of_view"
             yield MistakeAt(("lenses", name), given)
@@ -126,14 +128,14 @@ class StereoDeclaration(DepthCameraDeclaration):
         if "convergence_distance" in self.model_fields_set:
             yield MistakeAt(("convergence_distance",), given)
         if self.principal_distance == "focused":
-            yield MistakeAt(("principal_distance",), "focal lengths of a calibration in pixels are principal distances")
+            yield MistakeAt(("principal_distance",), "a calibration in pixels determines it; remove it")
 
     @model_validator(mode="after")
     def _one_focus(self) -> Self:
         if self.principal_distance == "focused" and self.focus_distance == "autofocus":
             raise MistakeAt(
                 ("principal_distance",),
-                "lenses that refocus on every object have no one distance to the sensor; give a focus_distance, or "
+                "lenses that refocus on every object have no fixed distance to the sensor; give a focus_distance, or "
                 "focal_length here",
             )
         return self
@@ -141,11 +143,9 @@ class StereoDeclaration(DepthCameraDeclaration):
     @model_validator(mode="after")
     def _one_lens_model(self) -> Self:
         if self.distortion is not None and self.geometry is not None:
-            raise MistakeAt(("distortion",), "the geometry of the calibrated pair holds the lenses; leave it out")
+            raise MistakeAt(("distortion",), "the geometry of the calibrated pair includes the lens models; remove it")
         if self.distortion is not None and self.lenses.field_of_view is not None:
-            raise MistakeAt(
-                ("lenses", "field_of_view"), "of lenses that distort it follows from distortion; give a focal_length"
-            )
+            raise MistakeAt(("lenses", "field_of_view"), "for lenses with distortion, give a focal_length instead")
         both = () if self.geometry is None else (self.geometry.left.distortion, self.geometry.right.distortion)
         given = (self.distortion, *both)
         without = [one.model for one in given if one and not {*RADIAL} <= {*one.family.coefficient_names()}]
@@ -155,13 +155,13 @@ class StereoDeclaration(DepthCameraDeclaration):
         radial = [(where, name) for where, part in errors.items() for name in part.given() if "_distortion_k" in name]
         if radial and without:
             where = ("calibration", *(("stability",) if radial[0][0] == "ageing" else ()), *radial[0])
-            raise MistakeAt(where, f"a lens of the model {without[0]} has no k1 and k2 here; leave it out")
+            raise MistakeAt(where, f"the lens model {without[0]} has no k1 and k2 here; remove it")
         return self
 
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
-        """As of every part; a calibrated pair says itself where its axes meet."""
-        said = () if self.geometry is None else (("convergence_distance",),)
-        yield from (one for one in super().assumed() if one[0] not in said)
+        """As of every part, except where the axes of a calibrated pair meet, which its geometry determines."""
+        known = () if self.geometry is None else (("convergence_distance",),)
+        yield from (one for one in super().assumed() if one[0] not in known)
 
     @classmethod
     def stated_by(cls, imported: Imported) -> Iterator[Stated]:
@@ -172,13 +172,13 @@ class StereoDeclaration(DepthCameraDeclaration):
     def design(self, picture_law: DisparityErrorLaw | None) -> StereoRig:
         """The rig in SI; axes that meet at Z₀ converge by ``2 atan(B / 2Z₀)``.
 
-        A calibrated pair is read with its geometry, and designed with the mean of its focal lengths, the lens model of
-        its left camera and, where its axes converge by more than a twentieth of the field of view, with their angle.
+        A calibrated pair measures depth with its geometry. Its design has the mean of its focal lengths, the lens model
+        of its left camera and, if its axes converge by more than a twentieth of the field of view, their angle.
         """
         sensor, geometry = self.sensor.sensor(), self.geometry
         calibrated = None if geometry is None else geometry.pair
         if geometry is None or calibrated is None:
-            assert self.baseline is not None  # the validator's promise
+            assert self.baseline is not None  # the validator ensures it
             lens, baseline = self.lenses.lens(sensor), self.baseline
             angle = 2.0 * math.atan(baseline / (2.0 * self.convergence_distance))
             distortion = IDEAL if self.distortion is None else self.distortion.lens_model()

@@ -1,4 +1,4 @@
-"""Depth from two pictures: a library's matcher for whole pixels, windows for the fraction, the rig's law for depth."""
+"""Depth from two pictures: disparity to whole pixels by OpenCV, to fractions by windows, depth by the rig's law."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ from tradestudy.optics.window_matching import (
 
 _LEAST_SHARE: Final = 0.5  # of a window that both pictures show
 _VALUES_AT_ONCE: Final = 4_000_000  # of all steps of a band of rows
-_GREYS: Final = (5.0, 245.0)  # of the 8 bits that the library's matcher takes, for the 1st and 99th percentile
-_LARGEST_BLOCK: Final = 11  # px; the library recommends no more
-_SAME_SURFACE_PX: Final = 0.5  # of disparity, between the two pixels that show a point
-_OPENCV_STEP: Final = 16  # parts of a pixel in the library's disparities, and what their number is a multiple of
+_GREYS: Final = (5.0, 245.0)  # in the 8-bit pictures for the matcher, of the 1st and 99th percentile
+_LARGEST_BLOCK: Final = 11  # px; the largest that OpenCV recommends
+_SAME_SURFACE_PX: Final = 0.5  # of disparity, between the two pixels that image a point
+_OPENCV_STEP: Final = 16  # disparities are in sixteenths of a pixel, and their number is a multiple of 16
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairReader(DepthReader):
-    """A stereo rig as it was designed, and what depth is looked for; the map is in the pixels of the left picture.
+    """Depth by a stereo rig as designed; the map is in the pixels of the left picture.
 
-    Pictures of converging axes, or of lenses that distort, are first made those of parallel pinholes, and the map is in
-    the frame of the turned left picture. Rows that the errors of the rig displace are then aligned.
+    Pictures of converging cameras or of lenses with distortion are rectified first; the map is then in the frame of the
+    rectified left picture. Rows that the errors of the rig displace are then aligned.
 
     Parameters
     ----------
     camera, search
-        Them.
+        The rig, and the depths to search.
     """
 
     camera: StereoRig
@@ -51,23 +51,23 @@ class PairReader(DepthReader):
 
     @property
     def _scale(self) -> float:
-        """Disparity times depth [px m] of parallel pictures."""
+        """Disparity times depth [px m] in rectified pictures."""
         return self.camera.principal_distance * self.camera.baseline / self.camera.sensor.pixel_pitch
 
     @property
     def _steps(self) -> range:
-        """Of whole pixels; beyond the width of a picture the two have nothing in common, however near is searched."""
+        """Disparities to search [px], at most the width of a picture."""
         first = math.floor(self._scale / self.search.far) - 1
         last = min(math.floor(self._scale / self.search.near) + 3, self.camera.sensor.columns)
         return range(first, max(last, first + 4))
 
     def _depth(self, disparity: Samples) -> Samples:
-        """Of disparities of parallel pictures [px]."""
+        """Depth [m] from disparities in rectified pictures [px]."""
         with np.errstate(divide="ignore"):
             return np.asarray(np.where(disparity > 0.0, self._scale / disparity, np.inf))
 
     def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
-        """Depth of every pixel of the left picture, where the matches from left and from right agree."""
+        """Depth of every pixel of the left picture where the matches from left and right agree."""
         left, right = (
             self._parallel(np.where(pictures[side].pure, pictures[side].values, np.nan), side) for side in SIDES
         )
@@ -98,7 +98,7 @@ class PairReader(DepthReader):
         )
 
     def _band(self, left: Samples, right: Samples, start: Samples, variance: float) -> Matches:
-        """The fraction of a pixel, in some rows."""
+        """Disparity to fractions of a pixel, in a band of rows."""
 
         def difference(step: int) -> tuple[Samples, BoolArray]:
             moved = np.full_like(right, np.nan)
@@ -125,7 +125,7 @@ class PairReader(DepthReader):
         """Disparity of the left picture [px] by semi-global matching, NaN where left and right disagree.
 
         H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", IEEE Trans. PAMI 30, 328
-        (2008), as OpenCV has it: blocks instead of mutual information, five directions.
+        (2008), as implemented in OpenCV: blocks instead of mutual information, five directions.
         """
         cv2 = _opencv()
         steps = self._steps
@@ -133,7 +133,7 @@ class PairReader(DepthReader):
         dark, bright = np.nanpercentile(both, (1.0, 99.0))
         scale = (_GREYS[1] - _GREYS[0]) / max(float(bright - dark), 1e-12)
         count = -(-len(steps) // _OPENCV_STEP) * _OPENCV_STEP
-        # The library matches no pixel so near to the left edge that some disparity would leave the right picture.
+        # OpenCV skips pixels so close to the left edge that some disparity would leave the right picture.
         margin = max(0, steps[0] + count)
         greys = [
             np.pad(
@@ -157,11 +157,11 @@ class PairReader(DepthReader):
 
     @property
     def _as_taken(self) -> bool:
-        """Whether the pictures are those of parallel pinholes."""
+        """Whether the pictures need no rectification."""
         return self.camera.convergence_angle == 0.0 and self.camera.distortion == IDEAL
 
     def _parallel(self, picture: Samples, side: str, order: Literal[1, 3] = 3) -> Samples:
-        """A picture as a pinhole camera with its axis at right angles to the baseline would take it."""
+        """The rectified picture: by a pinhole whose axis is perpendicular to the baseline."""
         if self._as_taken:
             return picture
         from scipy.ndimage import map_coordinates
@@ -169,7 +169,7 @@ class PairReader(DepthReader):
         sensor, c = self.camera.sensor, self.camera.principal_distance / self.camera.sensor.pixel_pitch
         x, y, z = self._turned(side)
         u, v = np.moveaxis(self.camera.distortion.project(np.stack([x, y, z], axis=-1)), -1, 0)
-        outside = float(-sensor.columns - sensor.rows)  # where the lens shows nothing, as beside the picture
+        outside = float(-sensor.columns - sensor.rows)  # outside the field of the lens counts as outside the picture
         place = np.nan_to_num(
             np.stack([v * c + sensor.rows / 2.0 - 0.5, u * c + sensor.columns / 2.0 - 0.5]), nan=outside
         )
@@ -178,7 +178,7 @@ class PairReader(DepthReader):
         return np.where(missing > 0.0, np.nan, found).astype(picture.dtype)
 
     def _turned(self, side: str) -> Samples:
-        """Rays of the pixels of a parallel camera in the frame of the one there is, shape (3, rows, columns)."""
+        """Rays of the pixels of the rectified camera in the frame of the actual one, shape (3, rows, columns)."""
         sensor, c = self.camera.sensor, self.camera.principal_distance / self.camera.sensor.pixel_pitch
         rows, columns = np.mgrid[: sensor.rows, : sensor.columns]
         rays = np.stack(
@@ -192,7 +192,7 @@ class PairReader(DepthReader):
         return np.asarray(np.einsum("ij,irc->jrc", rotation, rays))
 
     def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
-        """True depth in the left picture, and where the right picture shows the same surface."""
+        """True depth in the left picture; measurable where the right picture shows the same surface."""
         left, right = (
             self._true_depth(np.where(pure[side], depths[side], np.nan).astype(np.float64), side) for side in SIDES
         )
@@ -207,7 +207,7 @@ class PairReader(DepthReader):
         return TrueDepth(depth=left, measurable=inside & same & searched)
 
     def _true_depth(self, depth: Samples, side: str) -> Samples:
-        """Along the axis of a parallel camera [m]."""
+        """True depth along the axis of the rectified camera [m]."""
         if self._as_taken:
             return depth
         # A point at depth Z along its own axis lies at Z/ray_z along the parallel one, for rays of unit z there.
@@ -215,7 +215,7 @@ class PairReader(DepthReader):
 
 
 def _opencv() -> Any:
-    """The library that matches pictures, loaded where it is needed."""
+    """OpenCV, loaded on first use."""
     try:
         import cv2
     except ImportError:

@@ -63,7 +63,7 @@ from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty
 if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
 
-# Ten times that of the strongest objectives of microscopes: no sensor stands so far behind its lens.
+# Ten times that of the strongest microscope objectives: no sensor lies so far behind its lens.
 _LARGEST_MAGNIFICATION = 1000.0
 PrincipalDistanceRule = Literal["focal_length", "focused"]
 
@@ -75,36 +75,36 @@ class StereoRig(DepthCamera):
     Parameters
     ----------
     lens, sensor
-        Of each camera.
+        The parts of each camera.
     focus_distance
-        Where both lenses are focused [m]; infinity is allowed. None: the lenses refocus on every object.
+        Distance in focus [m]; infinity is allowed. None: the lenses refocus on every object.
     principal_distance_rule
-        How far the sensor stands behind the centre of projection. ``focal_length``: the focal length, exact for lenses
-        focused at infinity and where the declared focal length is that of a calibration in pixels. ``focused``: where
-        the thin lens puts the sharp image of the focus distance a, ``c = f a/(a − f)``, the lens moved as a whole.
+        Distance of the sensor behind the centre of projection. ``focal_length``: the focal length, exact for lenses
+        focused at infinity and for a focal length from a calibration in pixels. ``focused``: the thin-lens image
+        distance of the focus distance a, ``c = f a/(a − f)``, with the lens moved as a whole.
     baseline
         Distance of the two centres of projection B [m].
     convergence_angle
-        Between the optical axes [rad]; 0 is parallel, positive meets in front.
+        Angle between the optical axes [rad]; 0: parallel; positive: they meet in front.
     triangulation
         ``disparity`` measures along the baseline in rectified pictures; ``midpoint`` takes the middle of the shortest
         segment between the two lines of sight. They agree unless the rays are skew.
     distortion
-        Lens model of both cameras; places in their pictures are principal distance times those of the model.
+        Lens model of both cameras, in normalised image coordinates.
     disparity_error_px
-        Standard deviation of one measured disparity [px], or the law it follows from.
+        Standard deviation of one measured disparity [px], or the law that gives it.
     discrimination_step_px
         The disparity step [px] of the depth discrimination.
     calibrated_pair
-        What depth is read with, where a calibration gave it; the rest of the rig, such as its overlap, is that of two
-        equal cameras like these.
+        Calibrated geometry with which depth is measured, if known; the rest, such as the overlap, follows from two
+        equal cameras.
 
     Raises
     ------
     OutOfRangeError
-        For lengths that are not positive, a focus distance inside the focal length or so little beyond it that the
-        lenses would magnify more than a thousand times, axes that converge by 180° or more;
-        lenses that refocus on every object and have no one focused principal distance.
+        A length is not positive, the focus distance is within the focal length or so close to it that the lenses would
+        magnify more than a thousand times, the axes converge by 180° or more, or lenses that refocus on every object
+        are to have a focused principal distance.
     """
 
     family: ClassVar[str] = "stereo"
@@ -150,8 +150,8 @@ class StereoRig(DepthCamera):
             raise OutOfRangeError(
                 "the principal distance of lenses that refocus on every object",
                 value="focused",
-                limit="focal_length: every focus setting has a calibration of its own",
-                remedy="give a focus distance, or take the focal length as the principal distance",
+                limit="focal_length, because every focus setting needs its own calibration",
+                remedy="give a focus distance, or use the focal length as the principal distance",
             )
 
     @property
@@ -162,7 +162,7 @@ class StereoRig(DepthCamera):
 
     @property
     def principal_distance(self) -> float:
-        """From the centre of projection to the sensor c [m], by the declared rule: what angles are measured with."""
+        """Distance c from the centre of projection to the sensor [m], by the declared rule."""
         if self.principal_distance_rule == "focal_length" or self.focus_distance is None:
             return self.lens.focal_length
         return self.sensor_distance(self.focus_distance)
@@ -173,7 +173,7 @@ class StereoRig(DepthCamera):
 
     @property
     def focus(self) -> SingleLensFocus | EveryObjectFocus:
-        """What both lenses keep sharp: they are equal and the depth of field of each is that of the rig."""
+        """The focus of both equal lenses; each has the depth of field of the rig."""
         if self.focus_distance is None:
             return EveryObjectFocus(lens=self.lens, sample_pitch=self.sensor.pixel_pitch, mechanisms=2)
         return SingleLensFocus(
@@ -185,7 +185,7 @@ class StereoRig(DepthCamera):
 
     @property
     def field_of_view(self) -> float:
-        """Across, of one camera as it is focused [rad]."""
+        """Horizontal field of view of one camera as focused [rad]."""
         return self.view_of(self.sensor.width, 0.0)
 
     def view_of(self, width: float, height: float) -> float:
@@ -198,7 +198,7 @@ class StereoRig(DepthCamera):
 
     @property
     def mapped(self) -> bool:
-        """Whether its lenses, or how it was calibrated, make depth differ over the picture by more than the angle."""
+        """Whether distortion or calibration make depth differ over the picture by more than the field angle does."""
         return self.distortion != IDEAL or self.calibration.reading is not None
 
     @property
@@ -212,12 +212,12 @@ class StereoRig(DepthCamera):
         return self.baseline
 
     def depth_behind_lens(self, nearest: float) -> float:
-        """Lens to sensor [m]: as focused, or refocused as near as the scene asks."""
+        """Distance from lens to sensor [m], as focused or refocused on the nearest distance of the scene."""
         return self.sensor_distance(nearest if self.focus_distance is None else self.focus_distance)
 
     @property
     def pair(self) -> Pair:
-        """The geometry that both what is seen and what is read follow from."""
+        """The geometry from which both observation and triangulation follow."""
         return Pair(
             baseline=self.baseline,
             principal_distance=self.principal_distance,
@@ -234,12 +234,12 @@ class StereoRig(DepthCamera):
         return rig_of_design(self.pair, self.sensor)
 
     def disparity(self, distance: ArrayLike) -> FloatArray:
-        """The disparity on the sensor [m]; see `stereo_disparity`, which holds without distortion."""
+        """The disparity on the sensor [m]; without distortion, that of `stereo_disparity`."""
         left, right = self._seen_midway(distance)
         return np.asarray(left[..., 0] - right[..., 0])
 
     def _seen_midway(self, distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Where both pictures show a point midway between the cameras [m], shape (..., 2)."""
+        """Image of a point midway between the cameras in both pictures [m], shape (..., 2)."""
         slope = stereo_disparity(distance, self.baseline, 1.0, convergence_angle=self.convergence_angle) / 2.0
         angle = np.arctan(slope)
         left, right = (self.principal_distance * place_across(self.distortion, side * angle) for side in (1.0, -1.0))
@@ -252,7 +252,7 @@ class StereoRig(DepthCamera):
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
         """``Z = c B / d`` [m] or its converging counterpart; see `stereo_depth`.
 
-        Where the lenses distort, both pictures share the change of disparity against that at the distance.
+        For lenses with distortion, both pictures have half of the change of disparity from that at the distance.
         """
         c, d = self.principal_distance, np.asarray(disparity, dtype=np.float64)
         left, right = self._seen_midway(distance)
@@ -271,12 +271,12 @@ class StereoRig(DepthCamera):
         return np.asarray(self.baseline * scale * (1.0 + x * x) / (1.0 + (self.baseline * inverse / 2.0) ** 2))
 
     def overlap(self, distance: ArrayLike) -> FloatArray:
-        """Share of each picture's width at a distance that the other camera sees too; see `shared_view`."""
+        """Share of each picture's width at a distance that the other camera also sees; see `shared_view`."""
         half = self.sensor.width / 2.0 / self.principal_distance
         return shared_view(distance, self.baseline, half, self.convergence_angle, self.distortion)
 
     def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
-        """That of both lenses; see `blur_px`."""
+        """The blur of both lenses; see `blur_px`."""
         return self.blur_px(distance)
 
     def blur_px(self, distance: ArrayLike) -> FloatArray:
@@ -288,23 +288,23 @@ class StereoRig(DepthCamera):
         return blur_diameter(z, self.focus_distance, f, pupil) / self.sensor.pixel_pitch
 
     def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:
-        """Overlap of the two views; where they have none, both cameras see no point and there is no depth."""
+        """Overlap of the two views, without which there is no depth."""
         value, bound = self.overlap(distance), criteria.overlap or 0.0
         return {"overlap": Limit(value=value, bound=bound, met=(value >= bound) & (value > 0.0))}
 
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
-        """Both pictures alike, through one lens; the window is as large as the sensor."""
+        """The picture through one lens, equal for both; the window may be as large as the sensor."""
         a = np.asarray(distance, dtype=np.float64)
         a = np.where(self.images(a), a, np.nan)
         focus = a if self.focus_distance is None else np.full_like(a, self.focus_distance)
         return picture_through_lens(a, self.lens, self.sensor, focus)
 
     def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Image:
-        """Where a rig that deviates from its design by ``errors`` images a point; see `pair_observation`."""
+        """Image of a point in a rig that deviates from its design by ``errors``; see `pair_observation`."""
         return pair_observation(self.pair, errors, x, y, z)
 
     def field_angle(self, field: float) -> float:
-        """In the view midway between the cameras; in each of them it differs by the angle between the axes."""
+        """Field angle in the view midway between the cameras; in each camera it differs by half their convergence."""
         require_field(field)
         twice = 2.0 * self.principal_distance
         return edge_angle(self.distortion, field * self.sensor.width / twice, field * self.sensor.height / twice)
@@ -314,8 +314,8 @@ class StereoRig(DepthCamera):
     ) -> InverseDepthReading:
         """Inverse depths of points in the view midway between the cameras; see `DepthCamera.read`.
 
-        Baseline and principal distance grow with the housing. Pressure and colour move the focus of a thin lens, not
-        its principal distance, so they leave disparity alone.
+        Baseline and principal distance expand with the housing. Pressure and color move the focus of a thin lens, not
+        its principal distance, and do not change disparity.
         """
         require_known(errors, STEREO_ERRORS, "a stereo rig")
         x, y = shares_of(field)
@@ -334,7 +334,7 @@ class StereoRig(DepthCamera):
         )
 
     def _changed(self, errors: Errors, environment: Environment | None) -> dict[str, ArrayLike]:
-        """What the surroundings have changed since the calibration, as errors."""
+        """Changes by the environment since the calibration, as errors."""
         if environment is None or "temperature_change" not in errors:
             return {}
         growth = environment.length_factor(errors) - 1.0
@@ -343,7 +343,7 @@ class StereoRig(DepthCamera):
     def exposures(
         self, reference_distance: float, errors: Errors, environment: Environment | None, stop_separation: float
     ) -> Sequence[SingleLensExposure]:
-        """Both pictures; lenses that refocus are focused on the middle of the scene."""
+        """Both pictures; lenses that refocus are focused at the reference distance."""
         require_known(errors, STEREO_ERRORS, "a stereo rig")
         changed = self._changed(errors, environment)
         moved = {name: value_of(errors, name) + value_of(changed, name) for name in {**errors, **changed}}
@@ -370,18 +370,18 @@ class StereoRig(DepthCamera):
         return self.observe(errors, x, y, z)
 
     def target_noise_px(self, corner_noise_px: float) -> FloatArray:
-        """The same of each coordinate."""
+        """Equal noise of all coordinates."""
         return np.full(4, corner_noise_px)
 
     def seen_on_sensor(self, observed_px: FloatArray) -> BoolArray:
-        """A picture shows both coordinates of a corner or none."""
+        """Whether each corner lies on the sensor; both of its coordinates count as seen or neither."""
         half = np.array([self.sensor.columns, self.sensor.rows] * 2) / 2.0
         inside = np.abs(observed_px) <= half
         each = np.stack([np.all(inside[..., :2], axis=-1), np.all(inside[..., 2:], axis=-1)], axis=-1)
         return np.repeat(each, 2, axis=-1)
 
     def properties(self) -> Properties:
-        """Lens, sensor and baseline; the principal distance beside where the thin lens would put the sensor."""
+        """Lens, sensor and baseline; the principal distance beside the thin-lens image distance."""
         focus, lens = self.focus_distance, self.lens
         return (
             ("focal length", pretty(lens.focal_length, LENGTH, 4)),
@@ -398,10 +398,9 @@ class StereoRig(DepthCamera):
         )
 
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:
-        """Those of the lens, and depth on the scale of the focal length beside a picture on the longer one.
+        """Contradictions of the lens, and between a principal distance equal to f and the image distance when focused.
 
-        The two scales differ by the magnification ``f/(a − f)`` of the focus distance a, and so do disparity and its
-        noise.
+        The two differ by the magnification ``f/(a − f)`` of the focus distance a, and so do disparity and its noise.
         """
         found = lens_contradictions(self.lens, self.sensor, stated)
         focus = self.focus_distance
@@ -417,10 +416,9 @@ class StereoRig(DepthCamera):
                 what="principal distance against focus distance",
                 stated=f"{show(f, LENGTH)}, the focal length",
                 implied=f"{show(focused, LENGTH)} as focused at {show(focus, LENGTH)}: longer by "
-                f"{pretty(magnification, FRACTION)}, the magnification f/(a − f); wanted of depth: "
+                f"{pretty(magnification, FRACTION)}, the magnification f/(a − f); tolerance on depth: "
                 f"{pretty(tolerance, FRACTION)}",
-                used=f"{show(f, LENGTH)} from disparity to depth, {show(focused, LENGTH)} for blur; "
-                "principal_distance: focused takes one for both, unless the focal length comes from a calibration in "
-                "pixels",
+                used=f"{show(f, LENGTH)} for depth, {show(focused, LENGTH)} for blur; principal_distance: focused uses "
+                "one value for both, unless the focal length comes from a calibration in pixels",
             ),
         ]

@@ -1,4 +1,4 @@
-"""What can be in error about a stereo rig."""
+"""The error parameters of a stereo rig."""
 
 from __future__ import annotations
 
@@ -13,49 +13,49 @@ _OF_BOTH: Final[ErrorVocabulary] = {
         unit="m", part="relative position", meaning="Distance of the two centres of projection."
     ),
     "baseline_direction_y": ErrorParameter(
-        unit="rad", part="relative position", meaning="How far the right camera lies below the left one, as an angle."
+        unit="rad", part="relative position", meaning="Angle by which the right camera lies below the left one."
     ),
     "baseline_direction_z": ErrorParameter(
         unit="rad",
         part="relative position",
-        meaning="How far the right camera lies ahead of the left one, as an angle.",
+        meaning="Angle by which the right camera lies ahead of the left one.",
     ),
     "yaw": ErrorParameter(
         unit="rad",
         part="relative rotation",
-        meaning="Turn of the right camera towards the left one, about the vertical.",
+        meaning="Rotation of the right camera towards the left one, about the vertical.",
     ),
     "pitch": ErrorParameter(
         unit="rad",
         part="relative rotation",
-        meaning="Turn of the right camera against the left one, about the baseline.",
+        meaning="Rotation of the right camera relative to the left one, about the baseline.",
     ),
     "roll": ErrorParameter(
         unit="rad",
         part="relative rotation",
-        meaning="Turn of the right camera against the left one, about its optical axis.",
+        meaning="Rotation of the right camera relative to the left one, about its optical axis.",
     ),
     "focal_length": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Principal distance of both cameras together, which a calibration in pixels calls the focal length.",
+        meaning="Principal distance of both cameras together; a calibration in pixels calls it the focal length.",
     ),
     "principal_point": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Right principal point less the left one along the baseline, on the sensor; each takes half of it.",
+        meaning="Right minus left principal point along the baseline, on the sensor; each camera has half of it.",
     ),
 }
 
 
 def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
-    """What each camera has of its own."""
+    """The error parameters of a single camera."""
     yield (
         "focal_length",
         ErrorParameter(
             unit="m",
             part=INTERIOR,
-            meaning=f"Principal distance of the {side} camera, beyond what both share.",
+            meaning=f"Principal distance of the {side} camera, in addition to the common error.",
         ),
     )
     for axis, where in (("x", "along the baseline"), ("y", "across the baseline")):
@@ -73,7 +73,7 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
             ErrorParameter(
                 unit="1",
                 part=INTERIOR,
-                meaning=f"Radial distortion of the {side} lens with the {power} of the slope against its axis.",
+                meaning=f"Radial distortion of the {side} lens with the {power} of the slope to its axis.",
             ),
         )
 
@@ -83,4 +83,4 @@ STEREO_ERRORS: Final[ErrorVocabulary] = {
     **{f"{side}_{name}": parameter for side in SIDES for name, parameter in _of_one(side)},
     PIXEL_NOISE: NOISE_PARAMETER,
 }
-"""Errors of a stereo rig in the order in which they are drawn; the two pictures share the noise equally."""
+"""Errors of a stereo rig in the order in which they are drawn; both pictures have half of the noise."""

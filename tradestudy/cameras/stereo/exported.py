@@ -1,4 +1,4 @@
-"""A stereo rig as calibration files state it: two cameras in pixels, and where the right one stands."""
+"""A stereo rig in the form of calibration files: two cameras in pixels, and their relative pose."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _KEYS: Final = dict.fromkeys(("focal_lengths", "centre", "pixels", "coefficients
 
 
 def rig_of_calibration(pair: CalibratedPair, pixels: tuple[int, int]) -> ImportedRig:
-    """A calibrated pair."""
+    """The rig of a calibrated pair."""
     from scipy.spatial.transform import Rotation as Turn
 
     shared = np.array(pair.parameters)
@@ -36,7 +36,7 @@ def rig_of_calibration(pair: CalibratedPair, pixels: tuple[int, int]) -> Importe
 
 
 def rig_of_design(pair: Pair, sensor: Sensor) -> ImportedRig:
-    """Two equal cameras whose axes meet the middle of their pictures."""
+    """The designed rig: two equal cameras with centred principal points."""
     focal_length = pair.principal_distance / sensor.pixel_pitch
     middle = ((sensor.columns - 1) / 2.0, (sensor.rows - 1) / 2.0)
     interior = np.array([focal_length, focal_length, *middle])

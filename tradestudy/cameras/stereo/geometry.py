@@ -1,4 +1,4 @@
-"""The geometry of a calibrated pair, as a study declares it or a calibration file states it."""
+"""The geometry of a calibrated pair, declared in a study or imported from a calibration file."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from tradestudy.optics.lens_models.rational import IDEAL
 class CalibratedCameraPart(Part):
     """One camera of a calibrated pair; the centre of the first pixel is (0, 0), x to the right and y down."""
 
-    focal_length: tuple[PositivePixels, PositivePixels] = Field(description="Across and down.")
+    focal_length: tuple[PositivePixels, PositivePixels] = Field(description="Horizontal and vertical.")
     principal_point: tuple[Pixels, Pixels] = Field(description="Where the optical axis meets the picture.")
-    distortion: AnyLensModel | None = Field(default=None, description="Lens model; left out: none.")
+    distortion: AnyLensModel | None = Field(default=None, description="Lens model; default: none.")
 
     def lens_model(self) -> LensModel:
-        """In SI."""
+        """The lens model in SI."""
         return IDEAL if self.distortion is None else self.distortion.lens_model()
 
     def values(self, free: tuple[str, ...]) -> tuple[float, ...]:
-        """Focal lengths and principal point [px], and these coefficients of the lens model."""
+        """Focal lengths and principal point [px], then the free coefficients of the lens model."""
         known = self.lens_model().coefficients()
         return (*self.focal_length, *self.principal_point, *(known[name] for name in free))
 
@@ -42,7 +42,7 @@ class GeometryPart(Part):
         default=(0.0, 0.0, 0.0), description="Rotation vector of R, from the left camera's frame to the right one's."
     )
     translation: tuple[Length, Length, Length] = Field(
-        description="t: where the left camera stands in the right one's frame; its first component is about −baseline."
+        description="t: position of the left camera in the right one's frame; its first component is about −baseline."
     )
 
     @model_validator(mode="after")
@@ -52,7 +52,7 @@ class GeometryPart(Part):
             where = "to the left of" if x > 0.0 else "not beside"
             raise MistakeAt(
                 ("translation",),
-                f"puts the right camera {where} the left one; exchange the cameras, or check the direction of the "
+                f"places the right camera {where} the left one; exchange the cameras, or check the direction of the "
                 "transform",
             )
         return self
@@ -69,7 +69,7 @@ class GeometryPart(Part):
 
     @property
     def convergence_angle(self) -> float:
-        """By which the optical axes turn towards each other in the plane of the baseline [rad]."""
+        """Angle between the optical axes in the plane of the baseline [rad]; positive if they meet in front."""
         from scipy.spatial.transform import Rotation
 
         right_axis = Rotation.from_rotvec(self.rotation).as_matrix()[2]  # in the left camera's frame
@@ -77,7 +77,7 @@ class GeometryPart(Part):
 
     @property
     def pair(self) -> CalibratedPair:
-        """In SI; k1 and k2 are among the parameters where both lens models have them."""
+        """The pair in SI; k1 and k2 are free coefficients if both lens models have them."""
         lenses = (self.left.lens_model(), self.right.lens_model())
         free = RADIAL if all({*RADIAL} <= {*lens.coefficient_names()} for lens in lenses) else ()
         parameters = (*self.left.values(free), *self.right.values(free), *self.rotation, *self.translation)

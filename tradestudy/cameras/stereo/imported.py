@@ -1,4 +1,4 @@
-"""A calibrated pair of a calibration file in the terms of a study."""
+"""The keys of a study for a stereo rig imported from a calibration file."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from tradestudy.optics.lens_models.families import ANGLES
 
 _NOMINAL_PITCH: Final = "3 um"
 _NOMINAL: Final = (
-    "nominal: depth depends on its ratio to the focal length alone; blur and diffraction need the true one"
+    "nominal: depth depends only on its ratio to the focal length; blur and diffraction need the true value"
 )
 
 
 def stated_by(imported: ImportedRig | ImportedCorners) -> Iterator[Stated]:
-    """Every value of a stereo rig that a calibration file gives, and how the file was read."""
+    """Every value of a stereo rig from a calibration file, and the conventions by which the file was read."""
     yield Stated(path=("kind",), value="stereo", key=_first_key(imported), basis="derived")
     if isinstance(imported, ImportedCorners):
         yield from _of_corners(imported)
@@ -70,7 +70,7 @@ def _pitch(key: str) -> Stated:
 
 
 def _of_corners(corners: ImportedCorners) -> Iterator[Stated]:
-    """The fit gives the design; the posterior that is inferred from the same corners gives the geometry."""
+    """The design from a fit of the corners; the posterior of the same corners gives the geometry."""
     fitted = "by a fit of the corners"
     focal_length = Stated(
         path=("lenses", "focal_length"),
@@ -86,7 +86,7 @@ def _of_corners(corners: ImportedCorners) -> Iterator[Stated]:
         value=f"{corners.noise * 2.0**0.5!r} px",
         key=corners.key,
         basis="assumed",
-        note="as precise as the corner detector: √2 times the noise of one coordinate that the fit finds",
+        note="as precise as the corner detector: √2 times the fitted noise of one coordinate",
     )
     yield _pitch(corners.key)
     yield Stated(path=("calibration", "corners", "file"), value=corners.file, key=corners.key)

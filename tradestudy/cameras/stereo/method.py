@@ -18,12 +18,12 @@ METHOD: Final = Method(
             alt="Z equals c times B over d. The change of Z equals Z squared over c B times the change of d. A yaw psi "
             "changes Z by about Z squared over B, times one plus x squared over c squared, times psi.",
         ),
-        "These linear forms explain the sizes; the numbers come from the exact law, which has a pole where the "
-        "yaw eats the whole disparity, at *Z* = *B*/ψ. The overlap of the two fields of view, 1 − *B*/*W* with "
+        "These linear forms explain the magnitudes; the numbers come from the exact law, which has a pole where the "
+        "yaw cancels the disparity, at *Z* = *B*/ψ. The overlap of the two fields of view, 1 − *B*/*W* with "
         "*W* = 2 *Z* tan(FOV/2), bounds the near range. *c* is the distance of the sensor behind the lens: the "
-        "focal length *f*, as where that comes from a calibration in pixels, or, where the study says “focused”, "
+        "focal length *f*, for example from a calibration in pixels, or, if the study says “focused”, "
         "the image distance of a thin lens focused at *a*, *c* = *f* *a*/(*a*\u00a0−\u00a0*f*). The table of the "
-        "cameras states *c* beside that image distance, which is longer than *f* by the share *f*/(*a* − *f*).",
+        "cameras states *c* beside that image distance, which exceeds *f* by the fraction *f*/(*a* − *f*).",
     ),
     baseline_note="The rig of reference has parallel axes. Converging ones at a baseline *B* measure as well as "
     "parallel ones at *B* (1 + *x*²/*c*²)/(1 + *B*²/4*Z*²), with *x* half the disparity: where the axes meet, *x* = 0, "

@@ -1,4 +1,4 @@
-"""What both cameras of a pair see."""
+"""The overlap of the views of a pair."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _BESIDE = math.pi / 2.0
 def shared_view(
     distance: ArrayLike, baseline: float, half_width: float, convergence_angle: float, lens: LensModel
 ) -> FloatArray:
-    """Share of each picture's width at a distance that the other camera sees too; ``1 − B/W`` for parallel pinholes.
+    """Share of each picture's width at a distance that the other camera also sees; ``1 − B/W`` for parallel pinholes.
 
-    W = 2 Z w with w half the picture's width. Zero where the views do not meet. Converging axes and lenses that distort
-    map a plane unevenly; the share is that of the picture, not of the plane.
+    W = 2 Z w with w half the picture's width. Zero where the views do not overlap. Converging axes and lenses with
+    distortion image a plane unevenly; the share refers to the picture, not to the plane.
 
     Parameters
     ----------
@@ -41,13 +41,13 @@ def shared_view(
 
     def met(edge: float) -> FloatArray:
         """Direction from the left camera to where an edge of the right camera's view meets the plane."""
-        if abs(edge) >= _BESIDE:  # that edge never meets the plane: the view has no end on this side
+        if abs(edge) >= _BESIDE:  # this edge never meets the plane: the view is unbounded on this side
             return np.full(z.shape, math.copysign(_BESIDE, edge))
         return np.arctan(baseline / z + math.tan(edge))
 
     low = np.maximum(max(t + first, -_BESIDE), met(first - t))
     high = np.minimum(min(t + last, _BESIDE), met(last - t))
-    # From directions to the picture, where a direction beyond the picture's own edges does not occur.
+    # Directions are clipped to the edges of the picture.
     places = place_across(
         lens, np.clip([high - t, low - t, np.full(z.shape, last), np.full(z.shape, first)], first, last)
     )[..., 0]

@@ -1,4 +1,4 @@
-"""Two cameras at the ends of a baseline, every parameter in error: what they see, and which inverse depth they read."""
+"""Observation and triangulation by two cameras whose parameters are all in error."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Pair:
     principal_distance
         From the centres of projection to the sensors [m].
     convergence_angle
-        Between the optical axes [rad]; 0 is parallel, positive meets in front.
+        Angle between the optical axes [rad]; 0: parallel; positive: they meet in front.
     triangulation
         ``disparity`` measures along the baseline; ``midpoint`` takes the middle of the shortest segment between the two
         lines of sight. They agree unless the rays are skew.
@@ -52,14 +52,14 @@ class Pair:
 
 
 def pair_observation(pair: Pair, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Image:
-    """Where a pair that deviates from its design by ``errors`` images a point.
+    """The images of a point in a pair that deviates from its design by ``errors``.
 
     Parameters
     ----------
     pair
         The design.
     errors
-        What the rig is less what its design says, by the names of `STEREO_ERRORS`, without pixel noise.
+        True minus designed values, by the names of `STEREO_ERRORS`, without pixel noise.
     x, y, z
         The point [m], from the middle of the baseline: right, down, along the axis.
 
@@ -88,18 +88,18 @@ def pair_observation(pair: Pair, errors: Errors, x: ArrayLike, y: ArrayLike, z: 
 
 
 def pair_inverse_depth(pair: Pair, errors: Errors, image: Image) -> tuple[FloatArray, BoolArray]:
-    """The inverse depth that a calibration which is off by ``errors`` reads from a picture.
+    """The inverse depth that a calibration in error by ``errors`` computes from an image.
 
-    The rays of both image points are traced back through the believed pair. ``disparity`` compares them along the
+    The rays of both image points are traced back through the pair as calibrated. ``disparity`` compares them along the
     baseline by `inverse_depth_on_ray`; ``midpoint`` takes the middle of the shortest segment between them.
 
     Parameters
     ----------
     pair
-        The design, which says the triangulation.
+        The design, with its triangulation.
     errors
-        What the calibration says less what the design says, by the names of `STEREO_ERRORS`; half the noise is added
-        to the left picture and taken from the right one.
+        Calibrated minus designed values, by the names of `STEREO_ERRORS`; half the noise is added in the left picture
+        and subtracted in the right one.
     image
         From `pair_observation`.
 
@@ -109,7 +109,7 @@ def pair_inverse_depth(pair: Pair, errors: Errors, image: Image) -> tuple[FloatA
         [1/m] from the middle of the baseline along the axis of the design; zero or negative for rays that do not meet
         in front.
     valid
-        False where the believed distortion has no inverse, or a principal distance or the baseline is not positive.
+        False where the calibrated distortion has no inverse, or a principal distance or the baseline is not positive.
     """
     t = pair.convergence_angle / 2.0
     half, direction = _half_baseline(pair, errors)
@@ -136,7 +136,7 @@ def pair_inverse_depth(pair: Pair, errors: Errors, image: Image) -> tuple[FloatA
 
 
 def pair_poses(pair: Pair, errors: Errors) -> tuple[Pose, Pose]:
-    """Where both cameras of a pair that deviates from its design by single errors stand: left, right."""
+    """Poses of the left and right camera of a pair that deviates from its design by single errors."""
     t = pair.convergence_angle / 2.0
     half, direction = _half_baseline(pair, errors)
     axes = [_yaw((row[0], row[1], row[2]), -t) for row in np.eye(3)]
@@ -155,7 +155,7 @@ def pair_interior(pair: Pair, errors: Errors, side: str) -> tuple[float, tuple[f
 
 
 def _interior(pair: Pair, errors: Errors, side: str) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Principal distance and principal point of one camera [m]: its own errors, and its share of those of both."""
+    """Principal distance and principal point of one camera [m], with its own errors and its share of common ones."""
     principal_distance = (
         pair.principal_distance + value_of(errors, "focal_length") + value_of(errors, f"{side}_focal_length")
     )
@@ -179,7 +179,7 @@ def _half_baseline(pair: Pair, errors: Errors) -> tuple[FloatArray, Ray]:
 
 
 def _yaw(ray: Ray, angle: float) -> Ray:
-    """Turn about the vertical; a positive angle turns z towards −x."""
+    """Rotate about the vertical; a positive angle rotates z towards −x."""
     if angle == 0.0:
         return ray
     x, y, z = ray
@@ -188,7 +188,7 @@ def _yaw(ray: Ray, angle: float) -> Ray:
 
 
 def _turn(rotation: Rotation, ray: Ray) -> Ray:
-    """A ray in the frame that a rotation leads to."""
+    """The rotated ray."""
     x, y, z = ray
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
     return xx * x + xy * y + xz * z, yx * x + yy * y + yz * z, zx * x + zy * y + zz * z
@@ -197,7 +197,7 @@ def _turn(rotation: Rotation, ray: Ray) -> Ray:
 def _right_rotation(errors: Errors, convergence: float) -> Rotation:
     """From rays of the right camera to the frame of the pair: half the convergence, then roll, pitch and yaw.
 
-    Roll turns about z, pitch about x and yaw as `_yaw` does. One matrix for each draw, whatever the distances.
+    Roll rotates about z, pitch about x and yaw as `_yaw` does. One matrix for each draw, for all distances.
     """
     (cr, sr), (cp, sp), (cy, sy) = (_cos_sin(value_of(errors, name)) for name in ("roll", "pitch", "yaw"))
     rows = (
@@ -212,7 +212,7 @@ def _right_rotation(errors: Errors, convergence: float) -> Rotation:
 
 
 def _cos_sin(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Both from the tangent of half the angle, which numpy computes four times as fast as either of them."""
+    """Cosine and sine from the tangent of half the angle, which NumPy computes four times faster than either."""
     h = np.tan(0.5 * angle)
     scale = 1.0 / (1.0 + h * h)
     return (1.0 - h * h) * scale, 2.0 * h * scale

@@ -1,4 +1,4 @@
-"""Directions at the edges of a picture, and how finely its middle is imaged, by the model of its lens."""
+"""Field angles and image scale of a picture by its lens model."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from tradestudy.units import ANGLE, pretty
 
 
 def edge_angle(lens: LensModel, across: float, down: float) -> float:
-    """Angle from the axis [rad] of a place in the normalised picture; beyond the lens's field, where that ends."""
+    """Angle from the axis [rad] of normalised image coordinates; at most the valid field of the lens."""
     x, y, z = (float(one) for one in lens.ray(across, down))
     return float(lens.valid_field) if math.isnan(x) else math.atan2(math.hypot(x, y), z)
 
 
 def full_angle(lens: LensModel, across: float, down: float) -> float:
-    """Angle [rad] from one edge of the picture to the opposite one, half its size (across, down) from the middle."""
+    """Angle [rad] between opposite edges of the picture, (across, down) from its centre in normalised coordinates."""
     return edge_angle(lens, -across, -down) + edge_angle(lens, across, down)
 
 
 def properties_of_lens_models(lens: LensModel, pair: CalibratedPair | None) -> Properties:
-    """Of the lens of both cameras, or of each of a calibrated pair."""
+    """Properties of the common lens model, or of both lens models of a calibrated pair."""
     if pair is None:
         return _properties_of(lens, "lens model")
     return (*_properties_of(pair.lenses[0], "left lens model"), *_properties_of(pair.lenses[1], "right lens model"))
 
 
 def _properties_of(lens: LensModel, what: str) -> Properties:
-    """Its name and coefficients that are not zero, and where it ends; nothing of a pinhole."""
+    """Name, nonzero coefficients and valid field of a lens model; nothing for a pinhole."""
     if lens == IDEAL:
         return ()
     given = ", ".join(f"{name} {value:g}" for name, value in lens.coefficients().items() if value)
@@ -45,16 +45,16 @@ def _properties_of(lens: LensModel, what: str) -> Properties:
 
 
 def place_across(lens: LensModel, angle: ArrayLike) -> FloatArray:
-    """Place (..., 2) in the normalised picture of a direction this far to the right of the axis [rad].
+    """Normalised image coordinates (..., 2) of a direction at an angle to the right of the axis [rad].
 
-    A pinhole has x = its tangent; NaN outside the valid field.
+    For a pinhole, x is the tangent of the angle; NaN outside the valid field.
     """
     angle = np.asarray(angle, dtype=np.float64)
     return lens.project(np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=-1))
 
 
 def scale_across(lens: LensModel, slope: ArrayLike) -> FloatArray:
-    """How far the place x of a direction moves with its slope x/z: 1 for a pinhole."""
+    """Derivative of the image coordinate x by the slope x/z: 1 for a pinhole."""
     slope = np.asarray(slope, dtype=np.float64)
     points = np.stack([slope, np.zeros_like(slope), np.ones_like(slope)], axis=-1)
     scale: FloatArray = lens.derivatives(points, ())[0][..., 0, 0]

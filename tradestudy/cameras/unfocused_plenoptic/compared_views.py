@@ -1,4 +1,4 @@
-"""The views that an estimator compares, and what the rims of stops leave of them."""
+"""The views that an estimator compares, also through a vignetted pupil."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ ViewEstimator = Literal["outermost-views", "least-squares"]
 
 
 def baseline_of_views(estimator: ViewEstimator, positions: FloatArray) -> float:
-    """The distance Δu [m] of two views that would measure as well as the estimator with views at positions [m].
+    """Baseline Δu [m] of a pair of views with the precision of the estimator for views at positions [m].
 
-    That of the outermost views along a row; √(2 Σ|u − ū|²) for least squares over both coordinates of all views, each
-    with the error of one coordinate. 0 for fewer than two.
+    The distance between the outermost views in a row, or √(2 Σ|u − ū|²) for least squares over both coordinates of all
+    views with equal errors. 0 for fewer than two.
     """
     if not len(positions):
         return 0.0
@@ -32,19 +32,19 @@ def baseline_of_views(estimator: ViewEstimator, positions: FloatArray) -> float:
 class ComparedViews:
     """Views through parts of the pupil, each of the whole sensor.
 
-    Rims of other stops that narrow the pupil off the axis take whole views, and no light from those that they leave.
-    The share of the width that is left along the radius of the field is taken in all directions, which leaves least.
+    Rims of other stops that vignette the pupil off the axis remove whole views and do not dim the others. The remaining
+    share of the width along the radius of the field is applied in all directions, the worst case.
 
     Parameters
     ----------
     estimator
-        What measures.
+        The estimator.
     positions
         Centres of all views in the pupil [m], shape (views, 2).
     pupil_diameter
-        Of the part of the pupil in which they lie [m].
+        Diameter of the part of the pupil in which they lie [m].
     side_px
-        Of the largest square that the outermost views share [samples], over distance.
+        Side of the largest square that the outermost views share [samples], over distance.
     """
 
     stops_dim: ClassVar[bool] = False
@@ -56,11 +56,11 @@ class ComparedViews:
 
     @property
     def widest_px(self) -> float:
-        """That of the views, of which the outermost share the most near focus."""
+        """Largest window that the views share, near focus [samples]."""
         return float(np.max(self.side_px))
 
     def through(self, width: float) -> MatchedPairs:
-        """One pair, which tells what the views that are left do over the baseline of all."""
+        """One pair, weighted by the precision of the remaining views over that of all."""
         left = np.hypot(*self.positions.T) <= width * self.pupil_diameter / 2.0 * (1.0 + 1e-12)
         left_of_all = baseline_of_views(self.estimator, self.positions[left]) / baseline_of_views(
             self.estimator, self.positions

@@ -1,4 +1,4 @@
-"""What a study declares of an unfocused plenoptic camera."""
+"""The declaration of an unfocused plenoptic camera in a study."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from tradestudy.optics.thin_lens import image_distance
 class UnfocusedMicrolensesPart(Part):
     """The microlens array of an unfocused plenoptic camera, one focal length before the sensor."""
 
-    layout: Literal["hexagonal", "square"] = Field(description="How the microlenses are arranged.")
-    pitch: MicrolensPitch = Field(description="Distance of neighbouring microlens centres: the lateral sample.")
+    layout: Literal["hexagonal", "square"] = Field(description="Arrangement of the microlenses.")
+    pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres: the lateral sample.")
     focal_length: FocalLength | Literal["f-number-matching"] = Field(
-        description="Also the distance to the sensor; f-number-matching makes it pitch × mla_distance / pupil diameter."
+        description="Also the distance to the sensor; f-number-matching: pitch × mla_distance / pupil diameter."
     )
     aperture_diameter: MicrolensPitch | None = Field(default=None, description="Of one microlens; default: the pitch.")
     f_number: FNumber | None = Field(
-        default=None, description="Of one microlens, focal length over aperture diameter, instead of that diameter."
+        default=None, description="Focal length over aperture of one microlens, instead of aperture_diameter."
     )
 
     @model_validator(mode="after")
@@ -54,9 +54,9 @@ class UnfocusedFocusPart(Part):
 
 
 class UnfocusedDepthPart(DisparityPart):
-    """Depth by the views through parts of the pupil; a px of disparity is one microlens, the sample of a view."""
+    """Depth from views through parts of the pupil; a px of disparity is one microlens, the sample of a view."""
 
-    estimator: ViewEstimator = Field(description="Which views depth is measured from.")
+    estimator: ViewEstimator = Field(description="Views that are compared.")
 
 
 if TYPE_CHECKING:
@@ -79,8 +79,8 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
     depth: UnfocusedDepthPart
     field_curvature: Length = Field(
         default=0.0,
-        description="How much farther from the main lens than on the axis its image lies in the corner of the sensor; "
-        "known, and corrected for.",
+        description="How much farther from the main lens its image lies in the corner of the sensor than on the axis; "
+        "known and corrected.",
     )
     calibration: UnfocusedPlenopticCalibration = Field(default_factory=UnfocusedPlenopticCalibration)
 

@@ -1,8 +1,8 @@
 """Depth from the views of an unfocused plenoptic camera: opposite parts of the pupil, matched as pairs of pictures.
 
-A point at a disparity s [samples per metre of pupil] appears in the view through u moved by −u s against the view
-through the middle. The views through u and −u are compared at the places that one s predicts in both, so that all
-pairs of views share the frame of the middle one, and each pair has noise of its own.
+A point of disparity s [samples per metre of pupil] appears in the view through u shifted by −u s from the central view.
+The views through u and −u are compared at the positions predicted by a common s, so that all pairs of views share the
+frame of the central one, and each pair has independent noise.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from tradestudy.optics.microlens_coverage.lattice import lattice_of
 from tradestudy.optics.window_matching import PairOfPictures, Reason, gradient_along, match_windows, odd_window
 
 _LEAST_SHARE: Final = 0.5  # of a window that both views show
-_SMOOTHING: Final = 0.8  # samples, of views: what is finer is mostly aliased, and moves by other disparities
+_SMOOTHING: Final = 0.8  # samples, of views: finer detail is mostly aliased, with wrong disparities
 _SAME_SURFACE_PX: Final = 0.5  # of disparity between the outermost views, among neighbours
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ViewsReader(DepthReader):
-    """An unfocused plenoptic camera as it was designed, and what depth is looked for.
+    """Depth by an unfocused plenoptic camera as designed.
 
-    The map has one value for each microlens, in rows from the top; of a hexagonal array every other row is moved by
-    half a pitch to stand on a regular grid.
+    The map has one value for each microlens, in rows from the top; every other row of a hexagonal array is interpolated
+    by half a pitch onto a regular grid.
 
     Parameters
     ----------
     camera, search
-        Them.
+        The camera, and the depths to search.
     """
 
     camera: UnfocusedPlenoptic
@@ -51,7 +51,7 @@ class ViewsReader(DepthReader):
 
     @cached_property
     def _places(self) -> tuple[Indices, Indices, tuple[int, int]]:
-        """Row and column of each microlens on the regular grid, and its rows and columns."""
+        """Row and column of each microlens on the regular grid, and the shape of the grid."""
         skew, _ = lattice_of(self.camera.microlenses.layout).second_vector
         grid = self._grid
         row = grid.second - grid.low[1]
@@ -61,14 +61,14 @@ class ViewsReader(DepthReader):
 
     @cached_property
     def _rise(self) -> float:
-        """Distance of rows over that of columns."""
+        """Row spacing over column spacing."""
         return lattice_of(self.camera.microlenses.layout).second_vector[1]
 
     @cached_property
     def _half_pairs(self) -> Samples:
         """One view of each pair of opposite views that the estimator uses [m on the pupil], shape (pairs, 2).
 
-        Without those at the rim of the pupil, which microlenses that stand between pixels do not show.
+        Views at the rim of the pupil are excluded, because microlenses not aligned with pixels lack them.
         """
         views = self.camera.view_positions
         rim = self.camera.main_lens.pupil_diameter / 2.0 - self.camera.view_pupil_diameter
@@ -81,7 +81,7 @@ class ViewsReader(DepthReader):
 
     @property
     def _longest(self) -> float:
-        """Baseline [m] whose disparity the steps count."""
+        """Baseline [m] in whose disparity steps are counted."""
         return 2.0 * float(np.max(np.hypot(*self._half_pairs.T)))
 
     @property
@@ -90,7 +90,7 @@ class ViewsReader(DepthReader):
         return self._longest / self.camera.estimator_baseline
 
     def _view(self, picture: FlatPicture, place: Samples) -> Samples:
-        """The view through a place (2,) on the pupil [m], on the regular grid; NaN where it is missing."""
+        """The view through a position (2,) on the pupil [m], on the regular grid; NaN where missing."""
         camera, grid = self.camera, self._grid
         pixel = place * camera.microlenses.gap / camera.mla_distance / camera.sensor.pixel_pitch
         values = np.where(picture.pure, picture.values, np.float32(np.nan))
@@ -100,7 +100,7 @@ class ViewsReader(DepthReader):
         return self._straightened(found)
 
     def _straightened(self, found: Samples) -> Samples:
-        """Rows that the lattice moves by half a sample, put straight by cubic interpolation."""
+        """Rows that the lattice shifts by half a sample, interpolated onto the regular grid by cubics."""
         skew, _ = lattice_of(self.camera.microlenses.layout).second_vector
         if skew == 0.0:
             return found
@@ -108,12 +108,12 @@ class ViewsReader(DepthReader):
         wide = np.pad(found[odd], ((0, 0), (2, 1)), constant_values=np.nan)
         weights = cubic_weights(0.5).astype(found.dtype)
         columns = found.shape[1]
-        # An odd row's sample j stands at j + ½: the place j lies between the samples j − 1 and j.
+        # Sample j of an odd row lies at j + ½, so position j lies between samples j − 1 and j.
         found[odd] = sum(weights[k] * wide[:, k : k + columns] for k in range(4))
         return found
 
     def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
-        """Depth of every microlens that enough views pass."""
+        """Depth at every microlens with enough views."""
         camera, picture = self.camera, pictures["raw"]
         middle = self._view(picture, np.zeros(2))
         smooth = _Movable.of(middle)
@@ -145,7 +145,7 @@ class ViewsReader(DepthReader):
         )
 
     def _pair(self, picture: FlatPicture, template: Samples, place: Samples) -> PairOfPictures:
-        """The views through a place on the pupil and the one opposite."""
+        """The views through a position on the pupil and the opposite one."""
         first, second = (_Movable.of(self._view(picture, one)) for one in (-place, place))
         per_step = place / self._longest * np.array([1.0, 1.0 / self._rise])
         gradient = gradient_along(template, (-2.0 * float(per_step[0]), -2.0 * float(per_step[1])))
@@ -156,7 +156,7 @@ class ViewsReader(DepthReader):
         return PairOfPictures(gradient=gradient, difference=difference)
 
     def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
-        """True depth in the middle view; it can be measured where no step of depth is beside."""
+        """True depth in the central view; measurable away from depth discontinuities."""
         from scipy.ndimage import maximum_filter, minimum_filter
 
         row, column, shape = self._places
@@ -174,17 +174,17 @@ class ViewsReader(DepthReader):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Movable:
-    """A view as the spectrum of its even continuation, which moves it by any fraction of a sample without blurring it.
+    """A view as the spectrum of its even extension, which shifts it by any fraction of a sample without blur.
 
-    Views have few samples for their texture; interpolation by neighbours would blur them at fractions of a sample and
-    not at whole ones, and draw every disparity away from whole samples.
+    Views sample their texture coarsely; local interpolation would blur them at fractions of a sample and not at whole
+    ones, and bias every disparity away from whole samples.
 
     Parameters
     ----------
     spectrum
-        Of the continuation.
+        Spectrum of the extension.
     seen
-        Where its samples and their neighbours were there, shape (rows, columns).
+        Where samples and their neighbours exist, shape (rows, columns).
     """
 
     spectrum: NDArray[np.complex64]
@@ -192,7 +192,7 @@ class _Movable:
 
     @classmethod
     def of(cls, view: Samples) -> _Movable:
-        """Missing samples are those nearest to them."""
+        """From a view; missing samples are filled from the nearest ones."""
         from scipy import fft
         from scipy.ndimage import binary_erosion, distance_transform_edt
 
@@ -208,7 +208,7 @@ class _Movable:
         return cls(spectrum=spectrum, seen=binary_erosion(there, np.ones((3, 3), bool)))
 
     def at(self, move: Samples) -> Samples:
-        """Read at each place plus a move (x, y) [samples]."""
+        """The view shifted by (x, y) [samples]: each position reads its value at that offset."""
         from scipy import fft
 
         rows, columns = self.seen.shape

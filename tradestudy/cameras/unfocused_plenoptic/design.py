@@ -49,18 +49,17 @@ class UnfocusedPlenoptic(PlenopticCamera):
     focus_distance
         a₀ [m]: the distance whose image falls on the array; finite.
     estimator
-        Which views depth is measured from: the two outermost ones, or all of them by least squares over both
-        coordinates.
+        Views that are compared: the two outermost ones, or all by least squares over both coordinates.
     disparity_error_px
-        Standard deviation of the disparity of one pair of views, in microlenses: the lateral sample of a view; or the
-        law it follows from.
+        Standard deviation of the disparity of one pair of views, in microlenses (the lateral sample of a view), or the
+        law that gives it.
     discrimination_step_px
         The disparity step of the depth discrimination, in microlenses.
 
     Raises
     ------
     OutOfRangeError
-        For parts that do not fit together, or too few pixels under a microlens for two views.
+        The parts do not fit together, or a microlens covers too few pixels for two views.
     """
 
     method: ClassVar[Method] = METHOD
@@ -104,7 +103,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     @cached_property
     def view_pupil_diameter(self) -> float:
-        """B = p_px z/f_L [m]: the part of the pupil that a pixel sees through, baseline of neighbouring views."""
+        """B = p_px z/f_L [m]: the part of the pupil that a pixel sees, and the baseline of neighbouring views."""
         return float(
             view_pupil_diameter(
                 self.focus_distance,
@@ -121,15 +120,15 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     @property
     def _micro_image_used(self) -> float:
-        """Of the micro-image [m], what lies in the cell of its microlens."""
+        """Part of the micro-image in the cell of its microlens [m]."""
         return min(self.micro_image_diameter, self.microlenses.pitch)
 
     @cached_property
     def view_positions(self) -> FloatArray:
         """Centres of the views in the pupil [m], shape (views, 2).
 
-        Pixels whose centre lies in the picture of the pupil and in the cell of the microlens, on a square grid with a
-        pixel in the middle where the pitch is an odd number of pixels, a corner of pixels where it is even.
+        Pixels whose centre lies in the image of the pupil and in the cell of the microlens, on a square grid centred on
+        a pixel if the pitch is an odd number of pixels, on a corner of pixels if it is even.
         """
         pixel = self.sensor.pixel_pitch
         across = round(self.microlenses.pitch / pixel)
@@ -167,7 +166,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
         )
 
     def refocus_distance(self, shift: ArrayLike) -> FloatArray:
-        """Distance [m] that shifting neighbouring views by so many microlenses refocuses on; see `refocus_distance`."""
+        """Distance in focus [m] for a shift of neighbouring views in microlenses; see `refocus_distance`."""
         return refocus_distance(
             shift,
             self.focus_distance,
@@ -202,7 +201,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
         return np.asarray(np.where(real, blur / self.microlenses.pitch, np.inf))
 
     def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
-        """That of every view; see `blur_px`."""
+        """The blur of every view; see `blur_px`."""
         return self.blur_px(distance)
 
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
@@ -241,7 +240,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
         )
 
     def _shared_side(self, distance: FloatArray) -> FloatArray:
-        """Side [microlenses] of the largest square that both outermost views show: the sensor less their disparity."""
+        """Side [microlenses] of the largest square that both outermost views show: the sensor minus their disparity."""
         apart = np.abs(
             np.ptp(self.view_positions[:, 0]) * self.mla_distance * (1.0 / distance - 1.0 / self.focus_distance)
         )
@@ -250,28 +249,28 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     @property
     def geometry(self) -> ArrayGeometry:
-        """With the array in the image of the plane of focus."""
+        """The geometry with the array in the image of the plane of focus."""
         return self.geometry_at(self.mla_distance)
 
     @property
     def pixels_apart(self) -> float:
-        """How far the pixels of the estimator's two views are apart under a microlens [m]: ``Δu b_L/z``."""
+        """Distance between the pixels of the estimator's two views under a microlens [m]: ``Δu b_L/z``."""
         return self.estimator_baseline * self.microlenses.gap / self.mla_distance
 
     def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Observation:
-        """Disparity of a point on the array, and where it is seen; see `views_observation`."""
+        """Disparity of a point on the array, and its position; see `views_observation`."""
         return views_observation(self.geometry, self.pixels_apart, errors, x, y, z)
 
     def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:  # noqa: ARG002 - the same views at every distance
-        """By the rays of both views; see `views_inverse_depth`."""
+        """Inverse depth from the rays of both views; see `views_inverse_depth`."""
         return views_inverse_depth(self.geometry, self.pixels_apart, errors, seen)
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
-        """Disparity of a corner, and where it is seen."""
+        """Disparity of a corner, and its position."""
         return self.observe(errors, x, y, z)
 
     def target_noise_px(self, corner_noise_px: float) -> FloatArray:
-        """Of the disparity as declared, and of both coordinates: all count in microlenses, the pixels of a view."""
+        """Noise of the disparity as declared, and of both coordinates, all in microlenses: the samples of a view."""
         samples = np.array([declared_disparity_error(self), corner_noise_px, corner_noise_px])
         return np.asarray(samples * (self.sample_pitch / self.sensor.pixel_pitch))
 

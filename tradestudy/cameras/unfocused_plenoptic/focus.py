@@ -1,4 +1,4 @@
-"""The views of an unfocused plenoptic camera: sharp wherever each of them is, since they can be refocused there."""
+"""The focus of an unfocused plenoptic camera: that of its views, which can be refocused anywhere in it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class RefocusedViewsFocus:
     focus_distance
         a₀ [m], the distance whose image falls on the array.
     view_pupil_diameter
-        The part of the pupil that one pixel sees through [m].
+        The part of the pupil that one pixel sees [m].
     microlens_pitch
         The lateral sample [m].
     """
@@ -51,7 +51,7 @@ class RefocusedViewsFocus:
         )
 
     def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
-        """Depth of field of one view, the blur and the diffraction of its small pupil in microlenses."""
+        """Depth of field of one view, with blur and diffraction of its small pupil in microlenses."""
         return self._view.sharp_range(criterion)
 
     def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
@@ -69,6 +69,6 @@ class RefocusedViewsFocus:
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
         """The spot of one view's pupil on the array times a/z [m].
 
-        A refocused image adds the views and is no sharper than each of them: the microlens has sampled it already.
+        A refocused image is the sum of the views and no sharper than each of them.
         """
         return np.asarray(self._view.diffraction_width(distance, wavelength, measure))

@@ -1,6 +1,6 @@
-"""The shift of a point between two views, every parameter in error: what is seen, and which inverse depth follows.
+"""Observation and inverse depth by two views, with all parameters in error.
 
-The two pixels of a pair of views lie N apart under every microlens, counted from the centres of its white image, which
+The two pixels of a pair of views lie N apart under every microlens, measured from the centre of its white image, which
 is the image of the exit pupil at a distance z_p before the array. A pixel o beside that centre under a microlens at x
 looks along the slope ``o/b_L + x/z_p``, so the rays of both views through an image at a_L before the array meet the
 array d' apart, ``d' (1 − a_L/z_p) = N a_L/b_L``. Disparity is d = −d': positive for points nearer than the focus.
@@ -19,25 +19,25 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 def views_observation(
     geometry: ArrayGeometry, pixels_apart: float, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike
 ) -> Observation:
-    """What a camera that deviates from its design by ``errors`` sees of a point.
+    """The observation of a point by a camera that deviates from its design by ``errors``.
 
     Parameters
     ----------
     geometry
         The design.
     pixels_apart
-        N [m]: how far the pixels of the two views are apart.
+        N [m]: distance between the pixels of the two views.
     errors
-        What the camera is less what its design says, by the names of `PLENOPTIC_ERRORS`, without pixel noise and
-        without the scatter of the microlens centres, which differs from place to place.
+        True minus designed values, by the names of `PLENOPTIC_ERRORS`, without pixel noise and without the scatter of
+        the microlens centres, which varies over the array.
     x, y, z
         The point [m] from the centre of the main lens; upright coordinates.
 
     Returns
     -------
     Observation
-        Disparity, in the lenses of the design, and where the point is seen. Exact for thin lenses; NaN for points that
-        the main lens does not image.
+        Disparity, in microlenses of the design, and the position of the point. Exact for thin lenses; NaN for points
+        that the main lens does not image.
     """
     place = geometry.place_of(errors, x, y, z)
     a_L = geometry.microlens_object_distance(errors, place, z)
@@ -48,7 +48,7 @@ def views_observation(
 def views_inverse_depth(
     geometry: ArrayGeometry, pixels_apart: float, errors: Errors, seen: Observation
 ) -> tuple[FloatArray, BoolArray]:
-    """The inverse depth that a calibration which is off by ``errors`` reads.
+    """The inverse depth that a calibration in error by ``errors`` computes.
 
     ``a_L = −d/(N/b_L − d/z_p)``, ``b = z − a_L``, ``1/a = 1/f − 1/b``; where the pupil lies in the main lens,
     ``1/a = 1/f − 1/z + d b_L/(N z²)``.
@@ -58,7 +58,7 @@ def views_inverse_depth(
     geometry, pixels_apart
         The design.
     errors
-        What the calibration says less what the design says, by the names of `PLENOPTIC_ERRORS`.
+        Calibrated minus designed values, by the names of `PLENOPTIC_ERRORS`.
     seen
         From `views_observation`.
 
@@ -67,8 +67,8 @@ def views_inverse_depth(
     inverse_depth
         [1/m]; zero at infinity and negative beyond.
     valid
-        False where a believed length is not positive, the believed distortion has no inverse, or the two rays do not
-        meet behind the main lens.
+        False where a calibrated length is not positive, the calibrated distortion has no inverse, or the two rays do
+        not meet behind the main lens.
     """
     shift, seen_x, seen_y = seen
     place = geometry.place_seen(errors, seen_x, seen_y)
@@ -83,5 +83,5 @@ def views_inverse_depth(
 
 
 def _pupil_distance(errors: Errors, place: PlaceOnArray) -> FloatArray:
-    """From the exit pupil to the array z_p [m]; by design it lies in the main lens."""
+    """Distance z_p from the exit pupil to the array [m]; by design the pupil lies in the main lens."""
     return place.distance + value_of(errors, "pupil_distance")

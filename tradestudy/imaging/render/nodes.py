@@ -177,7 +177,7 @@ def _place_at_stop(stop: Stop, x: float, y: float) -> FloatArray:
 
 
 def _by_lens(stop: Stop) -> FloatArray:
-    """Change of the place at the stop with the place on the lens; never quite 0, which stands for a very far stop."""
+    """Change of the place at the stop with that on the lens; never exactly 0, which means a very distant stop."""
     found = np.asarray(stop.by_lens, stop.place.dtype)
     return np.where(np.abs(found) < _SMALLEST_SCALE, stop.place.dtype.type(_SMALLEST_SCALE), found)
 

@@ -180,6 +180,13 @@ class ChainImage:
     handed_over: float = 0.0
     tolerance: float = math.inf
 
+    def __repr__(self) -> str:
+        rows, columns = self.pixels.shape
+        return (
+            f"ChainImage({rows} × {columns} pixels, {self.pixels.sum():.3g} of the light, "
+            f"relative error {self.numerical_error:.1g}, tolerance {self.tolerance:g})"
+        )
+
     @property
     def within_tolerance(self) -> bool:
         """Whether the stated error is within the tolerance."""

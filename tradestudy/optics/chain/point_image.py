@@ -131,7 +131,7 @@ def stated_point(
 ) -> tuple[PointComputation, dict[str, float]]:
     """Computation and the terms of its stated error: a second one on other samples, side by side.
 
-    The second one of a boundary wave is Kirchhoff's, so that the change holds what its leading term leaves out.
+    The second one of a boundary wave is Kirchhoff's, so that the change contains what its leading term leaves out.
     """
     reference = wave.reference if isinstance(wave, PupilWave) else wave
     with ThreadPoolExecutor(2) as pool:

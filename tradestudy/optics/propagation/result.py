@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.propagation.direct import ComplexArray
-from tradestudy.optics.propagation.sampling import Targets
+from tradestudy.optics.propagation.sampling import TargetGrid, Targets
 
 Method = Literal["geometric", "boundary_wave", "fresnel", "kirchhoff"]
 # An estimate from sixteen targets scatters, more so where errors are uneven. With a factor of 2, one case in twelve
@@ -135,6 +135,15 @@ class ApertureField:
     effort: Effort
     method: Method
     handed_over: float = 0.0
+
+    def __repr__(self) -> str:
+        grid = self.targets if isinstance(self.targets, TargetGrid) else None
+        shape = " × ".join(map(str, self.intensity.shape))
+        spacing = f", spacing {grid.x_pitch:.3g}, {grid.y_pitch:.3g} m" if grid else ""
+        return (
+            f"ApertureField({self.method}, {shape} targets{spacing}, "
+            f"relative error of the intensity {self.error.intensity:.1g})"
+        )
 
 
 def squared_magnitude(field: ComplexArray) -> FloatArray:

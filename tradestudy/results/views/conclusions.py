@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -72,9 +73,9 @@ def _breakable(words: str) -> str:
 
 
 def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
-    """The inputs that decide the requirements most or, without requirements, the depth of the best cameras.
+    """What decides the requirements most or, without requirements, the depth of the best cameras.
 
-    Each comes with its basis and its share of the variance.
+    Either a limit of a camera's range, or an uncertain input with its basis and its share of the variance.
     """
     found = [(one.rests_on, one.rests_on_share) for one in requirement_conclusions(tree) if one.rests_on]
     if not found and has(tree, "decision", "cause"):
@@ -89,7 +90,10 @@ def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
     shares: dict[str, float] = {}
     for words, share in found:
         shares[words] = max(share, shares.get(words, 0.0))
-    return tuple(f"{words} ({pretty(share, FRACTION, digits=2)} of the variance)" for words, share in shares.items())
+    return tuple(
+        words + (f" ({pretty(share, FRACTION, digits=2)} of the variance)" if math.isfinite(share) else "")
+        for words, share in shares.items()
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -66,8 +66,8 @@ class Feasible:
         Number of feasible designs, and of all designs.
     best
         The feasible design with the largest smallest margin; where none is feasible, that of all designs.
-    tightest
-        The requirement with that margin, in the words of the study.
+    tightest, tightest_reason
+        The requirement with that margin, in the words of the study, and the worst value of that design.
     region
         Values of each parameter among the feasible designs, in words; empty where none is feasible.
     required, wishes
@@ -82,6 +82,7 @@ class Feasible:
     designs: int
     best: Design
     tightest: str
+    tightest_reason: str
     region: str
     required: int
     wishes: int
@@ -154,6 +155,7 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
             margin=float(least[best]) / 100.0,
         ),
         tightest=str(data["says"].values[tightest]),
+        tightest_reason=str(data["design_reason"].transpose(*axes, "requirement").values[(*best, tightest)]),
         region=_region_words(tree, data, axes, every),
         required=int(must.sum()),
         wishes=int((~must).sum()),
@@ -254,7 +256,7 @@ def feasible_words(tree: xr.DataTree) -> str:
     if not found.count:
         return (
             f"None of {found.designs} designs meets {what}. {found.best.words} comes nearest: it misses "
-            f"“{found.tightest}”" + (f" by {share}" if share and found.best.margin < 0.0 else "")
+            f"“{found.tightest}” ({found.tightest_reason})"
         )
     if found.count == found.designs:
         return f"Every design meets {what}: {found.region}. {_largest(found, share)}"
@@ -276,9 +278,9 @@ def _largest(found: Feasible, share: str) -> str:
 
 
 def margin_words(margin: float) -> str:
-    """By how much the worst value could worsen within its bound or, if it breaks the bound, by how much it misses."""
+    """By how much the worst value could worsen within its bound, or the factor by which it misses it."""
     if margin < 0.0:
-        return f"missed by {pretty(-margin, FRACTION, digits=2)}"
+        return f"missed by a factor of {significant(1.0 / (1.0 + margin), 3)}"
     return f"margin {'of ' if margin >= _MANY_TIMES else ''}{_margin_size(margin)}"
 
 

@@ -47,7 +47,7 @@ def tree_of_design(tree: xr.DataTree, place: Mapping[str, int]) -> xr.DataTree:
 
 
 def _decision(decision: xr.Dataset, place: Mapping[str, int]) -> xr.Dataset:
-    """The same variables, of noise and calibration together, as far as the run asked for them in every design."""
+    """The same variables, of noise and calibration together, as far as the run computed them in every design."""
     one = decision.isel(place)
     found = {"best_camera": one["design_best_camera_along"].expand_dims(way=["both"])}
     if "design_crossover_distance" in one:
@@ -69,6 +69,7 @@ def _requirements(requirements: xr.Dataset, place: Mapping[str, int]) -> xr.Data
             "margin_sigma": one["design_margin_sigma"],
             "within_tolerance": one["design_within_tolerance"],
             "reason": one["design_reason"],
+            **({"limited_by": one["design_limited_by"]} if "design_limited_by" in one else {}),  # earlier runs lack it
             "place": nothing,
             "conformity": nothing,
             "rests_on": xr.full_like(one["says"], ""),

@@ -84,9 +84,11 @@ class RequirementConclusion:
         Probability that the true worst value keeps the bound.
     reason
         The worst value and its distance, in words.
+    limited_by
+        The limit of the usable or sharp range that decides; empty where the value does.
     rests_on, rests_on_share
-        The uncertain input that decides this value most, with its basis, and its share of the variance; empty where
-        none does.
+        That limit and NaN, or the uncertain input that decides the value most, with its basis, and its share of the
+        variance; empty where none does.
     met_ranges
         Ranges of the one swept parameter in which it is met; None without such a sweep.
     designs
@@ -109,6 +111,7 @@ class RequirementConclusion:
     place: float
     conformity: float
     reason: str
+    limited_by: str
     rests_on: str
     rests_on_share: float
     met_ranges: tuple[MetRange, ...] | None
@@ -144,6 +147,7 @@ def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, .
                 place=float(row["place"]),
                 conformity=float(row["conformity"]),
                 reason=str(row["reason"]),
+                limited_by=str(row.get("limited_by", "")),
                 rests_on=str(row["rests_on"]),
                 rests_on_share=float(row["rests_on_share"]),
                 met_ranges=_met_ranges(tree, number),
@@ -207,6 +211,8 @@ def decided_by(one: RequirementConclusion) -> str:
 
 def _margin_words(one: RequirementConclusion) -> str:
     if not np.isfinite(one.margin) or one.margin <= -1.0:  # no margin, or an unbounded value, which the reason reports
+        return ""
+    if one.limited_by and one.margin < 0.0:  # the reason reports where the camera is not usable
         return ""
     if abs(one.margin) < _NO_MARGIN:
         return ""

@@ -25,8 +25,10 @@ from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.schema.requirements import RequirementPart
 from tradestudy.study.sweep import SweepAxis, sweep_axes
 from tradestudy.study.varying import Varying
+from tradestudy.wording import limit_words
 
 _BY_MATCHING: Final = ("depth_uncertainty", "usable", "failed_fraction")  # quantities that depend on the matcher
+_OF_ERRORS: Final = ("depth_uncertainty", "relative_uncertainty", "failed_fraction")  # quantities and limits
 _ROOT_TO: Final = 0.1  # of the tolerance: relative accuracy of the ends of an interval
 
 
@@ -57,6 +59,7 @@ def requirements_group(
         "conformity": [one.conformity for one in deciding],
         "within_tolerance": _near_its_bound(definition, deciding),
         "reason": [one.reason for one in deciding],
+        "limited_by": [one.limit for one in deciding],
         **_rests_on(definition, deciding),
         **_with_matching_at_its_bound(definition, judge),
         "camera_met": [[-1 if one is None else _verdict(one) for one in row] for row in by_camera],
@@ -81,6 +84,7 @@ def requirements_group(
             "design_margin_sigma": shaped([[one.margin_in_errors for one in row] for row in table]),
             "design_within_tolerance": shaped([_near_its_bound(definition, row) for row in table]),
             "design_reason": shaped([[one.reason for one in row] for row in table]),
+            "design_limited_by": shaped([[one.limit for one in row] for row in table]),
         }
         if len(axes) == 1 and _is_numeric(axes[0]):
             columns = list(zip(*table, strict=True))
@@ -94,17 +98,16 @@ def requirements_group(
 
 
 def _rests_on(definition: StudyDefinition, deciding: Sequence[Held]) -> dict[str, Any]:
-    """The largest cause of the deciding camera's uncertainty at its worst distance; empty for other quantities."""
+    """The limit that decides or, if errors do, the largest cause of the camera's uncertainty at the worst distance."""
     words, shares = [], []
     for requirement, held in zip(definition.file.requirements.values(), deciding, strict=True):
-        cause = None
-        if (
-            requirement.quantity in ("depth_uncertainty", "failed_fraction")
-            and math.isfinite(held.place)
-            and held.value > 0.0
-        ):
+        cause, limit = None, ""
+        if held.limit and held.limit not in _OF_ERRORS:
+            which = "sharp" if requirement.quantity == "depth_of_field" else "usable"
+            limit = f"the {which} range of {definition.file.cameras[held.camera].title} ({limit_words(held.limit)})"
+        elif (held.limit or requirement.quantity in _OF_ERRORS) and math.isfinite(held.place) and held.value > 0.0:
             cause = largest_cause(definition.case.cameras[held.camera], np.array([held.place]))
-        words.append("" if cause is None else input_words(definition, held.camera, cause.parameter))
+        words.append(limit if cause is None else input_words(definition, held.camera, cause.parameter))
         shares.append(math.nan if cause is None else cause.share)
     return {"rests_on": words, "rests_on_share": shares}
 

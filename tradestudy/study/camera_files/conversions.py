@@ -1,4 +1,4 @@
-"""Matrices of calibration files, checked: rotations that turn, cameras without skew, transforms and their inverses."""
+"""Checked matrices of calibration files: rotations, camera matrices and rigid transforms."""
 
 from __future__ import annotations
 
@@ -10,26 +10,24 @@ from tradestudy.cameras.imported import Rotation, Vector
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.camera_files.located import Located
 
-_TURNS_WITHIN: Final = 1e-4  # of files with six digits
+_ORTHOGONALITY: Final = 1e-4  # of files with six digits
 _ROUNDING: Final = 1e-12
 
 
 def rotation_of(value: Located, numbers: tuple[float, ...]) -> FloatArray:
-    """A rotation matrix, made exactly one where its digits are few.
+    """A rotation matrix, made orthogonal if it is rounded.
 
     Raises
     ------
     CameraFileError
-        It is not orthogonal, or a mirror.
+        It is not orthogonal, or a reflection.
     """
     matrix = np.array(numbers, dtype=np.float64).reshape(3, 3)
     error = float(np.max(np.abs(matrix @ matrix.T - np.eye(3))))
-    if error > _TURNS_WITHIN:
-        raise value.fail(
-            f"this is no rotation: R Rᵀ differs from 1 by {error:.2g}; at most {_TURNS_WITHIN:g} is expected"
-        )
+    if error > _ORTHOGONALITY:
+        raise value.fail(f"not a rotation: R Rᵀ differs from 1 by {error:.2g}; at most {_ORTHOGONALITY:g} is expected")
     if np.linalg.det(matrix) < 0.0:
-        raise value.fail("this is a mirror, not a rotation; check the signs of its rows")
+        raise value.fail("a reflection, not a rotation; check the signs of its rows")
     if error <= _ROUNDING:
         return matrix
     u, _, v = np.linalg.svd(matrix)
@@ -43,16 +41,16 @@ def pinhole_of(value: Located, numbers: tuple[float, ...]) -> tuple[tuple[float,
     Raises
     ------
     CameraFileError
-        It has skew, or is no camera matrix; focal lengths that are not positive.
+        It has skew, is not a camera matrix, or has focal lengths that are not positive.
     """
     matrix = np.array(numbers, dtype=np.float64).reshape(3, -1)[:, :3]
     fx, skew, cx, fy, cy = matrix[0, 0], matrix[0, 1], matrix[0, 2], matrix[1, 1], matrix[1, 2]
     if not np.array_equal(matrix[[1, 2, 2, 2], [0, 0, 1, 2]], [0.0, 0.0, 0.0, 1.0]):
-        raise value.fail("this is no camera matrix [fx 0 cx; 0 fy cy; 0 0 1]")
+        raise value.fail("not a camera matrix; [fx 0 cx; 0 fy cy; 0 0 1] is expected")
     if skew != 0.0:
-        raise value.fail(f"the pixels have a skew of {skew:g}; cameras with a skew are not supported")
+        raise value.fail(f"the pixels have a skew of {skew:g}; only 0 is supported")
     if not (fx > 0.0 and fy > 0.0):
-        raise value.fail(f"focal lengths of {fx:g} and {fy:g} px; positive ones are expected")
+        raise value.fail(f"the focal lengths are {fx:g} and {fy:g} px; positive ones are expected")
     return (float(fx), float(fy)), (float(cx), float(cy))
 
 
@@ -62,21 +60,21 @@ def rigid_of(value: Located, numbers: tuple[float, ...]) -> tuple[FloatArray, Fl
     Raises
     ------
     CameraFileError
-        It is no rigid motion.
+        It is not a rigid motion.
     """
     matrix = np.array(numbers, dtype=np.float64).reshape(4, 4)
     if not np.array_equal(matrix[3], [0.0, 0.0, 0.0, 1.0]):
-        raise value.fail("the last row of a rigid transform is 0 0 0 1")
+        raise value.fail("not a rigid transform; its last row must be 0 0 0 1")
     return rotation_of(value, tuple(matrix[:3, :3].ravel())), matrix[:3, 3]
 
 
 def rotation_tuple(matrix: FloatArray) -> Rotation:
-    """As the neutral structures hold it."""
+    """A rotation as nested tuples."""
     a, b, c = (tuple(float(one) for one in row) for row in matrix)
     return a, b, c  # type: ignore[return-value]
 
 
 def vector_tuple(vector: FloatArray) -> Vector:
-    """As the neutral structures hold it."""
+    """A vector as a tuple."""
     x, y, z = (float(one) for one in vector)
     return x, y, z

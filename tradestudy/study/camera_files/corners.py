@@ -1,4 +1,4 @@
-"""A corner file as the origin of a camera: a fit gives the design, and the calibration is inferred from the corners."""
+"""Import of corner files: a fit gives the design, and the calibration is inferred from the same corners."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ if TYPE_CHECKING:
 
 
 def recognises(file: CameraFile) -> bool:
-    """A table with corners on a board."""
+    """Whether a file is a table of corners on a board."""
     return file.syntax == "corners"
 
 
 def read(files: Sequence[CameraFile], _request: Request) -> Imported:
-    """The pair that a fit makes of the corners.
+    """The pair fitted to the corners.
 
     Raises
     ------
     CameraFileError
-        The corners contradict themselves or determine no pair; the study says of them what they say themselves.
+        The corners are inconsistent, or do not determine a pair.
     """
     top = files[0].top
     if len(files) != 1:
-        raise files[1].top.fail("a corner file holds both cameras; name one file")
+        raise files[1].top.fail("a corner file contains both cameras; give one file")
     try:
         fit = _fit(files[0].path, files[0].text).explained
     except TradestudyError as error:
@@ -53,7 +53,7 @@ def read(files: Sequence[CameraFile], _request: Request) -> Imported:
 
 @lru_cache(maxsize=4)
 def _fit(path: Path, _text: str) -> RigFit:
-    """Fitted once for every content."""
+    """The fit, computed once per content."""
     from tradestudy.calibration.corners.corner_file import read_corners
     from tradestudy.calibration.corners.real_rig import fit_rig
 

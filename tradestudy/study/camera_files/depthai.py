@@ -32,10 +32,10 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     Raises
     ------
     CameraFileError
-        What is expected is not there, or no transform joins the two cameras.
+        A value is missing or invalid, or no transform connects the two cameras.
     """
     if len(files) != 1:
-        raise files[1].top.fail("the file of a device holds all its cameras; name one file")
+        raise files[1].top.fail("the file of a device contains all its cameras; give one file")
     top = files[0].top
     cameras = _by_socket(top.need("cameraData"))
     left, right = request.pair or _stereo_pair(top, cameras)
@@ -44,7 +44,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
             raise top.fail(f"there is no camera at socket {socket}; known: {', '.join(cameras)}")
     rotation, translation, where, kind = _between(cameras, left, right)
     metre, unit = request.metres(where, stated="cm", why="the definition of DepthAI calibrations")
-    said = (
+    conventions = (
         Convention(name="format", says="DepthAI calibration", key=where.key),
         Convention(
             name="direction of transforms", says="extrinsics lead from a camera to toCameraSocket", key=where.key
@@ -59,7 +59,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         rotation,
         translation * metre,
         where=(where, where),
-        conventions=said,
+        conventions=conventions,
     )
 
 
@@ -75,17 +75,17 @@ def _by_socket(data: Located) -> dict[str, Located]:
 
 
 def _stereo_pair(top: Located, cameras: dict[str, Located]) -> tuple[str, str]:
-    said = top.find("stereoRectificationData")
-    left, right = (None if said is None else said.find(f"{side}CameraSocket") for side in ("left", "right"))
+    named = top.find("stereoRectificationData")
+    left, right = (None if named is None else named.find(f"{side}CameraSocket") for side in ("left", "right"))
     if left is not None and right is not None and {left.text(), right.text()} <= cameras.keys():
         return left.text(), right.text()
     raise top.fail(
-        f"the file names no stereo pair; say pair: [left socket, right socket], of {', '.join(cameras)}, in quotes"
+        f"the file names no stereo pair; give pair: [left socket, right socket], in quotes, out of {', '.join(cameras)}"
     )
 
 
 def _between(cameras: dict[str, Located], left: str, right: str) -> tuple[FloatArray, FloatArray, Located, str]:
-    """Rotation and translation [cm] from left to right, along the chain of extrinsics; where, and which translation."""
+    """Rotation and translation [cm] from left to right along the chain of extrinsics; its location and kind."""
     for first, last in ((left, right), (right, left)):
         steps = _chain(cameras, first, last)
         if not steps:
@@ -101,11 +101,11 @@ def _between(cameras: dict[str, Located], left: str, right: str) -> tuple[FloatA
         if first == right:
             rotation, translation = rotation.T, -rotation.T @ translation
         return rotation, translation, _translation(steps[-1])[0], " and ".join(dict.fromkeys(kinds))
-    raise cameras[left].fail(f"no chain of extrinsics joins the sockets {left} and {right}")
+    raise cameras[left].fail(f"no chain of extrinsics connects the sockets {left} and {right}")
 
 
 def _chain(cameras: dict[str, Located], first: str, last: str) -> list[Located]:
-    """Extrinsics from one camera to another, in order; none where they do not lead there."""
+    """Extrinsics from one camera to another, in order; empty if they do not connect."""
     steps: list[Located] = []
     here = first
     while here != last:
@@ -119,12 +119,12 @@ def _chain(cameras: dict[str, Located], first: str, last: str) -> list[Located]:
 
 
 def _translation(extrinsics: Located) -> tuple[Located, str]:
-    """The measured translation, or the specified one where none was measured."""
+    """The measured translation, else the specified one."""
     measured, specified = extrinsics.find("translation"), extrinsics.find("specTranslation")
     if measured is not None and any(measured.need(axis).number() for axis in ("x", "y", "z")):
         return measured, "measured (translation)"
     if specified is not None:
-        return specified, "specified (specTranslation), since none was measured"
+        return specified, "specified (specTranslation); none was measured"
     raise extrinsics.fail("neither translation nor specTranslation is given")
 
 
@@ -139,7 +139,7 @@ def _camera(socket: str, value: Located) -> ImportedCamera:
     numbers = distortion.numbers(4, 5, 8, 12, 14)
     names = ("k1", "k2", "k3", "k4") if number == _FISHEYE else _ORDER
     if number == _FISHEYE and any(numbers[4:]):
-        raise distortion.fail("a fisheye lens has 4 coefficients, and more than these are not 0")
+        raise distortion.fail("a fisheye lens has 4 coefficients; the others must be 0")
     width, height = value.need("width"), value.need("height")
     camera = ImportedCamera(
         name=socket,

@@ -1,4 +1,4 @@
-"""From calibration files to a camera in the terms of a study, every value with its place and its origin."""
+"""Import of calibration files as cameras of a study, every value with its place and origin."""
 
 from __future__ import annotations
 
@@ -24,30 +24,30 @@ from tradestudy.study.document import (
     scalar_text,
 )
 
-ONE_CAMERA: Final = "one camera alone; a stereo rig takes two, from: [LEFT, RIGHT]"
+ONE_CAMERA: Final = "a single camera; a stereo rig needs two, from: [LEFT, RIGHT]"
 FORMATS: Final[tuple[Format, ...]] = (
     corners.FORMAT, mrcal.FORMAT, depthai.FORMAT, libpleno.FORMAT, kalibr.FORMAT, ros.FORMAT, opencv.FORMAT,
 )  # fmt: skip
-"""Every format; a new one is a file beside these and an entry here."""
+"""All formats; a new one needs a file beside these and an entry here."""
 
 
 def recognised(path: Path, text: str, label: str) -> CameraFile | None:
-    """A calibration file by its content; None for what is not one, such as a camera of a study.
+    """A calibration file, recognised by its content; None for any other file, such as a camera of a study.
 
     Parameters
     ----------
     path, label
-        The file, and how the study names it.
+        The file, and its name in the study.
     text
-        What stands in it.
+        Its content.
 
     Raises
     ------
     CameraFileError
-        The text begins as that of a calibration file and is none.
+        The text begins like a calibration file but is not one.
     """
     syntax = syntax_of(text)
-    if syntax == "yaml":  # what cameras of studies are written in too, and whoever reads those tells their mistakes
+    if syntax == "yaml":  # also the syntax of cameras of studies, whose reader reports their mistakes
         try:
             file = parsed(path, text, syntax, label)
         except CameraFileError:
@@ -55,18 +55,22 @@ def recognised(path: Path, text: str, label: str) -> CameraFile | None:
         return file if _format_of(file) is not None else None
     file = parsed(path, text, syntax, label)
     if _format_of(file) is None:
-        known = ", ".join(one.name for one in FORMATS)
-        raise file.top.fail(f"this is no calibration file of a known format ({known})")
+        raise file.top.fail(f"this is not a calibration file of a known format ({known_formats()})")
     return file
 
 
+def known_formats() -> str:
+    """Names of all formats, for messages."""
+    return ", ".join(one.name for one in FORMATS)
+
+
 def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntry, str]:
-    """The camera that calibration files give, and a line that says what was read.
+    """The camera from calibration files, and a line that describes them.
 
     Raises
     ------
     CameraFileError
-        The files are of different formats, or do not say what theirs promises.
+        The files have different formats, or invalid content.
     """
     formats = [_format_of(file) for file in files]
     first = formats[0]
@@ -75,17 +79,17 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
         if one is not first:
             assert one is not None
             raise file.top.fail(
-                f"this is a file of {one.name}, and the first one of {first.name}; one format is expected"
+                f"the files have different formats, {first.name} and {one.name}; one format is expected"
             )
     for option in fields(request):
         if option.name not in first.options and getattr(request, option.name) != option.default:
-            raise files[0].top.fail(f"{option.name} says nothing about a file of {first.name}; leave it out")
+            raise files[0].top.fail(f"{option.name} does not apply to the format {first.name}; remove it")
     found = first.read(files, request)
     kind = next(kind for kind in KINDS if isinstance(found, kind.imports))
     stated = [*kind.stated_by(found)]
     names = " and ".join(dict.fromkeys(file.label for file in files))
-    said = {one.path[1]: str(one.value) for one in stated if one.path[0] == "read_as"}
-    shown = [f"{name} {said[name]}" for name in ("length unit", "order of cameras", "pictures") if name in said]
+    read_as = {one.path[1]: str(one.value) for one in stated if one.path[0] == "read_as"}
+    shown = [f"{name} {read_as[name]}" for name in ("length unit", "order of cameras", "pictures") if name in read_as]
     if isinstance(found, ImportedCamera):
         shown.append(ONE_CAMERA)
     line = f"{names}: {'; '.join([first.name, *shown])}"
@@ -97,7 +101,7 @@ def _format_of(file: CameraFile) -> Format | None:
 
 
 def _tree(stated: Sequence[Stated], places: Mapping[str, Place], file: CameraFile) -> MappingEntry:
-    """Values by their paths as a tree of entries."""
+    """Values as a tree of entries, by their paths."""
     top = file.root.place
     members: dict[str, Member] = {}
     for one in stated:

@@ -1,4 +1,4 @@
-"""Kalibr ``camchain``: any number of cameras in a chain, each with its transform from the one before."""
+"""Kalibr ``camchain``: any number of cameras in a chain, each with its transform from the previous one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _OWN: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
     "ds": ("double-sphere", ("xi", "alpha")),
     "eucm": ("eucm", ("alpha", "beta")),
 }
-"""Camera models with the names of what stands before the focal lengths in ``intrinsics``."""
+"""Camera models with the parameters that precede the focal lengths in ``intrinsics``."""
 _DISTORTION: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
     "radtan": ("rational", ("k1", "k2", "p1", "p2")),
     "equidistant": ("kannala-brandt", ("k1", "k2", "k3", "k4")),
@@ -31,7 +31,7 @@ _TRANSFORM: Final = "T_cn_cnm1"
 
 
 def recognises(file: CameraFile) -> bool:
-    """A file of cameras cam0, cam1 … with their camera models."""
+    """Whether a file has cameras cam0, cam1 … with camera models."""
     first = file.top.find("cam0")
     return first is not None and first.has("camera_model", "intrinsics")
 
@@ -44,22 +44,22 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     Raises
     ------
     CameraFileError
-        What is expected is not there, an unknown model, or a chain that does not join the two cameras.
+        A value is missing or invalid, a model is unknown, or the chain does not connect the two cameras.
     """
     if len(files) != 1:
-        raise files[1].top.fail("a camchain holds all its cameras; name one file")
+        raise files[1].top.fail("a camchain contains all its cameras; give one file")
     top = files[0].top
     names = tuple(name for name in top.names() if top.need(name).has("camera_model"))
     for name in request.pair:
         if name not in names:
-            raise top.fail(f"pair: there is no camera '{name}'; known: {', '.join(names)}")
+            raise top.fail(f"pair: no camera is called '{name}'; known: {', '.join(names)}")
     pair = request.pair or names[:2]
     if len(pair) == 1:
         return _camera(top.need(pair[0]), request)
     first, second = pair
     rotation, translation, where = _between(top, names, first, second)
     metre, unit = request.metres(where, stated="m", why="the definition of Kalibr's camchain")
-    said = (
+    conventions = (
         Convention(name="format", says="Kalibr camchain", key=where.key),
         Convention(
             name="direction of transforms",
@@ -70,14 +70,14 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         unit,
     )
     left, right = (_camera(top.need(name), request) for name in (first, second))
-    return paired(left, right, rotation, translation * metre, where=(where, where), conventions=said)
+    return paired(left, right, rotation, translation * metre, where=(where, where), conventions=conventions)
 
 
 def _between(top: Located, names: tuple[str, ...], first: str, second: str) -> tuple[FloatArray, FloatArray, Located]:
     """Rotation and translation from one camera of the chain to another."""
     low, high = sorted((names.index(first), names.index(second)))
     if low == high:
-        raise top.fail(f"pair: {first} stands there twice; two cameras are expected")
+        raise top.fail(f"pair: {first} occurs twice; two cameras are expected")
     total = np.eye(4)
     for name in names[low + 1 : high + 1]:
         value = top.need(name).need(_TRANSFORM)
@@ -101,7 +101,7 @@ def _camera(value: Located, request: Request) -> ImportedCamera:
     numbers = intrinsics.numbers(len(own) + 4)
     fx, fy, cx, cy = numbers[len(own) :]
     if not (fx > 0.0 and fy > 0.0):
-        raise intrinsics.fail(f"focal lengths of {fx:g} and {fy:g} px; positive ones are expected")
+        raise intrinsics.fail(f"the focal lengths are {fx:g} and {fy:g} px; positive ones are expected")
     coefficients = dict(zip(own, numbers, strict=False))
     distortion_model, distortion = value.find("distortion_model"), value.find("distortion_coeffs")
     lens, names = _distortion(value, name, request)
@@ -132,14 +132,14 @@ def _camera(value: Located, request: Request) -> ImportedCamera:
 
 
 def _distortion(value: Located, camera: str, request: Request) -> tuple[LensModelName | None, tuple[str, ...]]:
-    """Lens model and coefficients of what stands under ``distortion_model``; None for none."""
+    """Lens model and coefficient names of ``distortion_model``; None without distortion."""
     named = value.find("distortion_model")
     name = "none" if named is None else named.text()
     if request.lens_model == "fisheye" and camera == "pinhole":
         name = "equidistant"
     if named is not None and name not in (known := _WITH.get(camera, ("none",))):
         raise named.fail(
-            f"the distortion model '{name[:40]}' does not go with the camera model {camera}; one of "
+            f"the distortion model '{name[:40]}' cannot be combined with the camera model {camera}; one of "
             f"{', '.join(known)} is expected"
         )
     return (None, ()) if name == "none" else _DISTORTION[name]
@@ -148,7 +148,7 @@ def _distortion(value: Located, camera: str, request: Request) -> tuple[LensMode
 def _both(value: Located) -> tuple[Located, Located]:
     items = tuple(value.items())
     if len(items) != 2:
-        raise value.fail(f"{len(items)} values stand here; width and height are expected")
+        raise value.fail(f"{len(items)} values are given; width and height are expected")
     return items[0], items[1]
 
 
@@ -171,14 +171,14 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
     cameras[1][_TRANSFORM] = [*rows, [0.0, 0.0, 0.0, 1.0]]
     lines = [
         line
-        for number, camera_said in enumerate(cameras)
-        for line in (f"cam{number}:", *(f"  {key}: {value}" for key, value in camera_said.items()))
+        for number, keys in enumerate(cameras)
+        for line in (f"cam{number}:", *(f"  {key}: {value}" for key, value in keys.items()))
     ]
     return {f"{stem}-camchain.yaml": "\n".join(lines) + "\n"}
 
 
 def _written_lens(camera: ImportedCamera) -> tuple[str, tuple[float, ...], dict[str, Any]]:
-    """Camera model, what stands before the focal lengths, and the distortion."""
+    """Camera model, the parameters before the focal lengths, and the distortion."""
     for name, (model, own) in _OWN.items():
         if model == camera.lens_model and name != "pinhole":
             names = (*own, *_DISTORTION["radtan"][1]) if name == "omni" else own

@@ -18,53 +18,53 @@ _SAME: Final = 1e-3  # of a microlens pitch, across and down
 
 
 def recognises(file: CameraFile) -> bool:
-    """A file with a main lens and a microlens array."""
+    """Whether a file has a main lens and a microlens array."""
     return file.top.has("main_lens", "sensor", "mla")
 
 
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
-    """The camera: the gap d lies between array and sensor, D between main lens and array.
+    """The camera: the gap d is the distance from array to sensor, D that from main lens to array.
 
-    Keplerian or Galilean follows from the focal lengths of the microlenses beside d: f_i < d is Keplerian. The focal
-    length F of the main lens beside D does not tell: the main lens may be focused nearer.
+    The relay is Keplerian if the focal lengths of the microlenses are below d, else Galilean. The focal length F of the
+    main lens and D do not determine it, because the main lens may be focused closer.
 
     Raises
     ------
     CameraFileError
-        What is expected is not there, or the parts do not make a camera.
+        A value is missing or invalid, or the parts do not form a camera.
     """
     top = files[0].top
     if len(files) != 1:
-        raise files[1].top.fail("a file of libpleno holds one camera; name one file")
+        raise files[1].top.fail("a libpleno file contains one camera; give one file")
     lens, sensor, array = top.need("main_lens"), top.need("sensor"), top.need("mla")
     mesh, focal_lengths = array.need("mesh"), array.need("focal_lengths")
     behind, plane = _depth(mesh), _depth(sensor)
     metre, unit = request.metres(behind, stated="mm", why="the convention of libpleno")
     mla_distance, gap = abs(behind.number()) * metre, (abs(plane.number()) - abs(behind.number())) * metre
     if not gap > 0.0:
-        raise plane.fail("the sensor stands before the microlens array; beyond it is expected")
+        raise plane.fail("the sensor lies before the microlens array; behind it is expected")
     lengths = tuple(length * metre for length in focal_lengths.numbers())
     relay, mode = _relay(focal_lengths, lengths, gap), top.find("mode")
     mode_text = "" if mode is None else _MODES.get(mode.text(), "unknown")
     pitch, geometry = mesh.need("pitch"), mesh.need("geometry")
     pitches = pitch.numbers(1, 2)
     if abs(pitches[0] - pitches[-1]) > _SAME * pitches[0]:
-        raise pitch.fail("microlenses with another pitch down than across are not supported")
+        raise pitch.fail("different horizontal and vertical pitches of microlenses are not supported")
     if geometry.text() not in _LAYOUTS:
         raise geometry.fail(f"the geometry {geometry.text()[:20]} is unknown; one of {', '.join(_LAYOUTS)} is expected")
     scale, width, height = sensor.need("scale"), sensor.need("width"), sensor.need("height")
     focal_length, aperture = lens.need("f"), lens.need("aperture")
     disagrees = mode is not None and mode_text != relay
-    said = (
+    conventions = (
         Convention(name="format", says="libpleno camera", key=top.key),
         Convention(
             name="relay",
-            says=f"{relay}: microlenses of {pretty(lengths[0], LENGTH)} beside a gap of {pretty(gap, LENGTH)}"
-            + (f"; the file's mode says {mode_text}, which is not used" if disagrees else ""),
+            says=f"{relay}: microlens focal length {pretty(lengths[0], LENGTH)}, gap {pretty(gap, LENGTH)}"
+            + (f"; the file's mode, {mode_text}, is not used" if disagrees else ""),
             key=focal_lengths.key,
         ),
         Convention(
-            name="pose of the array", says="its tilt and shift against the main lens are not used", key=mesh.key
+            name="pose of the array", says="its tilt and shift relative to the main lens are not used", key=mesh.key
         ),
         Convention(name="distortion", says="that of the main lens is not used", key=top.key),
         unit,
@@ -79,7 +79,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         focal_lengths=lengths,
         gap=gap,
         mla_distance=mla_distance,
-        conventions=said,
+        conventions=conventions,
         keys={
             "focal_length": focal_length.key,
             "f_number": aperture.key,
@@ -107,14 +107,13 @@ def _depth(value: Located) -> Located:
 def _relay(value: Located, lengths: tuple[float, ...], gap: float) -> str:
     """Galilean where every f_i exceeds d, Keplerian where d exceeds every f_i."""
     if not lengths or min(lengths) <= 0.0:
-        raise value.fail("one positive focal length for each type of microlens is expected")
+        raise value.fail("one positive focal length for each microlens type is expected")
     if min(lengths) > gap:
         return "galilean"
     if max(lengths) < gap:
         return "keplerian"
     raise value.fail(
-        f"some microlenses are shorter and some longer than the gap of {pretty(gap, LENGTH)}; all of one kind are "
-        "expected"
+        f"some focal lengths are below the gap of {pretty(gap, LENGTH)} and some above; all on one side are expected"
     )
 
 

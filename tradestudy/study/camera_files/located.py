@@ -1,4 +1,4 @@
-"""A value of a calibration file with its place, read as what is expected there or refused at that place."""
+"""Values of calibration files with their place, converted to the expected type or refused there."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pathlib import Path as FilePath
 from tradestudy.errors import Problem
 from tradestudy.study.document import Entry, ListEntry, MappingEntry, Path, Place, ScalarEntry, dotted
 
-_LARGEST = 1e12  # no number of a camera, in whatever unit, comes near it
+_LARGEST = 1e12  # beyond every number of a camera, in any unit
 
 
 class CameraFileError(Exception):
-    """A calibration file cannot be read as what it is; holds the mistake with its place."""
+    """A calibration file is invalid; contains the mistake with its place."""
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem)
@@ -28,15 +28,15 @@ class CameraFile:
     Parameters
     ----------
     path, label
-        The file, and how the study names it: two files may have one name in different folders.
+        The file, and its name in the study, which distinguishes equal names in different folders.
     syntax
-        Of its text.
+        Syntax of its text.
     text
-        All of it.
+        Its text.
     root
-        What stands in it; an empty mapping for a table.
+        Its content; an empty mapping for a table.
     places
-        Every place that was asked for as file and key.
+        Places of the values used, by file and key.
     """
 
     path: FilePath
@@ -64,9 +64,9 @@ class Located:
     Parameters
     ----------
     file
-        That it stands in.
+        Its file.
     entry, path
-        It, and the keys that lead to it.
+        The value, and the keys that lead to it.
     """
 
     file: CameraFile
@@ -75,18 +75,18 @@ class Located:
 
     @property
     def key(self) -> str:
-        """File and key, for the register; its place is remembered under this name."""
+        """File and key, for the register; the file records its place under this name."""
         label = f"{self.file.label}: {dotted(self.path)}" if self.path else self.file.label
         self.file.places[label] = self.entry.place
         return label
 
     @property
     def last(self) -> str:
-        """Its own key."""
+        """Its last key."""
         return str(self.path[-1]) if self.path else self.file.name
 
     def fail(self, what: str) -> CameraFileError:
-        """The mistake of this value."""
+        """A mistake at this value."""
         return CameraFileError(self.entry.place.problem(self.path, what))
 
     def has(self, *keys: str) -> bool:
@@ -94,7 +94,7 @@ class Located:
         return isinstance(self.entry, MappingEntry) and all(key in self.entry.members for key in keys)
 
     def find(self, *names: str) -> Located | None:
-        """What stands under the first of these keys that there is; None for an empty value."""
+        """The value of the first of these keys that exists; None without one, or if it is empty."""
         if not isinstance(self.entry, MappingEntry):
             return None
         for name in names:
@@ -105,12 +105,12 @@ class Located:
         return None
 
     def need(self, *names: str) -> Located:
-        """What stands under the first of these keys that there is.
+        """The value of the first of these keys that exists.
 
         Raises
         ------
         CameraFileError
-            None of them is there.
+            None of them exists.
         """
         found = self.find(*names)
         if found is None:
@@ -118,12 +118,12 @@ class Located:
         return found
 
     def items(self) -> Iterator[Located]:
-        """What stands in a list.
+        """The items of a list.
 
         Raises
         ------
         CameraFileError
-            It is none.
+            The value is not a list.
         """
         if not isinstance(self.entry, ListEntry):
             raise self.fail("a list is expected")
@@ -131,7 +131,7 @@ class Located:
             yield Located(file=self.file, entry=entry, path=(*self.path, index))
 
     def names(self) -> tuple[str, ...]:
-        """Of a mapping, in order."""
+        """Keys of a mapping, in order."""
         return tuple(self.entry.members) if isinstance(self.entry, MappingEntry) else ()
 
     def text(self) -> str:
@@ -141,7 +141,7 @@ class Located:
         return self.entry.text.strip()
 
     def number(self) -> float:
-        """A single finite number, written as one or as text."""
+        """A single finite number, written as a number or as text."""
         shown = self.entry.text if isinstance(self.entry, ScalarEntry) else "a list or a mapping"
         value = self.entry.value if isinstance(self.entry, ScalarEntry) else None
         if isinstance(value, str):
@@ -150,27 +150,27 @@ class Located:
             except ValueError:
                 value = None
         if value is None or isinstance(value, bool):
-            raise self.fail(f"'{shown[:40]}' is no number")
+            raise self.fail(f"'{shown[:40]}' is not a number")
         try:
             number = float(value)
         except OverflowError:
             number = math.inf
         if not abs(number) <= _LARGEST:
-            raise self.fail(f"'{shown[:40]}' is no finite number of a camera")
+            raise self.fail(f"'{shown[:40]}' is out of range; a finite number up to {_LARGEST:g} is expected")
         return number
 
     def count(self) -> int:
         """A whole number of pixels, from 1 to a million."""
         number = self.number()
         if number != round(number) or not 1 <= number <= 1_000_000:
-            raise self.fail(f"{number:g} is no number of pixels; a whole number from 1 to 1000000 is expected")
+            raise self.fail(f"{number:g} is not a number of pixels; a whole number from 1 to 1000000 is expected")
         return int(number)
 
     def numbers(self, *counts: int) -> tuple[float, ...]:
-        """All numbers of a list, of rows too, as many as one of the counts where these are given."""
+        """All numbers of a list or of its rows, as many as one of the counts if any are given."""
         found = [*self._numbers()]
         if counts and len(found) not in counts:
-            raise self.fail(f"{len(found)} numbers stand here; {' or '.join(map(str, counts))} are expected")
+            raise self.fail(f"{len(found)} numbers are given; {' or '.join(map(str, counts))} are expected")
         return tuple(found)
 
     def _numbers(self) -> Iterator[float]:

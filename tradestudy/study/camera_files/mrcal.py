@@ -25,7 +25,7 @@ _REFUSED: Final = {"SPLINED": "a splined model", "NONCENTRAL": "a non-central mo
 
 
 def recognises(file: CameraFile) -> bool:
-    """A literal with the name of a lens model."""
+    """Whether a file is a Python literal with a lens model."""
     return file.syntax == "python"
 
 
@@ -37,18 +37,18 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     Raises
     ------
     CameraFileError
-        What is expected is not there, or a lens model that is not central or splined.
+        A value is missing or invalid, or the lens model is splined or not central.
     """
     tops = [file.top for file in files]
     if len(tops) == 1:
         return _camera(tops[0])
     if len(tops) != 2:
-        raise tops[-1].fail(f"{len(tops)} files stand here; one camera or two are expected")
+        raise tops[-1].fail(f"{len(tops)} files are given; one camera or two are expected")
     first, second = (_camera(top) for top in tops)
     (r1, t1, _), (r2, t2, where) = (_pose(top) for top in tops)
     metre, unit = request.metres(where, stated="m", why="mrcal's convention")
     rotation = r2 @ r1.T
-    said = (
+    conventions = (
         Convention(name="format", says="mrcal cameramodel", key=where.key),
         Convention(
             name="direction of transforms", says=f"{where.last} maps the reference into the camera", key=where.key
@@ -56,11 +56,11 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         Convention(name="pictures", says="raw: as taken, before rectification", key=where.key),
         unit,
     )
-    return paired(first, second, rotation, (t2 - rotation @ t1) * metre, where=(where, where), conventions=said)
+    return paired(first, second, rotation, (t2 - rotation @ t1) * metre, where=(where, where), conventions=conventions)
 
 
 def _pose(top: Located) -> tuple[FloatArray, FloatArray, Located]:
-    """Rotation and translation from the reference to the camera, and where they stand."""
+    """Rotation and translation from the reference to the camera, and their location."""
     from scipy.spatial.transform import Rotation
 
     value = top.need("rt_cam_ref", "extrinsics")
@@ -79,16 +79,16 @@ def _camera(top: Located) -> ImportedCamera:
     model, names = _MODELS[name]
     fx, fy, cx, cy, *coefficients = intrinsics.numbers(4 + len(names))
     if not (fx > 0.0 and fy > 0.0):
-        raise intrinsics.fail(f"focal lengths of {fx:g} and {fy:g} px; positive ones are expected")
+        raise intrinsics.fail(f"the focal lengths are {fx:g} and {fy:g} px; positive ones are expected")
     extents = tuple(size.items())
     if len(extents) != 2:
-        raise size.fail(f"{len(extents)} values stand here; width and height are expected")
+        raise size.fail(f"{len(extents)} values are given; width and height are expected")
     ignored: tuple[Convention, ...] = ()
     if top.has("optimization_inputs"):
         ignored = (
             Convention(
                 name="uncertainty",
-                says="optimization_inputs are ignored; take the spreads from errors, corners or a target",
+                says="optimization_inputs are ignored; declare errors, corners or a target for the uncertainty",
                 key=top.key,
             ),
         )

@@ -27,7 +27,7 @@ _ROTATION, _TRANSLATION = ("R", "rotation", "rotation_matrix"), ("T", "translati
 
 
 def recognises(file: CameraFile) -> bool:
-    """A file that OpenCV wrote: its own head or tags, or matrices in its form."""
+    """Whether OpenCV wrote the file: by its header or tags, or by its form of matrices."""
     if file.syntax in ("opencv-yaml", "opencv-xml"):
         return True
     root = file.root
@@ -38,12 +38,12 @@ def recognises(file: CameraFile) -> bool:
 
 
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
-    """One camera of one file; a pair of a stereo calibration; a pair of two camera files and one of extrinsics.
+    """One camera from one file; a pair from a stereo calibration, or from two camera files and one of extrinsics.
 
     Raises
     ------
     CameraFileError
-        What is expected is not there, or contradicts itself.
+        A value is missing, invalid or inconsistent.
     """
     tops = [file.top for file in files]
     pairs = [top for top in tops if top.find(*_names(_MATRIX, 0)) is not None]
@@ -52,7 +52,9 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         return _camera(alone[0], "camera", _MATRIX, _DISTORTION, request)
     extrinsic = next((top for top in tops if top.find(*_TRANSLATION) is not None), None)
     if extrinsic is None:
-        raise tops[-1].fail("two cameras need R and T: a stereo calibration, or two camera files and one with R and T")
+        raise tops[-1].fail(
+            "two cameras need R and T; give a stereo calibration, or two camera files and one with R and T"
+        )
     if request.pictures == "rectified":
         return _rectified(pairs[0] if pairs else extrinsic, extrinsic, request)
     if pairs:
@@ -64,7 +66,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         first, second = (_camera(top, top.file.path.stem, _MATRIX, _DISTORTION, request) for top in alone)
     else:
         raise extrinsic.fail(
-            "R and T stand here without the two cameras; list the files: from: [left.yml, right.yml, extrinsics.yml]"
+            "R and T are given without the two cameras; list all files: from: [left.yml, right.yml, extrinsics.yml]"
         )
     turn, moved = extrinsic.need(*_ROTATION), extrinsic.need(*_TRANSLATION)
     metre, unit = request.metres(moved)
@@ -74,16 +76,16 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         rotation_of(turn, _matrix(turn, 9)),
         np.array(_matrix(moved, 3)) * metre,
         where=(turn, moved),
-        conventions=(*_said(moved, "raw: as taken, before rectification"), unit),
+        conventions=(*_conventions(moved, "raw: as taken, before rectification"), unit),
     )
 
 
-def _said(moved: Located, pictures: str) -> tuple[Convention, ...]:
+def _conventions(moved: Located, pictures: str) -> tuple[Convention, ...]:
     return (
         Convention(name="format", says="OpenCV FileStorage", key=moved.key),
         Convention(
             name="direction of transforms",
-            says="first camera to second one, x₂ = R x₁ + T, as stereoCalibrate gives it",
+            says="first to second camera, x₂ = R x₁ + T, as by stereoCalibrate",
             key=moved.key,
         ),
         Convention(name="pictures", says=pictures, key=moved.key),
@@ -91,7 +93,7 @@ def _said(moved: Located, pictures: str) -> tuple[Convention, ...]:
 
 
 def _names(names: Sequence[str], side: int) -> tuple[str, ...]:
-    """How the same matrix is called for one of two cameras."""
+    """Names of a matrix for one of two cameras."""
     ends = _SIDES[side]
     return tuple(one for name in names for end in ends for one in (f"{name}{end}", f"{name}_{end}", f"{end}_{name}"))
 
@@ -99,7 +101,7 @@ def _names(names: Sequence[str], side: int) -> tuple[str, ...]:
 def _camera(
     top: Located, name: str, matrices: Sequence[str], distortions: Sequence[str], request: Request
 ) -> ImportedCamera:
-    """One camera of a file, from the keys that it may have."""
+    """One camera of a file, by its possible keys."""
     matrix = top.need(*matrices)
     focal_lengths, centre = pinhole_of(matrix, _matrix(matrix, 9))
     distortion = top.find(*distortions)
@@ -130,13 +132,13 @@ def _lens(top: Located, distortion: Located, request: Request) -> tuple[LensMode
     flag = top.find("fisheye_model", "fisheye")
     if request.lens_model == "fisheye" or (flag is not None and flag.text().lower() in ("1", "true")):
         if len(numbers) != 4:
-            raise distortion.fail(f"{len(numbers)} coefficients stand here; a fisheye lens has 4")
+            raise distortion.fail(f"{len(numbers)} coefficients are given; a fisheye lens has 4")
         return "kannala-brandt", dict(zip(_ORDER_FISHEYE, numbers, strict=True))
     return "rational", dict(zip(_ORDER, numbers, strict=False))
 
 
 def _size(top: Located) -> tuple[Located, Located] | None:
-    """Columns and rows, as one of the programs around OpenCV writes them."""
+    """Columns and rows, in the forms of programs that use OpenCV."""
     for across, down in (("image_width", "image_height"), ("image_Width", "image_Height"), ("width", "height")):
         if top.has(across, down):
             return top.need(across), top.need(down)
@@ -146,7 +148,7 @@ def _size(top: Located) -> tuple[Located, Located] | None:
     if isinstance(both.entry, ListEntry):
         items = tuple(both.items())
         if len(items) != 2:
-            raise both.fail(f"{len(items)} values stand here; width and height are expected")
+            raise both.fail(f"{len(items)} values are given; width and height are expected")
         return items[0], items[1]
     return both.need("width"), both.need("height")
 
@@ -155,22 +157,20 @@ def _matrix(value: Located, *counts: int) -> tuple[float, ...]:
     """All numbers of a matrix, row by row."""
     if isinstance(value.entry, ListEntry):
         return value.numbers(*counts)
-    sizes = value.find("sizes")  # of a list, as OpenCV 5 writes it
+    sizes = value.find("sizes")  # of a list in the form of OpenCV 5
     extents = [*sizes.items()] if sizes is not None else [value.need("rows"), value.need("cols")]
     numbers = value.need("data").numbers(*counts)
     if math.prod(extent.count() for extent in extents) != len(numbers):
         announced = " × ".join(extent.text() for extent in extents)
-        raise value.fail(f"{announced} elements are announced, and {len(numbers)} stand here")
+        raise value.fail(f"{announced} elements are declared, but {len(numbers)} given")
     return numbers
 
 
 def _rectified(pair: Located, extrinsic: Located, request: Request) -> Imported:
-    """The pair of rectified pictures, by its projection matrices: one focal length, no distortion, parallel axes."""
+    """The rectified pair, from its projection matrices: one focal length, no distortion, parallel axes."""
     holder = pair if pair.find("P1") is not None else extrinsic
     if holder.find("P1") is None:
-        raise holder.fail(
-            "rectified pictures need the P1 and P2 that stereoRectify computes; store them in the file, too"
-        )
+        raise holder.fail("rectified pictures need P1 and P2 from stereoRectify; add them to the file")
     cameras = []
     for side, name in enumerate(("P1", "P2")):
         value = holder.need(name)
@@ -201,34 +201,34 @@ def _rectified(pair: Located, extrinsic: Located, request: Request) -> Imported:
         np.eye(3),
         translation_of_projection(value, _matrix(value, 12)) * metre,
         where=(value, value),
-        conventions=(*_said(value, "rectified, by P1 and P2"), unit),
+        conventions=(*_conventions(value, "rectified, by P1 and P2"), unit),
     )
 
 
 def translation_of_projection(value: Located, numbers: tuple[float, ...]) -> FloatArray:
-    """Where the first of two rectified cameras stands in the frame of the second one, of P = [K, K t].
+    """Position of the first rectified camera in the frame of the second one, from P = [K, K t].
 
     Raises
     ------
     CameraFileError
-        It does not say.
+        P contains no baseline, or the cameras are not side by side.
     """
     matrix = np.array(numbers, dtype=np.float64).reshape(3, 4)
     (fx, fy), _ = pinhole_of(value, numbers)
     if matrix[0, 3] == 0.0 and matrix[1, 3] == 0.0:
         raise value.fail(
-            "P[3] and P[7] are both 0, so the second camera has no baseline; take the camera_info of a pair that was "
+            "P[3] and P[7] are both 0, so the second camera has no baseline; use the camera_info of a pair that was "
             "calibrated together"
         )
     if matrix[2, 3] != 0.0:
-        raise value.fail("P[11] is not 0; rectified cameras stand side by side")
+        raise value.fail("P[11] is not 0; rectified cameras are side by side")
     moved: FloatArray = np.array([matrix[0, 3] / fx, matrix[1, 3] / fy, 0.0])
     return moved
 
 
 def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
     """A stereo calibration in YAML, in metres."""
-    lines = ["%YAML:1.0", "---", "# lengths in metres: read it with length_unit: m"]
+    lines = ["%YAML:1.0", "---", "# lengths in metres: import with length_unit: m"]
     if rig.left.pixels is not None:
         lines += [f"image_width: {rig.left.pixels[0]}", f"image_height: {rig.left.pixels[1]}"]
     fisheye = [camera.lens_model == "kannala-brandt" for camera in (rig.left, rig.right)]

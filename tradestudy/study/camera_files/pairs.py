@@ -1,4 +1,4 @@
-"""Two imported cameras side by side: which is left, how far apart, and the mix-ups that the numbers reveal."""
+"""Pairs of imported cameras, checked for exchanged cameras, wrong units and wrong lens models."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from tradestudy.study.camera_files.conversions import rotation_tuple, vector_tup
 from tradestudy.study.camera_files.located import Located
 from tradestudy.units import LENGTH, pretty
 
-_SHORTEST, _LONGEST = 5e-4, 20.0  # baselines [m] between which no factor of 1000 hides
+_SHORTEST, _LONGEST = 5e-4, 20.0  # baselines [m] outside of which the unit of length is probably wrong
 _QUARTER: Final = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 _LARGEST_TANGENTIAL: Final = 0.05
-"""p1 and p2 of real lenses are below a hundredth: a slope of 1 would be shifted by a tenth."""
+"""p1 and p2 of real lenses are below 0.01; 0.05 would shift a slope of 1 by a tenth."""
 
 
 def paired(
@@ -37,15 +37,15 @@ def paired(
     rotation, translation
         From the first camera to the second one, ``x₂ = R x₁ + t`` [m].
     where
-        Where these two stand.
+        Location of these two.
     conventions
-        How the files were read.
+        Conventions of the files.
 
     Raises
     ------
     CameraFileError
-        The cameras stand one behind the other or in one place, are exchanged, or so far apart that their unit of
-        length must be another one; their pictures differ in size.
+        The cameras are at one place, one behind the other or exchanged; the baseline indicates a wrong unit of length;
+        or the pictures differ in size.
     """
     at = where[1]
     if first.pixels is not None and second.pixels is not None and first.pixels != second.pixels:
@@ -54,26 +54,29 @@ def paired(
     x, y, z = (float(one) for one in translation)
     baseline = float(np.linalg.norm(translation))
     if not baseline > 0.0:
-        raise at.fail("the second camera stands where the first one does: there is no baseline")
+        raise at.fail("both cameras are at the same place; a baseline is expected")
     if not _SHORTEST <= baseline <= _LONGEST:
         units = ("metres", "millimetres") if baseline > _LONGEST else ("millimetres", "metres")
         raise at.fail(
-            f"the baseline would be {pretty(baseline, LENGTH)}: {units[0]} taken for {units[1]}? Then say length_unit: "
-            f"{'mm' if baseline > _LONGEST else 'm'} beside from:"
+            f"the baseline would be {pretty(baseline, LENGTH)}, as if {units[1]} were read as {units[0]}; give "
+            f"length_unit: {'mm' if baseline > _LONGEST else 'm'} beside from:"
         )
     if abs(z) >= max(abs(x), abs(y)):
-        raise at.fail("the cameras stand one behind the other; a pair side by side is expected")
+        raise at.fail("the cameras are one behind the other; a pair side by side is expected")
     is_vertical = abs(y) > abs(x)
     if (y if is_vertical else x) > 0.0:
         apart = pretty(baseline, LENGTH)
         side, both = ("above", "upper and lower") if is_vertical else ("to the left of", "left and right")
         raise at.fail(
-            f"{second.name} stands {apart} {side} {first.name}: {both} are exchanged; exchange the files of from:, "
+            f"{second.name} lies {apart} {side} {first.name}: {both} are exchanged; swap the files of from:, "
             "the names of pair:, or the cameras in the file"
         )
     key = at.key
-    order = "upper, lower: both pictures are taken turned by 90°" if is_vertical else "left, right"
-    told = (*conventions, Convention(name="order of cameras", says=f"{first.name}, {second.name} are {order}", key=key))
+    order = "upper, lower: both pictures are rotated by 90°" if is_vertical else "left, right"
+    conventions = (
+        *conventions,
+        Convention(name="order of cameras", says=f"{first.name}, {second.name} are {order}", key=key),
+    )
     if is_vertical:
         first, second = _turned(first, at), _turned(second, at)
         rotation, translation = _QUARTER @ rotation @ _QUARTER.T, _QUARTER @ translation
@@ -82,18 +85,18 @@ def paired(
         right=second,
         rotation=rotation_tuple(rotation),
         translation=vector_tuple(translation),
-        conventions=told,
+        conventions=conventions,
         keys={"rotation": where[0].key, "translation": key},
     )
 
 
 def check_lens(camera: ImportedCamera, value: Located) -> ImportedCamera:
-    """The camera, unless its coefficients cannot be those of the model that they are called.
+    """The camera, refused if its coefficients cannot belong to its lens model.
 
     Raises
     ------
     CameraFileError
-        A fisheye lens under the name of a pinhole one.
+        A fisheye lens is labelled as a pinhole.
     """
     if camera.lens_model != "rational":
         return camera
@@ -101,20 +104,20 @@ def check_lens(camera: ImportedCamera, value: Located) -> ImportedCamera:
         shift = camera.coefficients.get(name, 0.0)
         if abs(shift) > _LARGEST_TANGENTIAL:
             raise value.fail(
-                f"{name} = {shift:g} is no tangential distortion (real ones are below {_LARGEST_TANGENTIAL:g}): these "
-                "seem to be k1 to k4 of a fisheye lens under the name of a pinhole one; if so, call the model "
-                "equidistant in the file, or say lens_model: fisheye beside from:"
+                f"{name} = {shift:g} is too large for tangential distortion (below {_LARGEST_TANGENTIAL:g}); the "
+                "coefficients are probably k1 to k4 of a fisheye lens: name the model equidistant in the file, or give "
+                "lens_model: fisheye beside from:"
             )
     return camera
 
 
 def _turned(camera: ImportedCamera, at: Located) -> ImportedCamera:
-    """A camera whose pictures are turned by a quarter, so that what was below is to the right.
+    """A camera with its pictures rotated by 90°, so that down becomes right.
 
-    Radial coefficients stay; (p2, p1) and (s1, s3), (s2, s4) turn with the picture.
+    Radial coefficients stay; (p2, p1) and (s1, s3), (s2, s4) rotate with the picture.
     """
     if camera.pixels is None:
-        raise at.fail("a vertical pair is read turned by 90°, and the file does not state the size of its pictures")
+        raise at.fail("a vertical pair needs the size of its pictures, which the file does not state")
     if any(camera.coefficients.get(name, 0.0) for name in ("tau_x", "tau_y")):
         raise at.fail("a vertical pair with a tilted sensor (tau_x, tau_y) is not supported")
     columns, rows = camera.pixels

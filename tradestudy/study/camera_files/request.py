@@ -1,4 +1,4 @@
-"""What a study says beside ``from:`` of how its calibration files are to be read."""
+"""Options beside ``from:`` in a study for reading calibration files."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ PIXEL_ORIGIN: Final = "the centre of the first pixel is (0, 0), x to the right a
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What cannot be read from the files.
+    """Information that the files may lack.
 
     Parameters
     ----------
     length_unit
-        In which the files write lengths, as the study names it; empty where it does not.
+        Unit of length of the files, from the study; empty if not given.
     pair
-        Names of the left and the right camera, of a file that holds several; empty: as the format orders them.
+        Names of the left and right camera in a file with several; empty: in the order of the format.
     pictures
-        Whether depth is measured in the pictures as taken, or in rectified ones.
+        ``raw`` or ``rectified``: the pictures in which depth is measured.
     lens_model
-        Where it is not the one that the format takes: ``fisheye``.
+        ``fisheye`` if the lens model differs from that of the format.
     """
 
     length_unit: str = ""
@@ -36,23 +36,23 @@ class Request:
     lens_model: str = ""
 
     def metres(self, value: Located, *, stated: str = "", why: str = "") -> tuple[float, Convention]:
-        """One of the file's lengths in metres, and where that is known from.
+        """The unit of length in metres, and its origin.
 
         Parameters
         ----------
         value
             A length, for messages and the register.
         stated, why
-            The unit that the file or the definition of its format states, and where; empty: neither does.
+            Unit from the file or the definition of its format, and its origin; empty: none.
 
         Raises
         ------
         CameraFileError
-            Nobody states the unit.
+            The unit is unknown.
         """
         unit = self.length_unit or stated
         if not unit:
-            raise value.fail("the file does not state its unit of length; say length_unit: mm (or m) beside from:")
+            raise value.fail("the file does not state its unit of length; give length_unit: mm (or m) beside from:")
         by = "length_unit of the study" if self.length_unit else why
         return parse(f"1 {unit}", LENGTH), Convention(name="length unit", says=f"{unit}, by {by}", key=value.key)
 
@@ -64,16 +64,16 @@ class Format:
     Parameters
     ----------
     name, word
-        As its users call it, and in one word of the command line.
+        Name of the format, and its name on the command line.
     options
-        Which fields of a `Request` say something about files of this format.
+        Fields of a `Request` that apply to this format.
     recognises
-        Whether a file is of this format, by its content.
+        Whether a file has this format, by its content.
     read
-        From the files that a camera names to what they say.
+        Camera or rig from the files of a camera.
     write
-        From a pair and the beginning of file names to the texts of files that say the same, by name; it raises
-        `CannotHoldError` on what they cannot hold. None: nothing is written in this format.
+        Texts of files for a pair by file name, given the pair and the stem of the names; raises `CannotHoldError` for
+        a lens that the format cannot represent. None: export is not supported.
     """
 
     name: str
@@ -85,12 +85,12 @@ class Format:
 
 
 class CannotHoldError(Exception):
-    """A format has no place for coefficients of a lens.
+    """A format cannot represent a lens.
 
     Parameters
     ----------
     names
-        Of the coefficients, or of the lens model where that itself is unknown to the format.
+        The coefficients, or the lens model, that the format lacks.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -104,7 +104,7 @@ def held(camera: ImportedCamera, names: Sequence[str], *, of: str = "rational") 
     Raises
     ------
     CannotHoldError
-        The lens has another model, or coefficients that act and are not among the names.
+        The lens has another model, or nonzero coefficients that are not among the names.
     """
     if camera.lens_model != of:
         raise CannotHoldError([f"the lens model {camera.lens_model}"])
@@ -114,12 +114,12 @@ def held(camera: ImportedCamera, names: Sequence[str], *, of: str = "rational") 
 
 
 def fewest(camera: ImportedCamera, names: Sequence[str], counts: Sequence[int]) -> tuple[float, ...]:
-    """The coefficients of a lens by the shortest of several forms that hold them.
+    """The coefficients of a lens in the shortest of several forms that contains them.
 
     Raises
     ------
     CannotHoldError
-        None of the forms does.
+        None of the forms contains them.
     """
     for count in counts[:-1]:
         with suppress(CannotHoldError):
@@ -128,7 +128,7 @@ def fewest(camera: ImportedCamera, names: Sequence[str], counts: Sequence[int]) 
 
 
 def wrong_request(key: str, value: object) -> str:
-    """What is wrong with what a study says under one of the keys of a `Request`; empty where nothing is."""
+    """The mistake in a study's value of a `Request`; empty if there is none."""
     if key == "length_unit":
         try:
             parse(f"1 {value}" if isinstance(value, str) else value, LENGTH)
@@ -143,5 +143,5 @@ def wrong_request(key: str, value: object) -> str:
 
 
 def origin_of_pixels(value: Located) -> Convention:
-    """The origin that all formats here share."""
+    """The origin of pixels, the same for all formats."""
     return Convention(name="origin of pixels", says=PIXEL_ORIGIN, key=value.key)

@@ -1,4 +1,4 @@
-"""ROS ``camera_info``: the YAML files of camera_calibration and camera_info_manager, and printed messages."""
+"""ROS ``camera_info``: the YAML files of camera_calibration and camera_info_manager, and messages printed as YAML."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _RECTIFICATION, _PROJECTION = ("rectification_matrix", "R", "r"), ("projection_m
 
 
 def recognises(file: CameraFile) -> bool:
-    """A file with a distortion model and a projection matrix."""
+    """Whether a file has a distortion model and a projection matrix."""
     top = file.top
     return top.has("distortion_model") and top.find(*_PROJECTION) is not None
 
@@ -34,23 +34,23 @@ def recognises(file: CameraFile) -> bool:
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
     """One camera, or the left and the right one of a pair.
 
-    The rectifying rotations and P give the pair back: ``x₂ = R₂ᵀ R₁ x₁ + R₂ᵀ t`` with ``t = (P[3]/f′, P[7]/f′, 0)``.
+    Rectifying rotations and P give the pair: ``x₂ = R₂ᵀ R₁ x₁ + R₂ᵀ t`` with ``t = (P[3]/f′, P[7]/f′, 0)``.
 
     Raises
     ------
     CameraFileError
-        What is expected is not there; a pair without a baseline.
+        A value is missing or invalid, or the pair has no baseline.
     """
     tops = [file.top for file in files]
     if len(tops) == 1:
         return _camera(tops[0], request)
     if len(tops) != 2:
-        raise tops[-1].fail(f"{len(tops)} files stand here; camera_info of one camera or of a pair are expected")
+        raise tops[-1].fail(f"{len(tops)} files are given; camera_info of one camera or of a pair is expected")
     projection = tops[1].need(*_PROJECTION)
     ahead = tops[0].need(*_PROJECTION)
     if _numbers(ahead, 12)[3] != 0.0 or _numbers(ahead, 12)[7] != 0.0:
         raise ahead.fail(
-            "P[3] or P[7] of the first camera is not 0: left and right are exchanged; exchange the files of from:"
+            "P[3] or P[7] of the first camera is not 0: left and right are exchanged; swap the files of from:"
         )
     moved = translation_of_projection(projection, _numbers(projection, 12))
     metre, unit = request.metres(projection, stated="m", why="the definition of ROS messages (REP 103)")
@@ -60,7 +60,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     rotation, translation = np.eye(3), moved * metre
     if request.pictures == "raw":
         rotation, translation = turns[1].T @ turns[0], turns[1].T @ (moved * metre)
-    said = (
+    conventions = (
         Convention(name="format", says="ROS camera_info", key=projection.key),
         Convention(
             name="direction of transforms",
@@ -70,7 +70,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         Convention(name="pictures", says=_pictures(request, first, second, turns), key=projection.key),
         unit,
     )
-    return paired(first, second, rotation, translation, where=(where, projection), conventions=said)
+    return paired(first, second, rotation, translation, where=(where, projection), conventions=conventions)
 
 
 def _pictures(request: Request, first: ImportedCamera, second: ImportedCamera, turns: list[np.ndarray]) -> str:
@@ -78,7 +78,7 @@ def _pictures(request: Request, first: ImportedCamera, second: ImportedCamera, t
         return "rectified, by P"
     plain = not any([*first.coefficients.values(), *second.coefficients.values()])
     if plain and all(np.array_equal(turn, np.eye(3)) for turn in turns):
-        return "raw: they are rectified already, without distortion or rotation"
+        return "raw, which are already rectified: without distortion or rotation"
     return "raw: as taken, before rectification, by K, D, R"
 
 
@@ -122,7 +122,7 @@ def _lens(top: Located, distortion: Located, request: Request) -> tuple[LensMode
     if not numbers:
         return model, {}
     if len(numbers) != len(names) and not (name == "plumb_bob" and len(numbers) == 4):
-        raise distortion.fail(f"{len(numbers)} coefficients stand here; {name} has {len(names)}")
+        raise distortion.fail(f"{len(numbers)} coefficients are given; {name} has {len(names)}")
     return model, dict(zip(names, numbers, strict=False))
 
 
@@ -132,7 +132,7 @@ def _rectification(top: Located) -> np.ndarray:
 
 
 def _numbers(value: Located, *counts: int) -> tuple[float, ...]:
-    """A matrix as files write it, or as messages do."""
+    """A matrix in the form of files or of messages."""
     return (value if isinstance(value.entry, ListEntry) else value.need("data")).numbers(*counts)
 
 

@@ -1,4 +1,4 @@
-"""The text of a calibration file as a tree with places, by whatever syntax it is written in. Nothing is executed."""
+"""Parsers from the text of calibration files to trees with places, for every syntax. Nothing is executed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NUMBER: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def syntax_of(text: str) -> str:
-    """In which syntax a text is written, by how it begins."""
+    """The syntax of a text, by its beginning."""
     body = "\n".join(line for line in text.lstrip().split("\n", 20)[:20] if not line.startswith("#")).lstrip()
     if _CORNER_HEAD.match(body):
         return "corners"
@@ -39,7 +39,7 @@ def parsed(path: Path, text: str, syntax: str, label: str) -> CameraFile:
     Raises
     ------
     CameraFileError
-        The text is not what its beginning promises.
+        The text violates its syntax.
     """
     root = _PARSERS[syntax](path, text)
     return CameraFile(path=path, label=label, syntax=syntax, text=text, root=root)
@@ -50,12 +50,12 @@ def _table(path: Path, _text: str) -> Entry:
 
 
 def _opencv_yaml(path: Path, text: str) -> Entry:
-    """YAML with a head of its own, which other programs refuse, and tags."""
+    """OpenCV's YAML, with tags and a header that other parsers refuse."""
     return _yaml(path, _OPENCV_HEAD.sub(lambda found: "#" + found.group()[1:], text, count=1), tags=True)
 
 
 def _json(path: Path, text: str) -> Entry:
-    """JSON is YAML but for tabs between its values and a slash that may be escaped."""
+    """JSON as YAML, which does not allow tabs between values and escaped slashes."""
     return _yaml(path, text.replace("\t", " ").replace("\\/", "/"))
 
 
@@ -72,15 +72,15 @@ def _yaml(path: Path, text: str, *, tags: bool = False) -> Entry:
 
 
 def _xml(path: Path, text: str) -> Entry:
-    """XML of OpenCV: elements as keys, text as values; definitions of a document type are refused unread."""
+    """OpenCV's XML: elements as keys, text as values; document type definitions are refused."""
     builder = _XmlBuilder(path)
     try:
         builder.parser.Parse(text.encode(), True)
     except expat.ExpatError as error:
         place = Place(str(path), error.lineno, error.offset + 1)
-        raise CameraFileError(place.problem((), f"this is no valid XML ({expat.ErrorString(error.code)})")) from None
+        raise CameraFileError(place.problem((), f"this is not valid XML: {expat.ErrorString(error.code)}")) from None
     if builder.root is None:
-        raise CameraFileError(Place(str(path), 1, 1).problem((), "this XML holds nothing"))
+        raise CameraFileError(Place(str(path), 1, 1).problem((), "this XML is empty; a calibration is expected"))
     return builder.root
 
 
@@ -102,22 +102,22 @@ class _XmlBuilder:
 
     @property
     def place(self) -> Place:
-        """Where the parser is."""
+        """Present place of the parser."""
         return Place(self.path, self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1)
 
     def fail(self, what: str) -> CameraFileError:
-        """A mistake where the parser is."""
+        """A mistake at the present place."""
         return CameraFileError(self.place.problem((), what))
 
     def refuse(self, *_arguments: Any) -> None:
-        """Definitions could make a small file grow without end, or read other files."""
-        raise self.fail("a document type or an entity is defined here; calibration files need none, take it out")
+        """Refuse definitions, which could expand without end or read other files."""
+        raise self.fail("definitions of document types and entities are not allowed; remove it")
 
     def start(self, name: str, _attributes: Mapping[str, str]) -> None:
         """Open an element."""
         self.count += 1
         if self.count > MOST_VALUES:
-            raise self.fail(f"the file holds more than {MOST_VALUES} values")
+            raise self.fail(f"the file contains more than {MOST_VALUES} values")
         if len(self.open) >= DEEPEST:
             raise self.fail(f"values are nested more than {DEEPEST} deep")
         self.open.append((self.place, name, {}, [], []))
@@ -142,16 +142,16 @@ class _XmlBuilder:
         elif name == "_":
             self.open[-1][3].append(entry)
         elif name in self.open[-1][2]:
-            raise CameraFileError(place.problem((name,), "this key stands twice; one of them is too many"))
+            raise CameraFileError(place.problem((name,), "duplicate key; remove one of them"))
         else:
             self.open[-1][2][name] = Member(place, entry)
 
     def value(self, place: Place, text: str) -> Entry:
-        """A list of numbers where there are several, else one value."""
+        """A list of numbers if there are several, else one value."""
         words = text.split()
         self.count += len(words)
         if self.count > MOST_VALUES:
-            raise self.fail(f"the file holds more than {MOST_VALUES} values")
+            raise self.fail(f"the file contains more than {MOST_VALUES} values")
         if len(words) > 1 and all(map(_NUMBER.fullmatch, words)):
             return ListEntry(place=place, items=tuple(_scalar(place, float(word), word) for word in words))
         text = text.strip('"')
@@ -160,16 +160,16 @@ class _XmlBuilder:
 
 
 def _python(path: Path, text: str) -> Entry:
-    """A Python literal, read as `ast.literal_eval` does: parsed, never run."""
+    """A Python literal, parsed like `ast.literal_eval`, never executed."""
     start = Place(str(path), 1, 1)
     try:
         tree = ast.parse(text.lstrip(), mode="eval")
     except SyntaxError as error:
         place = Place(str(path), error.lineno or 1, error.offset or 1)
-        raise CameraFileError(place.problem((), f"this is no Python literal ({error.msg})")) from None
+        raise CameraFileError(place.problem((), f"this is not a Python literal: {error.msg}")) from None
     except (ValueError, RecursionError, MemoryError) as error:
         raise CameraFileError(
-            start.problem((), f"this is no Python literal ({error or 'nested too deeply'})")
+            start.problem((), f"this is not a Python literal: {error or 'nested too deeply'}")
         ) from None
     lines_before = text[: len(text) - len(text.lstrip())].count("\n")
     return _literal(tree.body, str(path), lines_before, 0, [0])
@@ -185,10 +185,10 @@ def _literal(node: ast.expr, file: str, below: int, depth: int, count: list[int]
         members: dict[str, Member] = {}
         for key, value in zip(node.keys, node.values, strict=True):
             if not (isinstance(key, ast.Constant) and isinstance(key.value, str)):
-                raise CameraFileError(place.problem((), "keys are texts in quotes"))
+                raise CameraFileError(place.problem((), "keys must be text in quotes"))
             key_place = Place(file, key.lineno + below, key.col_offset + 1)
             if key.value in members:
-                what = "this key stands twice; one of them is too many"
+                what = "duplicate key; remove one of them"
                 raise CameraFileError(key_place.problem((key.value,), what))
             members[key.value] = Member(key_place, _literal(value, file, below, depth + 1, count))
         return MappingEntry(place=place, members=members)
@@ -203,16 +203,14 @@ def _literal(node: ast.expr, file: str, below: int, depth: int, count: list[int]
             return _scalar(place, None, "")
         if found is None or isinstance(found, str | int | float | bool):
             return _scalar(place, found, "" if found is None else _short(found))
-    raise CameraFileError(
-        place.problem((), "a number, a text, a list or a mapping is expected; nothing is computed here")
-    )
+    raise CameraFileError(place.problem((), "a number, a text, a list or a mapping is expected, not an expression"))
 
 
 def _short(value: str | float | bool) -> str:
     try:
         return scalar_text(value)
     except ValueError:  # an integer of too many digits for Python to print
-        return "an endless number"
+        return "a number of too many digits"
 
 
 def _scalar(place: Place, value: Any, text: str) -> ScalarEntry:

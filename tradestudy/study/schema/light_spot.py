@@ -178,7 +178,7 @@ class SpotSourcePart(Part):
     @model_validator(mode="after")
     def _has_an_extent(self) -> Self:
         if self.coherent and self.is_point:
-            raise MistakeAt(("coherent",), "a point has nothing to be coherent with; give a diameter, or leave it out")
+            raise MistakeAt(("coherent",), "a point has nothing to be coherent with; give a diameter, or remove it")
         return self
 
     @property

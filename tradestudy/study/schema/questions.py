@@ -21,7 +21,7 @@ from tradestudy.declarations.quantities import (
     QuantityText,
     Share,
 )
-from tradestudy.declarations.words import CameraName, Pair, Scalar, Span, Text, Way, distinct
+from tradestudy.declarations.words import CameraName, ErrorSources, Pair, Scalar, Span, Text, distinct
 from tradestudy.study.schema.depth_of_field import BlurPart, Diffraction
 from tradestudy.study.schema.light_spot import MethodName
 from tradestudy.study.schema.wave_optics import ElementName, LensPhaseName, PositiveWaves, PsfMetric
@@ -111,7 +111,7 @@ class SolvePart(Part):
         default=None, description="Instead of equal: the requirement to meet, on any quantity."
     )
     at: ObjectDistance | None = Field(default=None, description="Distance of the question; not for a requirement.")
-    errors: Way = Field(default="both", description="Error sources to include.")
+    errors: ErrorSources = Field(default="both", description="Error sources to include.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -193,7 +193,7 @@ class UncertaintyRatioClaim(_ClaimPart):
     camera: CameraName = Field(description="Camera whose uncertainty is the numerator.")
     against: CameraName = Field(description="Camera whose uncertainty is the denominator.")
     over: Span = Field(description="Distances that the claim covers: from, to.")
-    errors: Way = Field(default="both", description="Error sources to include.")
+    errors: ErrorSources = Field(default="both", description="Error sources to include.")
 
 
 class ShareBetterClaim(_ClaimPart):
@@ -203,7 +203,7 @@ class ShareBetterClaim(_ClaimPart):
     camera: CameraName = Field(description="Camera claimed to be more certain.")
     against: CameraName = Field(description="Camera that it is compared with.")
     over: Span = Field(description="Distances that the claim covers: from, to.")
-    errors: Way = Field(default="both", description="Error sources to include.")
+    errors: ErrorSources = Field(default="both", description="Error sources to include.")
 
 
 class RelativeUncertaintyDistanceClaim(_ClaimPart):
@@ -212,7 +212,7 @@ class RelativeUncertaintyDistanceClaim(_ClaimPart):
     quantity: Literal["relative_uncertainty_distance"]
     camera: CameraName = Field(description="Camera that the claim is about.")
     threshold: PositiveFraction = Field(description="Depth uncertainty over distance.")
-    errors: Way = Field(default="both", description="Error sources to include.")
+    errors: ErrorSources = Field(default="both", description="Error sources to include.")
 
 
 class DepthOfFieldClaim(_ClaimPart, BlurPart):

@@ -172,7 +172,7 @@ class RequirementPart(Part):
             raise MistakeAt((), f"give exactly one of {', '.join(_QUANTITIES[:-1])} and {_QUANTITIES[-1]}")
         if self.guard_band is not None and not self.asks_for_depth:
             raise MistakeAt(
-                ("guard_band",), f"{self.quantity} has no standard error, so a guard band does not apply; leave it out"
+                ("guard_band",), f"{self.quantity} has no standard error, so a guard band does not apply; remove it"
             )
         return self
 

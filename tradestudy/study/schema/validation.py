@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Any, TypeVar
+from typing import Any, TypeGuard, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -147,8 +147,7 @@ def _problems(document: Document, model: type[BaseModel], found: list[_Finding])
         elif findings[0].kind == "value_error" and isinstance(findings[0].context.get("error"), MistakeAt):
             problems += _mistakes(document, findings)
         elif findings[0].kind == "extra_forbidden":
-            names = _known_keys(document, model, findings[0])
-            problems.append(document.locate_key(path).problem(path, f"unknown key{nearest_name(str(path[-1]), names)}"))
+            problems.append(_unknown_key(document, model, findings[0]))
         else:
             problems.append(_wrong_value(document, path, findings))
     return problems
@@ -179,7 +178,7 @@ def _misnamed(document: Document, path: Path) -> Problem | None:
     entry: Entry | None = document.root
     for depth, step in enumerate(path):
         above, entry = entry, child(entry, step)
-        if isinstance(entry, MappingEntry) and entry.implied and isinstance(above, MappingEntry):
+        if _is_implied(entry) and isinstance(above, MappingEntry):
             others = [name for name, member in above.members.items() if member.entry is not entry]
             if nearest(str(step), others):
                 here = path[: depth + 1]
@@ -208,14 +207,30 @@ def _mistakes(document: Document, findings: Sequence[_Finding]) -> list[Problem]
     ]
 
 
-def _known_keys(document: Document, model: type[BaseModel], finding: _Finding) -> list[str]:
-    """List the keys that an unknown key may have meant; a path of ``--set`` may start with a camera."""
-    names = key_names(finding.alignment.owner) if finding.alignment.owner else []
+def _unknown_key(document: Document, model: type[BaseModel], finding: _Finding) -> Problem:
+    """Report an unknown key; a path of ``--set`` may start with a camera, so its first key may have meant one."""
+    path, owner = finding.path, finding.alignment.owner
+    name, names = str(path[-1]), key_names(owner) if owner else []
+    if owner is model and _is_implied(finding.entry):
+        cameras = _cameras(document)
+        if cameras and nearest(name, [*names, *cameras]) is None:
+            what = f"neither a key of the study nor one of its cameras: {', '.join(map(repr, cameras))}"
+            return document.locate_key(path).problem(path, what)
+        names += cameras
+    return document.locate_key(path).problem(path, f"unknown key{nearest_name(name, names)}")
+
+
+def _is_implied(entry: Entry | None) -> TypeGuard[MappingEntry]:
+    """Whether only the path of a ``--set`` created an entry."""
+    return isinstance(entry, MappingEntry) and entry.implied
+
+
+def _cameras(document: Document) -> list[str]:
+    """Names of the cameras that the study itself declares."""
     cameras = child(document.root, "cameras")
-    set_from_outside = isinstance(finding.entry, MappingEntry) and finding.entry.implied
-    if finding.alignment.owner is model and set_from_outside and isinstance(cameras, MappingEntry):
-        names += list(cameras.members)
-    return names
+    if not isinstance(cameras, MappingEntry):
+        return []
+    return [name for name, member in cameras.members.items() if not _is_implied(member.entry)]
 
 
 def _wrong_value(document: Document, path: Path, findings: Sequence[_Finding]) -> Problem:
@@ -240,6 +255,9 @@ def _discriminator(document: Document, finding: _Finding) -> Problem:
     key = finding.context["discriminator"].strip("'")
     path = (*finding.path, key)
     if finding.kind == "union_tag_not_found":
+        if _is_implied(finding.entry) and (cameras := _cameras(document)) and finding.path[:-1] == ("cameras",):
+            what = f"no camera is called '{finding.path[-1]}'; {_choice(cameras)} is expected"
+            return document.locate(finding.path).problem(finding.path, what)
         return document.locate(finding.path).problem(path, "this key is missing")
     known = re.findall(r"'([^']*)'", finding.context["expected_tags"])
     what = f"'{finding.context['tag']}' is unknown; {_choice(known)} is expected"
@@ -261,7 +279,7 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
         head, _, expected = said.rpartition("; ") if isinstance(context["error"], UnitError) else (said, "", "")
         return head, expected, ""
     if kind in _SHAPES:
-        return f"{shown} stands here", _SHAPES[kind], ""
+        return f"{shown} is given", _SHAPES[kind], ""
     if kind == "literal_error":
         choices = re.findall(r"'([^']*)'", context["expected"])
         if not choices:
@@ -274,7 +292,7 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
     if kind in ("too_short", "too_long"):
         bound, words = ("min_length", "at least") if kind == "too_short" else ("max_length", "at most")
         count = len(finding.entry.items) if isinstance(finding.entry, ListEntry) else len(list(_members(finding.entry)))
-        here = "1 value stands here" if count == 1 else f"{count} values stand here"
+        here = "1 value is given" if count == 1 else f"{count} values are given"
         return here, f"{words} {context[bound]} {'is' if context[bound] == 1 else 'are'} expected", ""
     if kind == "string_too_short":
         return "the text is empty", "some text", ""
