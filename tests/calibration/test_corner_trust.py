@@ -10,11 +10,11 @@ import pytest
 import xarray as xr
 
 from tests.calibration import noisy_corners
-from tests.calibration.cameras import MEASURED, corners, webcams
+from tests.calibration.cameras import calibrated_webcams
 from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.corner_noise import equal_noise, estimate_noise, outlier_weights
 from tradestudy.calibration.corners.real_rig import fit_rig
-from tradestudy.calibration.posteriors import infer, with_square_size
+from tradestudy.calibration.posteriors import with_square_size
 from tradestudy.errors import UnaffordableError
 from tradestudy.figures.calibration_trust import draw_trust
 from tradestudy.run.groups.calibration import calibration_group
@@ -22,7 +22,7 @@ from tradestudy.run.groups.calibration import calibration_group
 
 @pytest.fixture(scope="module")
 def measured():
-    return infer(corners(webcams(), MEASURED, steps=100))
+    return calibrated_webcams()
 
 
 @pytest.mark.slow

@@ -5,7 +5,17 @@ import pytest
 import xarray
 
 from tests.calibration.calibration_files import write_calibration
-from tests.calibration.cameras import board, corners, focused, normal, shown, stereo, unfocused
+from tests.calibration.cameras import (
+    board,
+    calibrated_webcams,
+    corners,
+    focused,
+    normal,
+    shown,
+    stereo,
+    unfocused,
+    webcams,
+)
 from tests.data.simulate_corners import true_rig
 from tradestudy.calibration.calibration_file import CalibrationCovariance, CalibrationDraws, CalibrationFileError
 from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError
@@ -24,16 +34,11 @@ def errors_of(calibration):
     return dict(zip(group.parameters, group.draw(scores)[..., None], strict=True))
 
 
-@pytest.fixture(scope="module")
-def rig():
-    return infer(corners(stereo(), steps=200))
-
-
-def test_a_rig_of_corners_is_loaded_bit_for_bit(tmp_path, rig):
+def test_a_rig_of_corners_is_loaded_bit_for_bit(tmp_path):
     """Draws, what they are about, and hence every depth."""
-    path = tmp_path / "rig.nc"
+    path, rig = tmp_path / "rig.nc", calibrated_webcams()
     write_posterior(path, rig.posterior)
-    loaded = posterior_of_file(path, "rig", stereo())
+    loaded = posterior_of_file(path, "rig", webcams())
     assert loaded.source == "posterior"
     assert loaded.vocabulary == rig.calibration.vocabulary
     for field in (0.0, 0.5):

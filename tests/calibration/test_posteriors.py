@@ -3,9 +3,19 @@
 import numpy as np
 import pytest
 
-from tests.calibration.cameras import MEASURED, board, corners, focused, normal, shown, stereo, unfocused, webcams
-from tradestudy.calibration.corners.corner_file import CornerFileError, read_corners
-from tradestudy.calibration.corners.real_rig import fit_rig
+from tests.calibration.cameras import (
+    MEASURED,
+    board,
+    calibrated_webcams,
+    corners,
+    focused,
+    normal,
+    shown,
+    stereo,
+    unfocused,
+    webcams,
+)
+from tradestudy.calibration.corners.corner_file import CornerFileError
 from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError, check_geometry
 from tradestudy.calibration.corners.rig_reading import RIG_PARAMETERS
 from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
@@ -152,7 +162,7 @@ def test_a_target_that_determines_nothing_says_what():
 @pytest.mark.slow
 def test_chains_that_are_too_short_are_not_called_converged():
     assert any("too short" in one for one in infer(shown(stereo(), PRIORS, board(max_steps=100), seed=1)).failures)
-    assert any("too short" in one for one in infer(corners(webcams(), MEASURED, steps=100)).failures)
+    assert any("too short" in one for one in calibrated_webcams().failures)
 
 
 def test_what_is_asked_follows_from_what_is_declared():
@@ -189,7 +199,7 @@ def test_the_real_rig_is_more_uncertain_than_it_claims():
 @pytest.fixture(scope="module")
 def measured():
     """Best parameters of the webcams, and draws about them by the fit."""
-    fit = fit_rig(read_corners(MEASURED)).explained
+    fit = calibrated_webcams().fit.explained
     return fit.shared, np.random.default_rng(0).multivariate_normal(fit.shared, fit.covariance, 2000)
 
 

@@ -1,11 +1,11 @@
 """The posterior of the measured rig: converged, checked at exact points, as wide as the Laplace fit, in time."""
 
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.calibration.cameras import calibrated_webcams
 from tests.calibration.rig_draws import depth_of_draws
 from tests.data.simulate_corners import FILE as SIMULATED
 from tradestudy.calibration.corners.corner_file import read_corners
@@ -18,12 +18,10 @@ from tradestudy.calibration.corners.pair_residual import (
 )
 from tradestudy.calibration.corners.real_rig import fit_rig
 
-FILE = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corners.csv"
-
 
 @pytest.fixture(scope="module")
 def rig():
-    return fit_rig(read_corners(FILE))
+    return calibrated_webcams().fit
 
 
 @pytest.fixture(scope="module")
