@@ -116,5 +116,5 @@ def corners(camera: DepthCamera, file: Path = SIMULATED, *, seed: int = 0, steps
 
 @cache
 def calibrated_webcams() -> InferredCalibration:
-    """The webcams calibrated from their corners, with short chains: it takes long, so all tests share it."""
-    return infer(corners(webcams(), MEASURED, steps=100))
+    """The webcams calibrated from their corners: it takes long, so all tests share it."""
+    return infer(corners(webcams(), MEASURED))

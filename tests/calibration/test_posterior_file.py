@@ -8,7 +8,6 @@ from tests.calibration.calibration_files import write_calibration
 from tests.calibration.cameras import (
     board,
     calibrated_webcams,
-    corners,
     focused,
     normal,
     shown,
@@ -22,7 +21,6 @@ from tradestudy.calibration.corners.rig_geometry import GeometryContradictionErr
 from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.posterior_file import posterior_of_file, write_posterior
 from tradestudy.calibration.posteriors import infer
-from tradestudy.cameras.parts import Lens
 from tradestudy.uncertainty.error_class import ErrorClass
 
 DISTANCES = np.array([0.3, 1.0, 5.0])
@@ -119,16 +117,3 @@ def test_damaged_files_are_named(tmp_path):
     data.drop_vars("pixels").to_netcdf(tmp_path / "part.nc", engine="h5netcdf")
     with pytest.raises(CalibrationFileError, match=r"posterior of a rig needs pixels"):
         posterior_of_file(tmp_path / "part.nc", "rig", stereo())
-
-
-def test_a_longer_lens_contradicts_the_fit():
-    with pytest.raises(GeometryContradictionError) as caught:
-        infer(corners(stereo(lens=Lens(focal_length=30.5e-3, f_number=8.0), baseline=0.06, convergence_angle=0.1)))
-    lines = str(caught.value).splitlines()
-    assert caught.value.exit_status == 2
-    assert [line.split(",")[0] for line in lines] == [
-        "declared focal length 3050 px",
-        "declared baseline 60 mm",
-        "declared angle between the axes 5.73°",
-    ]
-    assert "corners say 99.98 ± 0.02 mm; correct cameras.rig.baseline or take another corner file" in lines[1]

@@ -1,6 +1,4 @@
-"""The posterior of the measured rig: converged, checked at exact points, as wide as the Laplace fit, in time."""
-
-import time
+"""The posterior of the measured rig: converged, checked at exact points, as wide as the Laplace fit."""
 
 import numpy as np
 import pytest
@@ -25,17 +23,14 @@ def rig():
 
 
 @pytest.fixture(scope="module")
-def posterior(rig):
-    begin = time.perf_counter()
-    result = sample_relative_pose(rig.explained, rig.corners, rng=np.random.default_rng(0))
-    assert time.perf_counter() - begin < 120.0
-    return result
+def posterior():
+    return calibrated_webcams()
 
 
 @pytest.mark.slow
 def test_the_posterior_converges_and_holds_at_exact_points(posterior):
     diagnostics = posterior.sample.diagnostics
-    assert posterior.converged, (diagnostics.failures, posterior.check)
+    assert posterior.failures == ()
     assert diagnostics.lengths >= 50.0
     assert posterior.check.efficiency > 0.975  # so no mean is off by more than 0.16 standard deviations
     assert posterior.sample.names == POSTERIOR_NAMES
