@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
 
 # Read when numpy loads. The matrices of the tests are small: threads that wait for each other on busy cores cost more
 # than they give.
@@ -11,3 +18,30 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Many tests start the program in a process of its own; it is compiled once for all of them, whatever the shell says.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _figures_are_drawn_here() -> Iterator[None]:
+    """As where there is one core, for tests keep all of them busy; what they start as a program uses a second one."""
+    from tradestudy import api
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(api, "_drawer_while_computing", nullcontext)
+        yield
+
+
+@dataclass(frozen=True)
+class HeadlineRun:
+    """How the run ended, and where it wrote."""
+
+    done: subprocess.CompletedProcess[str]
+    folder: Path
+
+
+@pytest.fixture(scope="session")
+def headline_run(tmp_path_factory: pytest.TempPathFactory) -> HeadlineRun:
+    """The headline study, run strictly by its command: it takes long, so all tests share it."""
+    study, folder = Path(__file__).parents[1] / "studies" / "plenoptic_vs_stereo.yaml", tmp_path_factory.mktemp("run")
+    command = [sys.executable, "-m", "tradestudy", "run", str(study), "--strict"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=240, check=False)
+    return HeadlineRun(done, folder / "reports" / "plenoptic-vs-stereo")

@@ -26,7 +26,7 @@ from tradestudy.errors import NotConvergedError, ResultsError, StudyError, Unaff
 HERE = Path(__file__).parent
 RIGHT = HERE / "study" / "wrong" / "right.yaml"
 WRONG = HERE / "study" / "wrong" / "wrong_dimension.yaml"
-HEADLINE = HERE.parent / "studies" / "plenoptic_vs_stereo.yaml"
+ROBOT = HERE.parent / "studies" / "robot.yaml"
 
 
 def invoke(*words: object) -> Result:
@@ -187,7 +187,7 @@ class TestRun:
         assert "Traceback" in invoke("check", WRONG, "--debug").stderr
 
     def test_control_c_ends_a_real_run_at_once_and_leaves_no_report(self, tmp_path: Path) -> None:
-        command = [sys.executable, "-m", "tradestudy", "run", str(HEADLINE), "--out", str(tmp_path / "out")]
+        command = [sys.executable, "-m", "tradestudy", "run", str(ROBOT), "--out", str(tmp_path / "out")]
         # A shell may have started the tests in the background, where interrupts are ignored, by their children too.
         signal.signal(signal.SIGINT, signal.default_int_handler)
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
@@ -241,11 +241,12 @@ class TestProgress:
 
 
 class TestNew:
-    def test_writes_a_study_that_checks(self, tmp_path: Path) -> None:
+    def test_writes_a_study_that_checks_and_runs(self, tmp_path: Path) -> None:
         result = invoke("new", "my-study")
         assert result.exit_code == 0
         assert result.stdout.splitlines()[0] == "my-study.yaml"
-        assert invoke("check", tmp_path / "my-study.yaml").stdout.startswith("my-study: ")
+        assert invoke("check", tmp_path / "my-study.yaml").stdout.startswith("my-study: 2 cameras")
+        assert invoke("run", "my-study.yaml", "--no-pdf", "--quiet").exit_code == 0
 
     @pytest.mark.parametrize("program", ["tradestudy", "python -m tradestudy"])
     def test_names_the_program_as_it_was_started(self, program: str) -> None:
@@ -262,7 +263,9 @@ class TestNew:
 
     @pytest.mark.parametrize("name", ["../out", "a/b", "", ".", "..", "/tmp/x", "-", "a\nb", "x" * 300])
     def test_never_leaves_the_folder(self, name: str, tmp_path: Path) -> None:
-        assert invoke("new", "--", name).exit_code == 2
+        refused = invoke("new", "--", name)
+        assert refused.exit_code == 2
+        assert "cannot be the name of a study" in refused.stderr
         assert list(tmp_path.iterdir()) == []
 
 

@@ -17,7 +17,7 @@ import tradestudy
 from tradestudy.cli import app
 from tradestudy.comparison import Comparison, compare_runs
 from tradestudy.errors import OutOfRangeError
-from tradestudy.results import dataset
+from tradestudy.results import dataset, storage
 
 DISTANCE = np.geomspace(0.1, 10.0, 41)
 CAMERAS = {"a": "Near head", "b": "Far head"}
@@ -196,6 +196,13 @@ def test_the_best_camera_changes_between_distances() -> None:
 def test_the_best_camera_changes_everywhere() -> None:
     found = sentences(tree(handover=20.0), tree(handover=0.01))
     assert found[0] == "Best camera: Near head → Far head from 0.1 to 10 m."
+
+
+def test_a_sliver_that_is_not_reported_counts_to_the_range_beside_it() -> None:
+    sliver = tree(handover=0.100_01)
+    assert not sentences(sliver, sliver)[0].startswith("Best camera")
+    found = sentences(sliver, tree(handover=1.0))
+    assert found[0] == "Best camera: Far head → Near head from 0.1 to 1 m; otherwise unchanged."
 
 
 def test_a_handover_that_moves_by_less_than_its_error_is_no_change() -> None:
@@ -465,7 +472,8 @@ def test_no_curve_that_changed_is_no_figure() -> None:
 def test_the_page_asks_no_host_and_its_file_is_replaced_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     study = tradestudy.load(ROBOT).with_values({"scene.distances.points": 12})
     for name, one in (("wide", study), ("narrow", study.with_values({"stereo-75mm.baseline": "40 mm"}))):
-        one.run().write(tmp_path / name, pdf=False)
+        result = one.run()
+        storage.write_finished(result.data, result.run_record, tmp_path / name)
     page = tmp_path / "pages" / "compared.html"
     runs = [str(tmp_path / name) for name in ("wide", "narrow")]
     done = CliRunner().invoke(app, ["compare", *runs, "--html", str(page)])

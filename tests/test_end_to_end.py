@@ -17,6 +17,7 @@ import numpy as np
 import pypdfium2
 import pytest
 
+from tests.conftest import HeadlineRun
 from tradestudy import load
 
 STUDIES = Path(__file__).parent.parent / "studies"
@@ -36,15 +37,8 @@ def tradestudy(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess
 
 
 @pytest.fixture(scope="module")
-def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("run")
-    done = tradestudy("run", HEADLINE, cwd=folder)
-    assert done.returncode == 0, done.stderr
-    *told, last = done.stdout.splitlines()
-    assert last == "Report: reports/plenoptic-vs-stereo/report.html"
-    assert told[0].startswith("Best: ")
-    assert len(told) <= 5
-    return folder / "reports" / "plenoptic-vs-stereo"
+def run_folder(headline_run: HeadlineRun) -> Path:
+    return headline_run.folder
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +81,16 @@ class Page(HTMLParser):
         self.text.append(data)
         if self._heading:
             self.headings[-1] += data
+
+
+def test_a_run_tells_its_conclusions_and_strictly_what_is_missed(headline_run: HeadlineRun) -> None:
+    done = headline_run.done
+    assert done.returncode == 3, done.stderr
+    *told, last = done.stdout.splitlines()
+    assert last == "Report: reports/plenoptic-vs-stereo/report.html"
+    assert told[0].startswith("Best: ")
+    assert len(told) <= 5
+    assert "close-range" in done.stderr.splitlines()[-1]
 
 
 def test_everything_a_run_writes_is_there(run_folder: Path) -> None:
@@ -168,20 +172,6 @@ def test_report_again_gives_identical_bytes(run_folder: Path) -> None:
     assert {path: path.read_bytes() for path in sorted(run_folder.rglob("*")) if path.is_file()} == kept
 
 
-def test_two_runs_differ_in_their_provenance_only(smaller_folder: Path, tmp_path: Path) -> None:
-    done = tradestudy("run", SMALLER, "--out", tmp_path / "again", "--quiet", cwd=tmp_path)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-    for path in sorted(smaller_folder.rglob("*")):
-        if path.is_file() and path.name not in ("run.json", "report.html", "report.pdf"):
-            assert path.read_bytes() == (tmp_path / "again" / path.relative_to(smaller_folder)).read_bytes(), path.name
-
-    def without_provenance(folder: Path) -> str:
-        html = (folder / "report.html").read_text(encoding="utf-8")
-        return html[: html.index('id="provenance"')]
-
-    assert without_provenance(smaller_folder) == without_provenance(tmp_path / "again")
-
-
 def test_finished_results_are_not_computed_again_unless_asked(smaller_folder: Path, tmp_path: Path) -> None:
     folder = tmp_path / "copy"
     shutil.copytree(smaller_folder, folder)
@@ -206,8 +196,10 @@ def test_a_wrong_study_costs_nothing_on_disk(run_folder: Path, tmp_path: Path) -
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == kept
 
 
-def test_a_killed_run_leaves_no_half_written_file(tmp_path: Path) -> None:
-    """Each run finds what the one before it left."""
+def test_a_killed_run_leaves_no_half_written_file_and_ends_as_one_that_was_not(
+    smaller_folder: Path, tmp_path: Path
+) -> None:
+    """Each run finds what the one before it left; the last one differs from an undisturbed one in its provenance."""
     folder = tmp_path / "killed"
     for delay in (0.6, 1.5, 2.5):
         process = subprocess.Popen(
@@ -220,29 +212,18 @@ def test_a_killed_run_leaves_no_half_written_file(tmp_path: Path) -> None:
             assert (folder / "report.html").read_text(encoding="utf-8").rstrip().endswith("</html>")
         if (folder / "report.pdf").exists():
             pypdfium2.PdfDocument(folder / "report.pdf")
-    again = tradestudy("run", SMALLER, "--out", folder, "--no-pdf", cwd=tmp_path)
-    assert again.returncode == 0, again.stderr
-    assert not [path for path in folder.rglob("*") if path.name.endswith(".part")]
+    again = tradestudy("run", SMALLER, "--out", folder, "--quiet", cwd=tmp_path)
+    assert (again.returncode, again.stdout, again.stderr) == (0, "", "")
+    names = {path.relative_to(folder) for path in folder.rglob("*") if path.is_file()}
+    assert names == {path.relative_to(smaller_folder) for path in smaller_folder.rglob("*") if path.is_file()}
+    for name in names - set(map(Path, ("run.json", "report.html", "report.pdf"))):
+        assert (folder / name).read_bytes() == (smaller_folder / name).read_bytes(), name
 
+    def without_provenance(folder: Path) -> str:
+        html = (folder / "report.html").read_text(encoding="utf-8")
+        return html[: html.index('id="provenance"')]
 
-def test_strict_says_which_requirement_is_missed(tmp_path: Path, run_folder: Path) -> None:
-    folder = tmp_path / "strict"
-    shutil.copytree(run_folder, folder)
-    done = tradestudy("run", HEADLINE, "--strict", "--no-pdf", "--out", folder, cwd=tmp_path)
-    assert done.returncode == 3
-    assert "close-range" in done.stderr
-
-
-def test_a_new_study_checks_and_runs(tmp_path: Path) -> None:
-    assert tradestudy("new", "mine", cwd=tmp_path).returncode == 0
-    checked = tradestudy("check", "mine.yaml", cwd=tmp_path)
-    assert checked.returncode == 0, checked.stderr
-    assert checked.stdout.startswith("mine: 2 cameras")
-    assert tradestudy("run", "mine.yaml", "--no-pdf", "--quiet", cwd=tmp_path).returncode == 0
-    assert tradestudy("new", "mine", cwd=tmp_path).returncode == 2
-    refused = tradestudy("new", "../mine", cwd=tmp_path)
-    assert refused.returncode == 2
-    assert "cannot be the name of a study" in refused.stderr
+    assert without_provenance(folder) == without_provenance(smaller_folder)
 
 
 def test_a_study_whose_data_file_changed_is_another_study(tmp_path: Path) -> None:

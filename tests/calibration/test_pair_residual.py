@@ -1,16 +1,16 @@
 """The left–right term: likelihood against dense normal densities, scale against injected motions, the measured rig."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_normal
 
 from tests.calibration import noisy_corners
+from tests.calibration.cameras import calibrated_webcams
 from tests.calibration.random_poses import tilted_poses
 from tests.calibration.rig_draws import depth_of_draws
-from tradestudy.calibration.corners.corner_file import StereoCorners, read_corners
+from tradestudy.calibration.corners.corner_file import StereoCorners
 from tradestudy.calibration.corners.marginal_views import (
     ViewStates,
     compress_views,
@@ -22,13 +22,12 @@ from tradestudy.calibration.corners.view_blocks import motion_columns, pair_bloc
 from tradestudy.calibration.projection import move, project, rotation_matrix
 from tradestudy.calibration.target.synthetic_target import flat_grid
 
-FILE = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corners.csv"
 TRUTH = np.array([460, 462, 320, 180, 0.1, -0.2, 463, 461, 325, 182, 0.1, -0.15, 0.01, 0.02, 0.01, -0.094, -1e-3, 2e-3])
 
 
 @pytest.fixture(scope="module")
 def rig():
-    return fit_rig(read_corners(FILE))
+    return calibrated_webcams().fit
 
 
 def shaken_rig(motion, noise, rng, views=25, columns=9):

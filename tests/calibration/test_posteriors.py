@@ -3,16 +3,26 @@
 import numpy as np
 import pytest
 
-from tests.calibration.cameras import MEASURED, board, corners, focused, normal, shown, stereo, unfocused, webcams
+from tests.calibration.cameras import (
+    MEASURED,
+    board,
+    calibrated_webcams,
+    corners,
+    focused,
+    normal,
+    shown,
+    stereo,
+    unfocused,
+    webcams,
+)
 from tests.calibration.radial_rig import SHARED_NAMES
-from tradestudy.calibration.corners.corner_file import CornerFileError, read_corners
-from tradestudy.calibration.corners.real_rig import fit_rig
+from tradestudy.calibration.corners.corner_file import CornerFileError
 from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError, check_geometry
 from tradestudy.calibration.corners.rig_reading import rig_parameters
 from tradestudy.calibration.posteriors import MOST_DRAWS, infer, to_infer
 from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.cameras.calibration_declaration import calibration_part
-from tradestudy.cameras.parts import Sensor
+from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.execution.fingerprint import fingerprint
 from tradestudy.uncertainty.distributions import StudentT, Uniform
@@ -175,7 +185,7 @@ def test_what_is_asked_follows_from_what_is_declared():
 @pytest.mark.slow
 def test_the_real_rig_is_more_uncertain_than_it_claims():
     """0.24 px of the pair against 0.16 px per camera; the left-right term explains it and widens the errors."""
-    inferred = infer(corners(webcams(), MEASURED, steps=200))
+    inferred = calibrated_webcams()
     assert inferred.check.passed
     assert inferred.calibration.groups[0].parameters == SHARED_NAMES
     assert set(rig_parameters(RADIAL)) == set(SHARED_NAMES)
@@ -190,7 +200,7 @@ def test_the_real_rig_is_more_uncertain_than_it_claims():
 @pytest.fixture(scope="module")
 def measured():
     """Best parameters of the webcams, and draws about them by the fit."""
-    fit = fit_rig(read_corners(MEASURED)).explained
+    fit = calibrated_webcams().fit.explained
     return fit.shared, np.random.default_rng(0).multivariate_normal(fit.shared, fit.covariance, 2000)
 
 
@@ -216,6 +226,20 @@ def test_declared_geometry_that_contradicts_the_corners_is_told_with_both(measur
     check_geometry("rig", webcams(), *measured, says="corners say")
     with pytest.raises(GeometryContradictionError, match=words):
         check_geometry("rig", webcams(**changes), *measured, says="corners say")
+
+
+def test_all_contradictions_are_told(measured):
+    longer = webcams(lens=Lens(focal_length=30.5e-3, f_number=8.0), baseline=0.06, convergence_angle=0.1)
+    with pytest.raises(GeometryContradictionError) as caught:
+        check_geometry("rig", longer, *measured, says="corners say")
+    lines = str(caught.value).splitlines()
+    assert caught.value.exit_status == 2
+    assert [line.split(",")[0] for line in lines] == [
+        "declared focal length 10170 px",
+        "declared baseline 60 mm",
+        "declared angle between the axes 5.73°",
+    ]
+    assert "corners say 94.1 ± 0.2 mm; correct cameras.rig.baseline or take another corner file" in lines[1]
 
 
 def test_a_contradiction_counts_from_five_percent(measured):

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from tests.calibration.cameras import MEASURED, corners, stereo, webcams
+from tests.calibration.cameras import calibrated_webcams, corners, stereo
 from tests.calibration.plain_pair import depths_read
 from tests.calibration.radial_rig import SHARED_NAMES
 from tests.data.simulate_corners import true_rig
 from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.real_rig import fit_rig
 from tradestudy.calibration.corners.rig_reading import RigReading, rig_parameters
-from tradestudy.calibration.posteriors import infer
 from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.cameras.environment import Environment
 from tradestudy.errors import OutOfRangeError
@@ -36,7 +35,7 @@ def half_width(depths):
 
 @pytest.fixture(scope="module")
 def measured():
-    return infer(corners(webcams(), MEASURED))
+    return calibrated_webcams()
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -91,6 +91,12 @@ propagation: {field_places: [50 %], max_draws: 4096}
 sensitivity: {at: [0.5 m, 3 m]}
 """
 
+OF_TWO = [
+    pytest.param(Serial, id="serial"),
+    pytest.param(lambda: Threads(2), id="threads"),
+    pytest.param(lambda: Processes(2), id="processes"),
+]
+
 
 @pytest.fixture(scope="module")
 def study_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -154,25 +160,26 @@ def assert_same_results(one: api.Result, other: api.Result) -> None:
 
 
 class TestExecutors:
-    @pytest.mark.parametrize("executor", [Threads(1), Threads(3), Processes(1), Processes(2)], ids=repr)
+    @pytest.mark.parametrize(("kind", "count"), [(Threads, 1), (Threads, 3), (Processes, 1), (Processes, 2)])
     def test_a_sweep_has_the_same_bits_everywhere(
-        self, study_file: Path, serial: api.Result, executor: Executor
+        self, study_file: Path, serial: api.Result, kind: type[Threads | Processes], count: int
     ) -> None:
-        result = tradestudy.load(study_file).run(executor=executor)
+        result = tradestudy.load(study_file).run(executor=kind(count))
         assert_same_results(serial, result)
         assert result.run_record["points"]["depth"] == {"computed": POINTS, "taken up": 0}
 
-    @pytest.mark.parametrize("executor", [Serial(), Threads(2), Processes(2)], ids=repr)
-    def test_values_stand_in_the_order_of_the_points(self, tmp_path: Path, executor: Executor) -> None:
+    @pytest.mark.parametrize("make", OF_TWO)
+    def test_values_stand_in_the_order_of_the_points(self, tmp_path: Path, make: Callable[[], Executor]) -> None:
+        executor = make()
         assert_same(mapped(executor, points(tmp_path, 20)), 20)
         assert times_computed(tmp_path) == dict.fromkeys(range(20), 1)
         assert mapped(executor, []) == []
 
-    @pytest.mark.parametrize("executor", [Serial(), Threads(2), Processes(2)], ids=repr)
-    def test_the_first_refusal_is_told_whole(self, tmp_path: Path, executor: Executor) -> None:
+    @pytest.mark.parametrize("make", OF_TWO)
+    def test_the_first_refusal_is_told_whole(self, tmp_path: Path, make: Callable[[], Executor]) -> None:
         refused = points(tmp_path, 8, seconds=0.02, p2="is refused", p3="is refused")
         with pytest.raises(OutOfRangeError, match="the number: 2") as told:
-            mapped(executor, refused)
+            mapped(make(), refused)
         assert str(told.value) == "the number: 2 (allowed: another); choose it"
         assert (told.value.value, told.value.remedy) == ("2", "choose it")
 
@@ -184,6 +191,21 @@ class TestExecutors:
         assert_same(mapped(Processes(2), points(tmp_path, 12, seconds=0.02, p5="kills once")), 12)
         assert times_computed(tmp_path) == {**dict.fromkeys(range(12), 1), 5: 2}
         assert len(workers(tmp_path)) >= 2
+
+    def test_workers_wait_for_further_points_and_dead_ones_are_replaced(self, tmp_path: Path) -> None:
+        """Two steps are computed by the same processes, the third by new ones."""
+        executor = Processes(2)
+        own = []
+        for number in range(3):
+            folder = tmp_path / str(number)
+            folder.mkdir()
+            assert_same(mapped(executor, points(folder, 6, seconds=0.02)), 6)
+            own.append(workers(folder))
+            if number == 1:
+                for process in own[0] | own[1]:
+                    os.kill(process, signal.SIGKILL)
+        assert len(own[0] | own[1]) <= 2
+        assert not own[2] & own[1]
 
     def test_a_point_that_kills_again_and_again_is_named(self, tmp_path: Path) -> None:
         with pytest.raises(DeadlyPointError, match=r"^3 .*counting.*: number=3; .*kept"):
@@ -429,10 +451,10 @@ class TestCommand:
         assert (out / "results.nc").read_bytes() == (written / "results.nc").read_bytes()
         assert not (out / FOLDER).exists()
 
-    def test_results_whose_bytes_have_changed_are_refused_and_computed_again(
-        self, study_file: Path, serial: api.Result, tmp_path: Path
-    ) -> None:
-        serial.write(tmp_path, pdf=False)
+    def test_results_whose_bytes_have_changed_are_refused_and_computed_again(self, tmp_path: Path) -> None:
+        study = tmp_path / "hard.yaml"  # whose report is written quickly
+        study.write_text("format: 2\nstudy: hard\ntitle: T\nquestion: Q\nhard_cases: {families: [equation-27]}\n")
+        api.run(tradestudy.load(study), tmp_path, pdf=False)
         path = tmp_path / "results.nc"
         whole = path.read_bytes()
         assert json.loads((tmp_path / "run.json").read_text())["results_sha256"] == hashlib.sha256(whole).hexdigest()
@@ -443,7 +465,7 @@ class TestCommand:
             path.write_bytes(broken)
             with pytest.raises(ResultsError, match="run the study again"):
                 tradestudy.open_result(tmp_path)
-        api.run(tradestudy.load(study_file), tmp_path, pdf=False, executor=Threads(2))
+        api.run(tradestudy.load(study), tmp_path, pdf=False)
         assert path.read_bytes() == whole
 
     @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 
 import tradestudy
 from tradestudy.plan import pilots
-from tradestudy.plan.predicted_time import Stopwatch, predicted_steps
+from tradestudy.plan.predicted_time import PredictedStep, Stopwatch, predicted_steps
 from tradestudy.study.definition import StudyDefinition
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -42,6 +42,12 @@ def seconds_by_step(name: str, *overrides: str) -> dict[str, float]:
     return {step.name: step.seconds for step in predicted_steps(planned(name, *overrides), Idle())}
 
 
+@lru_cache
+def measured(name: str) -> tuple[PredictedStep, ...]:
+    """By pilots that are run and timed."""
+    return predicted_steps(planned(name), Idle())
+
+
 @pytest.fixture
 def a_second_each(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every pilot takes a second, whatever it does."""
@@ -69,7 +75,7 @@ def test_everything_takes_longer_on_a_machine_that_is_in_use() -> None:
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in STUDIES.glob("*.yaml")))
 def test_every_step_takes_some_seconds_of_counted_work(name: str) -> None:
-    for step in predicted_steps(planned(name), Idle()):
+    for step in measured(name):
         assert 0.0 <= step.seconds < math.inf
         assert step.work
 
@@ -120,6 +126,6 @@ def test_wide_windows_off_the_axis_cost_more_than_their_targets() -> None:
 
 def test_reading_a_picture_that_was_made_costs_nothing() -> None:
     """Two readings of the spot make pictures anew for the claims; without them claims take no time."""
-    anew = seconds_by_step("light_spot")["claims"]
+    (anew,) = (step.seconds for step in measured("light_spot") if step.name == "claims")
     none = seconds_by_step("light_spot", "claims.S2.under=[]", "claims.S3.under=[]")["claims"]
     assert none < 0.1 * anew

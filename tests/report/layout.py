@@ -21,7 +21,7 @@ def unreadable(figure: Figure) -> list[str]:
     """What is wrong with the texts of a figure as it is drawn; nothing where all can be read."""
     with styled():
         canvas = FigureCanvasAgg(figure)
-        canvas.draw()
+        figure.draw_without_rendering()
         boxes = [(text, box) for text in _texts(figure) if (box := _box(text, canvas)) is not None]
     page = Bbox.from_bounds(0.0, 0.0, *(figure.get_size_inches() * 72.0))
     found = [f"{text.get_text()!r} leaves the canvas" for text, box in boxes if not _inside(box, page)]

@@ -24,7 +24,12 @@ _NUMBER = re.compile(r"(?<![\w./])(\d+(?:\.\d+)?)[ \u00a0](nm|µm|mm|km|ppm|m|%)
 _STUDIES = {
     "robot": [],
     "hand_lens": ["scene.distances.points=93"],
-    "stereo_design": ["scene.distances.points=40", "accuracy.tolerance=5 %"],
+    "stereo_design": [
+        "scene.distances.points=40",
+        "accuracy.tolerance=5 %",
+        "sweep={stereo.baseline: {from: 10 mm, to: 200 mm, points: 6, spacing: log}, "
+        "stereo.lenses.focal_length: {from: 4 mm, to: 32 mm, points: 5, spacing: log}}",
+    ],
 }
 
 

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import hashlib
 import itertools
 import subprocess
 import sys
@@ -57,19 +56,6 @@ def test_a_title_that_starts_with_an_underscore_stands_at_its_curve(make_tree: C
 
 def test_letters_that_the_font_lacks_are_named() -> None:
     assert printable("α 日 µ") == "α ⟨U+65E5⟩ µ"
-
-
-def test_the_same_bytes_in_another_process(tree: xr.DataTree) -> None:
-    here = hashlib.sha256(figures.figure(tree, "whole_range").svg()).hexdigest()
-    program = (
-        "import hashlib, importlib.util, sys; "
-        "s = importlib.util.spec_from_file_location('s', sys.argv[1]); m = importlib.util.module_from_spec(s); "
-        "s.loader.exec_module(m); from tradestudy import figures; "
-        "print(hashlib.sha256(figures.figure(m.tree(), 'whole_range').svg()).hexdigest())"
-    )
-    path = __file__.replace("test_figures", "synthetic")
-    there = subprocess.run([sys.executable, "-c", program, path], capture_output=True, text=True, check=True)
-    assert there.stdout.strip() == here
 
 
 def test_the_settings_of_the_caller_neither_leak_in_nor_change(tree: xr.DataTree) -> None:

@@ -43,7 +43,9 @@ def test_results_in_memory_and_on_disk_give_the_same_report(
     on_disk.attrs["format_version"] = FORMAT_VERSION
     storage.write_finished(on_disk, record, tmp_path / "run")
     report.write(storage.read_finished(tmp_path / "run")[0], record, tmp_path / "report")
-    assert _content(tmp_path / "report") == _content(written)
+    again = _content(tmp_path / "report")
+    assert again == _content(written)
+    assert again["report.pdf"].startswith(b"%PDF-")
 
 
 def test_an_old_report_stays_whole_until_the_new_one_is_complete(

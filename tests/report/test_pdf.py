@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import io
 import re
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import pypdfium2 as pdfium
 import pytest
 import xarray as xr
 
-from tradestudy import figures, report
+from tradestudy import figures
 from tradestudy.errors import TradestudyError
 from tradestudy.figures.style import traces
 from tradestudy.report import pdf
@@ -184,9 +183,3 @@ def test_equations_come_one_per_page() -> None:
     pages = typeset("equations.typ", {"equations": [{"typst": "x", "alt": "x"}, {"typst": "y^2", "alt": "y"}]}, "svg")
     assert len(pages) == 2
     assert pages[0] != pages[1]
-
-
-def test_the_same_bytes_again(tree: xr.DataTree, printed: bytes, record: dict[str, object], tmp_path: Path) -> None:
-    report.write(tree, record, tmp_path)
-    assert (tmp_path / "report.pdf").read_bytes() == printed
-    assert io.BytesIO(printed).read(5) == b"%PDF-"

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import tradestudy
+from tests.conftest import HeadlineRun
 from tradestudy.api import Result, Study
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -18,5 +19,5 @@ def headline() -> Study:
 
 
 @pytest.fixture(scope="session")
-def headline_result(headline: Study) -> Result:
-    return headline.run()
+def headline_result(headline_run: HeadlineRun) -> Result:
+    return tradestudy.open_result(headline_run.folder)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +19,19 @@ HERE = Path(__file__).parent
 STUDIES = HERE.parents[1] / "studies"
 
 
+@cache
+def schema() -> dict[str, Any]:
+    return editor_schema(StudyFile)
+
+
 def complaints(path: Path) -> list[str]:
-    validator = jsonschema.Draft202012Validator(editor_schema(StudyFile))
+    validator = jsonschema.Draft202012Validator(schema())
     content: Any = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
     return [f"{error.json_path}: {error.message}" for error in validator.iter_errors(content)]
 
 
 def test_is_a_schema() -> None:
-    jsonschema.Draft202012Validator.check_schema(editor_schema(StudyFile))
+    jsonschema.Draft202012Validator.check_schema(schema())
 
 
 @pytest.mark.parametrize(
@@ -53,23 +59,23 @@ def test_marks_mistakes_where_they_are(name: str, place: str) -> None:
 
 def test_describes_every_key_of_a_study() -> None:
     """An editor shows what stands beside a key or where it refers to; also of ``{value: …, basis: …}``."""
-    schema = editor_schema(StudyFile)
-    missing = [key for key, below in _keys(schema) if not _described(below, schema["$defs"])]
+    whole = schema()
+    missing = [key for key, below in _keys(whole) if not _described(below, whole["$defs"])]
     assert set(missing) <= {"value"}  # which is what the key itself describes
 
 
 def test_is_small_enough_for_editors_to_load_at_once() -> None:
-    assert len(json.dumps(editor_schema(StudyFile), indent=1)) < 300_000
+    assert len(json.dumps(schema(), indent=1)) < 300_000
 
 
 def test_says_within_which_limits_a_quantity_lies() -> None:
-    schema = editor_schema(StudyFile)
-    radius = schema["$defs"]["SpherePart"]["properties"]["radius"]
+    parts = schema()["$defs"]
+    radius = parts["SpherePart"]["properties"]["radius"]
     while "$ref" in radius:
-        radius = schema["$defs"][radius["$ref"].rpartition("/")[2]]
+        radius = parts[radius["$ref"].rpartition("/")[2]]
     assert radius["description"] == "Radius of the sphere."
     plain = radius["anyOf"][0]
-    assert schema["$defs"][plain["$ref"].rpartition("/")[2]]["title"] == "a length above 0 m"
+    assert parts[plain["$ref"].rpartition("/")[2]]["title"] == "a length above 0 m"
 
 
 def _keys(below: Any) -> Iterator[tuple[str, Any]]:

@@ -102,7 +102,8 @@ def _ranges(winners: Sequence[Sequence[Winner]], ends: tuple[float, float]) -> I
 
 
 def _best_at(found: Sequence[Winner], place: float) -> str:
-    return next(names for start, stop, names in found if start <= place <= stop)
+    """Of the range that holds the place, or of the nearest one where a sliver is not reported."""
+    return min(found, key=lambda one: max(one[0] - place, place - one[1]))[2]
 
 
 def _is_explained(differing: BestBetween, edges: Sequence[Edge]) -> bool:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from threading import Thread
 from typing import Any, Final
@@ -33,11 +33,28 @@ _NO_COMPLAINT: Final = "ignore:resource_tracker"
 
 
 @dataclass(frozen=True)
+class _Worker:
+    """One process, in a pool of its own: a death breaks the whole pool without saying which point caused it."""
+
+    pool: ProcessPoolExecutor
+    run: Connection
+    """The process ends when this is closed."""
+
+    @classmethod
+    def started(cls) -> tuple[_Worker, Future[int]]:
+        """A new worker, and what is done when it has started."""
+        watched, run = multiprocessing.Pipe(duplex=False)
+        with _started_quietly():
+            pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _end_with, (watched,))
+            return cls(pool, run), pool.submit(os.getpid)
+
+
+@dataclass(frozen=True)
 class Processes:
     """Worker processes, each with its own interpreter; one that dies is replaced.
 
     They are spawned, not forked (a fork would copy locks that other threads hold), so a script that uses them
-    needs the usual ``if __name__ == "__main__":`` guard.
+    needs the usual ``if __name__ == "__main__":`` guard. They wait for further points, and end with this object.
 
     Parameters
     ----------
@@ -46,6 +63,7 @@ class Processes:
     """
 
     count: int
+    _idle: list[_Worker] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         refuse_fewer_than_one(self.count, "number of worker processes")
@@ -56,35 +74,34 @@ class Processes:
         """See `Executor.map_unordered`; a worker holds one point at a time, so a death costs only that point."""
         waiting = deque(range(len(points)))
         deaths: Counter[int] = Counter()
-        pools: list[ProcessPoolExecutor] = []
-        underway: dict[Future[Any], tuple[ProcessPoolExecutor, int]] = {}
-        watched, run = multiprocessing.Pipe(duplex=False)
+        underway: dict[Future[Any], tuple[_Worker, int]] = {}
 
         def start() -> None:
-            with _started_quietly():
-                # One process per pool: a death breaks the whole pool without saying which point caused it.
-                pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _end_with, (watched,))
-                pools.append(pool)
-                underway[pool.submit(os.getpid)] = pool, _BEGINNING
+            worker, starting = _Worker.started()
+            underway[starting] = worker, _BEGINNING
 
-        def employ(pool: ProcessPoolExecutor) -> None:
-            if waiting:
-                try:
-                    future = pool.submit(attempt, function, points[waiting[0]])
-                except BrokenProcessPool:  # its process died between two points
-                    start()
-                else:
-                    underway[future] = pool, waiting.popleft()
+        def employ(worker: _Worker) -> None:
+            if not waiting:
+                self._idle.append(worker)
+                return
+            try:
+                future = worker.pool.submit(attempt, function, points[waiting[0]])
+            except BrokenProcessPool:  # its process died between two points
+                _end([worker])
+                start()
+            else:
+                underway[future] = worker, waiting.popleft()
 
         try:
             for _ in range(min(self.count, len(points))):
-                start()
+                employ(self._idle.pop()) if self._idle else start()
             while underway:
                 for future in wait(underway, return_when=FIRST_COMPLETED).done:
-                    pool, index = underway.pop(future)
+                    worker, index = underway.pop(future)
                     try:
                         outcome = future.result()
                     except BrokenProcessPool:
+                        _end([worker])
                         if index == _BEGINNING:
                             raise UnavailableError(
                                 "a worker process died before it could start",
@@ -99,13 +116,19 @@ class Processes:
                         continue
                     except Exception as error:  # not from the point: its errors arrive as values
                         outcome = Raised(TypeError(f"the value of a point cannot be sent: {error}"))
-                    employ(pool)  # before the result is yielded, so that no worker waits for the consumer
+                    employ(worker)  # before the result is yielded, so that no worker waits for the consumer
                     if index != _BEGINNING:
                         yield index, outcome
         finally:
-            run.close()  # ends the workers at once
-            for pool in pools:
-                pool.shutdown()
+            _end([worker for worker, _ in underway.values()])
+
+
+def _end(workers: Sequence[_Worker]) -> None:
+    """End workers at once, whatever they compute."""
+    for worker in workers:
+        worker.run.close()
+    for worker in workers:
+        worker.pool.shutdown()
 
 
 @contextmanager

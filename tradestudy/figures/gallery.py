@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from functools import partial
+from operator import itemgetter
 
 import numpy as np
 import xarray as xr
@@ -32,7 +33,7 @@ from tradestudy.figures.style import CameraTrace, traces
 from tradestudy.figures.uncertainty_map import uncertainty_map_drawings
 from tradestudy.figures.worths import worths_drawing
 from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners
-from tradestudy.results.views.depth import field_words, largest_part, nominal, of_camera, swept, where_usable
+from tradestudy.results.views.depth import field_words, largest_parts, nominal, of_camera, swept, where_usable
 from tradestudy.results.views.designs import path_words
 from tradestudy.results.views.groups import camera_titles
 from tradestudy.units import LENGTH, pretty, significant
@@ -189,9 +190,10 @@ def _largest_shares(tree: xr.DataTree) -> str:
     distances = np.asarray(depth["distance"].values, dtype=np.float64)
     sentences = []
     for camera in traces(tree):
+        places = zip(distances, largest_parts(depth, camera.key), strict=True)
         stretches = [
-            (float(next(group)), part)
-            for part, group in itertools.groupby(distances, key=lambda z: largest_part(depth, camera.key, float(z)))
+            (float(next(group)[0]), part)
+            for part, group in itertools.groupby(places, key=itemgetter(1))
             if part is not None
         ]
         if stretches:

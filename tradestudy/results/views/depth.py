@@ -85,6 +85,12 @@ def largest_part(depth: xr.Dataset, camera: str, distance: float) -> str | None:
     return _largest(shares_at(depth, camera, distance), "part")
 
 
+def largest_parts(depth: xr.Dataset, camera: str) -> list[str | None]:
+    """The part with the largest share of the variance at each computed distance, if known."""
+    shares = depth["variance_share"].sel(camera=camera).transpose("distance", "part").values
+    return [str(depth["part"].values[np.nanargmax(one)]) if np.isfinite(one).any() else None for one in shares]
+
+
 def shares_at(depth: xr.Dataset, camera: str, distance: float) -> xr.DataArray:
     """The share of each part in the variance of inverse depth, at the computed distance nearest to `distance` [m]."""
     return depth["variance_share"].sel(camera=camera).sel(distance=distance, method="nearest")
