@@ -32,7 +32,7 @@ from tradestudy.figures.style import CameraTrace, traces
 from tradestudy.figures.uncertainty_map import uncertainty_map_drawings
 from tradestudy.figures.worths import worths_drawing
 from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners
-from tradestudy.results.views.depth import field_words, largest_part, nominal, of_camera, swept, where_usable
+from tradestudy.results.views.depth import field_words, largest_parts, nominal, of_camera, swept, where_usable
 from tradestudy.results.views.designs import path_words
 from tradestudy.results.views.groups import camera_titles
 from tradestudy.units import LENGTH, pretty, significant
@@ -188,10 +188,13 @@ def _largest_shares(tree: xr.DataTree) -> str:
     depth = nominal(tree)
     distances = np.asarray(depth["distance"].values, dtype=np.float64)
     sentences = []
+    largest = dict(zip(map(str, depth["camera"].values), largest_parts(depth)[0], strict=True))
     for camera in traces(tree):
         stretches = [
-            (float(next(group)), part)
-            for part, group in itertools.groupby(distances, key=lambda z: largest_part(depth, camera.key, float(z)))
+            (float(next(group)[0]), part)
+            for part, group in itertools.groupby(
+                zip(distances, largest[camera.key], strict=True), key=lambda place: place[1]
+            )
             if part is not None
         ]
         if stretches:
