@@ -10,7 +10,13 @@ from tradestudy.report.document import plain_text
 from tradestudy.report.sections.answer import describe_design
 from tradestudy.results.views.designs import value_words
 from tradestudy.results.views.groups import camera_titles
-from tradestudy.results.views.one_design import shown_place, tree_of_design
+from tradestudy.results.views.one_design import (
+    best_cameras_of_designs,
+    design_places,
+    requirements_of_designs,
+    shown_place,
+)
+from tradestudy.results.views.requirement_conclusions import conclusions_of_design
 
 OUTLINES = "[...document.querySelectorAll('.plot svg path')].map((one) => one.getAttribute('d') ?? '')"
 
@@ -19,7 +25,6 @@ OUTLINES = "[...document.querySelectorAll('.plot svg path')].map((one) => one.ge
 def test_sliders_change_figures_answers_and_requirements(visit: Open, sweep: Run, steps: tuple[int, int]) -> None:
     depth, titles = sweep.tree["depth"].to_dataset(), camera_titles(sweep.tree)
     place = dict(zip(shown_place(sweep.tree), steps, strict=True))
-    own = tree_of_design(sweep.tree, place)
     with visit(sweep.report) as seen:
         page = seen.page
         before = page.evaluate(OUTLINES)
@@ -32,12 +37,12 @@ def test_sliders_change_figures_answers_and_requirements(visit: Open, sweep: Run
             _move(sliders.nth(number), step)
         for output, (path, step) in zip(page.locator("#designs output").all(), place.items(), strict=True):
             assert output.inner_text() == value_words(depth[path], depth[path].values[step])
-        _says_what_the_results_say(page, own)
+        _says_what_the_results_say(page, sweep.tree, place)
         frame = page.locator("#whole_range .frame > .scroll")
         frame.focus()
         for number, key in ((0, "Home"), (depth.sizes["distance"] - 1, "End")):
             frame.press(key)
-            assert told(page, "whole_range")[1] == known(own["depth"].to_dataset(), titles, number)
+            assert told(page, "whole_range")[1] == known(depth.isel(place), titles, number)
         frame.press("Escape")
         page.locator("#designs button").click()
         assert {name: page.locator(f"#{name}").inner_html() for name in answers} == answers
@@ -51,14 +56,16 @@ def _move(slider: Any, step: int) -> None:
         slider.press("ArrowRight")
 
 
-def _says_what_the_results_say(page: Any, own: Any) -> None:
-    for callout in describe_design(own, "x"):
+def _says_what_the_results_say(page: Any, tree: Any, place: dict[str, int]) -> None:
+    number = list(design_places(tree)).index(place)
+    best, rows = best_cameras_of_designs(tree)[number], requirements_of_designs(tree)[number]
+    for callout in describe_design(best, conclusions_of_design(rows, camera_titles(tree)), "x"):
         items = [plain_text(one) for block in callout.blocks for one in block.items]  # type: ignore[union-attr]
         shown = page.locator(f"#{callout.name} li").all_inner_texts()
         assert [one.replace("\u00a0", " ") for one in shown] == items
     met = {1: "yes", 0: "no", -1: "cannot be decided"}
     cells = [row.locator("td").nth(1).inner_text() for row in page.locator("#requirement-table tbody tr").all()]
-    expected = [met[int(one)] for one in own["requirements"].to_dataset()["met"].values]
+    expected = [met[int(one)] for one in tree["requirements"].to_dataset()["design_met"].isel(place).values]
     assert [one.split("\n")[0].split(",")[0] for one in cells] == expected
 
 

@@ -17,7 +17,7 @@ from tradestudy.report.document import Bullets, Heading, Paragraph, Report, Tabl
 from tradestudy.report.words import interval, length, with_error
 from tradestudy.results import dataset
 from tradestudy.results.views.decision import answer_title, handovers, reported_winners, winners
-from tradestudy.results.views.depth import decided_by_calibration, field_words, largest_part
+from tradestudy.results.views.depth import decided_by_calibration, field_words, largest_parts
 
 MakeTree = Callable[..., xr.DataTree]
 RIG, WIDE = "stereo-30mm", "stereo-65deg"
@@ -178,14 +178,16 @@ def test_readings_worth_averaging_make_noise_as_large_as_calibration(make_tree: 
 def test_the_largest_share_decides(make_tree: MakeTree) -> None:
     tree = make_tree()
     depth = tree["depth"].to_dataset()
-    assert [largest_part(depth, key, 1.0) for key in ("r5", RIG)] == ["noise", "relative rotation"]
+    near = int(np.argmin(np.abs(depth["distance"].values - 1.0)))
+    cameras = depth["camera"].values.tolist()
+    assert [largest_parts(depth)[0, cameras.index(key), near] for key in ("r5", RIG)] == ["noise", "relative rotation"]
     rows = table(report_of(tree), "parts-table")
     yaw, noise = 0.0349, 6.9e-4
     share = 0.9 * yaw**2 / (yaw**2 + noise**2)
     assert rows[2][1:] == [f"relative rotation, {100 * share:.3g} %"] * 3
     unknown = depth.copy(deep=True)
     unknown["variance_share"][0] = np.nan
-    assert largest_part(unknown, "r5", 1.0) is None
+    assert set(largest_parts(unknown)[0, 0]) == {None}
 
 
 def with_ranks(tree: xr.DataTree) -> xr.DataTree:

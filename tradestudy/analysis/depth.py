@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Final
@@ -207,13 +207,18 @@ class ModelError:
         Error of the depth uncertainty, relative to the model's value.
     intervals
         Largest error of the half width of any reported interval, relative to that of the draws.
-    failed_fraction
-        Error of the failed fraction, absolute.
+    failures
+        Computes `failed_fraction` on demand.
     """
 
     half_width: FloatArray
     intervals: FloatArray
-    failed_fraction: FloatArray
+    failures: Callable[[], FloatArray]
+
+    @property
+    def failed_fraction(self) -> FloatArray:
+        """Error of the failed fraction, absolute."""
+        return self.failures()
 
 
 def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", field: float = 0.0) -> ModelError:
@@ -225,24 +230,28 @@ def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", fi
     known = distance[~np.isnan(distance)]
     if not known.size or way == "noise" or not camera.calibration.groups:  # exact in every model
         none = np.where(np.isnan(distance), np.nan, 0.0)
-        return ModelError(half_width=none, intervals=none, failed_fraction=none)
+        return ModelError(half_width=none, intervals=none, failures=lambda: none)
     if (curved := second_order(camera, distance, field, way)) is not None:
         line, read = distribution(camera, distance, way, field), _with_false_matches(curved.steepest, camera, way)
         intervals = [_apart(line, read, coverage) + curved.across for coverage in camera.propagation.coverages]
         return ModelError(
             half_width=_apart(read, line, ONE_SIGMA) + curved.across,
             intervals=np.fmax.reduce(intervals),
-            failed_fraction=np.abs(line.failed_fraction - read.failed_fraction),
+            failures=lambda: np.abs(line.failed_fraction - read.failed_fraction),
         )
     places = known[np.unique(np.linspace(0, known.size - 1, _PILOTS).round().astype(int))]
     draws = _with_false_matches(trial_distribution(camera, places, field, way), camera, way)
     line = distribution(camera, places, way, field)
     intervals = [_apart(line, draws, coverage) for coverage in camera.propagation.coverages]
-    failed = np.abs(line.failed_fraction - draws.failed_fraction) + 2.0 * draws.failed_fraction_error
+
+    def failures() -> FloatArray:
+        failed = np.abs(line.failed_fraction - draws.failed_fraction) + 2.0 * draws.failed_fraction_error
+        return _larger_neighbour(distance, places, failed)
+
     return ModelError(
         half_width=_larger_neighbour(distance, places, _apart(draws, line, ONE_SIGMA)),
         intervals=_larger_neighbour(distance, places, np.fmax.reduce(intervals)),
-        failed_fraction=_larger_neighbour(distance, places, failed),
+        failures=failures,
     )
 
 

@@ -9,7 +9,6 @@ from functools import partial
 from typing import Final
 
 import numpy as np
-from scipy.optimize import brentq
 
 from tradestudy.analysis.depth import distribution
 from tradestudy.analysis.halving import bracketed
@@ -171,6 +170,8 @@ def _root(log_ratio: Callable[[float], float], logs: tuple[float, float], says: 
     ends = [log_ratio(log) for log in logs]
     if ends[0] * ends[1] > 0.0:  # in this scramble the root lies beyond an end
         return logs[int(abs(ends[1]) < abs(ends[0]))]
+    from scipy.optimize import brentq  # half a second to load, for studies that solve alone
+
     root, report = brentq(log_ratio, *logs, xtol=_ROOT_TOLERANCE, full_output=True)
     if not report.converged:
         raise NotConvergedError("no root found for an inverse question", value=says, remedy="narrow its ends")

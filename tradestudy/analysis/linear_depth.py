@@ -51,6 +51,15 @@ class LinearReading:
         # With a correlation of ±1 rounding can make the variance slightly negative.
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
+    def without(self, name: str) -> LinearReading:
+        """The same without one parameter."""
+        kept = [k for k, own in enumerate(self.parameters) if own != name]
+        return LinearReading(
+            parameters=tuple(self.parameters[k] for k in kept),
+            covariance=self.covariance[np.ix_(kept, kept)],
+            sensitivity=self.sensitivity[kept],
+        )
+
 
 @lru_cache(maxsize=128)
 def _covariance(camera: ReadsDepth, way: str) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
@@ -83,6 +92,13 @@ def linear_reading(camera: ReadsDepth, distance: FloatArray, field: float, way: 
     OutOfRangeError
         An uncertain parameter has no variance.
     """
+    return _linearised(camera, distance.tobytes(), field, way)
+
+
+@lru_cache(maxsize=4)
+def _linearised(camera: ReadsDepth, distances: bytes, field: float, way: str) -> LinearReading:
+    """What the ways of one table have in common."""
+    distance = np.frombuffer(distances)
     names, mean, covariance = _covariance(camera, way)
     deviation = np.sqrt(np.diag(covariance))
     moving = np.flatnonzero(deviation > 0.0)
@@ -107,12 +123,10 @@ def linear_distribution(camera: ReadsDepth, distance: FloatArray, field: float, 
     Inverse depth is linear in all errors. The ratio of its standard deviation to that from noise alone scales the
     noise at which the ends of intervals are read, so that noise alone is treated exactly.
     """
-    line = linear_reading(camera, distance, field, way)
-    if PIXEL_NOISE in line.parameters:
-        noise = np.abs(line.sensitivity[line.parameters.index(PIXEL_NOISE)])
-    else:
-        noise = linear_reading(camera, distance, field, "noise").standard_deviation
-    return scaled_noise(camera, distance, field, line.standard_deviation / noise)
+    line = linear_reading(camera, distance, field)
+    noise = np.abs(line.sensitivity[line.parameters.index(PIXEL_NOISE)])
+    of_way = line if way == "both" else line.without(PIXEL_NOISE)
+    return scaled_noise(camera, distance, field, of_way.standard_deviation / noise)
 
 
 def noise_distribution(camera: ReadsDepth, distance: FloatArray, field: float) -> DepthDistribution:

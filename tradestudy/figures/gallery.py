@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from functools import partial
-from operator import itemgetter
 
 import numpy as np
 import xarray as xr
@@ -189,11 +188,13 @@ def _largest_shares(tree: xr.DataTree) -> str:
     depth = nominal(tree)
     distances = np.asarray(depth["distance"].values, dtype=np.float64)
     sentences = []
+    largest = dict(zip(map(str, depth["camera"].values), largest_parts(depth)[0], strict=True))
     for camera in traces(tree):
-        places = zip(distances, largest_parts(depth, camera.key), strict=True)
         stretches = [
             (float(next(group)[0]), part)
-            for part, group in itertools.groupby(places, key=itemgetter(1))
+            for part, group in itertools.groupby(
+                zip(distances, largest[camera.key], strict=True), key=lambda place: place[1]
+            )
             if part is not None
         ]
         if stretches:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from scipy.ndimage import gaussian_filter
 
 from tradestudy.figures.style import INK, SMALL, SOFT, StudyFigure, line_style, new_figure, styled
 from tradestudy.results.views.groups import FloatArray
@@ -99,6 +98,8 @@ def _marginal(axes: Axes, scores: FloatArray, laplace: float) -> None:
 def _plane(axes: Axes, x: FloatArray, y: FloatArray) -> None:
     """Contours that hold the content of one and two standard deviations."""
     counts, edges, _ = np.histogram2d(x, y, bins=_BINS, range=((-3.5, 3.5), (-3.5, 3.5)))
+    from scipy.ndimage import gaussian_filter  # slow to load, and few studies have a posterior
+
     smooth = gaussian_filter(counts, 1.0)
     falling = np.sort(smooth.ravel())[::-1]
     share = np.cumsum(falling) / falling.sum()

@@ -56,10 +56,12 @@ def write(
     drawings = figures.build(tree)
     document = contents.compose_report(tree, run, drawings)
     made = {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
+    values, designs = curve_values(tree), page_designs(tree)
+    # Last, because the drawer draws meanwhile.
     pictures = drawn_here(drawings) if drawer is None else drawer.pictures(drawings)
     images = {name: picture.svg for name, picture in pictures.items()}
     made |= {f"figures/{name}.svg": svg for name, svg in images.items()}
-    made["report.html"] = html.render_html(document, pictures, curve_values(tree), page_designs(tree))
+    made["report.html"] = html.render_html(document, pictures, values, designs)
     if pdf:
         made["report.pdf"] = pdf_format.render_pdf(document, images)
     with ThreadPoolExecutor() as pool:  # they wait for the disk

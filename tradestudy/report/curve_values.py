@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.views.depth import nominal
+from tradestudy.results.views.depth import by_design, nominal
 from tradestudy.results.views.groups import FloatArray, has
 from tradestudy.units import FRACTION, pretty
-
-CURVES: Final = ("depth_uncertainty", "depth_quantile", "depth_discrimination", "variance_share")
-"""The variables of ``/depth`` that are shown for every design."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,25 +36,40 @@ class CurveValues:
 
 def curve_values(tree: xr.DataTree) -> Mapping[str, CurveValues]:
     """Curves over distance by the name that figures give them: ``depth_uncertainty/stereo``."""
-    return depth_values(nominal(tree)) if has(tree, "depth") else {}
+    return depth_values(nominal(tree))[0] if has(tree, "depth") else {}
 
 
-def depth_values(depth: xr.Dataset) -> dict[str, CurveValues]:
-    """The curves of one design."""
-    x = np.asarray(depth["distance"].values, dtype=np.float64)
-    quantiles = depth["depth_quantile"].sel(way="both").transpose("camera", "quantile", "distance").values
-    steps = depth["depth_discrimination"].transpose("side", "camera", "distance")
-    nearer, farther = (steps.sel(side=side).values for side in ("nearer", "farther"))
-    shares = depth["variance_share"].transpose("part", "camera", "distance").values
-    uncertainty = depth["depth_uncertainty"].transpose("camera", "distance").values
-    ends = depth["quantile"].values
+def depth_values(depth: xr.Dataset) -> list[dict[str, CurveValues]]:
+    """The curves of every design of ``/depth``, the last parameter first to move."""
+    x, ends = np.asarray(depth["distance"].values, dtype=np.float64), depth["quantile"].values
     beside = pretty(float(ends[-1] - ends[0]), FRACTION)
-    found = {}
-    for k, camera in enumerate(map(str, depth["camera"].values)):
-        found[f"depth_uncertainty/{camera}"] = CurveValues(
-            x=x, value=uncertainty[k], low=quantiles[k, 0], high=quantiles[k, -1], beside=beside
-        )
-        found[f"depth_discrimination/{camera}"] = CurveValues(x=x, value=nearer[k], low=nearer[k], high=farther[k])
-        for number, part in enumerate(map(str, depth["part"].values)):
-            found[f"variance_share:{part}/{camera}"] = CurveValues(x=x, value=shares[number, k])
-    return found
+    low, high = (
+        by_design(depth, depth["depth_quantile"].sel(way="both").isel(quantile=end), "camera", "distance")
+        for end in (0, -1)
+    )
+    nearer, farther = (
+        by_design(depth, depth["depth_discrimination"].sel(side=side), "camera", "distance")
+        for side in ("nearer", "farther")
+    )
+    shares = by_design(depth, depth["variance_share"], "part", "camera", "distance")
+    uncertainty = by_design(depth, depth["depth_uncertainty"], "camera", "distance")
+    parts = list(map(str, depth["part"].values))
+
+    def of_camera(design: int, k: int, camera: str) -> dict[str, CurveValues]:
+        at = design, k
+        return {
+            f"depth_uncertainty/{camera}": CurveValues(
+                x=x, value=uncertainty[at], low=low[at], high=high[at], beside=beside
+            ),
+            f"depth_discrimination/{camera}": CurveValues(x=x, value=nearer[at], low=nearer[at], high=farther[at]),
+            **{
+                f"variance_share:{part}/{camera}": CurveValues(x=x, value=shares[design, number, k])
+                for number, part in enumerate(parts)
+            },
+        }
+
+    cameras = list(map(str, depth["camera"].values))
+    return [
+        {name: curve for k, camera in enumerate(cameras) for name, curve in of_camera(design, k, camera).items()}
+        for design in range(len(uncertainty))
+    ]

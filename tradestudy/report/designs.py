@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import xarray as xr
 
-from tradestudy.report.curve_values import CURVES, CurveValues, depth_values
-from tradestudy.report.document import Block, Table
+from tradestudy.report.curve_values import CurveValues, depth_values
+from tradestudy.report.document import Block, Callout, Table
 from tradestudy.report.sections.answer import describe_design
-from tradestudy.report.sections.registers import describe_requirements
-from tradestudy.results.views.decision import tied, winners
-from tradestudy.results.views.depth import swept, where_usable
+from tradestudy.report.sections.registers import requirement_table
+from tradestudy.results.views.decision import tied
+from tradestudy.results.views.depth import swept
 from tradestudy.results.views.designs import path_words, value_words
-from tradestudy.results.views.groups import group, has
-from tradestudy.results.views.one_design import design_places, shown_place, tree_of_design
+from tradestudy.results.views.groups import camera_titles, group
+from tradestudy.results.views.one_design import (
+    BestCameras,
+    best_cameras_of_designs,
+    camera_depths,
+    design_places,
+    requirements_of_designs,
+    shown_place,
+)
+from tradestudy.results.views.requirement_conclusions import conclusions_of_design
 from tradestudy.wording import listed
 
 MOST_DESIGNS: Final = 500  # with more, a page would be too large to be sent about
@@ -65,13 +73,41 @@ def page_designs(tree: xr.DataTree) -> PageDesigns | None:
     places = list(design_places(tree))
     if not 1 < len(places) <= MOST_DESIGNS:
         return None
-    depth, shown = group(tree, "depth"), shown_place(tree)
+    depth, shown, titles = group(tree, "depth"), shown_place(tree), camera_titles(tree)
     axes = tuple(_axis(tree, depth[path], shown[path]) for path in swept(depth))
-    curves = depth[list(CURVES)].load()
     return PageDesigns(
         axes=axes,
-        designs=tuple(_design(tree, place, curves.isel(place), axes) for place in places),
+        designs=tuple(
+            PageDesign(
+                curves=curves,
+                usable={key: camera.usable for key, camera in cameras.items()},
+                best=() if best is None else tuple((start, end, tied(names)) for start, end, names in best.ranges),
+                blocks=_blocks(titles, best, rows, _words(axes, place)),
+            )
+            for place, curves, cameras, best, rows in zip(
+                places,
+                depth_values(depth),
+                camera_depths(depth),
+                best_cameras_of_designs(tree),
+                requirements_of_designs(tree),
+                strict=True,
+            )
+        ),
     )
+
+
+def _words(axes: tuple[DesignAxis, ...], place: Mapping[str, int]) -> str:
+    return listed([f"{axis.says} {axis.words[step]}" for axis, step in zip(axes, place.values(), strict=True)])
+
+
+def _blocks(
+    titles: Mapping[str, str], best: BestCameras | None, rows: Sequence[Mapping[str, Any]], words: str
+) -> dict[str, Block]:
+    """What the page says of one design, by name."""
+    blocks: list[Callout | Table] = [*describe_design(best, conclusions_of_design(rows, titles), words)]
+    if rows:
+        blocks.append(requirement_table(rows, titles))
+    return {one.name: one for one in blocks}
 
 
 def _axis(tree: xr.DataTree, coordinate: xr.DataArray, shown: int) -> DesignAxis:
@@ -81,21 +117,4 @@ def _axis(tree: xr.DataTree, coordinate: xr.DataArray, shown: int) -> DesignAxis
         words=tuple(value_words(coordinate, value) for value in coordinate.values),
         values=tuple(float(value) if numeric else None for value in coordinate.values),
         shown=shown,
-    )
-
-
-def _design(
-    tree: xr.DataTree, place: Mapping[str, int], curves: xr.Dataset, axes: tuple[DesignAxis, ...]
-) -> PageDesign:
-    own = tree_of_design(tree, place)
-    words = listed([f"{axis.says} {axis.words[step]}" for axis, step in zip(axes, place.values(), strict=True)])
-    callouts: dict[str, Block] = {one.name: one for one in describe_design(own, words)}
-    tables: dict[str, Block] = {one.name: one for one in describe_requirements(own) if isinstance(one, Table)}
-    return PageDesign(
-        curves=depth_values(curves),
-        usable={str(key): where_usable(own["depth"].to_dataset(), str(key)) for key in curves["camera"].values},
-        best=tuple((start, end, tied(names)) for start, end, names in winners(own))
-        if has(own, "decision", "best_camera")
-        else (),
-        blocks={**callouts, **tables},
     )

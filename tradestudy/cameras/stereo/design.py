@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
@@ -318,20 +319,23 @@ class StereoRig(DepthCamera):
         its principal distance, and do not change disparity.
         """
         require_known(errors, STEREO_ERRORS, "a stereo rig")
-        x, y = shares_of(field)
-        c, sensor = self.principal_distance, self.sensor
         z = np.asarray(distance, dtype=np.float64)
         changed = self._changed(errors, environment)
+        image, seen = self._imaged(changed, z, field) if changed else _imaged(self, z.tobytes(), z.shape, field)
+        inverse, valid = pair_inverse_depth(self.pair, errors, image)
+        return InverseDepthReading(inverse_depth=inverse, no_overlap=~seen, out_of_range=~valid)
+
+    def _imaged(self, changed: Errors, distance: FloatArray, field: Field) -> tuple[Image, BoolArray]:
+        """Where a changed rig images points of the view midway between the cameras, and whether on both sensors."""
+        x, y = shares_of(field)
+        c, sensor = self.principal_distance, self.sensor
         right, down = slopes(*self.distortion.ray(x * sensor.width / 2.0 / c, y * sensor.height / 2.0 / c))
-        image = self.observe(changed, right * z, down * z, z)
+        image = self.observe(changed, right * distance, down * distance, distance)
         left_x, left_y, right_x, right_y = (
             np.abs(place) <= extent / 2.0
             for place, extent in zip(image, (sensor.width, sensor.height) * 2, strict=True)
         )
-        inverse, valid = pair_inverse_depth(self.pair, errors, image)
-        return InverseDepthReading(
-            inverse_depth=inverse, no_overlap=~(left_x & left_y & right_x & right_y), out_of_range=~valid
-        )
+        return image, left_x & left_y & right_x & right_y
 
     def _changed(self, errors: Errors, environment: Environment | None) -> dict[str, ArrayLike]:
         """Changes by the environment since the calibration, as errors."""
@@ -422,3 +426,9 @@ class StereoRig(DepthCamera):
                 "one value for both, unless the focal length comes from a calibration in pixels",
             ),
         ]
+
+
+@lru_cache(maxsize=8)
+def _imaged(rig: StereoRig, distances: bytes, shape: tuple[int, ...], field: Field) -> tuple[Image, BoolArray]:
+    """What an unchanged rig images, which is read many times with ever other errors of its calibration."""
+    return rig._imaged({}, np.frombuffer(distances).reshape(shape), field)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import xarray as xr
@@ -27,18 +27,17 @@ from tradestudy.results.views.conclusions import best_ranges, measure_first, que
 from tradestudy.results.views.decision import (
     Flips,
     answer_title,
-    candidates,
     flips,
     handovers,
-    reported_winners,
     solved_questions,
     tied,
 )
-from tradestudy.results.views.depth import broken_limits, largest_part, nominal, nominal_is_declared
+from tradestudy.results.views.depth import least_broken
 from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
-from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated, titles_in
+from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher
 from tradestudy.results.views.measured_depth import measured_words
+from tradestudy.results.views.one_design import BestCameras, best_cameras
 from tradestudy.results.views.requirement_conclusions import (
     RequirementConclusion,
     requirement_conclusions,
@@ -54,7 +53,7 @@ _MOST_REASONS = 3
 def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Say which camera for which distance, which requirements are met, what decides that, and what would reverse it."""
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
-        yield from _requirements(tree)  # of cameras that measure no depth
+        yield from _requirements(requirement_conclusions(tree))  # of cameras that measure no depth
         if solved := tuple(_solved(tree)):
             yield Callout(title="Inverse questions", blocks=(Bullets(solved),), tone="answer")
         return
@@ -64,11 +63,11 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
         yield Callout(title="Which design", blocks=(Bullets(designs),), tone="answer")
     yield Callout(
         title="Which camera for which distance" + (", as declared" if designs else ""),
-        blocks=(Bullets((*_stretches(tree), *_changes(tree), *_solved(tree))),),
+        blocks=(Bullets((*_stretches(best_cameras(tree)), *_changes(tree), *_solved(tree))),),
         tone="answer",
         name="answer-cameras",
     )
-    yield from _requirements(tree, ", as declared" if designs else "")
+    yield from _requirements(requirement_conclusions(tree), ", as declared" if designs else "")
     told = [
         *_weighed(tree),
         *_measured(tree),
@@ -83,16 +82,18 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     yield from pictures_of(drawings, "requirement_margins" if "requirement_margins" in drawings else "whole_range")
 
 
-def describe_design(tree: xr.DataTree, words: str) -> Iterator[Callout]:
-    """What the first page says of one design of a sweep, from its own tree."""
-    if has(tree, "decision", "best_camera"):
+def describe_design(
+    best: BestCameras | None, requirements: Sequence[RequirementConclusion], words: str
+) -> Iterator[Callout]:
+    """What the first page says of one design of a sweep."""
+    if best is not None:
         yield Callout(
             title=f"Which camera for which distance, {words}",
-            blocks=(Bullets(tuple(_stretches(tree))),),
+            blocks=(Bullets(tuple(_stretches(best))),),
             tone="answer",
             name="answer-cameras",
         )
-    yield from _requirements(tree, f", {words}")
+    yield from _requirements(requirements, f", {words}")
 
 
 def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
@@ -104,9 +105,8 @@ def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
         yield from table
 
 
-def _requirements(tree: xr.DataTree, of: str = "") -> Iterator[Callout]:
+def _requirements(requirements: Sequence[RequirementConclusion], of: str = "") -> Iterator[Callout]:
     """The verdict on every requirement, musts first; `of` names the design in words."""
-    requirements = requirement_conclusions(tree)
     if requirements:
         missed = any(one.met is not True and one.priority == "must" for one in requirements)
         yield Callout(
@@ -211,55 +211,55 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
         yield say("No other reading reverses it.")
 
 
-def _stretches(tree: xr.DataTree) -> Iterator[Spans]:
+def _stretches(best: BestCameras) -> Iterator[Spans]:
     """One sentence per stretch of distance with one best camera."""
-    titles, depth, declared = camera_titles(tree), nominal(tree), nominal_is_declared(tree)
-    for start, end, names in reported_winners(tree):
-        where, camera = span(start, end), answer_title(titles, names)
+    for start, end, names in best.reported:
+        where, camera = span(start, end), answer_title(best.titles, names)
         if not names:
             yield say(
                 "**{where}: no {which} is usable**{why}.",
                 where=where,
-                which="candidate" if candidates(tree) else "camera",
-                why=_why_none(tree, depth, start, end) if declared else "",
+                which="candidate" if best.candidates else "camera",
+                why=_why_none(best, start, end) if best.cameras else "",
             )
-        elif declared:
-            how = _how_sure(depth, tied(names)[0], start, end)
+        elif best.cameras:
+            how = _how_sure(best, tied(names)[0], start, end)
             yield say("**{where}: {camera}**, {how}.", where=where, camera=camera, how=how)
         else:
             yield say("**{where}: {camera}**.", where=where, camera=camera)
 
 
-def _why_none(tree: xr.DataTree, depth: xr.Dataset, start: float, end: float) -> str:
+def _why_none(best: BestCameras, start: float, end: float) -> str:
     """Why none of the candidates is usable in a stretch of distance [m], and who is usable there without being one."""
-    titles, among = camera_titles(tree), candidates(tree) or tuple(titles_in(tree, "depth"))
-    inside = depth.sel(distance=(depth["distance"] > start) & (depth["distance"] < end))
-    if not inside.sizes["distance"]:
-        inside = depth.sel(distance=[float(np.sqrt(start * end))], method="nearest")
+    measuring = [key for key in best.titles if key in best.cameras]
+    inside = np.flatnonzero((best.distance > start) & (best.distance < end))
+    if not inside.size:
+        inside = np.array([best.nearest(float(np.sqrt(start * end)))])
     reasons: dict[str, list[str]] = {}
-    for key in among:
-        names, _ = broken_limits(inside.sel(camera=key))
-        reasons.setdefault(limit_words(names[0]) if names else "", []).append(titles[key])
+    for key in best.candidates or measuring:
+        broken = best.cameras[key].broken[inside]
+        fewest = np.flatnonzero(broken[least_broken(broken)])
+        reasons.setdefault(limit_words(best.limits[fewest[0]]) if fewest.size else "", []).append(best.titles[key])
     told = [f"{listed(cameras)}: {words}" for words, cameras in reasons.items() if words][:_MOST_REASONS]
-    depth = depth.transpose("camera", "interval", ...)
     beside = [
-        titles[key]
-        for key in titles_in(tree, "depth")
-        if key not in among
-        and np.any((depth["usable_near"].sel(camera=key) < end) & (depth["usable_far"].sel(camera=key) > start))
+        best.titles[key]
+        for key in measuring
+        if best.candidates
+        and key not in best.candidates
+        and any(near < end and far > start for near, far in best.cameras[key].usable)
     ]
     others = f"; usable there, but not a candidate: {', '.join(beside)}" if beside else ""
     return (f" ({'; '.join(told)})" if told else "") + others
 
 
-def _how_sure(depth: xr.Dataset, camera: str, start: float, end: float) -> str:
+def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:
     """The uncertainty at both ends of a stretch, absolute and relative, and what decides it there."""
-    sigma, places = depth["depth_uncertainty"].sel(camera=camera), (start, end)
-    known = np.isfinite(sigma.values)
-    logs = (np.log(sigma["distance"].values[known]), np.log(sigma.values[known]))  # a smooth curve between its points
+    depth, places = best.cameras[camera], (start, end)
+    known = np.isfinite(depth.uncertainty)
+    logs = (np.log(best.distance[known]), np.log(depth.uncertainty[known]))  # a smooth curve between its points
     ends = [float(np.exp(np.interp(np.log(place), *logs))) for place in places]
     near, far = (f"{length(s)} ({share(s / z)})" for s, z in zip(ends, places, strict=True))
-    first, last = (part_words(largest_part(depth, camera, float(place)) or "nothing") for place in places)
+    first, last = (part_words(depth.parts[best.nearest(place)] or "nothing") for place in places)
     cause = f"mostly {first}" if first == last else f"mostly {first}, far away {last}"
     return f"±{near} near, ±{far} far; {cause}"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -228,12 +228,14 @@ _NEAR: Final = ", within the tolerance: omitted effects could reverse it"
 
 def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
     """Answer the requirements of the study, with their margins."""
-    rows = records(tree, "requirements", "requirement")
-    if not rows:
-        return
-    titles = camera_titles(tree)
-    yield Heading(text="Requirements", anchor="requirements")
-    yield Table(
+    if rows := records(tree, "requirements", "requirement"):
+        yield Heading(text="Requirements", anchor="requirements")
+        yield requirement_table(rows, camera_titles(tree))
+
+
+def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, str]) -> Table:
+    """The answers to all requirements in one design, from the rows of ``/requirements``."""
+    return Table(
         name="requirement-table",
         caption="Requirements of the study, each with the camera that comes closest; a positive margin is room to "
         "spare, in % of the worst value and as a multiple of that value's estimated numerical error.",

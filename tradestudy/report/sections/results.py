@@ -11,7 +11,7 @@ from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of
 from tradestudy.report.sections.disparity_causes import describe_disparity_causes
 from tradestudy.report.words import in_words
-from tradestudy.results.views.depth import broken_limits, nominal
+from tradestudy.results.views.depth import least_broken, nominal
 from tradestudy.results.views.groups import group, has, titles_in
 from tradestudy.wording import distance
 
@@ -85,5 +85,7 @@ def _usable_range(tree: xr.DataTree) -> Iterator[Block]:
 
 def _what_is_missing(camera: xr.Dataset) -> str:
     """For a camera that is usable nowhere, the limits that fail at the distance where fewest do."""
-    names, place = broken_limits(camera)
-    return f"{', '.join(map(in_words, names))} (even at {distance(place)})"
+    broken = camera["limit_met"].transpose("distance", "limit").values == 0
+    best = least_broken(broken)
+    names = camera["limit"].values[broken[best]]
+    return f"{', '.join(map(in_words, names))} (even at {distance(float(camera['distance'].values[best]))})"

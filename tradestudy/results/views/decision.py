@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,9 +53,12 @@ def winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
     without either, it is their geometric mean.
     """
     best = group(tree, "decision")["best_camera"].sel(way=_WAY)
-    names = [str(name) for name in best.values]
     every = np.asarray(best["distance"].values, dtype=np.float64)
-    exact = _exact_ends(tree)
+    return merged_ranges([str(name) for name in best.values], every, _exact_ends(tree))
+
+
+def merged_ranges(names: Sequence[str], every: FloatArray, exact: FloatArray) -> Iterator[tuple[float, float, str]]:
+    """The ranges of `winners`, from the answer at every computed distance and the ``exact`` ends between them [m]."""
     start, start_distance = 0, float(every[0])
     for index in range(1, len(names) + 1):
         if index == len(names):
@@ -69,12 +72,17 @@ def winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
 
 
 def reported_winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
-    """The ranges of `winners` that are worth reporting.
+    """The ranges of `winners` that are worth reporting."""
+    return worth_reporting(tuple(winners(tree)))
+
+
+def worth_reporting(ranges: Sequence[tuple[float, float, str]]) -> Iterator[tuple[float, float, str]]:
+    """Those of some ranges of distance that are worth reporting.
 
     Leaves out slivers: at most 1 % of the study's range, with ends that read the same in three digits. Where two
     cameras tie only briefly, because of the error of their crossover, the boundary is the middle of the tie.
     """
-    found = _without_brief_ties(list(winners(tree)))
+    found = _without_brief_ties(list(ranges))
     whole = found[-1][1] - found[0][0]
     return (one for one in found if distance(one[0]) != distance(one[1]) or one[1] - one[0] > _SLIVER * whole)
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
 from tradestudy.results.depth import distances_without_decision
@@ -43,16 +46,6 @@ def where_usable(depth: xr.Dataset, camera: str) -> tuple[tuple[float, float], .
     return ranges_of(of_camera(depth, "usable_near", camera), of_camera(depth, "usable_far", camera))
 
 
-def broken_limits(camera: xr.Dataset) -> tuple[tuple[str, ...], float]:
-    """The limits that a camera breaks at the distance where it breaks fewest, and that distance [m].
-
-    Expects ``/depth`` of one camera.
-    """
-    broken = camera["limit_met"].transpose("distance", "limit").values == 0
-    best = int(np.argmin(broken.sum(axis=1)))
-    return tuple(map(str, camera["limit"].values[broken[best]])), float(camera["distance"].values[best])
-
-
 def field_words(field: float) -> str:
     """Name a place in the field: 0 the axis, 1 the corner of the sensor."""
     return f"{significant(100.0 * field)} % of the way to the corner" if field else "on the axis"
@@ -80,15 +73,23 @@ def sharp_ranges(one: xr.Dataset, name: str) -> tuple[tuple[float, float], ...]:
     return ranges_of(one[f"{name}_near"].values, one[f"{name}_far"].values)
 
 
-def largest_part(depth: xr.Dataset, camera: str, distance: float) -> str | None:
-    """The part with the largest share of the variance at the computed distance nearest to `distance` [m], if known."""
-    return _largest(shares_at(depth, camera, distance), "part")
+def least_broken(broken: npt.NDArray[np.bool_]) -> int:
+    """Where, of distances, a camera breaks the fewest limits of its usable range; ``broken`` is (distance, limit)."""
+    return int(np.argmin(broken.sum(axis=1)))
 
 
-def largest_parts(depth: xr.Dataset, camera: str) -> list[str | None]:
-    """The part with the largest share of the variance at each computed distance, if known."""
-    shares = depth["variance_share"].sel(camera=camera).transpose("distance", "part").values
-    return [str(depth["part"].values[np.nanargmax(one)]) if np.isfinite(one).any() else None for one in shares]
+def by_design(depth: xr.Dataset, variable: xr.DataArray, *dims: str) -> npt.NDArray[Any]:
+    """Values of a variable over (designs, *dims), the last parameter that ``/depth`` is swept over first to move."""
+    sizes = [variable.sizes[name] for name in dims]
+    return variable.transpose(*swept(depth), *dims).values.reshape(-1, *sizes)
+
+
+def largest_parts(depth: xr.Dataset) -> npt.NDArray[np.object_]:
+    """The part with the largest share of the variance, if known, over (designs, cameras, distances)."""
+    shares = by_design(depth, depth["variance_share"], "camera", "distance", "part")
+    largest = depth["part"].values.astype(object)[np.argmax(np.where(np.isnan(shares), -np.inf, shares), axis=-1)]
+    largest[~np.isfinite(shares).any(axis=-1)] = None
+    return np.asarray(largest)
 
 
 def shares_at(depth: xr.Dataset, camera: str, distance: float) -> xr.DataArray:
@@ -104,9 +105,5 @@ def decided_by_calibration(depth: xr.Dataset, camera: str) -> bool:
 def largest_source(tree: xr.DataTree, camera: str, distance: float) -> str | None:
     """The error source with the largest uncertainty of its own on the axis, at a distance of ``/sensitivity`` [m]."""
     sources = group(tree, "sensitivity")["source_uncertainty"].sel(camera=camera, field=0.0, distance=distance)
-    return _largest(sources, "source")
-
-
-def _largest(values: xr.DataArray, dim: str) -> str | None:
-    array = np.asarray(values.values, dtype=np.float64)
-    return str(values[dim].values[int(np.nanargmax(array))]) if np.isfinite(array).any() else None
+    array = np.asarray(sources.values, dtype=np.float64)
+    return str(sources["source"].values[int(np.nanargmax(array))]) if np.isfinite(array).any() else None

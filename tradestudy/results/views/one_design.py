@@ -1,25 +1,174 @@
-"""One design of a sweep as if the study declared it, so that everything that is said of the study can be said of it."""
+"""What answers say of one design: its best cameras with what explains them, and its requirements.
+
+The designs of a sweep are read together, as plain arrays: of one after another, xarray would take most of the time of a
+report.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
-from tradestudy.results.views.depth import nominal, swept
-from tradestudy.results.views.groups import group, has
+from tradestudy.results.views.decision import candidates, merged_ranges, winners, worth_reporting
+from tradestudy.results.views.depth import by_design, largest_parts, nominal, nominal_is_declared, swept
+from tradestudy.results.views.groups import FloatArray, camera_titles, group, has, ranges_of
 
-_OF_DEPTH = (
-    "depth_uncertainty",
-    "usable",
-    "usable_near",
-    "usable_far",
-    "variance_share",
-    "limit_met",
-)  # that answers use
-_SAID_ALONG = ("says", "priority", "quantity", "of")  # of a requirement, in every design
+Ranges = tuple[tuple[float, float, str], ...]
+_OF_DESIGNS: Final = {
+    "met": "design_met",
+    "camera_deciding": "design_camera",
+    "margin_percent": "design_margin_percent",
+    "margin_sigma": "design_margin_sigma",
+    "within_tolerance": "design_within_tolerance",
+    "reason": "design_reason",
+    "limited_by": "design_limited_by",  # earlier runs lack it
+}
+_OF_ALL: Final = ("says", "priority", "quantity", "of")
+_UNKNOWN: Final = {"place": np.nan, "conformity": np.nan, "rests_on": "", "rests_on_share": np.nan}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CameraDepth:
+    """One camera of one design, over the computed distances.
+
+    Parameters
+    ----------
+    uncertainty
+        Depth uncertainty [m].
+    parts
+        The part with the largest share of its variance, if known.
+    broken
+        Which limits of the usable range it breaks, shape (distance, limit).
+    usable
+        Usable ranges, as (near, far) [m].
+    """
+
+    uncertainty: FloatArray
+    parts: tuple[str | None, ...]
+    broken: npt.NDArray[np.bool_]
+    usable: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BestCameras:
+    """The best camera along the distance in one design.
+
+    Parameters
+    ----------
+    ranges
+        As `winners` gives them.
+    titles
+        Of all cameras.
+    candidates
+        As `candidates` gives them.
+    distance
+        The computed distances [m].
+    limits
+        Names of the limits of the usable range.
+    cameras
+        Those that measure depth; none where the results hold no depth of the design that the ranges describe.
+    """
+
+    ranges: Ranges
+    titles: Mapping[str, str]
+    candidates: tuple[str, ...]
+    distance: FloatArray
+    limits: tuple[str, ...]
+    cameras: Mapping[str, CameraDepth]
+
+    @property
+    def reported(self) -> Ranges:
+        """The ranges that are worth reporting."""
+        return tuple(worth_reporting(self.ranges))
+
+    def nearest(self, place: float) -> int:
+        """Index of the computed distance nearest to a place [m]."""
+        return int(np.argmin(np.abs(self.distance - place)))
+
+
+def best_cameras(tree: xr.DataTree) -> BestCameras:
+    """The best camera along the distance in the study as declared."""
+    depth = nominal(tree)
+    cameras = camera_depths(depth)[0] if nominal_is_declared(tree) else {}
+    return BestCameras(ranges=tuple(winners(tree)), cameras=cameras, **_shared(tree, depth))
+
+
+def best_cameras_of_designs(tree: xr.DataTree) -> Sequence[BestCameras | None]:
+    """The same in every design, the last parameter first to move; None where the run did not ask for it."""
+    if not has(tree, "decision", "design_best_camera_along"):
+        return [None for _ in design_places(tree)]
+    depth, decision = group(tree, "depth"), group(tree, "decision")
+    best = by_design(depth, decision["design_best_camera_along"], "distance")
+    ends = [by_design(depth, depth[name], "camera", "interval") for name in ("usable_near", "usable_far")]
+    if "design_crossover_distance" in decision:
+        ends.append(by_design(depth, decision["design_crossover_distance"], "design_crossing"))
+    every = np.concatenate([one.reshape(len(best), -1) for one in ends], axis=1)
+    shared = _shared(tree, depth)
+    return [
+        BestCameras(
+            ranges=tuple(merged_ranges(names, shared["distance"], changes[np.isfinite(changes)])),
+            cameras=cameras,
+            **shared,
+        )
+        for names, changes, cameras in zip(best.tolist(), every, camera_depths(depth), strict=True)
+    ]
+
+
+def _shared(tree: xr.DataTree, depth: xr.Dataset) -> dict[str, Any]:
+    return {
+        "titles": camera_titles(tree),
+        "candidates": candidates(tree),
+        "distance": np.asarray(depth["distance"].values, dtype=np.float64),
+        "limits": tuple(map(str, depth["limit"].values)),
+    }
+
+
+def camera_depths(depth: xr.Dataset) -> list[dict[str, CameraDepth]]:
+    """The cameras of every design of ``/depth``, by key."""
+    uncertainty = by_design(depth, depth["depth_uncertainty"], "camera", "distance")
+    broken = by_design(depth, depth["limit_met"], "camera", "distance", "limit") == 0
+    near, far = (by_design(depth, depth[name], "camera", "interval") for name in ("usable_near", "usable_far"))
+    parts = largest_parts(depth)
+    return [
+        {
+            str(key): CameraDepth(
+                uncertainty=uncertainty[design, k],
+                parts=tuple(parts[design, k].tolist()),
+                broken=broken[design, k],
+                usable=ranges_of(near[design, k], far[design, k]),
+            )
+            for k, key in enumerate(depth["camera"].values)
+        }
+        for design in range(len(uncertainty))
+    ]
+
+
+def requirements_of_designs(tree: xr.DataTree) -> Sequence[Sequence[Mapping[str, Any]]]:
+    """The rows of ``/requirements`` of every design; what decides a worst value is known of the declared one alone."""
+    if not has(tree, "requirements", "design_reason"):
+        return [[] for _ in design_places(tree)]
+    depth, data = group(tree, "depth"), group(tree, "requirements")
+    of_all = {name: data[name].values for name in ("requirement", *_OF_ALL)}
+    own = {
+        name: by_design(depth, data[variable], "requirement")
+        for name, variable in _OF_DESIGNS.items()
+        if variable in data
+    }
+    return [
+        [
+            {name: values[k] for name, values in of_all.items()}
+            | {name: values[design, k] for name, values in own.items()}
+            | _UNKNOWN
+            for k in range(data.sizes["requirement"])
+        ]
+        for design in range(len(own["met"]))
+    ]
 
 
 def design_places(tree: xr.DataTree) -> Iterator[dict[str, int]]:
@@ -34,45 +183,3 @@ def shown_place(tree: xr.DataTree) -> dict[str, int]:
     """Where the design that figures show stands: the declared one, if it is among those swept."""
     depth, one = group(tree, "depth"), nominal(tree)
     return {name: int(np.flatnonzero(depth[name].values == one[name].values)[0]) for name in swept(depth)}
-
-
-def tree_of_design(tree: xr.DataTree, place: Mapping[str, int]) -> xr.DataTree:
-    """What the results say of one design: its depth, the best camera along the distance, and its requirements."""
-    groups = {"/cameras": group(tree, "cameras"), "/depth": group(tree, "depth")[list(_OF_DEPTH)].isel(place)}
-    if has(tree, "decision", "design_best_camera_along"):
-        groups["/decision"] = _decision(group(tree, "decision"), place)
-    if has(tree, "requirements", "design_reason"):
-        groups["/requirements"] = _requirements(group(tree, "requirements"), place)
-    return xr.DataTree.from_dict(groups)
-
-
-def _decision(decision: xr.Dataset, place: Mapping[str, int]) -> xr.Dataset:
-    """The same variables, of noise and calibration together, as far as the run computed them in every design."""
-    one = decision.isel(place)
-    found = {"best_camera": one["design_best_camera_along"].expand_dims(way=["both"])}
-    if "design_crossover_distance" in one:
-        crossings = one["design_crossover_distance"].rename(design_crossing="crossing")
-        found["crossover_distance"] = crossings.expand_dims(reading=["as declared"], way=["both"])
-    return xr.Dataset(found, attrs=decision.attrs).drop_vars(list(place), errors="ignore")
-
-
-def _requirements(requirements: xr.Dataset, place: Mapping[str, int]) -> xr.Dataset:
-    """The same variables; what decides the worst value is not known of every design."""
-    one = requirements.isel(place).drop_vars(list(place))
-    nothing = xr.full_like(one["met"], np.nan, dtype=float)
-    return xr.Dataset(
-        {
-            **{name: one[name] for name in _SAID_ALONG},
-            "met": one["design_met"],
-            "camera_deciding": one["design_camera"],
-            "margin_percent": one["design_margin_percent"],
-            "margin_sigma": one["design_margin_sigma"],
-            "within_tolerance": one["design_within_tolerance"],
-            "reason": one["design_reason"],
-            **({"limited_by": one["design_limited_by"]} if "design_limited_by" in one else {}),  # earlier runs lack it
-            "place": nothing,
-            "conformity": nothing,
-            "rests_on": xr.full_like(one["says"], ""),
-            "rests_on_share": nothing,
-        }
-    )

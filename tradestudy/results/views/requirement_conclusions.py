@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -114,10 +115,10 @@ class RequirementConclusion:
     limited_by: str
     rests_on: str
     rests_on_share: float
-    met_ranges: tuple[MetRange, ...] | None
-    designs: tuple[int, int] | None
-    probability: float
-    bound_alone: BoundAlone | None
+    met_ranges: tuple[MetRange, ...] | None = None
+    designs: tuple[int, int] | None = None
+    probability: float = math.nan
+    bound_alone: BoundAlone | None = None
 
     @property
     def verdict(self) -> str:
@@ -132,31 +133,48 @@ def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, .
     titles = camera_titles(tree)
     valued = has(tree, "value_of_information", "requirement_probability")
     chances = group(tree, "value_of_information")["requirement_probability"] if valued else None
-    found = []
-    for number, row in enumerate(records(tree, "requirements", "requirement")):
-        met = int(row["met"])
-        found.append(
-            RequirementConclusion(
-                name=str(row["requirement"]),
-                says=str(row["says"]),
-                priority=str(row["priority"]),
-                met=None if met < 0 else bool(met),
-                of=str(row["of"]),
-                camera=titles[str(row["camera_deciding"])],
-                margin=float(row["margin_percent"]) / 100.0,
-                place=float(row["place"]),
-                conformity=float(row["conformity"]),
-                reason=str(row["reason"]),
-                limited_by=str(row.get("limited_by", "")),
-                rests_on=str(row["rests_on"]),
-                rests_on_share=float(row["rests_on_share"]),
-                met_ranges=_met_ranges(tree, number),
-                designs=_designs(tree, number),
-                probability=np.nan if chances is None else float(chances.sel(requirement=row["requirement"])),
-                bound_alone=_bound_alone(row, titles),
-            )
+    return _in_order(
+        _conclusion(
+            row,
+            titles,
+            met_ranges=_met_ranges(tree, number),
+            designs=_designs(tree, number),
+            probability=np.nan if chances is None else float(chances.sel(requirement=row["requirement"])),
+            bound_alone=_bound_alone(row, titles),
         )
+        for number, row in enumerate(records(tree, "requirements", "requirement"))
+    )
+
+
+def conclusions_of_design(
+    rows: Iterable[Mapping[str, Any]], titles: Mapping[str, str]
+) -> tuple[RequirementConclusion, ...]:
+    """The verdicts on all requirements in one design of a sweep, from its rows."""
+    return _in_order(_conclusion(row, titles) for row in rows)
+
+
+def _in_order(found: Iterable[RequirementConclusion]) -> tuple[RequirementConclusion, ...]:
     return tuple(sorted(found, key=lambda one: (one.priority != "must", np.nan_to_num(one.margin, nan=-np.inf))))
+
+
+def _conclusion(row: Mapping[str, Any], titles: Mapping[str, str], **beside: Any) -> RequirementConclusion:
+    met = int(row["met"])
+    return RequirementConclusion(
+        name=str(row["requirement"]),
+        says=str(row["says"]),
+        priority=str(row["priority"]),
+        met=None if met < 0 else bool(met),
+        of=str(row["of"]),
+        camera=titles[str(row["camera_deciding"])],
+        margin=float(row["margin_percent"]) / 100.0,
+        place=float(row["place"]),
+        conformity=float(row["conformity"]),
+        reason=str(row["reason"]),
+        limited_by=str(row.get("limited_by", "")),  # earlier runs lack it
+        rests_on=str(row["rests_on"]),
+        rests_on_share=float(row["rests_on_share"]),
+        **beside,
+    )
 
 
 def requirement_sentence(one: RequirementConclusion) -> str:
