@@ -25,7 +25,7 @@ from tradestudy.optics.propagation import (
     sample_wave,
 )
 from tradestudy.optics.propagation.hybrid import unchecked_hybrid_field
-from tradestudy.optics.propagation.rays import find_rays, ray_fields
+from tradestudy.optics.propagation.rays import fewest_zones, find_rays, ray_fields
 
 WAVELENGTH = 550e-9
 MICRO = {"radius": 0.432e-3 / 7.6, "focal_length": 0.432e-3}
@@ -137,6 +137,38 @@ def test_near_focus_everything_is_handed_over_and_right():
     )
     assert hybrid.handed_over == 1.0
     np.testing.assert_allclose(hybrid.intensity, area.intensity, atol=1e-5 * area.intensity.max())
+
+
+def test_fewest_zones_of_a_spherical_wave_are_its_fresnel_number():
+    lens = micro("perfect")
+    axial = PointSource(distance=OBJECT.distance)
+    b = lens.image_of(axial)[2]
+    wave = lens_wave(source=axial, lens=lens, wavelength=WAVELENGTH)
+    for z in (0.9 * b, b, 1.3 * b):
+        number = lens.radius**2 * abs(1 / z - 1 / b) / WAVELENGTH
+        # Paraxial; the steepest ray of the cone lengthens both distances by its secant, 1.4 times at most.
+        steepest = 1 + (lens.radius / (0.9 * b)) ** 2
+        assert number / steepest**1.5 - 1e-6 <= fewest_zones(wave, z) <= number + 1e-6
+    # Spherical aberration: the paraxial focus is the cusp of a caustic, on which the middle of the lens has no zones.
+    aberrated = lens_wave(source=axial, lens=micro("parabolic"), wavelength=WAVELENGTH)
+    assert fewest_zones(aberrated, b) < 1e-2 < 1.0 < fewest_zones(aberrated, 1.3 * b)
+
+
+@pytest.mark.parametrize(("phase", "defocus"), [("perfect", 0.2e-6), ("stigmatic", 1e-6), ("parabolic", 0.5e-6)])
+def test_a_large_grid_near_focus_is_left_to_kirchhoff(phase, defocus):
+    """Rays and edge would take many times as long there, one target at a time."""
+    lens = micro(phase)
+    targets = detector(phase, lens.image_of(OBJECT)[2] + defocus, pitch=0.1e-6, count=200)
+    settings = {"source": OBJECT, "lens": lens, "targets": targets, "wavelength": WAVELENGTH}
+    hybrid, area = (
+        aperture_field(method=method, accuracy=FieldAccuracy(tolerance=1e-6), **settings)
+        for method in ("boundary_wave", "kirchhoff")
+    )
+    assert hybrid.method == "boundary_wave"
+    assert hybrid.handed_over == 1.0
+    np.testing.assert_array_equal(hybrid.field, area.field)
+    assert hybrid.error == area.error
+    assert hybrid.effort.nodes == area.effort.nodes
 
 
 def test_interpolated_grid_equals_points():

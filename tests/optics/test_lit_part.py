@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from tests.optics.small_chain import PITCH, WAVELENGTH, camera, relative
-from tradestudy.optics.chain import KIRCHHOFF, ChainAccuracy, ChainImage, LightPath, PixelGrid, chain_image
+from tradestudy.optics.chain import (
+    KIRCHHOFF,
+    ChainAccuracy,
+    ChainImage,
+    Legs,
+    LightPath,
+    PixelGrid,
+    chain_image,
+    landing,
+)
 from tradestudy.optics.chain import point_image as module
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.lit_part import LitPart, lit_part, reached_pixels
@@ -18,6 +27,7 @@ from tradestudy.optics.propagation.direct import direct_sum
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 
 LENS = CircularLens(radius=0.3e-3, focal_length=2e-3, lens_phase="parabolic")
+WAVES_THEN_RAYS = Legs(to_array="kirchhoff", to_detector="geometric")
 SOURCE = PointSource(x=0.05e-3, y=0.02e-3, distance=24e-3)
 
 
@@ -35,15 +45,16 @@ def wave(path: LightPath) -> PupilWave:
     return PupilWave(path=path, source=SOURCE, wavelength=WAVELENGTH, method="kirchhoff")
 
 
-def image(path: LightPath, tolerance: float) -> ChainImage:
+def image(path: LightPath, tolerance: float, legs: Legs = KIRCHHOFF) -> ChainImage:
     return chain_image(
-        path, SOURCE, wavelength=WAVELENGTH, legs=KIRCHHOFF, accuracy=ChainAccuracy(tolerance=tolerance),
+        path, SOURCE, wavelength=WAVELENGTH, legs=legs, accuracy=ChainAccuracy(tolerance=tolerance),
         rng=np.random.default_rng(0),
     )  # fmt: skip
 
 
-def test_work_follows_the_light_and_not_the_array() -> None:
-    nodes = [image(array(across), 5e-2).effort["microlens nodes"] for across in (9, 15, 21)]
+@pytest.mark.parametrize("legs", [KIRCHHOFF, WAVES_THEN_RAYS])
+def test_work_follows_the_light_and_not_the_array(legs: Legs) -> None:
+    nodes = [image(array(across), 5e-2, legs).effort["microlens nodes"] for across in (9, 15, 21)]
     assert nodes[0] == nodes[1] == nodes[2]
 
 
@@ -57,6 +68,17 @@ def test_what_is_left_out_is_within_what_is_stated(tolerance: float, monkeypatch
     monkeypatch.setattr(module, "reached_pixels", lambda path, _: tuple(slice(0, n) for n in path.pixels.shape))
     truth = compute_point(wave(path), "kirchhoff", ChainAccuracy(tolerance=1e-4)).pixels / wave(path).power()
     assert relative(found.pixels, truth) <= found.numerical_error <= 2 * tolerance
+    assert 0.0 < found.error_terms["unlit microlenses"] <= tolerance / 2
+
+
+@pytest.mark.parametrize("tolerance", [5e-2, 1e-2, 2e-3])
+def test_rays_behind_waves_state_what_is_left_out(tolerance: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Against all microlenses."""
+    path = array(9)
+    found = image(path, tolerance, WAVES_THEN_RAYS)
+    monkeypatch.setattr(landing, "lit_part", lambda wave, _accuracy: LitPart(wave=wave, lost=0.0))
+    truth = image(path, 1e-4, WAVES_THEN_RAYS)
+    assert relative(found.pixels, truth.pixels) <= found.numerical_error <= 2 * tolerance
     assert 0.0 < found.error_terms["unlit microlenses"] <= tolerance / 2
 
 

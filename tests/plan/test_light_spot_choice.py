@@ -16,6 +16,7 @@ from tradestudy.analysis.spot_images import SpotModels, spot_picture
 from tradestudy.effects.choice import Choice, choose
 from tradestudy.effects.models import Models
 from tradestudy.errors import OutOfRangeError, StudyError
+from tradestudy.plan import light_pilot
 from tradestudy.plan.light_pilot import predicted_picture_seconds
 from tradestudy.plan.pieces.light_spot import TOLERANCES, LightSpotPiece, spot_models
 from tradestudy.plan.pieces.light_trial import LightTrial, probes
@@ -204,6 +205,19 @@ def test_a_pilot_grows_with_what_a_picture_holds() -> None:
     part = spot(*SMALL)
     coarse = SpotModels(method="kirchhoff", tolerance=0.05, monochromatic=True)
     assert predicted_picture_seconds(spot(), coarse) > 3.0 * predicted_picture_seconds(part, coarse) > 0.0
+
+
+def test_a_pilot_counts_only_what_a_point_lights(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beyond the blur, a larger array holds dark microlenses alone."""
+    monkeypatch.setattr(light_pilot, "_timed", lambda work: 1.0)
+    models = SpotModels(method="kirchhoff", tolerance=0.05, monochromatic=True, point=True)
+    small, large = (
+        predicted_picture_seconds(
+            spot(f"light_spot.microlenses.lenses_across={across}", f"light_spot.detector.pixels={23 * across}"), models
+        )
+        for across in (11, 15)
+    )
+    assert small == large
 
 
 @pytest.mark.slow

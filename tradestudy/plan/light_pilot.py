@@ -15,7 +15,7 @@ from tradestudy.optics.chain.arriving_light import array_table, point_wave
 from tradestudy.optics.chain.exact_rays import exact_ray_image, ray_count
 from tradestudy.optics.chain.geometric_image import geometric_image
 from tradestudy.optics.chain.image import microlenses_alone, nearest_microlens
-from tradestudy.optics.chain.point_image import compute_point, reference_law
+from tradestudy.optics.chain.point_image import compute_point, plan_point, reference_law
 from tradestudy.optics.chain.scene import Legs
 from tradestudy.optics.chain.source_tables import table_count
 from tradestudy.optics.chain.sources import source_nodes
@@ -76,11 +76,11 @@ def _seconds_of_rays(
 def _seconds_of_point(
     path: LightPath, point: PointSource, wavelength: float, laws: Legs, accuracy: ChainAccuracy, coherent_radius: float
 ) -> float:
-    """Time of one pass over all microlenses, scaled from one over a single microlens."""
-    alone = _nearest(path, point)
-    wave = point_wave(alone, point, wavelength=wavelength, legs=laws, coherent_radius=coherent_radius)
-    seconds = _timed(lambda: compute_point(wave, laws.to_detector, accuracy))
-    return seconds * path.microlenses.count
+    """Time of one pass over all that the point lights, from one over a microlens, by their samples on the detector."""
+    wave = point_wave(path, point, wavelength=wavelength, legs=laws, coherent_radius=coherent_radius)
+    alone = replace(wave, path=_nearest(path, point))
+    whole, one = (plan_point(each, laws.to_detector, accuracy).detector.transfer.count for each in (wave, alone))
+    return (whole / one) ** 2 * _timed(lambda: compute_point(alone, laws.to_detector, accuracy))
 
 
 def _seconds_of_disc(

@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
@@ -28,6 +29,8 @@ from tradestudy.optics.chain.scene import EXACT_RAYS, GEOMETRIC, Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource, spectral_shares
 from tradestudy.optics.chain.spot_image import wave_spot_image
 from tradestudy.optics.propagation.lens import PointSource
+
+_EQUALLY_NEAR = 4  # microlenses at most that a pixel lies midway between, on a square array
 
 
 def chain_image(
@@ -377,9 +380,11 @@ def nearest_microlens(path: LightPath) -> IndexArray:
     edges = path.pixels.edges_x, path.pixels.edges_y
     x, y = ((edge[1:] + edge[:-1]) / 2 for edge in edges)
     seen = path.microlenses.centres * (1.0 + path.detector_distance / path.array_distance)
-    distance: FloatArray = np.hypot(x[None, :, None] - seen[:, 0], y[:, None, None] - seen[:, 1])
+    pixels = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1)
+    distance, index = cKDTree(seen).query(pixels, k=np.arange(1, 1 + min(_EQUALLY_NEAR, len(seen))))
     # A slight preference for the first, so that rounding does not decide for pixels midway between two.
-    return np.asarray(np.argmin(distance + 1e-9 * path.microlenses.pitch * np.arange(len(seen)), axis=-1))
+    first = np.argmin(distance + 1e-9 * path.microlenses.pitch * index, axis=-1)
+    return np.asarray(np.take_along_axis(index, first[..., None], axis=-1)[..., 0])
 
 
 def _window(mine: BoolArray) -> tuple[slice, slice]:

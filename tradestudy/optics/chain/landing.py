@@ -20,6 +20,7 @@ from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, relative_change
 from tradestudy.optics.chain.array_field import PupilWave, direct_field
 from tradestudy.optics.chain.arriving_light import ArrivingLight, arriving_light, refuse_focus_on_array
+from tradestudy.optics.chain.lit_part import lit_part
 from tradestudy.optics.chain.pixels import refuse_pixel_centres
 from tradestudy.optics.chain.regions import (
     Region,
@@ -88,7 +89,11 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
     refuse_focus_on_array(wave.path, wave.source, wave.wavelength)
     with ThreadPoolExecutor(2) as pool:  # a boundary wave is compared with Kirchhoff's integral
         fine, other = pool.map(_landed, (wave, wave.reference), (accuracy, accuracy.compared()))
-    terms = {"other sampling": _SAFETY * relative_change(fine.pixels, other.pixels)}
+    power, size = wave.power(), float(np.linalg.norm(fine.pixels))
+    terms = {
+        "other sampling": _SAFETY * relative_change(fine.pixels, other.pixels),
+        "unlit microlenses": fine.lost * power / size if fine.lost > 0.0 else 0.0,
+    }
     check = _irradiance_check(wave, fine, rng)
     if check > _GROSS:
         raise NotConvergedError(
@@ -97,7 +102,6 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
             limit=f"{_GROSS:g}",
             remedy="refine pupil_nodes or field_sampling",
         )
-    power = wave.power()
     return ChainImage(
         pixels=fine.pixels / power,
         numerical_error=math.hypot(*terms.values()),
@@ -187,12 +191,13 @@ def on_pixels(power: FloatArray, pixel: IndexArray, grid: PixelGrid) -> FloatArr
 
 @dataclass(frozen=True, kw_only=True)
 class _Landed:
-    """Nodes with the power of each, and the power on each pixel."""
+    """Nodes with the power of each, the power on each pixel, and the power left out as of `LitPart`."""
 
     light: ArrivingLight
     nodes: PixelNodes
     power: FloatArray
     pixels: FloatArray
+    lost: float
 
 
 def landing_nodes(path: LightPath, source: PointSource, *, frequency: float, tolerance: float) -> PixelNodes:
@@ -217,12 +222,16 @@ def landing_nodes(path: LightPath, source: PointSource, *, frequency: float, tol
 
 
 def _landed(wave: PupilWave, accuracy: ChainAccuracy) -> _Landed:
-    """Irradiance on nodes of every microlens, and the pixels where it lands."""
+    """Irradiance on nodes of every microlens that is lit, and the pixels where it lands."""
+    lit = lit_part(wave, accuracy)
+    assert isinstance(lit.wave, PupilWave)  # as the wave it is a part of
+    wave = lit.wave
     frequency = accuracy.microlens_nodes * irradiance_frequency(wave.path, wave.wavelength)
     nodes = landing_nodes(wave.path, wave.source, frequency=frequency, tolerance=accuracy.tolerance)
     light = arriving_light(wave, accuracy)
     power = nodes.weights * np.abs(light.read(nodes.x, nodes.y)) ** 2
-    return _Landed(light=light, nodes=nodes, power=power, pixels=on_pixels(power, nodes.pixel, wave.path.pixels))
+    pixels = on_pixels(power, nodes.pixel, wave.path.pixels)
+    return _Landed(light=light, nodes=nodes, power=power, pixels=pixels, lost=lit.lost)
 
 
 def _irradiance_check(wave: PupilWave, done: _Landed, rng: np.random.Generator) -> float:

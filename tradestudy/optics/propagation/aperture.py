@@ -140,8 +140,9 @@ def aperture_field(
         Wavelength [m], > 0.
     method
         ``geometric``: rays. ``boundary_wave``: rays and the wave from the edge, with Kirchhoff's integral where these
-        are singular. ``fresnel``: paths to second order, unit cosines, eqs. 17–22; the conjugate paths that a
-        stigmatic or perfect lens cancels are also of second order, so all lens phases give the same result.
+        are singular, and near a focus where it is faster. ``fresnel``: paths to second order, unit cosines, eqs. 17–22;
+        the conjugate paths that a stigmatic or perfect lens cancels are also of second order, so all lens phases give
+        the same result.
         ``kirchhoff``: exact paths and cosines, eqs. 9–16.
     accuracy
         Relative L2 tolerance of the intensity over the targets, and the check.

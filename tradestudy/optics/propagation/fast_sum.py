@@ -37,6 +37,7 @@ from tradestudy.optics.propagation.upsampling import (
 
 _DIRECT_PAIRS = 60_000  # below this many node–target pairs the plain sum is the faster one
 _THREAD_WORTH = 1_000_000  # terms × (nodes + targets) from which a second thread pays
+_VALUES_AT_ONCE = 30_000  # complex values of a block that stays in the second-level cache
 _FEW_TARGETS = 100  # a factor of many terms costs as much as that many targets summed directly
 
 
@@ -257,16 +258,33 @@ def _points(problem: SumProblem, x: FloatArray, y: FloatArray, z: FloatArray) ->
         isign=1,
         nthreads=_threads(strength, x.size),
     ).reshape(strength.shape[0], -1)
-    rank, n_x, n_y, n_z = factor.coefficients.shape
-    slow = factor.coefficients.reshape(rank * n_x * n_y, n_z) @ lagrange(z, n_z).T
-    slow = np.einsum("tabm,mb->tam", slow.reshape(rank, n_x, n_y, -1), lagrange(y, n_y))
-    slow = np.einsum("tam,ma->tm", slow, lagrange(x, n_x))
     return FastField(
-        field=np.einsum("tm,tm->m", slow, sums) * unit_phasor(k * problem.kernel.path(x, y, z)),
-        rank=rank,
+        field=_weighted(factor.coefficients, (x, y, z), sums) * unit_phasor(k * problem.kernel.path(x, y, z)),
+        rank=strength.shape[0],
         tiles=1,
         low_rank_error=factor.error,
     )
+
+
+def _weighted(
+    coefficients: ComplexArray, points: tuple[FloatArray, FloatArray, FloatArray], sums: ComplexArray
+) -> ComplexArray:
+    """Σ_t of the target's side of a factor, interpolated to points, times the transforms, shape (terms, points).
+
+    In blocks that stay in the cache: for all points at once, the values between the axes would take gigabytes.
+    """
+    rank, *counts = coefficients.shape
+    on_x, on_y, on_z = (lagrange(c, n) for c, n in zip(points, counts, strict=True))
+    by_x = np.ascontiguousarray(np.moveaxis(coefficients, 1, 0).reshape(counts[0], -1))
+    total = np.empty(sums.shape[1], dtype=np.complex128)
+    size = max(1, _VALUES_AT_ONCE // by_x.shape[1])
+    for start in range(0, total.size, size):
+        part = slice(start, start + size)
+        lines = apply_along_rows(on_x[part], by_x).reshape(-1, rank, counts[1] * counts[2])
+        across = np.einsum("mb,mc->mbc", on_y[part], on_z[part]).reshape(-1, counts[1] * counts[2])
+        slow = np.einsum("mtk,mk->tm", lines, across.astype(np.complex128))  # cast here once, not for every term
+        total[part] = np.einsum("tm,tm->m", slow, sums[:, part])
+    return total
 
 
 def _node_side(

@@ -14,7 +14,15 @@ from tradestudy.optics.boundary_wave import edge_field, pole_reach
 from tradestudy.optics.propagation.direct import ComplexArray, direct_sum, unit_phasor
 from tradestudy.optics.propagation.kernels import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave
-from tradestudy.optics.propagation.rays import Rays, find_rays, land, one_ray_per_target, ray_fields, within_rim
+from tradestudy.optics.propagation.rays import (
+    Rays,
+    fewest_zones,
+    find_rays,
+    land,
+    one_ray_per_target,
+    ray_fields,
+    within_rim,
+)
 from tradestudy.optics.propagation.result import (
     ApertureField,
     CheckErrors,
@@ -50,6 +58,10 @@ _MAX_ROUNDS = 4
 _POLAR_SHARE = 0.1  # of the tolerance of an evaluation, for sampling on rings
 _FEW_POINTS = 1000  # of a rectangle, up to which a search for fewer costs more than it saves
 _WORTHWHILE = 0.5  # share of the points of a rectangle above which rings do not pay off
+_AREA_NODE = (
+    150  # pairs of a target and an edge node that take as long as a node of Kirchhoff's integral, check included
+)
+_RAY = 70  # such pairs that take as long as the ray to a target
 _SHARE = 0.1  # of the tolerance, for nodes, poles and interpolation together; the rest is the method's own error
 
 
@@ -93,8 +105,8 @@ def unchecked_hybrid_field(
     check_affordable(
         NodeCounts(radial=1, angular=edge), targets=math.prod(targets.shape), check_targets=0, limits=limits
     )
-    result = _evaluate(wave, kernel, targets, edge, _SHARE * tolerance)
-    field, share = _handed_over(result, wave, kernel, targets, accuracy, limits)
+    result = _evaluate(wave, kernel, targets, edge, accuracy)
+    field, share = _filled(result, wave, kernel, targets, accuracy, limits)
     return UncheckedField(field=field.reshape(targets.shape), handed_over=share)
 
 
@@ -110,10 +122,12 @@ def hybrid_field(
     """Ray optics plus the boundary-diffracted wave; Kirchhoff where they are singular.
 
     Kirchhoff's integral computes targets within half a Fresnel zone of a focus or a caustic, targets that several rays
-    may reach, and targets on the shadow of the edge whose pole is not found. Their share is reported.
+    may reach, and targets on the shadow of the edge whose pole is not found; and all targets in a plane near a focus or
+    caustic where that is faster. Their share is reported.
 
     The stated error is measured against direct quadrature of the area integral, so it includes the error of the
-    leading term for waves that are not spherical.
+    leading term for waves that are not spherical. Where all targets are handed over, error and effort are those of
+    Kirchhoff's integral.
 
     Parameters
     ----------
@@ -147,9 +161,13 @@ def hybrid_field(
     for rounds in range(1, _MAX_ROUNDS + 1):
         started = time.perf_counter()
         check_time(spent=started - begun, needed=2 * last, limits=limits)
-        result = _evaluate(wave, kernel, targets, edge, _SHARE * accuracy.tolerance)
+        result = _evaluate(wave, kernel, targets, edge, accuracy)
         left = replace(limits, seconds=limits.seconds - (time.perf_counter() - begun))
-        field, share = _handed_over(result, wave, kernel, targets, accuracy, left)
+        if result.singular.all():
+            area = _area_integral(wave, kernel, targets, accuracy, left)
+            effort = replace(area.effort, seconds=time.perf_counter() - begun - area.effort.check_seconds)
+            return replace(area, effort=effort, method="boundary_wave", handed_over=1.0)
+        field, share = _filled(result, wave, kernel, targets, accuracy, left)
         last = time.perf_counter() - started
         seconds += last
         left = replace(limits, seconds=limits.seconds - (time.perf_counter() - begun))
@@ -251,7 +269,7 @@ def _check(
     at = reference.at
     here = field[at.index]
     points = TargetPoints(x=at.x, y=at.y, distance=at.z)
-    finer = _evaluate(wave, kernel, points, 2 * edge, _SHARE * accuracy.tolerance)
+    finer = _evaluate(wave, kernel, points, 2 * edge, accuracy)
     field_share, intensity_share = at.shares(reference.field, here)
     return CheckErrors(
         nodes=at.norm(np.where(finer.singular, 0.0, here - finer.field)),
@@ -265,13 +283,20 @@ def _check(
     )
 
 
-def _evaluate(wave: LensWave, kernel: KirchhoffKernel, targets: Targets, edge: int, tolerance: float) -> _Evaluation:
+def _evaluate(
+    wave: LensWave, kernel: KirchhoffKernel, targets: Targets, edge: int, accuracy: FieldAccuracy
+) -> _Evaluation:
     """Rays plus edge at the targets; a dense grid is interpolated, for their sum is band-limited and smooth."""
     centre = wave.lens.centre
     x, y, z = targets.coordinates()
+    nothing = _Evaluation(field=np.zeros(x.size, dtype=np.complex128), singular=np.ones(x.size, dtype=bool))
     if not one_ray_per_target(wave, z):
-        return _Evaluation(field=np.zeros(x.size, dtype=np.complex128), singular=np.ones(x.size, dtype=bool))
-    if isinstance(targets, TargetGrid):
+        return nothing
+    tolerance = _SHARE * accuracy.tolerance
+    if z.min() == z.max() and fewest_zones(wave, float(z[0])) < LEAST_ZONES:
+        if x.size * (edge + _RAY) > _AREA_NODE * nodes_for(wave, kernel, targets, accuracy).total:
+            return nothing
+    elif isinstance(targets, TargetGrid):
         smooth = _interpolated(wave, kernel, targets, edge, tolerance)
         if smooth is not None:
             path = wave.wavenumber * np.asarray(kernel.path(x - centre[0], y - centre[1], z))
@@ -372,7 +397,7 @@ def _singular(
     return np.asarray(singular)
 
 
-def _handed_over(
+def _filled(
     result: _Evaluation,
     wave: LensWave,
     kernel: KirchhoffKernel,
@@ -383,16 +408,24 @@ def _handed_over(
     """Fill the singular targets by Kirchhoff's integral and return their share."""
     if not result.singular.any():
         return result.field, 0.0
-    x, y, z = targets.coordinates()
-    left = TargetPoints(x=x[result.singular], y=y[result.singular], distance=z[result.singular])
-    kirchhoff = propagate_wave(
+    if result.singular.all():
+        return _area_integral(wave, kernel, targets, accuracy, limits).field.ravel(), 1.0
+    x, y, z = (c[result.singular] for c in targets.coordinates())
+    field = result.field.copy()
+    left = TargetPoints(x=x, y=y, distance=z)
+    field[result.singular] = _area_integral(wave, kernel, left, accuracy, limits).field
+    return field, float(result.singular.mean())
+
+
+def _area_integral(
+    wave: LensWave, kernel: KirchhoffKernel, targets: Targets, accuracy: FieldAccuracy, limits: Limits
+) -> ApertureField:
+    """Kirchhoff's integral at targets handed over."""
+    return propagate_wave(
         sample=lambda n: sample_wave(wave, n),
-        counts=nodes_for(wave, kernel, left, accuracy),
+        counts=lambda: nodes_for(wave, kernel, targets, accuracy),
         kernel=kernel,
-        targets=targets if result.singular.all() else left,
+        targets=targets,
         accuracy=accuracy,
         limits=limits,
     )
-    field = result.field.copy()
-    field[result.singular] = kirchhoff.field.ravel()
-    return field, float(result.singular.mean())

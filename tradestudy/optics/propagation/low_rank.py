@@ -14,6 +14,7 @@ from tradestudy.optics.propagation.upsampling import apply_along_rows, chebyshev
 
 _MAX_RANK = 30  # a larger factor means that the targets are better split in two
 _SAMPLE_NODES = 120  # rows on which the low-rank factor is found; ≥ 4 per unit of rank
+_PAIRS_AT_ONCE = 16_000  # of a node and a term: a few blocks of this size stay in the cache
 _DEGREES = (3, 5, 8, 12, 17, 24)  # Chebyshev points per axis that are tried in turn
 
 
@@ -74,8 +75,13 @@ def slow_factor(
     chosen = tuple(m[columns] for m in mesh)
     apart = _slow(problem, base, held, chosen) @ apply_along_rows(onto.T, mixing.T).T
     apart -= _slow(problem, base, held, probes)
+    node = np.empty((count, columns.size), dtype=np.complex128)
+    rows = max(1, _PAIRS_AT_ONCE // columns.size)
+    for start in range(0, count, rows):
+        part = slice(start, start + rows)
+        node[part] = _slow(problem, base, part, chosen)
     return SlowFactor(
-        node=_slow(problem, base, np.arange(count), chosen),
+        node=node,
         coefficients=mixing.reshape(columns.size, *counts),
         error=_relative(apart, wanted),
     )
@@ -84,14 +90,14 @@ def slow_factor(
 def _slow(
     problem: SumProblem,
     base: tuple[float, float, float],
-    rows: Array,
+    rows: Array | slice,
     targets: tuple[FloatArray, ...],
 ) -> ComplexArray:
     """exp(i k (rest(q, P) − rest(centre, P))) · amplitude(q, P) between some nodes and some targets."""
-    u, v, _ = problem.samples.local()
-    u, v = u[rows, None], v[rows, None]
+    nodes = problem.samples.nodes
+    u, v = (nodes.x[rows] - nodes.centre[0])[:, None], (nodes.y[rows] - nodes.centre[1])[:, None]
     x, y, z = targets
-    cosine = None if problem.samples.axial_cosine is None else problem.samples.axial_cosine[rows, None]
+    cosine = None if problem.samples.axial_cosine is None else problem.samples.axial_cosine[rows][:, None]
     kernel = problem.kernel
     centre = np.zeros((1, 1))
     away = (x - base[0], y - base[1], z - base[2])

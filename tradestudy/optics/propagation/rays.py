@@ -98,9 +98,7 @@ def one_ray_per_target(wave: LensWave, z: FloatArray) -> bool:
     paths = wave.paths
     if len(paths.terms) == 1:
         return True  # straight lines through one point
-    ring = wave.lens.radius * np.arange(1, 17) / 16.0
-    angle = 2 * np.pi * np.arange(32) / 32
-    u, v = np.multiply.outer(ring, np.cos(angle)).ravel(), np.multiply.outer(ring, np.sin(angle)).ravel()
+    u, v = _aperture_mesh(wave.lens.radius)
     p_x, p_y = paths.slope(u, v)
     if np.max(p_x**2 + p_y**2) >= 1.0:
         return False
@@ -117,6 +115,23 @@ def one_ray_per_target(wave: LensWave, z: FloatArray) -> bool:
         if not definite.all() or (a > 0).any() != (a > 0).all():
             return False
     return True
+
+
+def fewest_zones(wave: LensWave, z: float) -> float:
+    """Fewest Fresnel zones across the aperture for the targets in a plane that its rays meet: 0 at a focus or caustic.
+
+    R² √|det|/λ with the second derivatives of the path; for a spherical wave the Fresnel number R² |1/z − 1/b|/λ.
+    """
+    u, v = _aperture_mesh(wave.lens.radius)
+    x, y = land(wave, u, v, np.asarray(z))
+    *_, xx, xy, yy = _derivatives(wave.paths, u, v, x, y, np.asarray(z))
+    return float(wave.lens.radius**2 * np.sqrt(np.abs(xx * yy - xy * xy).min()) / wave.wavelength)
+
+
+def _aperture_mesh(radius: float) -> tuple[FloatArray, FloatArray]:
+    """Points on 16 rings of an aperture out to its edge, flat."""
+    ring, angle = radius * np.arange(1, 17) / 16.0, 2 * np.pi * np.arange(32) / 32
+    return np.multiply.outer(ring, np.cos(angle)).ravel(), np.multiply.outer(ring, np.sin(angle)).ravel()
 
 
 def within_rim(wave: LensWave, x: FloatArray, y: FloatArray, z: FloatArray) -> BoolArray:

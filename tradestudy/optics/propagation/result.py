@@ -59,7 +59,7 @@ class Effort:
     Attributes
     ----------
     nodes
-        Quadrature nodes on the aperture (on its edge for the boundary wave).
+        Quadrature nodes on the aperture (on its edge for the boundary wave, unless all targets are handed over).
     radial_nodes, angular_nodes
         Rings and nodes per ring.
     rank
