@@ -16,9 +16,10 @@ from tradestudy import figures
 from tradestudy.errors import OutOfRangeError
 from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import length_tick, line_style, plain_number, traces
-from tradestudy.figures.sweeps import frontier
+from tradestudy.figures.sweeps import frontier, moved_cameras, reference_distance
 from tradestudy.results.views.decision import has_winners, winners
 from tradestudy.results.views.depth import nominal
+from tradestudy.units import LENGTH, NUMBER, pretty
 
 HOSTILE = r"_R5 $x_1$ \frac{1}{0} <b>&amp; %s {0} #id '\"" + "日本"
 
@@ -331,3 +332,19 @@ def test_lengths_on_axes_have_the_unit_a_person_expects(millimetres: float, text
 def test_figures_show_themselves_in_notebooks_in_the_same_style(tree: xr.DataTree) -> None:
     shown = figures.figure(tree, "readings")._repr_svg_()
     assert shown == figures.figure(tree, "readings").svg().decode()
+
+
+def test_bars_and_maps_are_told_as_tables(make_tree: Callable[..., xr.DataTree]) -> None:
+    tree = make_tree(sweep={"b": [1.0, 2.0, 3.0], "f": [1.0, 4.0]})
+    drawings = figures.build(tree)
+    decision = tree["decision"].to_dataset()
+    for table, way in zip(drawings["readings"].values(), ("both", "noise", "calibration"), strict=True):
+        for row, reading in zip(table.rows, decision["reading"].values, strict=True):
+            ratio = decision["uncertainty_ratio"].sel(reading=reading, way=way).values
+            assert row == (reading, *(pretty(float(one), NUMBER) for one in ratio))
+    depth = tree["depth"].to_dataset().sel(distance=reference_distance(tree))["depth_uncertainty"]
+    for table, camera in zip(drawings["sweep_map"].values(), moved_cameras(tree), strict=True):
+        told = [list(row[1:]) for row in table.rows]
+        values = depth.sel(camera=camera.key).transpose("f", "b").values
+        assert told == [[pretty(float(one), LENGTH) for one in row] for row in values]
+    assert drawings["whole_range"].values() == ()

@@ -12,6 +12,7 @@ from matplotlib.cm import ScalarMappable
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.pictures import bare, cropped, ends_of_depth
 from tradestudy.figures.style import FAINT, INK, SOFT, StudyFigure, line_style, new_figure, shortened, styled
+from tradestudy.figures.value_tables import depth_map_tables
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
 from tradestudy.units import LENGTH, pretty
 from tradestudy.wording import listed
@@ -36,6 +37,7 @@ def depth_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         alt="Measured depth, its error, and the hidden share of the surface, as pictures. Median error and half the "
         "central 68.27 % interval of the errors: " + _error_words(tree),
         draw=lambda: draw_depth_maps(tree),
+        values=lambda: depth_map_tables(tree),
     )
     yield Drawing(
         name="depth_achieved",

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from tradestudy.figures.curves import beneath
-from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.drawing import Drawing, ValueTable
 from tradestudy.figures.style import (
     FAINT,
     INK,
@@ -27,9 +27,10 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
+from tradestudy.figures.value_tables import Tables
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.results.views.wave_optics import element_title, middle_window, published_place
-from tradestudy.units import FRACTION, LENGTH, pretty, significant
+from tradestudy.units import FRACTION, LENGTH, NUMBER, pretty, significant
 
 _F_NUMBERS = (1, 1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22, 32, 45, 64)
 _PERCENT = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 300, 1000, 3000, 10000)
@@ -62,6 +63,7 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         f"below {pretty(data.attrs['error_limit'], FRACTION)}. Diamonds: as printed in the paper.",
         alt="Bar chart of least f-numbers, one panel per lens, one row per criterion. " + _criteria_words(data),
         draw=partial(draw_fresnel_criteria, tree),
+        values=partial(_criteria_tables, data),
     )
     yield Drawing(
         name="paper_eq27",
@@ -250,6 +252,20 @@ def _criteria_panel(axes: Axes, data: xr.Dataset, element: str) -> None:
     if np.isfinite(printed):
         axes.plot([printed, printed], [0, 1], linestyle="", marker="D", markersize=4.5, color=INK, zorder=5)
     axes.axhspan(-0.6, 1.5, color=FAINT, alpha=0.45, linewidth=0, zorder=0)
+
+
+def _criteria_tables(data: xr.Dataset) -> Tables:
+    elements = [str(name) for name in data["element"].values]
+    every = [_criteria(data, element) for element in elements]
+    rows = [(found[0][0], *(_ends_words(values) for _, values, _ in found)) for found in zip(*every, strict=True)]
+    columns = ("Criterion", *(element_title(data, element) for element in elements))
+    return (ValueTable(caption="Least f-numbers over the wavelengths", columns=columns, rows=tuple(rows)),)
+
+
+def _ends_words(values: FloatArray) -> str:
+    """The ends of a range of f-numbers; 0 stands where even the least compared one is good enough."""
+    low, high = (pretty(float(end), NUMBER) if end > 0.0 else "below all" for end in (values.min(), values.max()))
+    return low if low == high else f"{low} to {high}"
 
 
 def _criteria_words(data: xr.Dataset) -> str:

@@ -30,6 +30,7 @@ from tradestudy.figures.rank_acceptability import rank_drawing
 from tradestudy.figures.requirement_margins import margins_drawing
 from tradestudy.figures.style import CameraTrace, traces
 from tradestudy.figures.uncertainty_map import uncertainty_map_drawings
+from tradestudy.figures.value_tables import reading_tables
 from tradestudy.figures.worths import worths_drawing
 from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners
 from tradestudy.results.views.depth import field_words, largest_part, nominal, of_camera, swept, where_usable
@@ -252,6 +253,7 @@ def _readings(tree: xr.DataTree) -> Drawing:
         alt=f"Dot chart of the uncertainty of {numerator} over that of {denominator}, one row per reading, one mark "
         "per distance, three panels: noise and calibration, noise only, calibration only. " + "".join(sentences),
         draw=partial(readings.draw_readings, tree),
+        values=partial(reading_tables, tree, readings.WAY_TITLES),
     )
 
 
@@ -265,6 +267,7 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
             alt=f"Depth uncertainty at {place} over the swept {names}. "
             + "".join(f"{camera.title}: {_swept_words(tree, camera.key)}. " for camera in moved),
             draw=partial(sweeps.draw_sweep_map, tree),
+            values=partial(sweeps.map_tables, tree),
         )
     yield Drawing(
         name="pareto",

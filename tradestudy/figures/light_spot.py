@@ -27,6 +27,7 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
+from tradestudy.figures.value_tables import light_tables
 from tradestudy.light_methods import short_title
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.results.views.wave_optics import element_title, reference_method
@@ -60,6 +61,7 @@ def light_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
             "and a cut through the middle row of pixels.",
             alt="Images of a spot behind an array of microlenses. " + _image_words(data, reference),
             draw=partial(draw_light_spot, tree),
+            values=partial(light_tables, tree),
         )
     if "point_spread" in tree.children:
         spread = tree["point_spread"].to_dataset()

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import PANEL_TITLE, StudyFigure, new_figure, shortened, styled
+from tradestudy.figures.value_tables import picture_tables
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
 from tradestudy.wording import distance, listed
 
@@ -31,6 +32,7 @@ def pictures_drawing(tree: xr.DataTree) -> Drawing | None:
         alt=f"Pictures of the scene by {names}, each with a detail of {data.sizes['detail_row']} pixels and its true "
         f"depth, from {near} to {far}.",
         draw=lambda: draw_pictures(tree),
+        values=lambda: picture_tables(tree, shown),
     )
 
 

@@ -10,6 +10,7 @@ from matplotlib.ticker import FuncFormatter
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import StudyFigure, legend, new_figure, shortened, styled
+from tradestudy.figures.value_tables import rank_tables
 from tradestudy.results.views.trade_off import candidates_by_rank
 from tradestudy.units import FRACTION, pretty
 
@@ -28,6 +29,7 @@ def rank_drawing(tree: xr.DataTree) -> Drawing | None:
         caption="Share of the possible weights under which each candidate takes each rank, the first rank darkest.",
         alt=f"Share of the possible weights that rank each candidate first: {told}.",
         draw=lambda: draw_ranks(tree),
+        values=lambda: rank_tables(tree),
     )
 
 

@@ -33,9 +33,11 @@ from tradestudy.figures.style import (
     styled,
     traces,
 )
+from tradestudy.figures.value_tables import Tables, grid
 from tradestudy.results.views.depth import swept
 from tradestudy.results.views.designs import path_words
 from tradestudy.results.views.groups import FloatArray
+from tradestudy.units import LENGTH
 from tradestudy.wording import distance
 
 MM = 1e3
@@ -98,13 +100,36 @@ def draw_sweep_map(tree: xr.DataTree) -> StudyFigure:
 
     Of more than two, all but the two with the most values stand at their first value.
     """
-    place, moved = reference_distance(tree), moved_cameras(tree)
-    depth = tree["depth"].to_dataset().sel(distance=place, method="nearest")
-    dims = sorted(swept(tree["depth"].to_dataset()), key=lambda d: (-depth.sizes[d], d))
-    uncertainty = depth["depth_uncertainty"].isel(dict.fromkeys(dims[2:], 0))
+    (uncertainty, dims), moved = _mapped(tree), moved_cameras(tree)
     if len(dims) == 1:
         return _curves(tree, uncertainty, moved, dims[0])
     return _maps(tree, uncertainty, moved, (dims[0], dims[1]))
+
+
+def _mapped(tree: xr.DataTree) -> tuple[xr.DataArray, list[str]]:
+    """Uncertainty at the reference distance over the two swept parameters with the most values, and all of them."""
+    depth = tree["depth"].to_dataset().sel(distance=reference_distance(tree), method="nearest")
+    dims = sorted(swept(tree["depth"].to_dataset()), key=lambda d: (-depth.sizes[d], d))
+    return depth["depth_uncertainty"].isel(dict.fromkeys(dims[2:], 0)), dims
+
+
+def map_tables(tree: xr.DataTree) -> Tables:
+    """The numbers of the maps of `draw_sweep_map`; none where it draws curves."""
+    uncertainty, dims = _mapped(tree)
+    if len(dims) == 1:
+        return ()
+    columns, rows = ([shown_value(uncertainty[dim], value) for value in uncertainty[dim].values] for dim in dims[:2])
+    across, up = (path_words(tree, dim) for dim in dims[:2])
+    return tuple(
+        grid(
+            f"{camera.title}, {_uncertainty_label(tree)}: {up} down, {across} across",
+            [up, *columns],
+            rows,
+            uncertainty.sel(camera=camera.key).transpose(dims[1], dims[0]).values,
+            LENGTH,
+        )
+        for camera in moved_cameras(tree)
+    )
 
 
 def _curves(tree: xr.DataTree, uncertainty: xr.DataArray, moved: tuple[CameraTrace, ...], dim: str) -> StudyFigure:
