@@ -47,8 +47,9 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
     )
     yield Drawing(
         name="sobol-indices",
-        caption="Total (lines) and first-order (dotted) Sobol indices of inverse depth on the axis, over independent "
-        "sources. They show interactions, not shares: where sources interact, total indices sum to more than 1.",
+        caption="Total (lines) and first-order (rings) Sobol indices of inverse depth on the axis, of "
+        "the independent sources that reach 0.02. They show interactions, not shares: where sources interact, total "
+        "indices sum to more than 1.",
         alt="One chart per camera of total and first-order Sobol indices against distance. Largest total index at "
         f"{pretty(place, LENGTH)}: " + _index_words(tree, place),
         draw=partial(sensitivity.draw_indices, tree),

@@ -81,7 +81,7 @@ def draw_depth_maps(tree: xr.DataTree) -> StudyFigure:
             sharp.imshow(grey, cmap="gray", vmin=0.0, vmax=float(np.nanpercentile(grey, 99.5)))
         else:
             sharp.text(
-                0.5, 0.5, "makes no\nsharp picture", ha="center", va="center", transform=sharp.transAxes, color=SOFT
+                0.5, 0.5, "no all-in-focus\npicture", ha="center", va="center", transform=sharp.transAxes, color=SOFT
             )
         bare(deep, "measured depth")
         shape = cropped(one["map_hidden"].values).shape
@@ -95,7 +95,9 @@ def draw_depth_maps(tree: xr.DataTree) -> StudyFigure:
     if last is not None and hidden is not None:
         everything = panels.ravel().tolist()
         for shown, label in ((last, "measured depth [mm]"), (hidden, "hidden share")):
-            figure.colorbar(shown, ax=everything, label=label, location="bottom", fraction=0.02, aspect=60)
+            figure.colorbar(
+                shown, ax=everything, label=label, location="bottom", fraction=0.02, aspect=60, panchor=False
+            )
     return figure
 
 

@@ -176,7 +176,7 @@ def _shares(tree: xr.DataTree) -> Drawing:
         name="variance_shares",
         caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: they "
         "sum to 100 %, for correlated errors too). Grey: measurement noise, which averaging reduces; coloured: error "
-        "sources that averaging does not reduce."
+        "sources that averaging does not reduce; pale: not usable."
         + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
         + _design_words(tree),
         alt="One chart per camera of stacked shares against distance. " + _largest_shares(tree),

@@ -12,14 +12,13 @@ from matplotlib.collections import LineCollection
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.image import AxesImage
 
-from tradestudy.figures.curves import beneath
+from tradestudy.figures.curves import NamedCurve, beneath, name_ends
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import (
     PANEL_TITLE,
     SMALL,
     SOFT,
     StudyFigure,
-    legend,
     line_style,
     log_axis,
     new_figure,
@@ -99,7 +98,7 @@ def draw_light_spot(tree: xr.DataTree) -> StudyFigure:
     image = data["image"]
     exact = np.asarray(image.sel(propagator=reference).values, dtype=float)
     brightest = float(max(image.sel(propagator=method).max() for method in methods))
-    figure = new_figure(5.6 if others else 3.9)
+    figure = new_figure(6.3 if others else 4.3)
     grid = figure.add_gridspec(3 if others else 2, len(methods) + 1, width_ratios=[*[1.0] * len(methods), 0.07])
     for column, method in enumerate(methods):
         axes = figure.add_subplot(grid[0, column])
@@ -157,7 +156,7 @@ def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
     x = np.asarray(data["column"].values, dtype=float) * 1e6
     middle = data.sizes["row"] // 2
     top = float(data["image"].sel(propagator=methods[-1]).max())
-    names = [str(name) for name in data["propagator"].values]
+    styles = {str(name): line_style(order) for order, name in enumerate(data["propagator"].values)}
     cuts = [
         np.maximum(
             np.asarray(data["image"].sel(propagator=method).isel(row=middle).values, dtype=float) / top, _DARKEST
@@ -165,7 +164,7 @@ def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
         for method in methods
     ]
     for method, cut, under in zip(methods, cuts, beneath(cuts, (_DARKEST, 2.0)), strict=True):
-        style = line_style(names.index(method))
+        style = styles[method]
         axes.plot(
             x, cut, color=style.color, linestyle=style.dash, linewidth=1.2 + 1.2 * under, label=short_title(method)
         )
@@ -176,9 +175,8 @@ def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
         xlabel="place along the middle row of pixels (µm)",
         ylabel="light, brightest = 1",
     )
-    handles = [line_style(order).handle() for order in range(len(names))]
-    axes.legend(handles, [short_title(name) for name in names], ncols=len(names), loc="upper center",
-                bbox_to_anchor=(0.5, 1.22))  # fmt: skip
+    drawn = zip(methods, cuts, strict=True)
+    name_ends(axes, [NamedCurve(name=short_title(m), color=styles[m].color, x=x, y=cut) for m, cut in drawn])
 
 
 @styled()
@@ -186,7 +184,7 @@ def draw_point_spread(tree: xr.DataTree) -> StudyFigure:
     """Widths against each varied quantity; a row per lens."""
     data = tree["point_spread"].to_dataset()
     elements, varied = ([str(v) for v in data[name].values] for name in ("element", "varied"))
-    figure = new_figure(0.9 + 1.9 * len(elements))
+    figure = new_figure(0.5 + 1.9 * len(elements))
     panels = figure.subplots(len(elements), len(varied), squeeze=False, sharey="row")
     for row, element in enumerate(elements):
         for column, what in enumerate(varied):
@@ -195,10 +193,17 @@ def draw_point_spread(tree: xr.DataTree) -> StudyFigure:
         panels[row, 0].set_ylim(bottom=0)
     for axes, what in zip(panels[-1], varied, strict=True):
         axes.set_xlabel(_VARIED[what])
-    styles = [line_style(order) for order in range(len(_SPREADS))]
-    handles = [style.handle(linestyle="-", marker=style.marker, markersize=3.5) for style in styles]
-    legend(figure, handles, list(_SPREADS.values()), columns=4)
+    for axes, element in zip(panels[:, -1], elements, strict=True):
+        name_ends(axes, list(_widths(data.sel(element=element, varied=varied[-1]), _SHOWN_IN[varied[-1]])))
     return figure
+
+
+def _widths(data: xr.Dataset, scale: float) -> Iterator[NamedCurve]:
+    """The curves of a panel by Kirchhoff."""
+    place = scale * np.asarray(data["value"].values, dtype=float)
+    for order, (name, words) in enumerate(_SPREADS.items()):
+        values = 1e6 * np.asarray(data[name].sel(propagator="kirchhoff").values, dtype=float)
+        yield NamedCurve(name=words, color=line_style(order).color, x=place, y=values)
 
 
 def _spread_panel(axes: Axes, data: xr.Dataset, scale: float) -> None:
@@ -206,7 +211,7 @@ def _spread_panel(axes: Axes, data: xr.Dataset, scale: float) -> None:
     axes.axhline(1e6 * float(data.attrs["pixel_pitch"]), color=SOFT, linewidth=0.8)
     for method in ("fresnel", "kirchhoff"):
         exact = method == "kirchhoff"
-        for order, name in enumerate(_SPREADS):
+        for order, (name, words) in enumerate(_SPREADS.items()):
             style = line_style(order)
             axes.errorbar(
                 place,
@@ -221,6 +226,7 @@ def _spread_panel(axes: Axes, data: xr.Dataset, scale: float) -> None:
                 marker=style.marker if exact else None,
                 markersize=3,
                 elinewidth=0.7,
+                label=words if exact else f"{words}, Fresnel",
             )
 
 

@@ -54,7 +54,7 @@ def draw_pictures(tree: xr.DataTree) -> StudyFigure:
         bare(deep, "true depth")
         last = deep.imshow(cropped(depth[k]) * 1e3, cmap="cividis", vmin=ends[0] * 1e3, vmax=ends[1] * 1e3)
     if last is not None:
-        figure.colorbar(last, ax=panels[:, 2].tolist(), label="true depth [mm]", fraction=0.05)
+        figure.colorbar(last, ax=panels[:, 2].tolist(), label="true depth [mm]", fraction=0.05, panchor=False)
     return figure
 
 
@@ -82,6 +82,8 @@ def bare(axes: Axes, title: str) -> None:
     axes.set_xticks([])
     axes.set_yticks([])
     axes.grid(visible=False)
+    axes.spines[:].set_visible(False)
+    axes.set_anchor("NW")
 
 
 def cropped(values: FloatArray) -> FloatArray:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from textwrap import wrap
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from scipy.ndimage import gaussian_filter
 
 from tradestudy.figures.style import INK, SMALL, SOFT, StudyFigure, line_style, new_figure, styled
-from tradestudy.figures.value_tables import Tables, corner_tables, trace_tables
+from tradestudy.figures.value_tables import Tables, corner_tables, in_words, trace_tables
 from tradestudy.results.views.groups import FloatArray
 
 MOST_PARAMETERS = 6
 _BINS = 30
+_LETTERS = 13  # of a line of a name
 _CONTENTS = (0.865, 0.393)  # of a normal distribution in the plane within two and one standard deviations
 
 
@@ -87,7 +90,7 @@ def _present(draws: FloatArray) -> FloatArray:
 
 def _lines(name: str) -> str:
     """A name on short lines."""
-    return "\n".join(name.removesuffix("_px").split("_"))
+    return "\n".join(wrap(in_words(name), _LETTERS))
 
 
 def _marginal(axes: Axes, scores: FloatArray, laplace: float) -> None:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
 from tradestudy.figures.style import (
@@ -21,6 +22,7 @@ from tradestudy.figures.style import (
     line_style,
     log_axis,
     new_figure,
+    readable,
     shortened,
     styled,
 )
@@ -128,7 +130,7 @@ def _unbounded(axes: Axes, ratio: FloatArray) -> None:
                     xycoords=("axes fraction", "data"),
                     xytext=(side * (3 + 8 * count), 0),
                     textcoords="offset points",
-                    color=_place_color(int(place), places),
+                    color=readable(to_hex(_place_color(int(place), places))),
                     ha="left" if side > 0 else "right",
                     va="center",
                     fontsize=8,

@@ -165,4 +165,4 @@ def _mark_declared(axes: Axes, coordinate: xr.DataArray, *, upright: bool = True
 
 
 def _per_cent(value: float, _position: float | FloatArray) -> str:
-    return f"{value:+g} %" if value else "0"
+    return f"{value:+g} %".replace("-", "−") if value else "0"

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
-from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 from tradestudy.figures.curves import NamedCurve, name_ends
 from tradestudy.figures.fonts import printable
@@ -24,7 +22,6 @@ from tradestudy.figures.style import (
     StudyFigure,
     distance_label,
     distance_tick,
-    legend,
     length_tick,
     log_axis,
     new_figure,
@@ -177,6 +174,7 @@ def _maps(
     bar = figure.colorbar(
         ScalarMappable(norm=norm, cmap="cividis"), ax=panels.ravel().tolist(), format=FuncFormatter(length_tick)
     )
+    bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     bar.ax.minorticks_off()
     bar.set_label(_uncertainty_label(tree))
     return figure
@@ -212,12 +210,11 @@ def draw_pareto(tree: xr.DataTree) -> StudyFigure:
     axes = figure.subplots()
     shown = traces(tree)
     clouds = usable_designs(tree)
-    handles = []
+    drawn = []
     for camera in shown:
-        mark: dict[str, Any] = {"linestyle": "", "marker": camera.style.marker, "markersize": 5}
-        points = clouds[camera.key]
-        axes.plot(points[:, 0], points[:, 1] * MM, color=camera.style.color, label=printable(camera.title), **mark)
-        handles.append(camera.style.handle(**mark))
+        color, name, (near, sigma) = camera.style.color, printable(camera.title), clouds[camera.key].T
+        axes.plot(near, sigma * MM, linestyle="", marker=camera.style.marker, markersize=5, color=color, label=name)
+        drawn.append(NamedCurve(name=name, color=color, x=near, y=sigma * MM))
     designs = np.concatenate(list(clouds.values()))
     front = frontier(designs)
     axes.step(front[:, 0], front[:, 1] * MM, where="post", color=SOFT, linewidth=1.0, zorder=0.9)
@@ -225,8 +222,7 @@ def draw_pareto(tree: xr.DataTree) -> StudyFigure:
     log_axis(axes, "x", dense=True, tick=distance_tick(farthest))
     log_axis(axes, "y", dense=True, tick=length_tick)
     axes.set(xlabel=f"nearest usable {distance_label(farthest)}", ylabel=f"depth uncertainty at {distance(place)}")
-    handles.append(Line2D([], [], color=SOFT, linewidth=1.0))
-    legend(figure, handles, [*(camera.title for camera in shown), "no design is better in both"], columns=2)
+    name_ends(axes, drawn)
     return figure
 
 
