@@ -33,7 +33,7 @@ from tradestudy.figures.uncertainty_map import uncertainty_map_drawings
 from tradestudy.figures.value_tables import reading_tables
 from tradestudy.figures.worths import worths_drawing
 from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners
-from tradestudy.results.views.depth import field_words, largest_part, nominal, of_camera, swept, where_usable
+from tradestudy.results.views.depth import field_words, largest_parts, nominal, of_camera, swept, where_usable
 from tradestudy.results.views.designs import path_words
 from tradestudy.results.views.groups import camera_titles
 from tradestudy.units import LENGTH, pretty, significant
@@ -187,14 +187,12 @@ def _shares(tree: xr.DataTree) -> Drawing:
 def _largest_shares(tree: xr.DataTree) -> str:
     """The part with the largest share of the variance, and where that changes, for every camera."""
     depth = nominal(tree)
-    distances = np.asarray(depth["distance"].values, dtype=np.float64)
+    distances = np.asarray(depth["distance"].values, dtype=np.float64).tolist()
     sentences = []
     for camera in traces(tree):
-        stretches = [
-            (float(next(group)), part)
-            for part, group in itertools.groupby(distances, key=lambda z: largest_part(depth, camera.key, float(z)))
-            if part is not None
-        ]
+        largest = zip(distances, largest_parts(depth, camera.key), strict=True)
+        groups = itertools.groupby(largest, key=lambda one: one[1])
+        stretches = [(next(group)[0], part) for part, group in groups if part is not None]
         if stretches:
             words = [f"{part.replace('_', ' ')} from {distance(start)} on" for start, part in stretches]
             sentences.append(f"{camera.title}: {', '.join(words)}. ")

@@ -85,6 +85,15 @@ def largest_part(depth: xr.Dataset, camera: str, distance: float) -> str | None:
     return _largest(shares_at(depth, camera, distance), "part")
 
 
+def largest_parts(depth: xr.Dataset, camera: str) -> list[str | None]:
+    """The part with the largest share of the variance at every computed distance, None where no share is known."""
+    shares = np.asarray(depth["variance_share"].sel(camera=camera).transpose("distance", "part").values)
+    largest = np.argmax(np.where(np.isnan(shares), -np.inf, shares), axis=1)
+    names = [str(name) for name in depth["part"].values]
+    known = np.isfinite(shares).any(axis=1)
+    return [names[place] if there else None for place, there in zip(largest, known, strict=True)]
+
+
 def shares_at(depth: xr.Dataset, camera: str, distance: float) -> xr.DataArray:
     """The share of each part in the variance of inverse depth, at the computed distance nearest to `distance` [m]."""
     return depth["variance_share"].sel(camera=camera).sel(distance=distance, method="nearest")
