@@ -98,7 +98,7 @@ def draw_light_spot(tree: xr.DataTree) -> StudyFigure:
     image = data["image"]
     exact = np.asarray(image.sel(propagator=reference).values, dtype=float)
     brightest = float(max(image.sel(propagator=method).max() for method in methods))
-    figure = new_figure(6.3 if others else 4.3)
+    figure = new_figure(5.6 if others else 3.9)
     grid = figure.add_gridspec(3 if others else 2, len(methods) + 1, width_ratios=[*[1.0] * len(methods), 0.07])
     for column, method in enumerate(methods):
         axes = figure.add_subplot(grid[0, column])
@@ -135,7 +135,9 @@ def _picture(axes: Axes, data: xr.Dataset, values: FloatArray, colors: str, low:
     axes.grid(visible=False)
     color = "white" if colors == "inferno" else SOFT
     axes.add_collection(LineCollection(_cells(data), colors=color, linewidths=0.35, alpha=0.6), autolim=False)
-    axes.set_xticks([x[0] - step, 0, x[-1] + step], [f"{x[0] - step:.0f}", "0", f"{x[-1] + step:.0f} µm"])
+    ticks, (first, last) = [extent[0], 0.0, extent[1]], (f"{end:.0f}".replace("-", "−") for end in extent[:2])
+    is_left = axes.get_subplotspec().is_first_col()  # type: ignore[union-attr]  # it was added to a grid
+    axes.set_xticks(ticks, [first, "0", f"{last} µm"] if is_left else [""] * len(ticks))
     axes.set_yticks([])
     axes.spines[:].set_visible(False)
     return shown
