@@ -86,7 +86,8 @@ def _mark(order: int, count: int, *, filled: bool) -> Line2D:
         markersize=4.2,
         color=color,
         markerfacecolor=color if filled else "white",
-        markeredgewidth=0.9,
+        markeredgecolor=INK,  # seen on light and dark pages, as not every colour of the places is
+        markeredgewidth=0.6,
     )
 
 
