@@ -74,6 +74,7 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         alt="Charts of minimal f-number against extra path within one quarter wave. The first zero falls from "
         "infinity, the second one drifts by a fifth and jumps back. " + _sweep_words(data),
         draw=partial(draw_paper_eq27, tree),
+        values=partial(_zero_tables, data),
     )
 
 
@@ -268,6 +269,18 @@ def _criteria_tables(data: xr.Dataset) -> Tables:
     return (ValueTable(caption="Least f-numbers over the wavelengths", columns=columns, rows=tuple(rows)),)
 
 
+def _zero_tables(data: xr.Dataset) -> Tables:
+    elements = [str(name) for name in data["element"].values]
+    rows = []
+    for zero, name in _ZEROS.items():
+        for wave in data["wavelength"].values:
+            there = data["paper_eq27_sweep"].sel(zero=zero, wavelength=wave)
+            ends = [_ends_words(np.asarray(there.sel(element=element).values, dtype=float)) for element in elements]
+            rows.append((f"{name}, {pretty(float(wave), LENGTH)}", *ends))
+    columns = ("Zero", *(element_title(data, element) for element in elements))
+    return (ValueTable(caption="Least f-numbers of eq. 27 within a quarter wave", columns=columns, rows=tuple(rows)),)
+
+
 def _ends_words(values: FloatArray) -> str:
     """The ends of a range of f-numbers; 0 stands where even the least compared one is good enough."""
     low, high = (pretty(float(end), NUMBER) if end > 0.0 else "below all" for end in (values.min(), values.max()))
@@ -313,7 +326,6 @@ def draw_paper_eq27(tree: xr.DataTree) -> StudyFigure:
                     linestyle=style.dash,
                     linewidth=1.7 if middle else 0.7,
                     alpha=1.0 if middle else 0.6,
-                    label=f"{_ZEROS[zero]}, {pretty(float(wave), LENGTH)}",
                 )
                 if middle:
                     drawn.append(NamedCurve(name=_ZEROS[zero], color=style.color, x=x, y=y))
