@@ -6,21 +6,16 @@ from typing import Any
 import pytest
 
 from tests.browser.conftest import Open, Run
+from tests.browser.pages import WIDTHS, grave_findings
 
-GRAVE = ("serious", "critical")
 
-
-@pytest.mark.parametrize("width", [1280, 390], ids=["desktop", "phone"])
+@pytest.mark.parametrize("width", WIDTHS.values(), ids=WIDTHS)
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_pages_are_accessible(visit: Open, reports: list[Path], width: int, dark: bool) -> None:
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     for report in reports:
         with visit(report, width=width, dark=dark) as seen:
-            if (values := seen.page.locator("details.values summary")).count():
-                values.last.click()
-            found = axe.run(seen.page).response["violations"]
-            grave = {one["id"]: one["nodes"][0]["html"] for one in found if one["impact"] in GRAVE}
-            assert not grave, report
+            assert grave_findings(axe, seen.page) == {}, report
 
 
 def test_a_phone_scrolls_one_way(visit: Open, reports: list[Path]) -> None:

@@ -12,7 +12,14 @@ from tradestudy import provenance
 HERE = Path(__file__).parent
 
 
-def write(name: str, title: str, command: str, header: Sequence[str], rows: Sequence[Sequence[object]]) -> Path:
+def write(
+    name: str,
+    title: str,
+    command: str,
+    header: Sequence[str],
+    rows: Sequence[Sequence[object]],
+    folder: Path = HERE,
+) -> Path:
     """Write ``NAME.md``: when, with what, and a table of counts."""
     versions = ", ".join(f"{library} {version}" for library, version in provenance.versions().items())
     lines = [
@@ -26,6 +33,6 @@ def write(name: str, title: str, command: str, header: Sequence[str], rows: Sequ
         f"|{'---|' * len(header)}",
         *(f"| {' | '.join(map(str, row))} |" for row in rows),
     ]
-    path = HERE / f"{name}.md"
+    path = folder / f"{name}.md"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path

@@ -51,8 +51,10 @@ def test_the_figure_tells_its_numbers_in_words(tree: xr.DataTree) -> None:
     data = tree["hard_cases"].to_dataset()
     numbers = int((~data["outcome"].values.astype(bool)).sum())
     assert f"Scatter chart of {numbers} hard cases" in drawing.alt
-    axes = drawing.draw().axes[0]
-    marks = sum(line.get_xdata().size for line in axes.lines if line.get_linestyle() == "None")
+    panels = [axes for axes in drawing.draw().axes if axes.get_visible()]
+    assert [axes.get_title(loc="left") for axes in panels] == list(dict.fromkeys(data["family_title"].values))
+    lines = [line for axes in panels for line in axes.lines]
+    marks = sum(line.get_xdata().size for line in lines if line.get_linestyle() == "None")
     assert marks == numbers
 
 

@@ -14,7 +14,7 @@ from matplotlib.transforms import Bbox
 from tradestudy.figures.style import styled
 
 _TOUCH = 1.5  # points that boxes may share: letters fill less than their boxes
-_LEAST_LETTERS = 6.5  # points
+_LEAST_LETTERS = 7.0  # points
 
 
 def unreadable(figure: Figure) -> list[str]:

@@ -258,6 +258,7 @@ def test_sensitivity_is_drawn_at_every_place_in_the_field(make_tree: MakeTree) -
         "source_uncertainty": u,
         "first_index": np.broadcast_to(np.array([0.9, 0.1]), shape),
         "total_index": np.broadcast_to(np.array([0.9, 0.1]), shape),
+        "total_index_error": np.full(shape, 0.01),
         "parameter_refused": ["", "", "correlated"],
         "index_refused": np.full(shape[:3], ""),
     }
@@ -267,7 +268,9 @@ def test_sensitivity_is_drawn_at_every_place_in_the_field(make_tree: MakeTree) -
     assert "The largest on the axis: Raytrix R5, Keplerian: yaw, 20 mm." in drawn["tornado"].alt
     widths = [bar.get_width() for bar in drawn["tornado"].draw().axes[0].patches]
     np.testing.assert_allclose(widths, [20.0, 1.0, 40.0, 2.0])
-    assert drawn["sobol-indices"].draw().svg()
+    assert [row[0] for row in drawn["tornado"].values()[0].rows] == ["yaw", "pixel noise"]
+    names = [[text.get_text() for text in axes.texts] for axes in drawn["sobol-indices"].draw().axes[:3]]
+    assert names == [["yaw", "pixel noise"]] * 3
     assert table(report_of(tree), "refused-table") == [
         ["Stereo 100 mm, 65.24° across", "bars by parameter", "correlated"]
     ]

@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
 from tradestudy.figures.drawing import Curve
 from tradestudy.figures.plotted import plotted
 from tradestudy.figures.style import distance_axis, length_tick, log_axis, new_figure, styled
+from tradestudy.report.page_data import page_data
 
 
 def numbers(raw: bytes) -> list[float]:
@@ -48,3 +51,15 @@ def test_error_bars_are_the_band_of_their_marks(curves: dict[str, Curve]) -> Non
     bars = curves["c, band"]
     assert numbers(curves["c, points"].y) == [0.5]
     assert [*numbers(bars.y), *numbers(bars.top)] == pytest.approx([0.4, 0.6])
+
+
+def test_only_texts_at_data_move_with_them() -> None:
+    """On an axis from 0 to 1, data and shares of the panel are the same numbers."""
+    with styled():
+        figure = new_figure(2.0)
+        axes = figure.subplots()
+        axes.text(0.2, 0.2, "at data")
+        axes.text(0.5, 0.5, "in the panel", transform=axes.transAxes)
+        drawn = plotted(figure)
+    (anchor,) = json.loads(page_data({"figure": drawn}, {}))["figures"]["figure"][0]["anchors"]
+    assert anchor[1:] == [True, True]

@@ -10,6 +10,7 @@ import xarray as xr
 
 from tradestudy.figures import calibration_trust, posterior, ranks, sensitivity
 from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.value_tables import residual_tables, source_tables
 from tradestudy.results.views.depth import largest_source
 from tradestudy.results.views.groups import camera_titles, group, titles_in
 from tradestudy.units import LENGTH, pretty, significant
@@ -42,11 +43,13 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
         "of them alone would describe rigs that the calibration rules out.",
         alt="Bar charts of depth uncertainty by source, one per camera. The largest on the axis: " + "".join(sentences),
         draw=partial(sensitivity.draw_tornado, tree),
+        values=partial(source_tables, tree, place),
     )
     yield Drawing(
         name="sobol-indices",
-        caption="Total (lines) and first-order (dotted) Sobol indices of inverse depth on the axis, over independent "
-        "sources. They show interactions, not shares: where sources interact, total indices sum to more than 1.",
+        caption="Total (lines) and first-order (rings) Sobol indices of inverse depth on the axis, of "
+        "the independent sources that reach 0.02. They show interactions, not shares: where sources interact, total "
+        "indices sum to more than 1.",
         alt="One chart per camera of total and first-order Sobol indices against distance. Largest total index at "
         f"{pretty(place, LENGTH)}: " + _index_words(tree, place),
         draw=partial(sensitivity.draw_indices, tree),
@@ -122,6 +125,7 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
         alt=f"Corner plot of the posterior draws of {titles[name]}: {', '.join(n.replace('_', ' ') for n in shown)}. "
         + _tie_words(tree, name),
         draw=partial(posterior.draw_corner, tree, name),
+        values=partial(posterior.corner_values, tree, name),
     )
     yield Drawing(
         name=f"trace-{name}",
@@ -136,6 +140,7 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
         )
         + f"the largest R-hat is {float(np.nanmax(data['posterior_r_hat'].values)):.4f}.",
         draw=partial(posterior.draw_trace, tree, name),
+        values=partial(posterior.trace_values, tree, name),
     )
 
 
@@ -157,4 +162,5 @@ def _trust(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
         + ", ".join(f"{significant(float(one), 2)} at {where}" for one, where in zip(ratio, distances, strict=True))
         + ".",
         draw=partial(calibration_trust.draw_trust, tree, name),
+        values=partial(residual_tables, data["rig_residual"].values),
     )

@@ -25,7 +25,10 @@ def draw_trust(tree: xr.DataTree, posterior: str) -> StudyFigure:
         down, across = residuals.shape[1:3]
         x, y = np.meshgrid((np.arange(across) + 0.5) / across * columns, (np.arange(down) + 0.5) / down * rows)
         u, v = residuals[side, ..., 0], residuals[side, ..., 1]
-        arrows = axes.quiver(x, y, u, v, angles="xy", scale_units="xy", scale=_ARROW_PX / (columns / across))
+        arrows = axes.quiver(
+            x, y, u, v, angles="xy", scale_units="xy", scale=_ARROW_PX / (columns / across), clip_on=False
+        )
+        arrows.set_in_layout(False)  # arrows may reach beyond the picture
         axes.quiverkey(arrows, 0.85, 1.06, _ARROW_PX, f"{_ARROW_PX:g} px", labelpos="E", fontproperties={"size": SMALL})
         axes.set(xlim=(0.0, columns), ylim=(rows, 0.0), title=f"{title} picture", aspect="equal")
         axes.set(xlabel="x [px]", ylabel="y [px]" if side == 0 else "")

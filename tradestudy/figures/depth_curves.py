@@ -199,6 +199,7 @@ def draw_relative_guides(
     x = (np.log(distance) - left) / (right - left)
     known = [np.log(np.where(np.isfinite(curve) & (curve > 0.0), curve, np.nan) * MM) for curve in drawn]
     levels = [(curve - bottom) / (top - bottom) for curve in known]
+    slope = float(np.degrees(np.arctan2(tall / (top - bottom), wide / (right - left))))  # of a depth like its distance
     uprights = [(np.log(edge) - left) / (right - left) for edge in edges]
     for share, name in _GUIDES:
         guide = (np.log(share * distance * MM) - bottom) / (top - bottom)
@@ -206,9 +207,9 @@ def draw_relative_guides(
         width, height = _LETTER * SMALL * len(name) / wide, 1.6 * SMALL / tall
         place = _free_place(x, guide, levels, uprights, (width, height))
         if place is not None:
-            axes.annotate(
-                name, (place, float(np.interp(place, x, guide))), xycoords="axes fraction", color=SOFT, fontsize=SMALL,
-                ha="center", va="bottom",
+            axes.text(
+                place, float(np.interp(place, x, guide)), name, transform=axes.transAxes, color=SOFT, fontsize=SMALL,
+                ha="center", va="bottom", rotation_mode="anchor", rotation=slope,
             )  # fmt: skip
 
 

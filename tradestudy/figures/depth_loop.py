@@ -2,32 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
+from tradestudy.figures.curves import NamedCurve, name_ends
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import (
     FAINT,
     INK,
+    PANEL_TITLE,
     StudyFigure,
     distance_axis,
     distance_label,
-    legend,
     line_style,
     log_axis,
     new_figure,
     styled,
 )
-from tradestudy.results.views.groups import camera_titles, group, has
+from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
 from tradestudy.units import significant
 from tradestudy.wording import listed, span
 
 _TOLERANCE = 0.1  # of the spread that a fitted matcher should tell at other distances
 _LARGEST_BIAS = 0.05  # px
 _MARGIN = 1.1  # by which the axis reaches beyond the planes
+_LARGEST_MARK = 6.5  # points
+_PANELS = {
+    "Spread of depth": "of distance [%]",
+    "Spread over that by noise": "ratio",
+    "Standard deviation over that of the fitted matcher": "ratio",
+    "Bias of the disparity": "bias [px]",
+}
 
 
 def depth_loop_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
@@ -68,36 +76,32 @@ def draw_loop(tree: xr.DataTree) -> StudyFigure:
     distance = data["distance"].values
     ends = float(distance[0]), float(distance[-1])
     names = [titles[str(name)] for name in data["camera"].values]
-    figure = new_figure(6.4)
-    panels = figure.subplots(2, 2).ravel()
-    for axes, (title, label) in zip(
-        panels,
-        (
-            ("Spread of depth", "spread of depth / distance [%]"),
-            ("Over noise", "spread over that by noise"),
-            ("Over the fitted matcher", "standard deviation over the matcher's"),
-            ("Bias", "bias of the disparity [px]"),
-        ),
-        strict=True,
-    ):
-        axes.set(xlabel=distance_label(ends[1]), ylabel=label, title=title)
-        distance_axis(axes, (ends[0] / _MARGIN, ends[1] * _MARGIN))
+    figure = new_figure(6.6)
+    panels = list(figure.subplots(4, 1, sharex=True))
+    for axes, (title, label) in zip(panels, _PANELS.items(), strict=True):
+        axes.set_ylabel(label)
+        axes.set_title(title, fontsize=PANEL_TITLE)
+    distance_axis(panels[0], (ends[0] / _MARGIN, ends[1] * _MARGIN), dense=True)
+    panels[-1].set_xlabel(distance_label(ends[1]))
     log_axis(panels[0], "y")
     panels[1].axhline(1.0, color=INK, linewidth=0.6)
     panels[2].axhspan(1.0 - _TOLERANCE, 1.0 + _TOLERANCE, color=FAINT)
     panels[3].axhspan(-_LARGEST_BIAS, _LARGEST_BIAS, color=FAINT)
+    drawn: list[list[NamedCurve]] = [[] for _ in panels]
     for k in range(len(names)):
         for c in range(data.sizes["contrast"]):
             for e in range(data.sizes["electrons"]):
-                one = data.isel(camera=k, contrast=c, electrons=e)
-                _draw(list(panels), one, k, names[k])
-    handles = [line_style(k).handle(marker=line_style(k).marker, markersize=4) for k in range(len(names))]
-    legend(figure, handles, names, columns=min(len(names), 3))
+                found = tuple(_draw(panels, data.isel(camera=k, contrast=c, electrons=e), k, names[k]))
+        for curves, last in zip(drawn, found, strict=True):
+            curves.append(last)
+    for axes, curves in zip(panels, drawn, strict=True):
+        axes.set_ylim(axes.get_ylim())
+        name_ends(axes, curves)
     return figure
 
 
-def _draw(panels: list[Axes], one: xr.Dataset, order: int, label: str) -> None:
-    """One camera in one texture and light."""
+def _draw(panels: Sequence[Axes], one: xr.Dataset, order: int, label: str) -> Iterator[NamedCurve]:
+    """Draw one camera in one texture and light, and yield its values in each panel."""
     style = line_style(order)
     distance = one["distance"].values
     predicted = one["depth_predicted"].values / distance * 100.0
@@ -106,12 +110,9 @@ def _draw(panels: list[Axes], one: xr.Dataset, order: int, label: str) -> None:
     )
     scale = 100.0 / distance
     fitted = one["fitted"].values > 0.0
-    for axes, name, factor in (
-        (panels[0], "depth_spread", scale),
-        (panels[1], "depth_over_bound", np.ones_like(distance)),
-        (panels[2], "over_matcher", np.ones_like(distance)),
-        (panels[3], "depth_bias_px", np.ones_like(distance)),
-    ):
+    # What is drawn later is smaller, and what was not fitted is open, so that marks at one place are all seen.
+    size = max(_LARGEST_MARK - 1.5 * order, 3.0)
+    for axes, (name, factor) in zip(panels, _values(scale), strict=True):
         values, errors = one[name].values * factor, one[f"{name}_error"].values * factor
         for among, filled in ((fitted, True), (~fitted, False)):
             axes.errorbar(
@@ -120,9 +121,16 @@ def _draw(panels: list[Axes], one: xr.Dataset, order: int, label: str) -> None:
                 yerr=errors[among],
                 fmt=style.marker,
                 color=style.color,
-                markerfacecolor=style.color if filled else "white",
-                markersize=4,
+                markerfacecolor=style.color if filled else "none",
+                markersize=size,
                 elinewidth=1.0,
                 capsize=2.0,
                 label=label,
             )
+        yield NamedCurve(name=label, color=style.color, x=distance, y=values)
+
+
+def _values(scale: FloatArray) -> tuple[tuple[str, FloatArray], ...]:
+    """The variable of each panel, and what its values are multiplied by."""
+    same = np.ones_like(scale)
+    return ("depth_spread", scale), ("depth_over_bound", same), ("over_matcher", same), ("depth_bias_px", same)

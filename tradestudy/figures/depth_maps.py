@@ -12,6 +12,7 @@ from matplotlib.cm import ScalarMappable
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.pictures import bare, cropped, ends_of_depth
 from tradestudy.figures.style import FAINT, INK, SOFT, StudyFigure, line_style, new_figure, shortened, styled
+from tradestudy.figures.value_tables import depth_map_tables
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
 from tradestudy.units import LENGTH, pretty
 from tradestudy.wording import listed
@@ -36,6 +37,7 @@ def depth_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         alt="Measured depth, its error, and the hidden share of the surface, as pictures. Median error and half the "
         "central 68.27 % interval of the errors: " + _error_words(tree),
         draw=lambda: draw_depth_maps(tree),
+        values=lambda: depth_map_tables(tree),
     )
     yield Drawing(
         name="depth_achieved",
@@ -79,7 +81,7 @@ def draw_depth_maps(tree: xr.DataTree) -> StudyFigure:
             sharp.imshow(grey, cmap="gray", vmin=0.0, vmax=float(np.nanpercentile(grey, 99.5)))
         else:
             sharp.text(
-                0.5, 0.5, "makes no\nsharp picture", ha="center", va="center", transform=sharp.transAxes, color=SOFT
+                0.5, 0.5, "no all-in-focus\npicture", ha="center", va="center", transform=sharp.transAxes, color=SOFT
             )
         bare(deep, "measured depth")
         shape = cropped(one["map_hidden"].values).shape
@@ -93,7 +95,9 @@ def draw_depth_maps(tree: xr.DataTree) -> StudyFigure:
     if last is not None and hidden is not None:
         everything = panels.ravel().tolist()
         for shown, label in ((last, "measured depth [mm]"), (hidden, "hidden share")):
-            figure.colorbar(shown, ax=everything, label=label, location="bottom", fraction=0.02, aspect=60)
+            figure.colorbar(
+                shown, ax=everything, label=label, location="bottom", fraction=0.02, aspect=60, panchor=False
+            )
     return figure
 
 

@@ -31,6 +31,7 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
+from tradestudy.figures.value_tables import focus_tables
 from tradestudy.results.views.depth import by_first_criterion, sharp_ranges
 from tradestudy.results.views.groups import FloatArray, camera_titles
 from tradestudy.units import LENGTH, PIXELS, pretty
@@ -47,6 +48,7 @@ def focus_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         + " Right: the coarsest resolution within the scene; grey where not all of it is sharp.",
         alt="Bars of depth of field over working distance, one row per camera. " + _sharp_words(tree),
         draw=partial(draw_depth_of_field, tree),
+        values=partial(focus_tables, tree),
     )
     yield Drawing(
         name="lateral-resolution",

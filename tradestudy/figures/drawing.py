@@ -11,6 +11,15 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ValueTable:
+    """Numbers that a figure shows other than by curves, whose values pages read from :class:`Curve`. Literal texts."""
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Drawing:
     """One figure of a report.
 
@@ -24,12 +33,15 @@ class Drawing:
         What a person who sees the figure would notice, with its numbers. Literal text.
     draw
         Makes the figure.
+    values
+        Makes the tables of a figure with bars, arrows, maps or pictures.
     """
 
     name: str
     caption: str
     alt: str
     draw: Callable[[], StudyFigure]
+    values: Callable[[], tuple[ValueTable, ...]] = tuple
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,28 +9,29 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from tradestudy.figures.curves import beneath
-from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.curves import NamedCurve, beneath, name_ends
+from tradestudy.figures.drawing import Drawing, ValueTable
 from tradestudy.figures.style import (
     FAINT,
     INK,
     SMALL,
     SOFT,
     StudyFigure,
-    legend,
     line_style,
     new_figure,
     plain_number,
     shortened,
     styled,
 )
+from tradestudy.figures.value_tables import Tables
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.results.views.wave_optics import element_title, middle_window, published_place
-from tradestudy.units import FRACTION, LENGTH, pretty, significant
+from tradestudy.units import FRACTION, LENGTH, NUMBER, pretty, significant
 
+_ROOM = 1.4  # times beyond the largest and the least error
+_ZEROS = {"first": "smaller zero", "second": "bigger zero"}  # of eq. 27
 _F_NUMBERS = (1, 1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22, 32, 45, 64)
 _PERCENT = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 300, 1000, 3000, 10000)
 
@@ -51,7 +52,7 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         name="fresnel_error",
         caption=f"Measured error of Fresnel's point-spread function against f-number (the paper's Figure 6): summed "
         f"difference from Kirchhoff's over {window} Airy radii, in focus on the axis. Bands: {waves}. Stars: the "
-        "paper's values." + aside,
+        "paper's values. Dotted: the camera's f-number." + aside,
         alt="Log-log charts of error against f-number, one column per lens, one line per lens phase. " + _words(data),
         draw=partial(draw_fresnel_error, tree),
     )
@@ -59,18 +60,21 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         name="fresnel_criteria",
         caption="Least f-number at which Fresnel should be good enough: closed-form criteria, each over the "
         f"wavelengths of the study, and the f-number from which the measured error (as above, parabolic phase) stays "
-        f"below {pretty(data.attrs['error_limit'], FRACTION)}. Diamonds: as printed in the paper.",
+        f"below {pretty(data.attrs['error_limit'], FRACTION)}. Diamonds: as printed in the paper. Dotted: the "
+        "camera's f-number.",
         alt="Bar chart of least f-numbers, one panel per lens, one row per criterion. " + _criteria_words(data),
         draw=partial(draw_fresnel_criteria, tree),
+        values=partial(_criteria_tables, data),
     )
     yield Drawing(
         name="paper_eq27",
         caption="Why the printed criterion (eq. 27) cannot be trusted: both of its zeros while object and image "
         "distance together grow by a quarter of a wavelength, a fraction of a micrometre; then the picture repeats. "
-        f"Lines: {waves}. Dashed: the f-number printed in the paper.",
+        f"Lines: {waves}. Dashed: the f-number printed in the paper, which takes the bigger zero.",
         alt="Charts of minimal f-number against extra path within one quarter wave. The first zero falls from "
         "infinity, the second one drifts by a fifth and jumps back. " + _sweep_words(data),
         draw=partial(draw_paper_eq27, tree),
+        values=partial(_zero_tables, data),
     )
 
 
@@ -100,31 +104,30 @@ def draw_fresnel_error(tree: xr.DataTree) -> StudyFigure:
     data = tree["fresnel_validity"].to_dataset()
     rows = 2 if "off_axis_error" in data else 1
     elements = [str(name) for name in data["element"].values]
-    figure = new_figure(0.7 + 2.45 * rows)
+    figure = new_figure(0.3 + 2.45 * rows)
     panels = figure.subplots(rows, len(elements), squeeze=False, sharey="row", sharex=True)
     window = middle_window(data)
-    for column, element in enumerate(elements):
-        on_axis = data["psf_error"].sel(element=element, metric="l1", window=window)
-        _error_panel(panels[0, column], data, element, on_axis, on_axis_too=True)
-        panels[0, column].set_title(shortened(element_title(data, element)))
-        if rows == 2:
-            off = data["off_axis_error"].sel(element=element, metric="l1", window=window)
-            _error_panel(panels[1, column], data, element, off, on_axis_too=False)
-        panels[-1, column].set_xlabel("f-number")
+    errors = ("psf_error", "off_axis_error")[:rows]
+    for row, (line, name) in enumerate(zip(panels, errors, strict=True)):
+        shown = [
+            _error_panel(axes, data, element, data[name].sel(element=element, metric="l1", window=window), row == 0)
+            for axes, element in zip(line, elements, strict=True)
+        ]
+        known = np.concatenate([curve.y[curve.y > 0.0] for curves in shown for curve in curves])
+        line[0].set_ylim(float(known.min()) / _ROOM, float(known.max()) * _ROOM)  # of the whole row
+        for axes, curves in zip(line, shown, strict=True):
+            name_ends(axes, curves)
+    for axes, element in zip(panels[0], elements, strict=True):
+        axes.set_title(shortened(element_title(data, element)))
+    for axes in panels[-1]:
+        axes.set_xlabel("f-number")
     panels[0, 0].set_ylabel("error on the axis")
     if rows == 2:
         panels[1, 0].set_ylabel(f"error {np.degrees(data.attrs['field_angle']):.2g}° off the axis")
-    phases = [str(name) for name in data["lens_phase"].values]
-    handles = [
-        *(line_style(order).handle() for order in range(len(phases))),
-        Line2D([], [], linestyle="", marker="*", markersize=9, color=INK),
-        Line2D([], [], color=SOFT, linewidth=0.9, linestyle=(0, (1, 1.5))),
-    ]
-    legend(figure, handles, [*phases, "published", "the camera's f-number"], columns=5)
     return figure
 
 
-def _error_panel(axes: Axes, data: xr.Dataset, element: str, error: xr.DataArray, *, on_axis_too: bool) -> None:
+def _error_panel(axes: Axes, data: xr.Dataset, element: str, error: xr.DataArray, is_on_axis: bool) -> list[NamedCurve]:
     """Lines over f-number, one per lens phase; bands where the error has a wavelength dimension."""
     f_number = np.asarray(data["f_number"].values, dtype=float)
     _f_number_axis(axes, f_number)
@@ -158,11 +161,9 @@ def _error_panel(axes: Axes, data: xr.Dataset, element: str, error: xr.DataArray
         f"{plain_number(limit)} %", (f_number[-1], limit), xytext=(-2, 2), textcoords="offset points", ha="right",
         fontsize=SMALL, color=INK,
     )  # fmt: skip
-    axes.axvline(
-        float(data["camera_f_number"].sel(element=element)), color=SOFT, linewidth=0.9, linestyle=(0, (1, 1.5))
-    )
+    _mark_camera(axes, data, element)
     published = data[["published_f_number", "published_error"]].sel(element=element)
-    if on_axis_too and np.isfinite(float(published["published_error"])):
+    if is_on_axis and np.isfinite(float(published["published_error"])):
         axes.plot(
             float(published["published_f_number"]),
             100 * float(published["published_error"]),
@@ -172,6 +173,16 @@ def _error_panel(axes: Axes, data: xr.Dataset, element: str, error: xr.DataArray
             markeredgecolor="white",
             zorder=5,
         )
+    return [
+        NamedCurve(name=phase, color=line_style(order).color, x=f_number, y=values)
+        for order, (phase, values) in enumerate(zip(phases, middle, strict=True))
+    ]
+
+
+def _mark_camera(axes: Axes, data: xr.Dataset, element: str) -> None:
+    """The f-number of the camera as a dotted line."""
+    camera = float(data["camera_f_number"].sel(element=element))
+    axes.axvline(camera, color=SOFT, linewidth=0.9, linestyle=(0, (1, 1.5)))
 
 
 def _f_number_axis(axes: Axes, inside: FloatArray) -> None:
@@ -229,9 +240,7 @@ def _criteria_panel(axes: Axes, data: xr.Dataset, element: str) -> None:
     _f_number_axis(axes, np.array([low, high]))
     axes.xaxis.set_major_locator(FixedLocator(_F_NUMBERS[::2]))
     axes.grid(visible=False, axis="y")
-    axes.axvline(
-        float(data["camera_f_number"].sel(element=element)), color=SOFT, linewidth=0.9, linestyle=(0, (1, 1.5))
-    )
+    _mark_camera(axes, data, element)
     for row, (_, values, measured) in enumerate(_criteria(data, element)):
         color = line_style(0).color if measured else (line_style(1).color if row < 2 else SOFT)
         if np.all(values == 0):  # below the limit wherever it was compared
@@ -250,6 +259,32 @@ def _criteria_panel(axes: Axes, data: xr.Dataset, element: str) -> None:
     if np.isfinite(printed):
         axes.plot([printed, printed], [0, 1], linestyle="", marker="D", markersize=4.5, color=INK, zorder=5)
     axes.axhspan(-0.6, 1.5, color=FAINT, alpha=0.45, linewidth=0, zorder=0)
+
+
+def _criteria_tables(data: xr.Dataset) -> Tables:
+    elements = [str(name) for name in data["element"].values]
+    every = [_criteria(data, element) for element in elements]
+    rows = [(found[0][0], *(_ends_words(values) for _, values, _ in found)) for found in zip(*every, strict=True)]
+    columns = ("Criterion", *(element_title(data, element) for element in elements))
+    return (ValueTable(caption="Least f-numbers over the wavelengths", columns=columns, rows=tuple(rows)),)
+
+
+def _zero_tables(data: xr.Dataset) -> Tables:
+    elements = [str(name) for name in data["element"].values]
+    rows = []
+    for zero, name in _ZEROS.items():
+        for wave in data["wavelength"].values:
+            there = data["paper_eq27_sweep"].sel(zero=zero, wavelength=wave)
+            ends = [_ends_words(np.asarray(there.sel(element=element).values, dtype=float)) for element in elements]
+            rows.append((f"{name}, {pretty(float(wave), LENGTH)}", *ends))
+    columns = ("Zero", *(element_title(data, element) for element in elements))
+    return (ValueTable(caption="Least f-numbers of eq. 27 within a quarter wave", columns=columns, rows=tuple(rows)),)
+
+
+def _ends_words(values: FloatArray) -> str:
+    """The ends of a range of f-numbers; 0 stands where even the least compared one is good enough."""
+    low, high = (pretty(float(end), NUMBER) if end > 0.0 else "below all" for end in (values.min(), values.max()))
+    return low if low == high else f"{low} to {high}"
 
 
 def _criteria_words(data: xr.Dataset) -> str:
@@ -278,18 +313,22 @@ def draw_paper_eq27(tree: xr.DataTree) -> StudyFigure:
         sweep = data["paper_eq27_sweep"].sel(element=element)
         printed = float(data["published_minimum"].sel(element=element))
         top = 1.15 * max(float(sweep.sel(zero="second").max()) * 1.6, printed if np.isfinite(printed) else 0.0)
+        drawn: list[NamedCurve] = []
         for number, wave in enumerate(waves):
-            for order, zero in enumerate(("first", "second")):
+            for order, zero in enumerate(_ZEROS):
                 values = np.asarray(sweep.sel(zero=zero, wavelength=wave).values, dtype=float)
                 style, middle = line_style(order), number == (len(waves) - 1) // 2
+                x, y = np.concatenate([share, 1 + share]), np.concatenate([values, values])
                 axes.plot(
-                    np.concatenate([share, 1 + share]),
-                    np.concatenate([values, values]),
+                    x,
+                    y,
                     color=style.color,
                     linestyle=style.dash,
                     linewidth=1.7 if middle else 0.7,
                     alpha=1.0 if middle else 0.6,
                 )
+                if middle:
+                    drawn.append(NamedCurve(name=_ZEROS[zero], color=style.color, x=x, y=y))
         if np.isfinite(printed):
             axes.axhline(printed, color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
             axes.annotate(
@@ -302,9 +341,8 @@ def draw_paper_eq27(tree: xr.DataTree) -> StudyFigure:
             title=shortened(element_title(data, element)),
             xlabel="longer path, in quarter waves",
         )
+        name_ends(axes, drawn)
     panels[0].set_ylabel("minimal f-number of eq. 27")
-    handles = [line_style(order).handle() for order in range(2)]
-    legend(figure, handles, ["smaller zero", "bigger zero, which the paper takes"], columns=2)
     return figure
 
 

@@ -30,6 +30,7 @@ from tradestudy.figures.rank_acceptability import rank_drawing
 from tradestudy.figures.requirement_margins import margins_drawing
 from tradestudy.figures.style import CameraTrace, traces
 from tradestudy.figures.uncertainty_map import uncertainty_map_drawings
+from tradestudy.figures.value_tables import reading_tables
 from tradestudy.figures.worths import worths_drawing
 from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners
 from tradestudy.results.views.depth import field_words, largest_parts, nominal, of_camera, swept, where_usable
@@ -175,7 +176,7 @@ def _shares(tree: xr.DataTree) -> Drawing:
         name="variance_shares",
         caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: they "
         "sum to 100 %, for correlated errors too). Grey: measurement noise, which averaging reduces; coloured: error "
-        "sources that averaging does not reduce."
+        "sources that averaging does not reduce; pale: not usable."
         + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
         + _design_words(tree),
         alt="One chart per camera of stacked shares against distance. " + _largest_shares(tree),
@@ -186,17 +187,13 @@ def _shares(tree: xr.DataTree) -> Drawing:
 def _largest_shares(tree: xr.DataTree) -> str:
     """The part with the largest share of the variance, and where that changes, for every camera."""
     depth = nominal(tree)
-    distances = np.asarray(depth["distance"].values, dtype=np.float64)
+    distances = np.asarray(depth["distance"].values, dtype=np.float64).tolist()
     sentences = []
     largest = dict(zip(map(str, depth["camera"].values), largest_parts(depth)[0], strict=True))
     for camera in traces(tree):
-        stretches = [
-            (float(next(group)[0]), part)
-            for part, group in itertools.groupby(
-                zip(distances, largest[camera.key], strict=True), key=lambda place: place[1]
-            )
-            if part is not None
-        ]
+        places = zip(distances, largest[camera.key], strict=True)
+        groups = itertools.groupby(places, key=lambda one: one[1])
+        stretches = [(next(group)[0], part) for part, group in groups if part is not None]
         if stretches:
             words = [f"{part.replace('_', ' ')} from {distance(start)} on" for start, part in stretches]
             sentences.append(f"{camera.title}: {', '.join(words)}. ")
@@ -255,6 +252,7 @@ def _readings(tree: xr.DataTree) -> Drawing:
         alt=f"Dot chart of the uncertainty of {numerator} over that of {denominator}, one row per reading, one mark "
         "per distance, three panels: noise and calibration, noise only, calibration only. " + "".join(sentences),
         draw=partial(readings.draw_readings, tree),
+        values=partial(reading_tables, tree, readings.WAY_TITLES),
     )
 
 
@@ -268,6 +266,7 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
             alt=f"Depth uncertainty at {place} over the swept {names}. "
             + "".join(f"{camera.title}: {_swept_words(tree, camera.key)}. " for camera in moved),
             draw=partial(sweeps.draw_sweep_map, tree),
+            values=partial(sweeps.map_tables, tree),
         )
     yield Drawing(
         name="pareto",

@@ -9,13 +9,22 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.figures.style import FAINT, SOFT, StudyFigure, legend, line_style, new_figure, styled
+from tradestudy.figures.style import (
+    FAINT,
+    PANEL_TITLE,
+    PANELS_IN_A_ROW,
+    SOFT,
+    StudyFigure,
+    line_style,
+    new_figure,
+    styled,
+)
 from tradestudy.results.views.groups import FloatArray
 
 # Errors live between these powers of ten; an exact value and a wrong infinity have places of their own beside them.
 _LOWEST, _HIGHEST = -18.0, 4.0
 _EXACT, _WRONG = -20.0, 6.0
-_TICKS = (-16, -12, -8, -4, 0)
+_TICKS = (-12, 0)
 
 
 def hard_cases_drawing(tree: xr.DataTree) -> Drawing:
@@ -26,10 +35,10 @@ def hard_cases_drawing(tree: xr.DataTree) -> Drawing:
     bound = np.asarray(numbers["bound"].values, dtype=float)
     return Drawing(
         name="hard_cases",
-        caption="Relative error of the usual formula (across) against that of this program (up), one mark per case "
-        "with a number as its answer. On the dashed line both are equally accurate; the dotted line is 10⁻¹², the "
-        "bound for well-conditioned cases. “Wrong”: infinite or NaN although a value exists, a value although none "
-        "exists, or an exception.",
+        caption="Relative error of the usual formula (across) against that of this program (up): a chart for each "
+        "family, one mark per case with a number as its answer. On the dashed line both are equally accurate; the "
+        "dotted line is 10⁻¹², the bound for well-conditioned cases. “Wrong”: infinite or NaN although a value exists, "
+        "a value although none exists, or an exception.",
         alt=f"Scatter chart of {naive.size} hard cases. The usual formula is beyond the bound in "
         f"{int((~(naive <= bound)).sum())} of them and gives no number at all in {int(np.isinf(naive).sum())}; this "
         f"program is beyond it in {int((~(ours <= bound)).sum())}. Its largest error is "
@@ -40,21 +49,26 @@ def hard_cases_drawing(tree: xr.DataTree) -> Drawing:
 
 @styled()
 def draw_hard_cases(tree: xr.DataTree) -> StudyFigure:
-    """Our error against that of the usual formula."""
+    """Our error against that of the usual formula, a panel for each family of cases."""
     data = tree["hard_cases"].to_dataset()
     data = data.isel(case=np.flatnonzero(~data["outcome"].values.astype(bool)))
-    figure = new_figure(3.6)
-    axes = figure.subplots()
-    _frame(axes)
     families = list(dict.fromkeys(str(name) for name in data["family_title"].values))
-    handles = []
-    for order, family in enumerate(families):
+    rows = -(-len(families) // PANELS_IN_A_ROW)
+    figure = new_figure(0.5 + 1.6 * rows)
+    grid = figure.subplots(rows, PANELS_IN_A_ROW, sharex=True, sharey=True, squeeze=False)
+    for order, (axes, family) in enumerate(zip(grid.flat, families, strict=False)):
+        _frame(axes)
         cases = data.isel(case=np.flatnonzero(data["family_title"].values == family))
         x, y = (_placed(np.asarray(cases[name].values, dtype=float)) for name in ("naive_error", "our_error"))
         style = line_style(order)
-        axes.plot(x, y, linestyle="", marker=style.marker, markersize=3.6, color=style.color, alpha=0.8, label=family)
-        handles.append(style.handle(linestyle="", marker=style.marker, markersize=3.6))
-    legend(figure, handles, families, columns=4)
+        axes.plot(x, y, linestyle="", marker=style.marker, markersize=4, color=style.color, alpha=0.6, label=family)
+        axes.set_title(family, fontsize=PANEL_TITLE)
+    for axes in grid.flat[len(families) :]:
+        axes.set_visible(False)
+    for axes in grid.flat[: len(families)][-PANELS_IN_A_ROW:]:  # the lowest of each column
+        axes.tick_params(labelbottom=True)
+    figure.supxlabel("relative error of the usual formula", fontsize="medium")
+    figure.supylabel("relative error of this program", fontsize="medium")
     return figure
 
 
@@ -71,7 +85,6 @@ def _frame(axes: Axes) -> None:
     for edge in (_LOWEST - 0.5, _HIGHEST + 0.5):
         axes.axhline(edge, color=FAINT, linewidth=0.8)
         axes.axvline(edge, color=FAINT, linewidth=0.8)
-    axes.set(xlabel="relative error of the usual formula", ylabel="relative error of this program")
 
 
 def _placed(error: FloatArray) -> FloatArray:

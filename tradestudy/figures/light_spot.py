@@ -12,14 +12,13 @@ from matplotlib.collections import LineCollection
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.image import AxesImage
 
-from tradestudy.figures.curves import beneath
+from tradestudy.figures.curves import NamedCurve, beneath, name_ends
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import (
     PANEL_TITLE,
     SMALL,
     SOFT,
     StudyFigure,
-    legend,
     line_style,
     log_axis,
     new_figure,
@@ -27,6 +26,7 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
+from tradestudy.figures.value_tables import light_tables
 from tradestudy.light_methods import short_title
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.results.views.wave_optics import element_title, reference_method
@@ -60,6 +60,7 @@ def light_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
             "and a cut through the middle row of pixels.",
             alt="Images of a spot behind an array of microlenses. " + _image_words(data, reference),
             draw=partial(draw_light_spot, tree),
+            values=partial(light_tables, tree),
         )
     if "point_spread" in tree.children:
         spread = tree["point_spread"].to_dataset()
@@ -134,7 +135,9 @@ def _picture(axes: Axes, data: xr.Dataset, values: FloatArray, colors: str, low:
     axes.grid(visible=False)
     color = "white" if colors == "inferno" else SOFT
     axes.add_collection(LineCollection(_cells(data), colors=color, linewidths=0.35, alpha=0.6), autolim=False)
-    axes.set_xticks([x[0] - step, 0, x[-1] + step], [f"{x[0] - step:.0f}", "0", f"{x[-1] + step:.0f} µm"])
+    ticks, (first, last) = [extent[0], 0.0, extent[1]], (f"{end:.0f}".replace("-", "−") for end in extent[:2])
+    is_left = axes.get_subplotspec().is_first_col()  # type: ignore[union-attr]  # it was added to a grid
+    axes.set_xticks(ticks, [first, "0", f"{last} µm"] if is_left else [""] * len(ticks))
     axes.set_yticks([])
     axes.spines[:].set_visible(False)
     return shown
@@ -155,7 +158,7 @@ def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
     x = np.asarray(data["column"].values, dtype=float) * 1e6
     middle = data.sizes["row"] // 2
     top = float(data["image"].sel(propagator=methods[-1]).max())
-    names = [str(name) for name in data["propagator"].values]
+    styles = {str(name): line_style(order) for order, name in enumerate(data["propagator"].values)}
     cuts = [
         np.maximum(
             np.asarray(data["image"].sel(propagator=method).isel(row=middle).values, dtype=float) / top, _DARKEST
@@ -163,7 +166,7 @@ def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
         for method in methods
     ]
     for method, cut, under in zip(methods, cuts, beneath(cuts, (_DARKEST, 2.0)), strict=True):
-        style = line_style(names.index(method))
+        style = styles[method]
         axes.plot(
             x, cut, color=style.color, linestyle=style.dash, linewidth=1.2 + 1.2 * under, label=short_title(method)
         )
@@ -174,9 +177,8 @@ def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
         xlabel="place along the middle row of pixels (µm)",
         ylabel="light, brightest = 1",
     )
-    handles = [line_style(order).handle() for order in range(len(names))]
-    axes.legend(handles, [short_title(name) for name in names], ncols=len(names), loc="upper center",
-                bbox_to_anchor=(0.5, 1.22))  # fmt: skip
+    drawn = zip(methods, cuts, strict=True)
+    name_ends(axes, [NamedCurve(name=short_title(m), color=styles[m].color, x=x, y=cut) for m, cut in drawn])
 
 
 @styled()
@@ -184,7 +186,7 @@ def draw_point_spread(tree: xr.DataTree) -> StudyFigure:
     """Widths against each varied quantity; a row per lens."""
     data = tree["point_spread"].to_dataset()
     elements, varied = ([str(v) for v in data[name].values] for name in ("element", "varied"))
-    figure = new_figure(0.9 + 1.9 * len(elements))
+    figure = new_figure(0.5 + 1.9 * len(elements))
     panels = figure.subplots(len(elements), len(varied), squeeze=False, sharey="row")
     for row, element in enumerate(elements):
         for column, what in enumerate(varied):
@@ -193,10 +195,17 @@ def draw_point_spread(tree: xr.DataTree) -> StudyFigure:
         panels[row, 0].set_ylim(bottom=0)
     for axes, what in zip(panels[-1], varied, strict=True):
         axes.set_xlabel(_VARIED[what])
-    styles = [line_style(order) for order in range(len(_SPREADS))]
-    handles = [style.handle(linestyle="-", marker=style.marker, markersize=3.5) for style in styles]
-    legend(figure, handles, list(_SPREADS.values()), columns=4)
+    for axes, element in zip(panels[:, -1], elements, strict=True):
+        name_ends(axes, list(_widths(data.sel(element=element, varied=varied[-1]), _SHOWN_IN[varied[-1]])))
     return figure
+
+
+def _widths(data: xr.Dataset, scale: float) -> Iterator[NamedCurve]:
+    """The curves of a panel by Kirchhoff."""
+    place = scale * np.asarray(data["value"].values, dtype=float)
+    for order, (name, words) in enumerate(_SPREADS.items()):
+        values = 1e6 * np.asarray(data[name].sel(propagator="kirchhoff").values, dtype=float)
+        yield NamedCurve(name=words, color=line_style(order).color, x=place, y=values)
 
 
 def _spread_panel(axes: Axes, data: xr.Dataset, scale: float) -> None:
@@ -204,7 +213,7 @@ def _spread_panel(axes: Axes, data: xr.Dataset, scale: float) -> None:
     axes.axhline(1e6 * float(data.attrs["pixel_pitch"]), color=SOFT, linewidth=0.8)
     for method in ("fresnel", "kirchhoff"):
         exact = method == "kirchhoff"
-        for order, name in enumerate(_SPREADS):
+        for order, (name, words) in enumerate(_SPREADS.items()):
             style = line_style(order)
             axes.errorbar(
                 place,
@@ -219,6 +228,7 @@ def _spread_panel(axes: Axes, data: xr.Dataset, scale: float) -> None:
                 marker=style.marker if exact else None,
                 markersize=3,
                 elinewidth=0.7,
+                label=words if exact else f"{words}, Fresnel",
             )
 
 

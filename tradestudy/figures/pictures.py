@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import PANEL_TITLE, StudyFigure, new_figure, shortened, styled
+from tradestudy.figures.value_tables import picture_tables
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
 from tradestudy.wording import distance, listed
 
@@ -31,6 +32,7 @@ def pictures_drawing(tree: xr.DataTree) -> Drawing | None:
         alt=f"Pictures of the scene by {names}, each with a detail of {data.sizes['detail_row']} pixels and its true "
         f"depth, from {near} to {far}.",
         draw=lambda: draw_pictures(tree),
+        values=lambda: picture_tables(tree, shown),
     )
 
 
@@ -52,7 +54,7 @@ def draw_pictures(tree: xr.DataTree) -> StudyFigure:
         bare(deep, "true depth")
         last = deep.imshow(cropped(depth[k]) * 1e3, cmap="cividis", vmin=ends[0] * 1e3, vmax=ends[1] * 1e3)
     if last is not None:
-        figure.colorbar(last, ax=panels[:, 2].tolist(), label="true depth [mm]", fraction=0.05)
+        figure.colorbar(last, ax=panels[:, 2].tolist(), label="true depth [mm]", fraction=0.05, panchor=False)
     return figure
 
 
@@ -80,6 +82,8 @@ def bare(axes: Axes, title: str) -> None:
     axes.set_xticks([])
     axes.set_yticks([])
     axes.grid(visible=False)
+    axes.spines[:].set_visible(False)
+    axes.set_anchor("NW")
 
 
 def cropped(values: FloatArray) -> FloatArray:

@@ -127,7 +127,7 @@ def _curves(axes: Axes, artist: Artist, name: str, errors: Mapping[Line2D, tuple
     common: dict[str, Any] = {"id": _identifier(artist), "name": name, "label": label}
     if not name and (not label or isinstance(artist, Text)):
         return
-    if isinstance(artist, Line2D) and artist.get_transform() == axes.transData:
+    if isinstance(artist, Line2D) and artist.get_transform() is axes.transData:
         x, y = (np.asarray(one, dtype=np.float64) for one in artist.get_data())
         line: Any = artist.get_color()
         kind = "points" if artist.get_linestyle() in ("None", "", " ") else "line"
@@ -179,7 +179,7 @@ def _moves(axes: Axes, text: Text) -> tuple[bool, bool]:
     """Whether a text stands at data along x and along y."""
     of = getattr(text, "xycoords", None)
     if of is None:
-        at_data = text.get_transform() == axes.transData
+        at_data = text.get_transform() is axes.transData
         return at_data, at_data
     across, up = of if isinstance(of, tuple) else (of, of)
     beside = getattr(text, "anncoords", "data") == "axes fraction"  # a name beside the panel stays there

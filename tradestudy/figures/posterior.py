@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from textwrap import wrap
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
 from tradestudy.figures.style import INK, SMALL, SOFT, StudyFigure, line_style, new_figure, styled
+from tradestudy.figures.value_tables import Tables, corner_tables, in_words, trace_tables
 from tradestudy.results.views.groups import FloatArray
 
 MOST_PARAMETERS = 6
 _BINS = 30
+_LETTERS = 13  # of a line of a name
 _CONTENTS = (0.865, 0.393)  # of a normal distribution in the plane within two and one standard deviations
 
 
@@ -71,6 +75,13 @@ def draw_corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
     return figure
 
 
+def corner_values(tree: xr.DataTree, posterior: str) -> Tables:
+    """The numbers of `draw_corner`."""
+    names = shown_parameters(tree, posterior)
+    data = tree["calibration"].to_dataset().sel(posterior=posterior, parameter=list(names))
+    return corner_tables(names, data, _present(np.asarray(data["posterior_draw"].values, dtype=np.float64)))
+
+
 def _present(draws: FloatArray) -> FloatArray:
     """The draws that exist; short chains are padded with NaN."""
     return np.asarray(draws[np.isfinite(draws).all(axis=1)])
@@ -78,7 +89,7 @@ def _present(draws: FloatArray) -> FloatArray:
 
 def _lines(name: str) -> str:
     """A name on short lines."""
-    return "\n".join(name.removesuffix("_px").split("_"))
+    return "\n".join(wrap(in_words(name), _LETTERS))
 
 
 def _marginal(axes: Axes, scores: FloatArray, laplace: float) -> None:
@@ -110,13 +121,23 @@ def _plane(axes: Axes, x: FloatArray, y: FloatArray) -> None:
     axes.set(ylim=(-3.5, 3.5), yticks=[-2, 0, 2])
 
 
+def trace_values(tree: xr.DataTree, posterior: str) -> Tables:
+    """The numbers of `draw_trace`."""
+    return trace_tables(shown_parameters(tree, posterior), _walks(tree, posterior))
+
+
+def _walks(tree: xr.DataTree, posterior: str) -> FloatArray:
+    """First walker of every ensemble, in standard deviations from the mean: shape (ensemble, step, parameter)."""
+    names = list(shown_parameters(tree, posterior))
+    data = tree["calibration"].to_dataset().sel(posterior=posterior, parameter=names)
+    walks = np.asarray(data["posterior_trace"].values, dtype=np.float64)
+    return np.asarray((walks - data["posterior_mean"].values) / data["posterior_deviation"].values)
+
+
 @styled()
 def draw_trace(tree: xr.DataTree, posterior: str) -> StudyFigure:
     """First walker of every ensemble, in standard deviations from the mean, over the kept steps."""
-    names = shown_parameters(tree, posterior)
-    data = tree["calibration"].to_dataset().sel(posterior=posterior, parameter=list(names))
-    walks = np.asarray(data["posterior_trace"].values, dtype=np.float64)
-    scores = (walks - np.asarray(data["posterior_mean"].values)) / np.asarray(data["posterior_deviation"].values)
+    names, scores = shown_parameters(tree, posterior), _walks(tree, posterior)
     figure = new_figure(0.5 + 0.55 * len(names))
     panels = figure.subplots(len(names), 1, sharex=True, sharey=True, squeeze=False).ravel()
     share = np.linspace(0.0, 1.0, scores.shape[1])

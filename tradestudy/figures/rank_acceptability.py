@@ -5,16 +5,18 @@ from __future__ import annotations
 import matplotlib
 import numpy as np
 import xarray as xr
-from matplotlib.patches import Patch
+from matplotlib.colors import to_hex
 from matplotlib.ticker import FuncFormatter
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.figures.style import StudyFigure, legend, new_figure, shortened, styled
+from tradestudy.figures.style import DECLARED, SMALL, StudyFigure, letters_on, new_figure, shortened, styled
+from tradestudy.figures.value_tables import rank_tables
 from tradestudy.results.views.trade_off import candidates_by_rank
 from tradestudy.units import FRACTION, pretty
 
 _MOST = 10
 _LONGEST = 40
+_LEAST_NAMED = 9.0  # per cent: a part of a bar that holds its name
 
 
 def rank_drawing(tree: xr.DataTree) -> Drawing | None:
@@ -28,6 +30,7 @@ def rank_drawing(tree: xr.DataTree) -> Drawing | None:
         caption="Share of the possible weights under which each candidate takes each rank, the first rank darkest.",
         alt=f"Share of the possible weights that rank each candidate first: {told}.",
         draw=lambda: draw_ranks(tree),
+        values=lambda: rank_tables(tree),
     )
 
 
@@ -36,7 +39,7 @@ def draw_ranks(tree: xr.DataTree) -> StudyFigure:
     """One bar for each candidate, divided into its ranks, the candidate on top that is first most often."""
     found = candidates_by_rank(tree)[:_MOST]
     count = len(found[0].ranks)
-    figure = new_figure(0.9 + 0.26 * len(found))
+    figure = new_figure(0.6 + 0.26 * len(found))
     axes = figure.subplots()
     colors = matplotlib.colormaps["cividis"](np.linspace(0.0, 0.95, count))
     places = np.arange(len(found))[::-1]
@@ -44,11 +47,15 @@ def draw_ranks(tree: xr.DataTree) -> StudyFigure:
     for rank in range(count):
         widths = 100.0 * np.array([one.ranks[rank] for one in found])
         axes.barh(places, widths, left=begin, height=0.7, color=colors[rank], edgecolor="white", linewidth=0.5)
+        for place, start, width in zip(places, begin, widths, strict=True):
+            if width > _LEAST_NAMED:
+                axes.text(
+                    start + width / 2.0, place, f"rank {rank + 1}", color=letters_on(to_hex(colors[rank])),
+                    fontsize=SMALL, ha="center", va="center", gid=DECLARED,
+                )  # fmt: skip
         begin += widths
     axes.set_yticks(places, [shortened(one.title, _LONGEST) for one in found])
     axes.set_xlim(0.0, 100.0)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g} %"))
     axes.set_xlabel("share of the possible weights")
-    shown = range(count) if count <= 6 else (0, 1, 2, count - 1)
-    legend(figure, [Patch(color=colors[k]) for k in shown], [f"rank {k + 1}" for k in shown], columns=6)
     return figure

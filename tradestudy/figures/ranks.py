@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
+from tradestudy.figures.curves import NamedCurve, name_ends
 from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     PANEL_TITLE,
@@ -16,7 +17,6 @@ from tradestudy.figures.style import (
     StudyFigure,
     camera_panels,
     distance_axis,
-    legend,
     line_style,
     new_figure,
     styled,
@@ -24,7 +24,7 @@ from tradestudy.figures.style import (
 from tradestudy.results.views.groups import FloatArray, camera_titles, group
 
 WAY_WORDS = {"calibration": "calibration alone", "both": "single readings"}
-_LETTERS = 27  # in a line of the title of a panel, of the third of a page
+_LETTERS = 22  # in a line of the title of a panel, of the third of a page
 
 
 @styled()
@@ -33,25 +33,26 @@ def draw_rank_probability(tree: xr.DataTree) -> StudyFigure:
     data, titles = group(tree, "decision"), camera_titles(tree)
     distance = np.asarray(data["rank_distance"].values, dtype=np.float64)
     pairs = list(zip(data["pair_first"].values, data["pair_second"].values, strict=True))
-    figure = new_figure(0.7 + 1.7 * -(-len(pairs) // PANELS_IN_A_ROW))
+    figure = new_figure(0.4 + 1.7 * -(-len(pairs) // PANELS_IN_A_ROW))
     panels = camera_panels(figure, len(pairs), float(distance[-1]))
     letters = _LETTERS * PANELS_IN_A_ROW // min(PANELS_IN_A_ROW, len(pairs))
     for axes, pair, (first, second) in zip(panels, data["pair"].values, pairs, strict=True):
-        for order, way in enumerate(data["rank_way"].values):
-            _line(axes, distance, data.sel(pair=pair, rank_way=way), order)
+        ways = enumerate(data["rank_way"].values)
+        lines = [_line(axes, distance, data.sel(pair=pair, rank_way=way), order) for order, way in ways]
         axes.axhline(0.5, color=SOFT, linewidth=0.8, zorder=0)
-        distance_axis(axes, (float(distance[0]), float(distance[-1])))
+        distance_axis(axes, (float(distance[0]), float(distance[-1])), dense=len(pairs) == 1)
+        axes.set_ylim(0.0, 1.0)
+        if axes in (*panels[PANELS_IN_A_ROW - 1 :: PANELS_IN_A_ROW], panels[-1]):  # the last of its row
+            name_ends(axes, lines)
         words = printable(f"{titles[str(first)]} before {titles[str(second)]}")
         axes.set_title("\n".join(wrap(words, letters)), fontsize=PANEL_TITLE)
-    panels[0].set(ylim=(0.0, 1.0), yticks=[0.0, 0.5, 1.0], yticklabels=["0", "50 %", "100 %"])
+    panels[0].set(yticks=[0.0, 0.5, 1.0], yticklabels=["0", "50 %", "100 %"])
     for axes in panels[::PANELS_IN_A_ROW]:
         axes.set_ylabel("probability")
-    handles = [line_style(order).handle() for order in range(data.sizes["rank_way"])]
-    legend(figure, handles, [WAY_WORDS[str(way)] for way in data["rank_way"].values], columns=2)
     return figure
 
 
-def _line(axes: Axes, distance: FloatArray, there: xr.Dataset, order: int) -> None:
+def _line(axes: Axes, distance: FloatArray, there: xr.Dataset, order: int) -> NamedCurve:
     style = line_style(order)
     seen = np.asarray((there["rank_first"] + there["rank_second"]).values, dtype=np.float64) > 0.0
     first = np.where(seen, np.asarray(there["rank_first"].values, dtype=np.float64), np.nan)
@@ -59,3 +60,4 @@ def _line(axes: Axes, distance: FloatArray, there: xr.Dataset, order: int) -> No
     label = WAY_WORDS[str(there["rank_way"].item())]
     axes.fill_between(distance, first - error, first + error, color=style.color, alpha=0.2, linewidth=0, label=label)
     axes.plot(distance, first, color=style.color, linestyle=style.dash, label=label)
+    return NamedCurve(name=label, color=style.color, x=distance, y=first)

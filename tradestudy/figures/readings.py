@@ -9,6 +9,7 @@ import numpy.typing as npt
 import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
 from tradestudy.figures.style import (
@@ -21,6 +22,7 @@ from tradestudy.figures.style import (
     line_style,
     log_axis,
     new_figure,
+    readable,
     shortened,
     styled,
 )
@@ -84,7 +86,8 @@ def _mark(order: int, count: int, *, filled: bool) -> Line2D:
         markersize=4.2,
         color=color,
         markerfacecolor=color if filled else "white",
-        markeredgewidth=0.9,
+        markeredgecolor=INK,  # seen on light and dark pages, as not every colour of the places is
+        markeredgewidth=0.6,
     )
 
 
@@ -128,7 +131,7 @@ def _unbounded(axes: Axes, ratio: FloatArray) -> None:
                     xycoords=("axes fraction", "data"),
                     xytext=(side * (3 + 8 * count), 0),
                     textcoords="offset points",
-                    color=_place_color(int(place), places),
+                    color=readable(to_hex(_place_color(int(place), places))),
                     ha="left" if side > 0 else "right",
                     va="center",
                     fontsize=8,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -23,10 +24,12 @@ from tradestudy.figures.style import (
     plain_number,
     styled,
 )
-from tradestudy.figures.sweeps import axis_label, axis_unit, axis_values
+from tradestudy.figures.sweeps import axis_label, axis_unit, axis_values, shown_value
+from tradestudy.figures.value_tables import Tables, grid
 from tradestudy.results.views.designs import common_ranges, must_hold, path_words
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
+from tradestudy.units import FRACTION
 
 _FEW = 2
 _LEVELS = (-50.0, -20.0, -10.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)  # margins [%], beside 0
@@ -54,6 +57,7 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
         "the range.",
         alt=f"Margins against the {names}. {told}.",
         draw=lambda: draw_requirement_margins(tree),
+        values=lambda: _tables(tree, data, dims) if len(dims) == 2 else (),
     )
 
 
@@ -99,10 +103,8 @@ def _curves(tree: xr.DataTree, data: xr.Dataset, dim: str) -> StudyFigure:
 
 def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFigure:
     """Contours of the least margin of all requirements that must hold, and every design, filled where it meets them."""
-    must = must_hold(data)
-    arranged = data.transpose("requirement", dims[1], dims[0], ...)
-    least = np.min(arranged["design_margin_percent"].values[must], axis=0)
-    met = np.all(arranged["design_met"].values[must] == 1, axis=0)
+    least = _least(data, dims)
+    met = np.all(data["design_met"].transpose("requirement", dims[1], dims[0]).values[must_hold(data)] == 1, axis=0)
     (x, _), (y, _) = (axis_values(data[dim]) for dim in dims)
     figure = new_figure(2.9)
     axes = figure.subplots()
@@ -132,6 +134,20 @@ def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFig
     return figure
 
 
+def _least(data: xr.Dataset, dims: Sequence[str]) -> FloatArray:
+    """The least margin [%] of all requirements that must hold; columns over the first of two swept parameters."""
+    every = data["design_margin_percent"].transpose("requirement", dims[1], dims[0])
+    return np.asarray(np.min(every.values[must_hold(data)], axis=0), dtype=np.float64)
+
+
+def _tables(tree: xr.DataTree, data: xr.Dataset, dims: Sequence[str]) -> Tables:
+    """The margins of a map."""
+    columns, rows = ([shown_value(data[dim], value) for value in data[dim].values] for dim in dims)
+    across, up = (path_words(tree, dim) for dim in dims)
+    least = _least(data, dims) / 100.0
+    return (grid(f"Margin, {up} down and {across} across", [up, *columns], rows, least, FRACTION),)
+
+
 def _is_geometric(values: FloatArray) -> bool:
     """Whether values are nearer to a geometric than to an arithmetic scale."""
     if not np.all(values > 0.0) or values.size <= _FEW:
@@ -149,4 +165,4 @@ def _mark_declared(axes: Axes, coordinate: xr.DataArray, *, upright: bool = True
 
 
 def _per_cent(value: float, _position: float | FloatArray) -> str:
-    return f"{value:+g} %" if value else "0"
+    return f"{value:+g} %".replace("-", "−") if value else "0"

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator
 
+from tradestudy.figures.curves import NamedCurve, name_ends
 from tradestudy.figures.style import (
     PANEL_TITLE,
-    PANELS_IN_A_ROW,
     SMALL,
     SOFT,
     CameraTrace,
@@ -30,6 +31,7 @@ from tradestudy.figures.style import (
 from tradestudy.results.views.depth import field_words
 
 MM = 1e3
+_COLUMNS = 2
 _MOST_BARS = 8
 _MOST_LINES = 7
 _LEAST_INDEX = 0.02
@@ -49,15 +51,20 @@ def draw_tornado(tree: xr.DataTree) -> StudyFigure:
     shown = traces_in(tree, "sensitivity")
     place = tornado_distance(tree)
     data = tree["sensitivity"].to_dataset().sel(distance=place)
-    columns = min(2, len(shown))
+    columns = min(_COLUMNS, len(shown))
     rows = -(-len(shown) // columns)
-    figure = new_figure(0.6 + 1.75 * rows)
-    grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
     finite = data["source_uncertainty"].where(np.isfinite(data["source_uncertainty"])).fillna(0.0)
+    counts = [min(_MOST_BARS, int((finite.sel(camera=c.key).max("field") > 0.0).sum())) for c in shown]
+    heights = [max(1, *counts[first : first + columns]) for first in range(0, len(shown), columns)]
+    figure = new_figure(0.8 + sum(0.3 + 0.2 * height for height in heights))
+    grid = figure.subplots(rows, columns, sharex=True, squeeze=False, height_ratios=heights)
     largest = max(float(finite.max()) * MM, np.finfo(float).tiny)  # nothing is measured at a distance that none sees
-    bars = [_bars(axes, data.sel(camera=c.key), c) for axes, c in zip(grid.flat, shown, strict=False)]
-    for axes in list(grid.flat)[: len(shown)]:
-        axes.set(ylim=(max(bars) - 0.4, -0.6), xlim=(largest * 1e-5, largest * 2.0))
+    for axes, camera in zip(grid.flat, shown, strict=False):
+        _bars(axes, data.sel(camera=camera.key), camera)
+        axes.set(xlim=(largest * 1e-5, largest * 2.0))
+    for row, height in zip(grid, heights, strict=True):
+        for axes in row:
+            axes.set_ylim(height - 0.4, -0.6)
     for axes in list(grid.flat)[len(shown) :]:
         axes.set_visible(False)
     for axes in grid[-1]:
@@ -73,8 +80,8 @@ def _alpha(order: int) -> float:
     return float(0.4**order)
 
 
-def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> int:
-    """Draw the bars of one camera, largest first, and say how many there are."""
+def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
+    """Draw the bars of one camera, largest first."""
     values = data["source_uncertainty"].transpose("field", "source").values * MM
     size = np.max(np.where(np.isfinite(values), values, 0.0), axis=0)
     order = [k for k in np.argsort(-size) if size[k] > 0.0][:_MOST_BARS]
@@ -91,52 +98,45 @@ def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> int:
     axes.tick_params(axis="x", labelsize=SMALL)
     axes.grid(visible=False, axis="y")
     axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
-    return len(order)
 
 
 @styled()
 def draw_indices(tree: xr.DataTree) -> StudyFigure:
-    """Total Sobol indices of inverse depth against distance, with the first-order ones dotted, per camera."""
+    """Total Sobol indices of inverse depth against distance, with the first-order ones as rings, per camera."""
     shown = traces_in(tree, "sensitivity")
     data = tree["sensitivity"].to_dataset().sel(field=0.0)
     names = _main_sources(data)
-    figure = new_figure(0.8 + 1.7 * -(-len(shown) // PANELS_IN_A_ROW))
+    columns = min(_COLUMNS, len(shown))
+    figure = new_figure(0.6 + 1.5 * -(-len(shown) // columns))
     distance = np.asarray(data["distance"].values, dtype=np.float64)
-    panels = camera_panels(figure, len(shown), float(distance[-1]))
+    panels = camera_panels(figure, len(shown), float(distance[-1]), columns)
     for axes, camera in zip(panels, shown, strict=True):
-        there = data.sel(camera=camera.key)
-        for number, name in enumerate(names):
-            style = line_style(number)
-            total = there["total_index"].sel(source=name).values
-            first = there["first_index"].sel(source=name).values
-            axes.plot(
-                distance,
-                total,
-                color=style.color,
-                linestyle=style.dash,
-                linewidth=1.3,
-                marker=style.marker,
-                markersize=3,
-                label=name.replace("_", " "),
-            )
-            axes.plot(
-                distance,
-                first,
-                color=style.color,
-                linestyle=(0, (1, 1.5)),
-                linewidth=0.8,
-                label=f"{name.replace('_', ' ')}, first order",
-            )
         distance_axis(axes, (float(distance[0]), float(distance[-1])))
         axes.set_ylim(0.0, 1.05)
         axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
-    for axes in panels[::PANELS_IN_A_ROW]:
+        name_ends(axes, list(_indices(axes, data.sel(camera=camera.key), names)))
+    for axes in panels[::columns]:
         axes.set_ylabel("Sobol index")
-    handles = [line_style(order).handle() for order in range(len(names))]
-    handles.append(Line2D([], [], color=SOFT, linestyle=(0, (1, 1.5)), linewidth=0.8))
-    labels = [*(name.replace("_", " ") for name in names), "first order"]
-    legend(figure, handles, labels, columns=4)
     return figure
+
+
+def _indices(axes: Axes, data: xr.Dataset, names: list[str]) -> Iterator[NamedCurve]:
+    """Draw the indices of one camera, and yield the total ones that stand out from 0."""
+    distance = np.asarray(data["distance"].values, dtype=np.float64)
+    for number, name in enumerate(names):
+        one, style, words = data.sel(source=name), line_style(number), name.replace("_", " ")
+        total = np.asarray(one["total_index"].values, dtype=np.float64)
+        if not np.any(total > _LEAST_INDEX):
+            continue
+        axes.errorbar(
+            distance, total, yerr=one["total_index_error"].values, color=style.color, linestyle=style.dash,
+            linewidth=1.3, elinewidth=0.8, marker=style.marker, markersize=3, clip_on=False, label=words,
+        )  # fmt: skip
+        axes.plot(
+            distance, one["first_index"].values, color=style.color, linestyle="", marker="o", markersize=6.5,
+            markerfacecolor="none", markeredgewidth=0.7, clip_on=False, label=f"{words}, first order",
+        )  # fmt: skip
+        yield NamedCurve(name=words, color=style.color, x=distance, y=total)
 
 
 def _main_sources(data: xr.Dataset) -> list[str]:

@@ -270,9 +270,9 @@ def _widest_row(widths: Sequence[float], columns: int) -> float:
     return sum(max(widths[first : first + rows]) for first in range(0, len(widths), rows))
 
 
-def camera_panels(figure: StudyFigure, count: int, farthest: float) -> list[Axes]:
-    """Panels for so many cameras over distances up to `farthest` [m], three in a row; those left over are hidden."""
-    columns = min(PANELS_IN_A_ROW, count)
+def camera_panels(figure: StudyFigure, count: int, farthest: float, in_a_row: int = PANELS_IN_A_ROW) -> list[Axes]:
+    """Panels for so many cameras over distances up to `farthest` [m], in rows; those left over are hidden."""
+    columns = min(in_a_row, count)
     grid = figure.subplots(-(-count // columns), columns, sharex=True, sharey=True, squeeze=False)
     for axes in grid.flat[count:]:
         axes.set_visible(False)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
-from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 from tradestudy.figures.curves import NamedCurve, name_ends
 from tradestudy.figures.fonts import printable
@@ -24,7 +22,6 @@ from tradestudy.figures.style import (
     StudyFigure,
     distance_label,
     distance_tick,
-    legend,
     length_tick,
     log_axis,
     new_figure,
@@ -33,9 +30,11 @@ from tradestudy.figures.style import (
     styled,
     traces,
 )
+from tradestudy.figures.value_tables import Tables, grid
 from tradestudy.results.views.depth import swept
 from tradestudy.results.views.designs import path_words
 from tradestudy.results.views.groups import FloatArray
+from tradestudy.units import LENGTH
 from tradestudy.wording import distance
 
 MM = 1e3
@@ -98,13 +97,36 @@ def draw_sweep_map(tree: xr.DataTree) -> StudyFigure:
 
     Of more than two, all but the two with the most values stand at their first value.
     """
-    place, moved = reference_distance(tree), moved_cameras(tree)
-    depth = tree["depth"].to_dataset().sel(distance=place, method="nearest")
-    dims = sorted(swept(tree["depth"].to_dataset()), key=lambda d: (-depth.sizes[d], d))
-    uncertainty = depth["depth_uncertainty"].isel(dict.fromkeys(dims[2:], 0))
+    (uncertainty, dims), moved = _mapped(tree), moved_cameras(tree)
     if len(dims) == 1:
         return _curves(tree, uncertainty, moved, dims[0])
     return _maps(tree, uncertainty, moved, (dims[0], dims[1]))
+
+
+def _mapped(tree: xr.DataTree) -> tuple[xr.DataArray, list[str]]:
+    """Uncertainty at the reference distance over the two swept parameters with the most values, and all of them."""
+    depth = tree["depth"].to_dataset().sel(distance=reference_distance(tree), method="nearest")
+    dims = sorted(swept(tree["depth"].to_dataset()), key=lambda d: (-depth.sizes[d], d))
+    return depth["depth_uncertainty"].isel(dict.fromkeys(dims[2:], 0)), dims
+
+
+def map_tables(tree: xr.DataTree) -> Tables:
+    """The numbers of the maps of `draw_sweep_map`; none where it draws curves."""
+    uncertainty, dims = _mapped(tree)
+    if len(dims) == 1:
+        return ()
+    columns, rows = ([shown_value(uncertainty[dim], value) for value in uncertainty[dim].values] for dim in dims[:2])
+    across, up = (path_words(tree, dim) for dim in dims[:2])
+    return tuple(
+        grid(
+            f"{camera.title}, {_uncertainty_label(tree)}: {up} down, {across} across",
+            [up, *columns],
+            rows,
+            uncertainty.sel(camera=camera.key).transpose(dims[1], dims[0]).values,
+            LENGTH,
+        )
+        for camera in moved_cameras(tree)
+    )
 
 
 def _curves(tree: xr.DataTree, uncertainty: xr.DataArray, moved: tuple[CameraTrace, ...], dim: str) -> StudyFigure:
@@ -152,6 +174,7 @@ def _maps(
     bar = figure.colorbar(
         ScalarMappable(norm=norm, cmap="cividis"), ax=panels.ravel().tolist(), format=FuncFormatter(length_tick)
     )
+    bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     bar.ax.minorticks_off()
     bar.set_label(_uncertainty_label(tree))
     return figure
@@ -187,12 +210,11 @@ def draw_pareto(tree: xr.DataTree) -> StudyFigure:
     axes = figure.subplots()
     shown = traces(tree)
     clouds = usable_designs(tree)
-    handles = []
+    drawn = []
     for camera in shown:
-        mark: dict[str, Any] = {"linestyle": "", "marker": camera.style.marker, "markersize": 5}
-        points = clouds[camera.key]
-        axes.plot(points[:, 0], points[:, 1] * MM, color=camera.style.color, label=printable(camera.title), **mark)
-        handles.append(camera.style.handle(**mark))
+        color, name, (near, sigma) = camera.style.color, printable(camera.title), clouds[camera.key].T
+        axes.plot(near, sigma * MM, linestyle="", marker=camera.style.marker, markersize=5, color=color, label=name)
+        drawn.append(NamedCurve(name=name, color=color, x=near, y=sigma * MM))
     designs = np.concatenate(list(clouds.values()))
     front = frontier(designs)
     axes.step(front[:, 0], front[:, 1] * MM, where="post", color=SOFT, linewidth=1.0, zorder=0.9)
@@ -200,8 +222,7 @@ def draw_pareto(tree: xr.DataTree) -> StudyFigure:
     log_axis(axes, "x", dense=True, tick=distance_tick(farthest))
     log_axis(axes, "y", dense=True, tick=length_tick)
     axes.set(xlabel=f"nearest usable {distance_label(farthest)}", ylabel=f"depth uncertainty at {distance(place)}")
-    handles.append(Line2D([], [], color=SOFT, linewidth=1.0))
-    legend(figure, handles, [*(camera.title for camera in shown), "no design is better in both"], columns=2)
+    name_ends(axes, drawn)
     return figure
 
 

@@ -10,7 +10,8 @@ import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.pictures import bare
-from tradestudy.figures.style import StudyFigure, new_figure, styled
+from tradestudy.figures.style import SMALL, StudyFigure, new_figure, styled
+from tradestudy.figures.value_tables import Tables, uncertainty_map_tables
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
 from tradestudy.units import LENGTH, pretty
 from tradestudy.wording import distance
@@ -31,6 +32,7 @@ def uncertainty_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
             "bound.",
             alt="".join(map_sentences(tree, key)),
             draw=partial(draw_uncertainty_map, tree, key),
+            values=partial(_tables, tree, key),
         )
 
 
@@ -62,8 +64,14 @@ def draw_uncertainty_map(tree: xr.DataTree, key: str) -> StudyFigure:
         bare(axes, distance(float(place)))
         shown = axes.imshow(np.where(np.isfinite(ratio), ratio, np.nan), cmap="viridis", vmin=low, vmax=high)
     bar = figure.colorbar(shown, ax=panels.tolist(), shrink=0.8)
-    bar.set_label("times that\nin the middle", fontsize=6)
+    bar.set_label("times that\nin the middle", fontsize=SMALL)
     return figure
+
+
+def _tables(tree: xr.DataTree, key: str) -> Tables:
+    one = group(tree, "depth_map").sel(camera=key)
+    places = one["distance"].values.tolist()
+    return uncertainty_map_tables(places, [_ratio(one.sel(distance=place)) for place in places])
 
 
 def _ratio(one: xr.Dataset) -> FloatArray:

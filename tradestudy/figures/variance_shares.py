@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from tradestudy.figures.style import (
+    DECLARED,
+    INK,
     PANEL_TITLE,
     PANELS_IN_A_ROW,
-    SOFT,
+    SMALL,
     CameraTrace,
     StudyFigure,
     camera_panels,
     distance_axis,
     legend,
+    letters_on,
     line_style,
     new_figure,
+    panel_size,
     shortened,
     styled,
     traces,
@@ -27,7 +34,9 @@ from tradestudy.results.views.groups import FloatArray
 
 _LEAST = 0.005  # a share that a panel hardly shows
 _NOISE = "#c3c8cf"
-_HATCHES = ("", "///", "..", "\\\\\\", "xx")
+_NEARLY = 0.95  # of the most room
+Flags = npt.NDArray[np.bool_]
+_LETTER, _SPARE = 0.62, 0.5  # mean width of a letter, and room above and below lines, in the size of letters
 
 
 def largest_shares(depth: xr.Dataset) -> dict[str, float]:
@@ -50,46 +59,70 @@ def draw_variance_shares(tree: xr.DataTree) -> StudyFigure:
     names = shown_parts(depth)
     figure = new_figure(0.7 + 1.25 * -(-len(shown) // PANELS_IN_A_ROW))
     panels = camera_panels(figure, len(shown), float(depth["distance"].values[-1]))
-    for axes, camera in zip(panels, shown, strict=True):
-        _panel(axes, depth, camera, names)
+    named = {name for axes, camera in zip(panels, shown, strict=True) for name in _panel(axes, depth, camera, names)}
     for axes in panels[::PANELS_IN_A_ROW]:
         axes.set_ylabel("share of variance")
     panels[0].set(ylim=(0.0, 1.0), yticks=[0.0, 0.5, 1.0], yticklabels=["0", "50 %", "100 %"])
-    handles = [_patch(name, order) for order, name in enumerate(names)]
-    handles.append(Patch(facecolor="white", edgecolor=SOFT, linewidth=0.5))
-    legend(figure, handles, [*(name.replace("_", " ") for name in names), "pale: not usable"], columns=5)
+    if thin := [name for name in names if name not in named]:
+        handles = [Patch(facecolor=_color(names, name)) for name in thin]
+        legend(figure, handles, thin, columns=4)
     return figure
 
 
-def _look(name: str, order: int) -> tuple[str, str]:
-    """Colour and hatch of a part: measurement noise is grey, sources that averaging does not reduce are coloured."""
-    return (_NOISE, "") if name == "noise" else (line_style(order - 1).color, _HATCHES[(order - 1) % len(_HATCHES)])
+def _color(names: list[str], name: str) -> str:
+    """Of a part: measurement noise is grey, sources that averaging does not reduce are coloured."""
+    return _NOISE if name == "noise" else line_style(names.index(name) - ("noise" in names)).color
 
 
-def _patch(name: str, order: int) -> Patch:
-    color, hatch = _look(name, order)
-    return Patch(facecolor=color, hatch=hatch, edgecolor="white", linewidth=0.0)
-
-
-def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: list[str]) -> None:
+def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: list[str]) -> Iterator[str]:
+    """Draw the areas of a camera, and yield the parts whose area holds its name."""
     distance = np.asarray(depth["distance"].values, dtype=np.float64)
     shares = depth["variance_share"].sel(camera=camera.key, part=names).transpose("part", "distance").values
     known = np.isfinite(shares).any(axis=0)
     bottom = np.zeros_like(distance)
-    for order, (name, share) in enumerate(zip(names, np.nan_to_num(shares), strict=True)):
-        color, hatch = _look(name, order)
+    usable = depth["usable"].sel(camera=camera.key).values.astype(bool)
+    for name, share in zip(names, np.nan_to_num(shares), strict=True):
         if share.any():
             axes.fill_between(
-                distance, bottom, bottom + share, where=known.tolist(),
-                facecolor=color, hatch=hatch, edgecolor="white", linewidth=0.0,
-                label=name.replace("_", " "), gid=f"variance_share:{name}/{camera.key}",
+                distance, bottom, bottom + share, where=known.tolist(), color=_color(names, name), linewidth=0.0,
+                label=name, gid=f"variance_share:{name}/{camera.key}",
             )  # fmt: skip
+            for words in (name, name.replace(" ", "\n")):
+                if (place := _free_place(axes, words, bottom, bottom + share, known, usable)) is not None:
+                    middle, level = place
+                    color = letters_on(_color(names, name)) if usable[middle] and name != "noise" else INK
+                    axes.text(
+                        distance[middle], level, words, color=color, fontsize=SMALL, linespacing=1.0, ha="center",
+                        va="center", zorder=3, gid=DECLARED,
+                    )  # fmt: skip
+                    yield name
+                    break
         bottom = bottom + share
     nothing = ((distance[0], distance[0]),)  # moved by a page that shows another design
     for near, far in _not_usable(depth, camera.key, distance) or nothing:
         axes.axvspan(near, far, color="white", alpha=0.6, linewidth=0, zorder=2, gid=f"unusable/{camera.key}")
     distance_axis(axes, (float(distance[0]), float(distance[-1])))
     axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
+
+
+def _free_place(
+    axes: Axes, words: str, bottom: FloatArray, top: FloatArray, known: Flags, usable: Flags
+) -> tuple[int, float] | None:
+    """Index and height of the middle of words in the middle of where their area, of one shade, is highest."""
+    width, height = panel_size(axes)
+    lines = words.split("\n")
+    half = int(np.ceil(0.5 * len(bottom) * _LETTER * SMALL * max(map(len, lines)) / width))
+    rooms = np.zeros(len(bottom))
+    for middle in range(half, len(bottom) - half):
+        here = slice(middle - half, middle + half + 1)
+        if known[here].all() and len(set(usable[here].tolist())) == 1:
+            rooms[middle] = top[here].min() - bottom[here].max()
+    if rooms.max() < (len(lines) + _SPARE) * SMALL / height:
+        return None
+    places = np.flatnonzero(rooms > _NEARLY * rooms.max())
+    middle = int(places[len(places) // 2])
+    here = slice(middle - half, middle + half + 1)
+    return middle, float(top[here].min() + bottom[here].max()) / 2.0
 
 
 def _not_usable(depth: xr.Dataset, camera: str, distance: FloatArray) -> list[tuple[float, float]]:

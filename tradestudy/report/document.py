@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from string import ascii_uppercase
 from typing import Literal, LiteralString
 
-from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.drawing import Drawing, ValueTable
 
 SpanStyle = Literal["plain", "strong", "emphasis", "code", "sub", "sup", "link"]
 Tone = Literal["answer", "note", "warning"]
@@ -164,11 +164,12 @@ class Table:
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:
-    """A figure of the run, shown by its name; `alt` says in words what a reader would see."""
+    """A figure of the run, shown by its name; `alt` says in words what a reader would see, `values` in numbers."""
 
     name: str
     caption: Text
     alt: str
+    values: tuple[ValueTable, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -253,4 +254,5 @@ def pictures_of(drawings: Mapping[str, Drawing], *names: str) -> Iterator[Pictur
     """Show the figures of these names, in this order; those that the run does not have are left out."""
     for name in names:
         if name in drawings:
-            yield Picture(name=name, caption=drawings[name].caption, alt=drawings[name].alt)
+            shown = drawings[name]
+            yield Picture(name=name, caption=shown.caption, alt=shown.alt, values=shown.values())

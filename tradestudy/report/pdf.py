@@ -79,7 +79,8 @@ def _block(block: Block, numbers: Mapping[str, str]) -> Json:
                 "notes": [_text(note, numbers) for note in block.notes],
             }
         case Picture():
-            content |= vars(block) | {
+            content |= {
+                "name": block.name,
                 "number": numbers[block.name],
                 "caption": _text(block.caption, numbers),
                 "alt": printable(block.alt),

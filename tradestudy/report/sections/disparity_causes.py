@@ -179,14 +179,14 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
         + " with one cause removed; in brackets, the factor "
         "by which it becomes smaller.",
         columns=(
-            Column(title="Camera", weight=1),
+            Column(title="Camera", weight=7),
             Column(title="Electrons", align="right"),
             *((Column(title="Window, px", align="right"),) if windows else ()),
             *(
-                Column(title=title, align="right")
+                Column(title=title, align="right", weight=4)
                 for title in (("By matcher", "Bound") if real else ("Disparity error",))
             ),
-            *(Column(title=_COLUMNS[name], align="right") for name in changes),
+            *(Column(title=_COLUMNS[name], align="right", weight=6) for name in changes),
         ),
         rows=tuple(rows),
         notes=(

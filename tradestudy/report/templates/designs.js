@@ -141,7 +141,7 @@ if (data.designs) {
       for (const panel of figure.panels) panel.showDesign(design);
       const follows = figure.panels.some((panel) => panel.read.some((curve) => baseName(curve) in data.values));
       figure.note.textContent = design !== null && follows ? `Now shown: ${told}.` : "";
-      if (figure.details?.open) figure.table(figure.details);
+      if (figure.readable) figure.table();
     }
     inputs.forEach(([input, output], n) => {
       input.value = places[n];

@@ -32,18 +32,20 @@ class Figure {
       tool("−", "Zoom out", () => this.zoomBy(2)), tool("Reset", "Reset zoom", () => this.reset())));
     this.note = html("p", { class: "note" });
     this.frame.after(this.note, bar);
+    let details = $("details", this.element); // there where a figure has bars, maps or pictures
     if (this.readable) {
-      const details = html("details", { class: "values" }, html("summary", {}, `Values of ${this.number}`));
-      details.addEventListener("toggle", () => details.open && this.table(details));
-      bar.after(details);
-      this.details = details;
+      details ??= html("details", { class: "values" }, html("summary", {}, `Values of ${this.number}`));
+      this.tables = details.appendChild(html("div"));
+      details.addEventListener("toggle", () => this.table());
       this.box.setAttribute("aria-label",
         `${this.number}. Arrow keys read values, Page Up and Page Down change the panel, plus and minus zoom, 0 resets.`);
     }
+    bar.after(details ?? "");
   }
 
-  table(details) {
-    $$("table, h5, .table-tools", details).forEach((old) => old.remove());
+  table() {
+    this.tables.replaceChildren();
+    if (!this.tables.parentElement.open) return;
     for (const panel of this.panels.filter((one) => one.read.length)) {
       const groups = new Map();
       for (const curve of panel.read) {
@@ -51,7 +53,6 @@ class Figure {
         const key = x.join();
         groups.set(key, { x, columns: [...(groups.get(key)?.columns ?? []), { curve, y }] });
       }
-      if (this.panels.length > 1 && panel.title) details.append(html("h5", {}, panel.title));
       for (const { x, columns } of groups.values()) {
         const head = html("tr", {}, html("th", { scope: "col" }, panel.x.label || "x"),
           ...columns.map(({ curve }) => html("th", { scope: "col", class: "right" }, curve.label)));
@@ -59,7 +60,7 @@ class Figure {
           ...columns.map(({ y }) => html("td", { class: "right" }, told(panel.y, y[k])))));
         const caption = html("caption", {}, [panel.y.label, panel.title].filter(Boolean).join(", ") || this.number);
         const table = html("table", {}, caption, html("thead", {}, head), html("tbody", {}, ...rows));
-        details.append(html("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": `Values of ${this.number}` }, table));
+        this.tables.append(html("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": `Values of ${this.number}` }, table));
         equip(table, this.number);
       }
     }

@@ -72,4 +72,4 @@ function equip(table, name) {
   tools.append(button);
   table.parentElement.before(tools);
 }
-for (const one of $$("figure.table")) equip($("table", one), numberOf(one));
+for (const one of $$("table")) equip(one, one.caption?.textContent ?? numberOf(one.closest("figure")));

@@ -1,0 +1,194 @@
+"""What bars, arrows, maps and pictures show, as tables of words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.figures.drawing import ValueTable
+from tradestudy.light_methods import short_title
+from tradestudy.results.views.depth import by_first_criterion, field_words, sharp_ranges
+from tradestudy.results.views.groups import FloatArray, camera_titles, group, titles_in
+from tradestudy.results.views.trade_off import candidates_by_rank
+from tradestudy.results.views.wave_optics import reference_method
+from tradestudy.units import FRACTION, LENGTH, NUMBER, Dimension, pretty
+from tradestudy.wording import distance, span
+
+Tables = tuple[ValueTable, ...]
+
+
+def told(value: float, dimension: Dimension = NUMBER) -> str:
+    """A number in words, a dash where there is none."""
+    return "—" if np.isnan(value) else pretty(float(value), dimension)
+
+
+def in_words(name: str) -> str:
+    """The name of a source or a parameter."""
+    return name.removesuffix("_px").replace("_", " ")
+
+
+def grid(
+    caption: str,
+    columns: Sequence[str],
+    names: Sequence[str],
+    values: FloatArray,
+    dimension: Dimension = NUMBER,
+) -> ValueTable:
+    """A table of numbers: `columns` names all columns, `names` the rows of `values`."""
+    rows = [(name, *(told(value, dimension) for value in row)) for name, row in zip(names, values, strict=True)]
+    return ValueTable(caption=caption, columns=tuple(columns), rows=tuple(rows))
+
+
+def source_tables(tree: xr.DataTree, place: float) -> Tables:
+    """Depth uncertainty from each source alone at a distance of ``/sensitivity`` [m], the largest first."""
+    data = group(tree, "sensitivity").sel(distance=place)
+    fields = [field_words(float(field)) for field in data["field"].values]
+    return tuple(_sources(title, fields, data.sel(camera=key)) for key, title in titles_in(tree, "sensitivity").items())
+
+
+def _sources(title: str, fields: list[str], data: xr.Dataset) -> ValueTable:
+    values = data["source_uncertainty"].transpose("source", "field").values
+    size = np.max(np.where(np.isfinite(values), values, 0.0), axis=1)
+    order = np.argsort(-size, kind="stable")[: int(np.count_nonzero(size))]
+    names = [in_words(str(name)) for name in data["source"].values[order]]
+    return grid(title, ["Source", *fields], names, values[order], LENGTH)
+
+
+def reading_tables(tree: xr.DataTree, titles: dict[str, str]) -> Tables:
+    """The ratio of the uncertainties of a pair in every reading, one table for each of the `titles` of its ways."""
+    data = group(tree, "decision")
+    columns = ["Reading", *(f"at {distance(float(place))}" for place in data["place"].values)]
+    names = [str(name) for name in data["reading"].values]
+    return tuple(
+        grid(title, columns, names, data["uncertainty_ratio"].sel(way=way).transpose("reading", "place").values)
+        for way, title in titles.items()
+    )
+
+
+def focus_tables(tree: xr.DataTree) -> Tables:
+    """What each camera keeps sharp by the first criterion, and what it resolves."""
+    data = by_first_criterion(tree)
+    equal = "resolved_near" in data
+    columns = ["Camera", "Sharp", "Coarsest resolution of the scene"]
+    if equal:
+        columns.append(f"Resolves {pretty(float(data.attrs['equal_resolution']), LENGTH)}")
+    rows = []
+    for key, title in camera_titles(tree).items():
+        one = data.sel(camera=key)
+        row = [title, _where(one, "sharp"), told(float(one["scene_resolution"]), LENGTH)]
+        rows.append((*row, _where(one, "resolved")) if equal else tuple(row))
+    return (ValueTable(caption="Distances from the lens", columns=tuple(columns), rows=tuple(rows)),)
+
+
+def _where(one: xr.Dataset, name: str) -> str:
+    return " and ".join(span(near, far) for near, far in sharp_ranges(one, name)) or "nowhere"
+
+
+def rank_tables(tree: xr.DataTree) -> Tables:
+    """The share of the possible weights under which each candidate takes each rank."""
+    found = candidates_by_rank(tree)
+    columns = ["Candidate", *(f"rank {rank + 1}" for rank in range(len(found[0].ranks)))]
+    ranks = np.array([one.ranks for one in found])
+    return (grid("Share of the possible weights", columns, [one.title for one in found], ranks, FRACTION),)
+
+
+def light_tables(tree: xr.DataTree) -> Tables:
+    """The light on the pixels by every method, and how it differs from the reference."""
+    data = group(tree, "images")
+    reference = reference_method(data)
+    image, exact = data["image"], data["image"].sel(propagator=reference)
+    pixels = ("row", "column")
+    values = {
+        "brightest pixel": image.max(pixels) / float(exact.max()),
+        "mean pixel": image.mean(pixels) / float(exact.max()),
+        "largest difference": abs(image - exact).max(pixels) / float(exact.max()),
+        "summed difference": data["difference"].sel(against=reference),
+    }
+    names = [short_title(str(name)) for name in data["propagator"].values]
+    numbers = np.stack([one.values for one in values.values()], axis=1)
+    title = f"Relative to {short_title(reference)}: its brightest pixel, and in the last column all of its light"
+    return (grid(title, ["Method", *values], names, numbers, FRACTION),)
+
+
+def picture_tables(tree: xr.DataTree, shown: Sequence[int]) -> Tables:
+    """Range of true depth and brightness of the pictures at these places."""
+    data, titles = group(tree, "pictures"), camera_titles(tree)
+    names = [titles[str(data["camera_of"].values[k])] for k in shown]
+    depth, light = (data[name].isel(picture=list(shown)).values for name in ("true_depth", "brightness"))
+    return (
+        _summary("True depth", "Camera", names, list(depth), LENGTH),
+        _summary("Brightness, mean = 1", "Camera", names, [one / np.nanmean(one) for one in light]),
+    )
+
+
+def depth_map_tables(tree: xr.DataTree) -> Tables:
+    """Ranges of measured depth, its error, and the hidden share of the surface."""
+    data, titles = group(tree, "pictures"), camera_titles(tree)
+    names = [titles[str(key)] for key in data["mapped_camera"].values]
+    shown: tuple[tuple[str, str, Dimension], ...] = (
+        ("map_depth", "Measured depth", LENGTH),
+        ("map_depth_error", "Error of depth", LENGTH),
+        ("map_hidden", "Hidden share", FRACTION),
+    )
+    return tuple(_summary(title, "Camera", names, list(data[key].values), of) for key, title, of in shown)
+
+
+def uncertainty_map_tables(places: Sequence[float], ratios: Sequence[FloatArray]) -> Tables:
+    """Ranges over the picture of the uncertainty relative to its middle, for each distance [m]."""
+    names = [distance(float(place)) for place in places]
+    return (_summary("Times the uncertainty in the middle", "Distance", names, ratios),)
+
+
+def _summary(
+    caption: str, what: str, names: Sequence[str], pictures: Sequence[FloatArray], dimension: Dimension = NUMBER
+) -> ValueTable:
+    """Smallest value, median and largest value of each of some pictures, and how much of each is known."""
+    columns = [what, "smallest", "median", "largest"]
+    return grid(caption, columns, names, np.array([_range(one) for one in pictures]), dimension)
+
+
+def _range(values: FloatArray) -> tuple[float, float, float]:
+    known = values[np.isfinite(values)]
+    low, middle, high = np.percentile(known, (0, 50, 100)) if known.size else (np.nan,) * 3
+    return float(low), float(middle), float(high)
+
+
+def corner_tables(names: Sequence[str], data: xr.Dataset, draws: FloatArray) -> Tables:
+    """Widths of the marginals of a posterior, and the correlations of its `draws`, one column a parameter."""
+    words = [in_words(name) for name in names]
+    ratio = np.asarray(data["laplace_deviation"].values / data["posterior_deviation"].values, dtype=np.float64)
+    return (
+        grid("Marginals", ["Parameter", "Laplace over posterior deviation"], words, ratio[:, None]),
+        grid("Correlations", ["Parameter", *words], words, np.atleast_2d(np.corrcoef(draws.T))),
+    )
+
+
+def trace_tables(names: Sequence[str], scores: FloatArray) -> Tables:
+    """Means and standard deviations of walks, shape (ensemble, step, parameter), in standard deviations."""
+    columns = ["Parameter", *(f"ensemble {number + 1}" for number in range(len(scores)))]
+    words = [in_words(name) for name in names]
+    found = {
+        "Mean of the walk": np.nanmean(scores, axis=1),
+        "Standard deviation of the walk": np.nanstd(scores, axis=1),
+    }
+    return tuple(
+        grid(f"{title}, in standard deviations of the posterior", columns, words, one.T) for title, one in found.items()
+    )
+
+
+def residual_tables(residual: FloatArray) -> Tables:
+    """Mean residuals, shape (picture, row, column, 2), as (x, y) of every cell."""
+    columns = ("Cell", *(f"column {number + 1}" for number in range(residual.shape[2])))
+    return tuple(
+        ValueTable(
+            caption=f"Mean residuals in cells of the {side} picture: x, y [px]",
+            columns=columns,
+            rows=tuple(
+                (f"row {number + 1}", *("—" if np.isnan(x) else f"{told(x)}, {told(y)}" for x, y in row))
+                for number, row in enumerate(cells)
+            ),
+        )
+        for side, cells in zip(("left", "right"), residual, strict=True)
+    )
