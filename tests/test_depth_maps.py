@@ -204,6 +204,8 @@ def test_a_rig_off_its_design_measures_as_much_as_one_as_designed(tmp_path: Path
     assert max(abs(error) for error in camera["errors"].values()) > 2e-3  # 1.7 px
     assert score.filled > 0.95
     assert score.within > 0.95
+    assert "factor:" not in score.matcher  # calibration errors are none of the matcher's
+    assert "scene.image.rig" in score.matcher
 
 
 def test_the_command_says_how_well_each_camera_measured(tmp_path: Path) -> None:

@@ -227,7 +227,7 @@ def read_depth(point: PicturesToRead) -> MeasuredDepth:
         found=found,
         truth=truth,
         predicted=predicted,
-        score=replace(scored, matcher=_matcher(found, truth, one.search.window_px)),
+        score=replace(scored, matcher=_matcher(point, found, truth)),
         made=one.reader.made_of(pictures, found, point.middle),
     )
 
@@ -254,10 +254,16 @@ def window_at(settings: PictureSettings, camera: DepthCamera, distance: float) -
     return min(float(asked[0]), geometry.compared.widest_px)
 
 
-def _matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> str:
+def _matcher(point: PicturesToRead, found: DepthMap, truth: TrueDepth) -> str:
     """The matcher fitted to the errors, as a declaration for study files; or why there is none."""
+    camera = point.reader.taken.camera
+    if point.way == "both" and isinstance(camera, DepthCamera) and camera.calibration.groups:
+        return (
+            "no matcher can be fitted: calibration errors of the drawn rig would count as the matcher's; "
+            "set scene.image.rig to as-designed"
+        )
     try:
-        return fit_matcher(found, truth, window_px).declaration
+        return fit_matcher(found, truth, point.reader.search.window_px).declaration
     except OutOfRangeError as reason:
         return f"no matcher can be fitted: {reason}"
 
