@@ -288,7 +288,7 @@ def test_a_reader_that_goes_away_hears_no_complaint() -> None:
 
 def test_report_without_results_says_so(tmp_path: Path) -> None:
     result = invoke("report", tmp_path)
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert result.stderr.count("\n") == 1
     assert str(tmp_path) in result.stderr
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tradestudy import units
-from tradestudy.units import Dimension, UnitError, nearest, parse, pretty, significant
+from tradestudy.units import Dimension, UnitError, nearest, parse, pretty, rounded_down, rounded_up, significant
 
 PINT = pint.UnitRegistry(cache_folder=None)
 
@@ -258,3 +258,18 @@ def test_whoever_reads_no_study_does_not_import_pint() -> None:
 def test_an_infinite_number_is_written_as_such() -> None:
     assert units.significant(float("inf")) == "∞"
     assert units.significant(float("-inf"), 2) == "−∞"
+
+
+@given(st.floats(1e-6, 1e3))
+def test_an_end_rounded_into_its_range_lies_within_it(value: float) -> None:
+    up, down = (parse(words(value, units.LENGTH), units.LENGTH) for words in (rounded_up, rounded_down))
+    assert down * (1.0 - 1e-8) <= value <= up * (1.0 + 1e-8)
+    assert up - down < 1.0101e-2 * value + 1e-15
+
+
+def test_ends_of_three_digits_stay() -> None:
+    assert rounded_up(62.42e-3, units.LENGTH) == "62.5 mm"
+    assert rounded_down(62.48e-3, units.LENGTH) == "62.4 mm"
+    assert rounded_up(62.4e-3, units.LENGTH) == rounded_down(62.4e-3, units.LENGTH) == "62.4 mm"
+    assert rounded_up(8.0, units.NUMBER) == "8"
+    assert rounded_up(math.inf, units.LENGTH) == "∞"

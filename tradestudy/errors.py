@@ -59,7 +59,9 @@ class NotConvergedError(TradestudyError):
 
 
 class ResultsError(TradestudyError):
-    """A results file cannot be read: truncated, foreign, or of another format version."""
+    """A results file cannot be read: missing, truncated, foreign, or of another format version."""
+
+    exit_status = 2
 
 
 class RequirementsNotMetError(TradestudyError):

@@ -10,7 +10,7 @@ import difflib
 import functools
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import TYPE_CHECKING
@@ -307,6 +307,7 @@ def parse(value: object, dimension: Dimension) -> float:
 
 
 _SHOWN_ERROR = 5e-4  # of a value
+_ROUNDING = 1e-6  # of the last digit shown: nearer to it, a value is that digit
 
 
 def pretty(value: float, dimension: Dimension, digits: int = 3) -> str:
@@ -333,6 +334,27 @@ def pretty(value: float, dimension: Dimension, digits: int = 3) -> str:
     rounded = float(f"{value:.{digits - 1}e}") if not dimension.absolute else value
     unit = display_unit(rounded, dimension)
     return significant((value - unit.zero) / unit.size, digits) + unit.label
+
+
+def rounded_up(value: float, dimension: Dimension, digits: int = 3) -> str:
+    """As `pretty`, but never less than the value: 62.42 mm is ``62.5 mm``."""
+    return _rounded(value, dimension, digits, math.ceil)
+
+
+def rounded_down(value: float, dimension: Dimension, digits: int = 3) -> str:
+    """As `pretty`, but never more than the value: 62.48 mm is ``62.4 mm``."""
+    return _rounded(value, dimension, digits, math.floor)
+
+
+def _rounded(value: float, dimension: Dimension, digits: int, to: Callable[[float], int]) -> str:
+    if not math.isfinite(value) or value == 0.0:
+        return pretty(value, dimension, digits)
+    unit = display_unit(value, dimension)
+    number = (value - unit.zero) / unit.size
+    step = 10.0 ** (math.floor(math.log10(abs(number))) - digits + 1) if number else 1.0
+    whole = round(number / step)
+    steps = whole if abs(number / step - whole) < _ROUNDING else to(number / step)
+    return significant(steps * step, digits) + unit.label
 
 
 def pretty_with_error(value: float, error: float, dimension: Dimension) -> str:

@@ -12,6 +12,8 @@ import xarray as xr
 
 import tradestudy
 from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.comparison.answers import compare_ranks
+from tradestudy.comparison.difference import Run
 from tradestudy.errors import StudyError
 from tradestudy.report.contents import compose_report
 from tradestudy.results import GROUPS
@@ -151,3 +153,19 @@ def test_the_front_of_three_swept_numbers_is_that_of_all_feasible_designs() -> N
     assert "pareto-front" in str(compose_report(tree, {}, {}))
     for one, other in itertools.pairwise(front.designs):
         assert one != other
+
+
+def test_runs_whose_criteria_favour_another_camera_say_so() -> None:
+    """All weight on accuracy favours the one head, all on power the other."""
+    runs = [
+        Run(
+            name=name,
+            record={},
+            tree=robot({"criteria": {name: {**part, "weight": 1.0}}, "candidates": HEADS}).run().data,
+        )
+        for name, part in (("accuracy", ACCURACY), ("power", POWER))
+    ]
+    found = compare_ranks([runs[0], runs[0]])
+    assert (found.changed, found.unchanged) == ((), 1)
+    (changed,) = compare_ranks(runs).changed
+    assert len(set(changed.values)) == 2

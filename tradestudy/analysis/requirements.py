@@ -83,7 +83,7 @@ def _hold_measured(
     margin = -1.0 if math.isnan(margin) else margin
     kept = value >= bound if above else value < bound
     guard = 0.0 if requirement.guard_band is None else requirement.guard_band.width * error
-    reason = f"worst {pretty(value, dimension)} at {pretty(place, LENGTH)}"
+    reason = f"worst {_unlike(bound, value, dimension)} at {pretty(place, LENGTH)}"
     if unusable > 0.0:
         reason = f"{_not_usable(intervals, gap)}; {reason}"
     return Held(
@@ -165,6 +165,12 @@ def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: Flo
         if not kept.all():
             return False
     return bool(is_usable(case, name, points).all())
+
+
+def _unlike(bound: float, value: float, dimension: Dimension) -> str:
+    """A value with as many digits, from three to six, as tell it from its bound."""
+    written = [pretty(value, dimension, digits) for digits in range(3, 7)]
+    return next((words for words in written if words != pretty(bound, dimension, 6)), written[0])
 
 
 def _nearness(held: Held, *, above: bool) -> tuple[bool, float, float]:

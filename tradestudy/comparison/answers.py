@@ -16,6 +16,8 @@ from tradestudy.results.views.requirement_conclusions import (
     decided_by,
     requirement_conclusions,
 )
+from tradestudy.results.views.trade_off import candidates_by_rank
+from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import counted
 
 NOT_ASKED = "not asked"
@@ -106,6 +108,18 @@ def _moved(first: Sequence[MetRange], other: Sequence[MetRange]) -> bool:
         for one, two in zip(first, other, strict=True)
         for a, b in ((one.low, two.low), (one.high, two.high))
     )
+
+
+def compare_ranks(runs: Sequence[Run]) -> Answers:
+    """Compare the candidates that rank first for most of the possible weights."""
+    first = [next(iter(candidates_by_rank(run.tree)), None) for run in runs]
+    there = [one for one in first if one is not None]
+    if len(there) < len(runs):
+        return Answers(changed=(), unchanged=0)
+    if len({one.title for one in there}) == 1:
+        return Answers(changed=(), unchanged=1)
+    values = tuple(f"{one.title} (for {pretty(one.ranks[0], FRACTION, digits=2)} of the weights)" for one in there)
+    return Answers(changed=(Difference(what="By all criteria, first", values=values),), unchanged=0)
 
 
 def compare_claims(runs: Sequence[Run]) -> Answers:

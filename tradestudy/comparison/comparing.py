@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import xarray as xr
 
-from tradestudy.comparison.answers import compare_claims, compare_questions, compare_requirements
+from tradestudy.comparison.answers import compare_claims, compare_questions, compare_ranks, compare_requirements
 from tradestudy.comparison.best_camera import best_is_compared, common_range, compare_best
 from tradestudy.comparison.comparison import Comparison
 from tradestudy.comparison.difference import Difference, Run, common_cameras, titles_of
@@ -72,6 +72,7 @@ def _conclusions(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], tuple[str
         return (), ()
     found = (
         (compare_requirements(runs), "requirement", "requirements"),
+        (compare_ranks(runs), "ranking by criteria", "rankings by criteria"),
         (compare_claims(runs), "claim", "claims"),
         (compare_questions(runs), "answer to a question", "answers to questions"),
     )

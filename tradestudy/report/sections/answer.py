@@ -232,12 +232,13 @@ def _stretches(best: BestCameras) -> Iterator[Spans]:
 def _why_none(best: BestCameras, start: float, end: float) -> str:
     """Why none of the candidates is usable in a stretch of distance [m], and who is usable there without being one."""
     measuring = [key for key in best.titles if key in best.cameras]
+    becomes_usable = end < best.distance[-1]  # then the limit that is last to break there tells most
     inside = np.flatnonzero((best.distance > start) & (best.distance < end))
     if not inside.size:
         inside = np.array([best.nearest(float(np.sqrt(start * end)))])
     reasons: dict[str, list[str]] = {}
     for key in best.candidates or measuring:
-        broken = best.cameras[key].broken[inside]
+        broken = best.cameras[key].broken[inside[::-1] if becomes_usable else inside]
         fewest = np.flatnonzero(broken[least_broken(broken)])
         reasons.setdefault(limit_words(best.limits[fewest[0]]) if fewest.size else "", []).append(best.titles[key])
     told = [f"{listed(cameras)}: {words}" for words, cameras in reasons.items() if words][:_MOST_REASONS]
@@ -276,8 +277,9 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     alone = sum(not row for row in handed[1:])
     if len(handed) == 1:  # the stretches say it
         return
+    ends = list(dict.fromkeys(distance(end) for end in (min(others), max(others)))) if others else []
     moved = (
-        f"; under the other readings between {distance(min(others))} and {distance(max(others))}"
+        f"; under the other readings {'between' if len(ends) > 1 else 'at'} {' and '.join(ends)}"
         + (f", and nowhere under {alone} of {len(handed) - 1}" if alone else "")
         if others
         else ""

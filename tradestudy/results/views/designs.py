@@ -26,6 +26,8 @@ from tradestudy.units import (
     SOLID_ANGLE,
     Dimension,
     pretty,
+    rounded_down,
+    rounded_up,
     significant,
 )
 from tradestudy.wording import counted, distance, listed
@@ -33,6 +35,7 @@ from tradestudy.wording import counted, distance, listed
 BY_UNIT: Final = {one.unit: one for one in (LENGTH, ANGLE, PIXELS, DURATION, MASS, POWER, DATA, SOLID_ANGLE)}
 _STRUCTURE: Final = frozenset(("lenses", "depth", "sensor"))  # parts of a path that people leave out
 _MANY_TIMES: Final = 1.0
+_NEARLY_ONE: Final = 1.1  # a smaller factor reads better as a percentage
 _SAME: Final = 1e-3  # of a distance
 _SHORTEST_SPREAD: Final = 3  # parts of a path such as calibration.errors.yaw.standard_deviation
 
@@ -208,9 +211,13 @@ def _joined(ranges: list[tuple[float, float, float]]) -> list[tuple[float, float
 
 
 def interval_words(low: float, high: float, values: FloatArray, dimension: Dimension) -> str:
-    """A range of a swept parameter: "from 53.4 mm on" where it reaches the last value of the sweep."""
-    first, last = (pretty(float(end), dimension) for end in (low, high))
+    """A range of a swept parameter: "from 53.4 mm on" where it reaches the last value of the sweep.
+
+    Ends that were found are rounded into the range, so that the value written meets what the range stands for.
+    """
     begins, ends = low <= values[0], high >= values[-1]
+    first = pretty(low, dimension) if begins else rounded_up(low, dimension)
+    last = pretty(high, dimension) if ends else rounded_down(high, dimension)
     if begins and ends:
         return f"anywhere from {first} to {last}"
     if ends:
@@ -280,7 +287,10 @@ def _largest(found: Feasible, share: str) -> str:
 def margin_words(margin: float) -> str:
     """By how much the worst value could worsen within its bound, or the factor by which it misses it."""
     if margin < 0.0:
-        return f"missed by a factor of {significant(1.0 / (1.0 + margin), 3)}"
+        factor = 1.0 / (1.0 + margin)
+        if factor < _NEARLY_ONE:
+            return f"missed by {pretty(factor - 1.0, FRACTION, digits=2)}"
+        return f"missed by a factor of {significant(factor, 3)}"
     return f"margin {'of ' if margin >= _MANY_TIMES else ''}{_margin_size(margin)}"
 
 
