@@ -94,3 +94,27 @@ def test_rows_in_place_are_left_alone(errors: dict[str, float]) -> None:
 def test_without_texture_rows_are_left_alone() -> None:
     left, right = np.random.default_rng(3).normal(1000.0, 5.0, (2, ROWS, COLUMNS))
     assert aligned_rows(left, right, STEPS, cv2) is right
+
+
+@pytest.mark.parametrize("degrees", [0, 5, 20, 45, 60, 90])
+@pytest.mark.parametrize("noise", [0.0, 5.0])
+def test_texture_that_slides_along_itself_or_repeats_leaves_rows_alone(degrees: int, noise: float) -> None:
+    """Waves of one direction, as of wood or fabric, fix no row; nor does one wave that repeats within the search."""
+    rng, angle = np.random.default_rng(degrees), math.radians(degrees)
+    rows, columns = np.indices((ROWS, COLUMNS + 50)).astype(np.float64)
+    along = columns * math.cos(angle) + rows * math.sin(angle)
+    for lengths in (rng.uniform(8.0, 30.0, 40), [7.0]):
+        wide = 1000.0 + sum(20.0 * np.cos(2.0 * np.pi * along / length + rng.uniform(0.0, 7.0)) for length in lengths)
+        left, right = wide[:, :COLUMNS], wide[:, 50:]
+        left, right = (one + noise * rng.standard_normal(one.shape) for one in (left, right))
+        assert aligned_rows(left, right, STEPS, cv2) is right
+
+
+@pytest.mark.parametrize("shape", [(40, 100), (45, 200), (64, 64), (2000, 40)])
+def test_small_pictures_are_left_alone(shape: tuple[int, int]) -> None:
+    left, right = (
+        picture(*at)[: shape[0], : shape[1]] for at in zip(pair_poses(PAIR, {}), [(8e-3, (0.0, 0.0))] * 2, strict=True)
+    )
+    noise = np.random.default_rng(4).normal(0.0, 60.0, (2, *left.shape))
+    right = right + noise[1]
+    assert aligned_rows(left + noise[0], right, STEPS, cv2) is right

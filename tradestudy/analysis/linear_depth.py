@@ -92,7 +92,7 @@ def linear_reading(camera: ReadsDepth, distance: FloatArray, field: float, way: 
     OutOfRangeError
         An uncertain parameter has no variance.
     """
-    return _linearised(camera, distance.tobytes(), field, way)
+    return _linearised(camera, np.asarray(distance, dtype=np.float64).tobytes(), field, way)
 
 
 @lru_cache(maxsize=4)
@@ -114,6 +114,7 @@ def _linearised(camera: ReadsDepth, distances: bytes, field: float, way: str) ->
     if moving.size:
         read = read_draws(camera, values, distance, field, noise)
         sensitivity[moving] = (read[: moving.size] - read[moving.size :]) / (2.0 * step[moving])
+    sensitivity.setflags(write=False)  # it is kept
     return LinearReading(parameters=names, covariance=covariance, sensitivity=sensitivity)
 
 

@@ -7,14 +7,18 @@ from typing import Any, Final
 
 import numpy as np
 
-from tradestudy.optics.arrays import FloatArray, Samples
+from tradestudy.optics.arrays import FloatArray, IndexArray, Samples
 
 _PATCHES: Final = 16  # along each side of the picture
 _HALF_PATCH: Final = 15  # px
 _WIDEST: Final = 0.02  # of the longer side of the picture; a rig with rows further apart has not been calibrated
 _NARROWEST: Final = 4  # px
 _ALIKE: Final = 0.7  # correlation of two patches that show the same texture
+_LOWER: Final = 0.1  # by which the correlation falls on both sides of its peak, and has no second one
 _FEWEST: Final = 20  # patches that support a fit of five numbers
+_FEWEST_ALONG: Final = 4  # different rows, and columns, of these
+_AGREEING: Final = 0.7  # of the patches
+_AGREEING_PX: Final = 0.5  # with the fit
 _SCATTER_PX: Final = 0.2  # beyond which a patch is an outlier
 _NEGLIGIBLE_PX: Final = 0.1  # matching windows do not notice it
 _CERTAIN: Final = 3.0  # standard errors
@@ -40,13 +44,16 @@ def aligned_rows(left: Samples, right: Samples, steps: range, library: Any) -> S
     Returns
     -------
     Samples
-        The right picture itself where no offset exceeds 0.1 px by three standard errors, or too few patches are found.
+        The right picture itself where no offset exceeds 0.1 px by three standard errors, or where too few patches are
+        found or agree: patches count only where texture fixes their row. Beyond the outermost patches, offsets are
+        those at the edge of these.
     """
     places, offsets = _offsets(left, right, steps, library)
-    if len(offsets) < _FEWEST:
+    if len(offsets) < _FEWEST or min(np.unique(places[:, k]).size for k in (0, 1)) < _FEWEST_ALONG:
         return right
     from scipy.optimize import least_squares
 
+    hull = np.stack([places.min(axis=0), places.max(axis=0)])
     base = _basis(places, left.shape)
     start = np.array([np.median(offsets), 0.0, 0.0, 0.0, 0.0])
 
@@ -55,14 +62,13 @@ def aligned_rows(left: Samples, right: Samples, steps: range, library: Any) -> S
 
     fit = least_squares(misses, start, loss="cauchy", f_scale=_SCATTER_PX)
     scatter = 1.4826 * float(np.median(np.abs(fit.fun)))
-    border = _basis(
-        np.stack(np.meshgrid(*(np.linspace(0, n - 1, 5) for n in left.shape)), axis=-1).reshape(-1, 2), left.shape
-    )
+    agreeing = float(np.mean(np.abs(fit.fun) < _AGREEING_PX))
+    border = _basis(np.stack(np.meshgrid(*np.linspace(hull[0], hull[1], 5).T), axis=-1).reshape(-1, 2), left.shape)
     error = scatter * np.linalg.norm(border @ np.linalg.pinv(base), axis=1)
     moved = np.abs(border @ fit.x)
-    if not np.any((moved > _NEGLIGIBLE_PX) & (moved > _CERTAIN * error)):
+    if agreeing < _AGREEING or not np.any((moved > _NEGLIGIBLE_PX) & (moved > _CERTAIN * error)):
         return right
-    return _resampled(right, fit.x)
+    return _resampled(right, fit.x, hull)
 
 
 def _offsets(left: Samples, right: Samples, steps: range, library: Any) -> tuple[FloatArray, FloatArray]:
@@ -73,21 +79,40 @@ def _offsets(left: Samples, right: Samples, steps: range, library: Any) -> tuple
     lit = np.isfinite(left), np.isfinite(right)
     rows, columns = left.shape
     places, offsets = [], []
-    for row in np.linspace(high, rows - 1 - high, _PATCHES).astype(int) if rows > 2 * high else ():
-        for column in np.linspace(wide, columns - 1 - wide, _PATCHES).astype(int):
+    for row in _middles(rows, high):
+        for column in _middles(columns, wide):
             patch = np.s_[row - wide : row + wide + 1, column - wide : column + wide + 1]
             start = max(column - steps[-1] - wide, 0)
             strip = np.s_[row - high : row + high + 1, start : min(column - steps[0] + wide + 1, columns)]
             if second[strip].shape[1] <= 2 * wide + 2 or not (lit[0][patch].all() and lit[1][strip].all()):
                 continue
             alike = library.matchTemplate(second[strip], first[patch], library.TM_CCOEFF_NORMED)
-            down, along = np.unravel_index(int(np.argmax(alike)), alike.shape)
-            if alike[down, along] < _ALIKE or not 0 < down < alike.shape[0] - 1:
+            down, along = map(int, np.unravel_index(int(np.argmax(alike)), alike.shape))
+            if alike[down, along] < _ALIKE or not _is_lone_peak(alike.max(axis=1)):
                 continue
             above, peak, below = alike[down - 1 : down + 2, along].astype(float)
-            places.append((row, start + wide + int(along)))
-            offsets.append(int(down) - reach + 0.5 * (above - below) / (above - 2.0 * peak + below))
+            places.append((row, start + wide + along))
+            offsets.append(down - reach + 0.5 * (above - below) / (above - 2.0 * peak + below))
     return np.array(places, dtype=np.float64).reshape(-1, 2), np.array(offsets)
+
+
+def _middles(size: int, margin: int) -> IndexArray:
+    """Middles of patches that do not overlap, at least ``margin`` from both ends; none in too small a picture."""
+    span = size - 1 - 2 * margin
+    return (
+        np.linspace(margin, size - 1 - margin, min(_PATCHES, span // (2 * _HALF_PATCH + 1) + 1)).astype(int)
+        if span > 0
+        else np.zeros(0, int)
+    )
+
+
+def _is_lone_peak(best_of_row: Samples) -> bool:
+    """Whether the best correlation of each row, at any disparity, has one peak with lower values on both sides.
+
+    Stripes and gratings have none: they slide along themselves, or repeat.
+    """
+    near = np.flatnonzero(best_of_row > best_of_row.max() - _LOWER)
+    return bool(near[0] > 0 and near[-1] < best_of_row.size - 1 and near[-1] - near[0] + 1 == near.size)
 
 
 def _basis(places: FloatArray, shape: tuple[int, ...]) -> FloatArray:
@@ -96,12 +121,12 @@ def _basis(places: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     return np.stack([np.ones_like(u), u, v, u * v, v * v], axis=-1)
 
 
-def _resampled(picture: Samples, five: FloatArray) -> Samples:
-    """A picture read so many rows further down; NaN where it shows nothing there."""
+def _resampled(picture: Samples, five: FloatArray, hull: FloatArray) -> Samples:
+    """A picture read so many rows further down, by the offsets within a hull; NaN where it shows nothing there."""
     from scipy.ndimage import map_coordinates
 
     rows, columns = np.indices(picture.shape)
-    down = _basis(np.stack([rows, columns], axis=-1), picture.shape) @ five
+    down = _basis(np.clip(np.stack([rows, columns], axis=-1), *hull), picture.shape) @ five
     place = np.stack([rows + down, columns])
     missing = map_coordinates(np.isnan(picture).astype(np.float32), place, order=1, mode="constant", cval=1.0)
     found = map_coordinates(np.nan_to_num(picture).astype(np.float32), place, order=3, mode="nearest")
