@@ -10,7 +10,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -121,8 +121,7 @@ def run(
 
         loaded = _warned(api.load(study, set_ or (), tolerance=tolerance))
         directory = out if out is not None else Path("reports") / loaded.folder_name
-        executor = _executor(jobs=jobs, threads=threads, dask=dask)
-        with shown_progress(quiet=quiet) as progress:
+        with _executor(jobs=jobs, threads=threads, dask=dask) as executor, shown_progress(quiet=quiet) as progress:
             result = api.run(
                 loaded,
                 directory,
@@ -162,8 +161,10 @@ def render(
 
         loaded = _warned(api.load(study, set_ or ()))
         directory = out if out is not None else Path("reports") / loaded.folder_name
-        executor = _executor(jobs=jobs, threads=threads, dask=dask)
-        with shown_progress(quiet=quiet, is_predicted=False) as progress:
+        with (
+            _executor(jobs=jobs, threads=threads, dask=dask) as executor,
+            shown_progress(quiet=quiet, is_predicted=False) as progress,
+        ):
             done = api.render(loaded, directory, depth=depth, fresh=fresh, progress=progress, executor=executor)
         if not quiet:
             typer.echo(
@@ -366,24 +367,29 @@ def _warned(study: Study) -> Study:
     return study
 
 
-def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Executor | None:
+@contextmanager
+def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Iterator[Executor | None]:
     """The executor that the options choose; None if they choose none."""
     given = [name for name, value in (("--jobs", jobs), ("--threads", threads), ("--dask", dask)) if value is not None]
     if not given:
-        return None
+        yield None
+        return
     if len(given) > 1:
         raise _InputError("these options exclude each other", value=" and ".join(given), remedy="give one of them")
     from tradestudy.execution import DaskCluster, Processes, Threads
 
     if jobs is not None:
-        return Processes(jobs)
+        with closing(Processes(jobs)) as executor:
+            yield executor
+        return
     if threads is not None:
-        return Threads(threads)
+        yield Threads(threads)
+        return
     assert dask is not None
     cluster = DaskCluster(dask)
     cluster.check()  # before anything is computed or written
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # the run itself reports every lost worker
-    return cluster
+    yield cluster
 
 
 def _refuse_joined(files: Sequence[Path], further: Sequence[str]) -> None:

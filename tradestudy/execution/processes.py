@@ -55,7 +55,8 @@ class Processes:
     """Worker processes, each with its own interpreter; one that dies is replaced.
 
     They are spawned, not forked (a fork would copy locks that other threads hold), so a script that uses them
-    needs the usual ``if __name__ == "__main__":`` guard. They wait for further points, and end with this object.
+    needs the usual ``if __name__ == "__main__":`` guard. They wait for further points until `close`, or as long as this
+    object lives.
 
     Parameters
     ----------
@@ -122,6 +123,11 @@ class Processes:
                         yield index, outcome
         finally:
             _end([worker for worker, _ in underway.values()])
+
+    def close(self) -> None:
+        """End the workers that wait for further points."""
+        while self._idle:
+            _end([self._idle.pop()])
 
 
 def _end(workers: Sequence[_Worker]) -> None:
