@@ -54,6 +54,7 @@ from tradestudy.optics.propagation.wave_optics import (
 )
 
 LEAST_ZONES = 0.5  # Fresnel zones across the aperture below which rays and edge nearly cancel: the focus
+_LEAST_DOUBTED = 0.05  # zones below which a check target is no likelier to be drawn, lest one take all draws
 _MAX_ROUNDS = 4
 _POLAR_SHARE = 0.1  # of the tolerance of an evaluation, for sampling on rings
 _FEW_POINTS = 1000  # of a rectangle, up to which a search for fewer costs more than it saves
@@ -67,10 +68,11 @@ _SHARE = 0.1  # of the tolerance, for nodes, poles and interpolation together; t
 
 @dataclass(frozen=True, kw_only=True)
 class _Evaluation:
-    """Field at the targets, and which of them the boundary wave cannot give."""
+    """Field at the targets, which of them the boundary wave cannot give, and the Fresnel zones of all."""
 
     field: ComplexArray
     singular: BoolArray
+    zones: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +123,8 @@ def hybrid_field(
 ) -> ApertureField:
     """Ray optics plus the boundary-diffracted wave; Kirchhoff where they are singular.
 
-    Kirchhoff's integral computes targets within half a Fresnel zone of a focus or a caustic, targets that several rays
+    Kirchhoff's integral computes targets within half a Fresnel zone of a focus or a caustic, unless their ray passes
+    so far outside the aperture that the caustic does not reach the edge; targets that several rays
     may reach, and targets on the shadow of the edge whose pole is not found; and all targets in a plane near a focus or
     caustic where that is faster. Their share is reported.
 
@@ -171,7 +174,7 @@ def hybrid_field(
         last = time.perf_counter() - started
         seconds += last
         left = replace(limits, seconds=limits.seconds - (time.perf_counter() - begun))
-        reference = reference or _reference(wave, kernel, targets, field, accuracy, left)
+        reference = reference or _reference(wave, kernel, targets, field, _doubt(result), accuracy, left)
         check = _check(wave, kernel, field, reference, edge, accuracy)
         error = stated_error(field, check, largest=reference.largest, rounding=reference.rounding)
         if error.intensity <= accuracy.tolerance or edge_nodes is not None:
@@ -237,6 +240,7 @@ def _reference(
     kernel: KirchhoffKernel,
     targets: Targets,
     field: ComplexArray,
+    doubt: FloatArray | None,
     accuracy: FieldAccuracy,
     limits: Limits,
 ) -> _Reference:
@@ -244,7 +248,7 @@ def _reference(
     started = time.perf_counter()
     finer = nodes_for(wave, kernel, targets, accuracy).scaled(1.5)
     check_affordable(finer, targets=0, check_targets=accuracy.check_targets, limits=limits)
-    at = choose_check_targets(targets, field, count=accuracy.check_targets, seed=accuracy.seed)
+    at = choose_check_targets(targets, field, count=accuracy.check_targets, seed=accuracy.seed, doubt=doubt)
     samples = sample_wave(wave, finer)
     exact = direct_sum(samples, kernel, at.x, at.y, at.z)
     return _Reference(
@@ -254,6 +258,13 @@ def _reference(
         rounding=rounding_error(samples, kernel, targets),
         seconds=time.perf_counter() - started,
     )
+
+
+def _doubt(result: _Evaluation) -> FloatArray | None:
+    """Where the error may sit in few targets beside those handed over: it grows as their zones get fewer."""
+    if not result.singular.any():
+        return None
+    return np.asarray(np.where(result.singular, 0.0, 1 / np.maximum(result.zones, _LEAST_DOUBTED) ** 2))
 
 
 def _check(
@@ -289,7 +300,9 @@ def _evaluate(
     """Rays plus edge at the targets; a dense grid is interpolated, for their sum is band-limited and smooth."""
     centre = wave.lens.centre
     x, y, z = targets.coordinates()
-    nothing = _Evaluation(field=np.zeros(x.size, dtype=np.complex128), singular=np.ones(x.size, dtype=bool))
+    nothing = _Evaluation(
+        field=np.zeros(x.size, dtype=np.complex128), singular=np.ones(x.size, dtype=bool), zones=np.zeros(x.size)
+    )
     if not one_ray_per_target(wave, z):
         return nothing
     tolerance = _SHARE * accuracy.tolerance
@@ -301,7 +314,7 @@ def _evaluate(
         if smooth is not None:
             path = wave.wavenumber * np.asarray(kernel.path(x - centre[0], y - centre[1], z))
             field = smooth.ravel() * unit_phasor(path)
-            return _Evaluation(field=field, singular=np.zeros(field.size, dtype=bool))
+            return _Evaluation(field=field, singular=np.zeros(field.size, dtype=bool), zones=np.ones(field.size))
     return _rays_and_edge(wave, kernel, x - centre[0], y - centre[1], z, edge, tolerance)
 
 
@@ -354,7 +367,8 @@ def _rays_and_edge(
 ) -> _Evaluation:
     """Both parts at flat targets relative to the centre of the lens; one ray may reach each."""
     rays = find_rays(wave, x, y, z, all_branches=False)
-    singular = _singular(wave, rays, x, y, z, edge, tolerance)
+    zones = wave.lens.radius**2 * np.sqrt(np.abs(rays.determinant[0])) / wave.wavelength
+    singular = _singular(wave, rays, zones, x, y, z, edge, tolerance)
     part = np.flatnonzero(~singular)
     field = np.zeros(x.size, dtype=np.complex128)
     if part.size:
@@ -378,20 +392,27 @@ def _rays_and_edge(
         )
         field[part] = ray_fields(wave, kernel, kept, x[part], y[part], z[part])[0] + from_edge.field
         singular[part] |= from_edge.failed
-    return _Evaluation(field=field, singular=singular)
+    return _Evaluation(field=field, singular=singular, zones=zones)
 
 
 def _singular(
-    wave: LensWave, rays: Rays, x: FloatArray, y: FloatArray, z: FloatArray, edge: int, tolerance: float
+    wave: LensWave,
+    rays: Rays,
+    zones: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    z: FloatArray,
+    edge: int,
+    tolerance: float,
 ) -> BoolArray:
     """Targets at a focus, on a caustic, or lit by a ray that was not found.
 
-    A ray far outside the aperture matters neither by its light nor by its pole, wherever its caustics lie.
+    A ray far outside the aperture matters neither by its light nor by its pole, wherever its caustics lie. Far is
+    beyond the reach of the pole, and half a Fresnel zone from the edge: nearer, light of a caustic leaks past the edge.
     """
-    zones = wave.lens.radius**2 * np.sqrt(np.abs(rays.determinant[0])) / wave.wavelength
-    reach = math.exp(pole_reach(edge, tolerance)) * wave.lens.radius
-    matters = ~rays.found[0] | (np.hypot(rays.u[0], rays.v[0]) <= reach)
-    singular = matters & (zones < LEAST_ZONES)
+    off_axis = np.hypot(rays.u[0], rays.v[0]) / wave.lens.radius
+    near = (off_axis <= math.exp(pole_reach(edge, tolerance))) | (zones * (off_axis - 1) ** 2 < LEAST_ZONES)
+    singular = (~rays.found[0] | near) & (zones < LEAST_ZONES)
     lost = np.flatnonzero(~rays.found[0])
     singular[lost] |= within_rim(wave, x[lost], y[lost], z[lost])
     return np.asarray(singular)

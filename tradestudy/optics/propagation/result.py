@@ -233,16 +233,22 @@ class CheckErrors:
     targets: int
 
 
-def choose_check_targets(targets: Targets, field: ComplexArray, *, count: int, seed: int) -> CheckTargets:
-    """Draw targets, mostly in proportion to their intensity; take all if there are no more than `count`."""
+def choose_check_targets(
+    targets: Targets, field: ComplexArray, *, count: int, seed: int, doubt: FloatArray | None = None
+) -> CheckTargets:
+    """Draw targets, mostly in proportion to their intensity; take all if there are no more than `count`.
+
+    With `doubt`, the squared errors expected of the field up to a factor, in proportion to intensity times doubt.
+    """
     x, y, z = targets.coordinates()
     if x.size <= count:
         index, weight, corner = np.arange(x.size), np.ones(x.size), np.zeros(x.size, dtype=bool)
     else:
         intensity = squared_magnitude(field)
         even = np.full(x.size, 1.0 / x.size)
-        total = float(intensity.sum())
-        chance = even if total == 0.0 else _UNIFORM_SHARE * even + (1 - _UNIFORM_SHARE) * intensity / total
+        favour = intensity if doubt is None else intensity * doubt
+        total = float(favour.sum())
+        chance = even if total == 0.0 else _UNIFORM_SHARE * even + (1 - _UNIFORM_SHARE) * favour / total
         upto = np.cumsum(chance)
         index = np.searchsorted(upto, upto[-1] * np.random.default_rng(seed).random(count), side="right")
         rising, falling = x + y, x - y
