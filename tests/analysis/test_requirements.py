@@ -107,6 +107,29 @@ def test_a_camera_that_is_not_usable_misses_by_at_least_the_share_where_it_is_no
 
 
 @pytest.mark.parametrize(
+    ("over", "limit"),
+    [
+        (["2 m", "3 m"], "relative_uncertainty"),  # beyond the last usable interval
+        (["20 mm", "30 mm"], "availability"),  # before the first one
+    ],
+)
+def test_a_range_wholly_outside_the_usable_one_names_the_limit_broken_there(over: list[str], limit: str) -> None:
+    study = robot(own={"camera": "raytrix-r5", "usable": {"over": over}})
+    case = study.definition.case
+    found = hold(part(study, "own"), case, "raytrix-r5")
+    assert (found.met, found.unusable) == (False, 1.0)
+    assert found.limit == limit
+    assert ": " in found.reason
+
+
+def test_a_camera_that_is_nowhere_usable_names_the_first_limit_broken() -> None:
+    study = robot(own={"camera": "raytrix-r5", "usable": {"over": ["2 m", "3 m"]}})
+    found = hold(part(study, "own"), study.definition.case, "raytrix-r5", known=())
+    assert found.limit == "relative_uncertainty"
+    assert found.reason == "not usable from 2 to 3 m: too uncertain"
+
+
+@pytest.mark.parametrize(
     ("quantity", "met"),
     [
         ({"overlap": {"above": "60 %", "over": ["0.4 m", "3 m"]}}, True),

@@ -218,6 +218,15 @@ def attempt(**changes):
         (lambda: CircularLens(radius=1.0, focal_length=0.0, lens_phase="perfect"), "focal_length"),
         (lambda: CircularLens(radius=1.0, focal_length=1.0, lens_phase="ideal"), "lens_phase"),
         (lambda: CircularLens(radius=1.0, focal_length=1.0, lens_phase="stigmatic"), "focus_distance"),
+        *(
+            (
+                lambda focus=focus: CircularLens(
+                    radius=1.0, focal_length=1.0, lens_phase="stigmatic", focus_distance=focus
+                ),
+                "focus_distance of a stigmatic lens.*finite",
+            )
+            for focus in (math.inf, math.nan, 0.0)
+        ),
         (
             lambda: CircularLens(radius=1.0, focal_length=1.0, lens_phase="perfect", focus_distance=2.0),
             "focus_distance",

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -9,6 +10,7 @@ import xarray as xr
 from tradestudy import figures
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Heading, Picture, Report, Table, Text, all_blocks, spans
+from tradestudy.report.sections.answer import _factor
 from tradestudy.results.views.decision import winners
 
 
@@ -201,3 +203,8 @@ def test_crossovers_are_a_range_of_assumptions(tree: xr.DataTree) -> None:
     sentence = next(text for text in texts if "equally uncertain" in text).replace("\u00a0", " ")
     assert "nowhere in the range of the study, usable there or not. Under 2 of the 3 other readings" in sentence
     assert "between 0.4 m and 0.52 m" in sentence
+
+
+def test_a_factor_next_to_1_shows_the_digits_that_tell_it_from_1() -> None:
+    factors = [_factor(ratio) for ratio in (1.0, 1.004, 1.0 / 1.004, 1.00001, 2.5, math.nan, 0.0)]
+    assert factors == ["1", "1.004", "1.004", "about 1", "2.5", "—", "∞"]

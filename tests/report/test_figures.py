@@ -284,6 +284,18 @@ def test_only_designs_usable_at_the_place_compete(make_tree: Callable[..., xr.Da
     assert counts == {"r5": 3, "stereo-30mm": 0, "stereo-65deg": 3}
 
 
+def test_without_a_usable_design_there_is_no_chart_of_them(make_tree: Callable[..., xr.DataTree]) -> None:
+    tree = make_tree(sweep={"b": [0.05, 0.1, 0.2]}, declared={"b": 0.1})
+    depth = tree["depth"].to_dataset()
+    unusable = depth.assign(usable=xr.zeros_like(depth["usable"]), usable_near=depth["usable_near"] * np.nan)
+    tree["depth"] = xr.DataTree(unusable)
+    drawn = figures.build(tree)
+    assert "sweep_map" in drawn
+    assert "pareto" not in drawn
+    for drawing in drawn.values():
+        drawing.draw().svg()
+
+
 def test_the_frontier_keeps_what_nothing_beats() -> None:
     rng = np.random.default_rng(7)
     points = rng.random((200, 2))

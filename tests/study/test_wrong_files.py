@@ -87,6 +87,9 @@ def test_files_that_are_no_files(tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text("format: 2")
     near = tmp_path / "stduy.yaml"
     assert messages(near) == [f"{near}:1:1: there is no such file; nearest: '{tmp_path / 'study.yaml'}'"]
+    dangling = tmp_path / "dangling.yaml"
+    dangling.symlink_to("nowhere")
+    assert messages(dangling) == [f"{dangling}:1:1: there is no such file"]
     assert messages(tmp_path) == [f"{tmp_path}:1:1: it is a folder; a file is expected"]
     assert messages(Path("/dev/zero")) == ["/dev/zero:1:1: it is not a regular file; a file is expected"]
     assert messages(Path("a\0b")) == ["a\0b:1:1: it cannot be read (embedded null byte)"]

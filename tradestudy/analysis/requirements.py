@@ -13,7 +13,7 @@ from tradestudy.analysis.decision import is_usable
 from tradestudy.analysis.depth import DepthErrors, depth_uncertainty, depth_uncertainty_error, evaluate_depth
 from tradestudy.analysis.held import Held
 from tradestudy.analysis.requirements_of_any_camera import hold_criterion, hold_sharp
-from tradestudy.analysis.usable import END_OF_STUDY, Interval, usable_intervals
+from tradestudy.analysis.usable import END_OF_STUDY, Interval, evaluate_limits, usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import Case
@@ -50,7 +50,7 @@ def hold(requirement: RequirementPart, case: Case, name: str, known: Sequence[In
         case SharpPart() as sharp:
             return hold_sharp(sharp, case, name)
         case UsablePart() as usable:
-            return _hold_use(usable, _intervals(case, name, usable.over, known), name)
+            return _hold_use(usable, _intervals(case, name, usable.over, known), case, name)
         case measured:
             intervals = _intervals(case, name, measured.over, known)
             return _hold_measured(requirement, measured, case, name, intervals)
@@ -84,8 +84,9 @@ def _hold_measured(
     kept = value >= bound if above else value < bound
     guard = 0.0 if requirement.guard_band is None else requirement.guard_band.width * error
     reason = f"worst {_unlike(bound, value, dimension)} at {pretty(place, LENGTH)}"
+    limit = _limit_of(intervals, gap[0], case, name) if unusable > 0.0 else ""
     if unusable > 0.0:
-        reason = f"{_not_usable(intervals, gap)}; {reason}"
+        reason = f"{_not_usable(gap, limit)}; {reason}"
     return Held(
         camera=name,
         met=bool(kept and abs(bound - value) >= guard and unusable == 0.0),
@@ -96,7 +97,7 @@ def _hold_measured(
         margin=min(margin, -unusable) if unusable > 0.0 else margin,
         unusable=unusable,
         reason=reason,
-        limit=_limit_of(intervals, gap[0]) if unusable > 0.0 else "",
+        limit=limit,
     )
 
 
@@ -179,7 +180,7 @@ def _nearness(held: Held, *, above: bool) -> tuple[bool, float, float]:
     return bool(held.met), -math.inf if math.isnan(held.margin) else held.margin, value
 
 
-def _hold_use(required: UsablePart, intervals: Sequence[Interval], name: str) -> Held:
+def _hold_use(required: UsablePart, intervals: Sequence[Interval], case: Case, name: str) -> Held:
     """How far the usable range extends beyond the required range, at the end where it extends least."""
     near, far = required.over
     unusable, gap = _unusable(intervals, required.over)
@@ -192,8 +193,8 @@ def _hold_use(required: UsablePart, intervals: Sequence[Interval], name: str) ->
         if limit == END_OF_STUDY:
             words, limit = f"{words}, the end of the study's range", ""
     else:
-        place, limit = gap[0], _limit_of(intervals, gap[0])
-        margin, words = -unusable, _not_usable(intervals, gap)
+        place, limit = gap[0], _limit_of(intervals, gap[0], case, name)
+        margin, words = -unusable, _not_usable(gap, limit)
     return Held(
         camera=name,
         met=unusable == 0.0,
@@ -229,16 +230,19 @@ def _unusable(intervals: Sequence[Interval], over: tuple[float, ...]) -> tuple[f
     return missing / math.log(over[1] / over[0]), first
 
 
-def _limit_of(intervals: Sequence[Interval], place: float) -> str:
-    """The limit that a camera breaks in the gap that begins at a distance [m]; empty if that is not known."""
-    limits = [one.far_limit for one in intervals if one.far == place]
+def _limit_of(intervals: Sequence[Interval], place: float, case: Case, name: str) -> str:
+    """The first limit that a camera breaks in the gap that begins at a distance [m]."""
+    limits = [one.far_limit for one in sorted(intervals, key=lambda one: -one.far) if one.far <= place]
     limits += [one.near_limit for one in sorted(intervals, key=lambda one: one.near) if one.near > place]
-    return limits[0].partition(", ")[0] if limits and limits[0] != END_OF_STUDY else ""
+    known = [limit for limit in limits if limit != END_OF_STUDY]
+    if known:
+        return known[0].partition(", ")[0]
+    there = evaluate_limits(case.cameras[name], case.criteria, np.array([place * _MORE]))
+    return next((limit for limit, found in there.items() if not found.met.all()), "")
 
 
-def _not_usable(intervals: Sequence[Interval], gap: tuple[float, float]) -> str:
+def _not_usable(gap: tuple[float, float], limit: str) -> str:
     """The first gap, and the limit that the camera breaks in it."""
-    limit = _limit_of(intervals, gap[0])
     why = f": {limit_words(limit)}" if limit else ""
     return f"not usable from {plain_span(*gap)}{why}"
 

@@ -268,6 +268,8 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
             draw=partial(sweeps.draw_sweep_map, tree),
             values=partial(sweeps.map_tables, tree),
         )
+    if not any(len(points) for points in sweeps.usable_designs(tree).values()):
+        return  # logarithmic axes need a point
     yield Drawing(
         name="pareto",
         caption=f"All designs usable at {place}: nearest usable distance against depth uncertainty at "
@@ -291,8 +293,6 @@ def _frontier_words(tree: xr.DataTree) -> str:
     titles = camera_titles(tree)
     counts = ", ".join(f"{titles[key]} {counted(len(points), 'design')}" for key, points in clouds.items())
     front = sweeps.frontier(np.concatenate(list(clouds.values())))
-    if not len(front):
-        return f"{counts}. No design is usable there."
     (first, least), (last, best) = ((float(near), float(sigma)) for near, sigma in (front[0], front[-1]))
     return (
         f"{counts}. The frontier runs from {pretty(least, LENGTH)} with a near end of {distance(first)} to "

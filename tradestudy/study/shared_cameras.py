@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from tradestudy.cameras.kinds import KINDS
 from tradestudy.declarations.mistakes import nearest_name
 from tradestudy.errors import Problem
 from tradestudy.study import document as tree
@@ -25,6 +26,7 @@ from tradestudy.study.document import (
     merged,
     plain,
 )
+from tradestudy.study.schema.alignment import key_names
 from tradestudy.study.source import MOST_VALUES, UnreadableError, compose
 from tradestudy.units import nearest
 
@@ -93,6 +95,7 @@ def _nearest_file(path: Path) -> str:
     """Name the most similar file name in the same folder."""
     try:
         names = [entry.name for entry, _ in zip(path.parent.iterdir(), range(1000), strict=False)]
+        names = [name for name in names if name != path.name]  # a link that leads nowhere has that name
     except OSError:
         return ""
     close = nearest(path.name, names)
@@ -152,6 +155,7 @@ class SharedCameras:
             except CameraFileError as error:
                 path = f"cameras.{name}.{error.problem.path}".removesuffix(".")
                 self.problems.append(replace(error.problem, path=path))
+                self.note_unknown_keys(name, own)
                 return None
         if not (isinstance(member.entry, ScalarEntry) and isinstance(member.entry.value, str)):
             expected = "the name of a file" if sharing[0] == "from" else "the name of a camera"
@@ -221,6 +225,10 @@ class SharedCameras:
     def from_file(self, name: str, file: str, place: Place, _chain: tuple[str, ...]) -> Entry | None:
         """Read a camera's own file."""
         try:
+            if file not in self.files and not _text(self.folder / file).strip():
+                what = f"'{file}' is empty; a camera or a calibration file ({known_formats()}) is expected"
+                self.note(place, name, "from", what)
+                return None
             entry, problems = self.files[file] if file in self.files else load_entries(self.folder / file)
         except UnreadableError as error:
             if error.problems[0].line == error.problems[0].column == 1 and len(error.problems) == 1:
@@ -265,6 +273,13 @@ class SharedCameras:
         self.like[name] = other
         below = self.camera(other, chain)
         return below if isinstance(below, MappingEntry) else None
+
+    def note_unknown_keys(self, name: str, own: MappingEntry) -> None:
+        """Remember mistyped keys beside calibration files that could not be read, perhaps for want of such a key."""
+        known = dict.fromkeys((*_OF_IMPORTS, *SHARING, *(key for kind in KINDS for key in key_names(kind))))
+        for key, member in own.members.items():
+            if key not in known:
+                self.note(member.key_place, name, key, f"unknown key{nearest_name(key, known)}")
 
     def note(self, place: Place, name: str, key: str, what: str) -> None:
         """Remember a mistake of a camera."""

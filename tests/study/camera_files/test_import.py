@@ -99,6 +99,16 @@ def test_two_camera_files_and_their_extrinsics_make_a_pair(tmp_path: Path) -> No
     np.testing.assert_allclose(found, expected(), rtol=1e-14, atol=1e-15)
 
 
+def test_a_pair_with_other_keys_is_told_those_that_are_looked_for(tmp_path: Path) -> None:
+    storage = cv2.FileStorage(str(tmp_path / "rig.yml"), cv2.FILE_STORAGE_WRITE)
+    for key, value in {"mtxL": K1, "distL": D1, "mtxR": K2, "distR": D2, "R": R, "T": T}.items():
+        storage.write(key, value)
+    storage.release()
+    said = refusal(study(tmp_path, rig="from: rig.yml, length_unit: m"))
+    assert "the keys M1 and M2, or camera_matrix" in said
+    assert "the file has mtxL, distL, mtxR, distR, R, T" in said
+
+
 def test_a_vertical_pair_is_read_turned_and_sees_the_same_world(tmp_path: Path) -> None:
     """A point that OpenCV projects into both pictures is where the turned pair says, turned, whatever turns with it."""
     moved = np.array([0.0004, -0.07, 0.0011])

@@ -39,6 +39,19 @@ def test_a_study_that_cannot_run_is_not_written(tmp_path: Path, monkeypatch: pyt
     assert not (tmp_path / "my-rig.yaml").exists()
 
 
+def test_a_mistyped_unit_of_length_is_named_beside_the_missing_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written.opencv(tmp_path / "stereo.yml")
+    monkeypatch.chdir(tmp_path)
+    made = CliRunner().invoke(app, ["new", "my-rig", "--from", "stereo.yml", "--set", "lenght_unit=mm"])
+    assert made.exit_code == 2
+    assert "cameras.rig.lenght_unit: unknown key; nearest: 'length_unit'" in made.output
+    assert "does not state its unit of length" in made.output
+    known = CliRunner().invoke(app, ["new", "my-rig", "--from", "stereo.yml", "--set", "title=Rig"])
+    assert "unknown key" not in known.output
+
+
 @pytest.mark.parametrize(
     ("name", "content", "cause"),
     [
@@ -46,6 +59,7 @@ def test_a_study_that_cannot_run_is_not_written(tmp_path: Path, monkeypatch: pyt
         ("broken.json", '{"a": [1,', "broken.json:1:10: "),
         ("words.txt", "hello", "words.txt:1:1: cameras.rig: "),
         ("study.yaml", "format: 2\nstudy: a\ncameras: {near: {kind: stereo}}", "'study.yaml' is a study"),
+        ("empty.yaml", "", "cameras.rig.from: 'empty.yaml' is empty; a camera or a calibration file ("),
         ("absent.yaml", None, "cameras.rig.from: 'absent.yaml'"),
     ],
 )

@@ -144,6 +144,13 @@ class CircularLens:
                 limit="a distance for a stigmatic lens, none for the others",
                 remedy="give the object distance for which the stigmatic lens is exact, or choose another lens phase",
             )
+        if self.focus_distance is not None and (not math.isfinite(self.focus_distance) or self.focus_distance == 0.0):
+            raise OutOfRangeError(
+                "focus_distance of a stigmatic lens",
+                value=f"{self.focus_distance:g} m",
+                limit="≠ 0, finite",
+                remedy="for light from infinity use a large distance, such as 1e15 m",
+            )
 
     def without_obscuration(self, nodes_of: Callable[[float], QuadratureNodes]) -> QuadratureNodes:
         """Nodes of the aperture, with the obscuration subtracted as a second disc at full accuracy.

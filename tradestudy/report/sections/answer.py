@@ -357,7 +357,11 @@ def _factor(ratio: float) -> str:
     """The factor by which the better camera is more certain, from a ratio in either direction."""
     if np.isnan(ratio):
         return "—"
-    return significant(max(ratio, 1.0 / ratio), 2) if 0.0 < ratio < np.inf else "∞"
+    if not 0.0 < ratio < np.inf:
+        return "∞"
+    factor = max(ratio, 1.0 / ratio)
+    written = (significant(factor, digits) for digits in range(2, 5))
+    return next((words for words in written if words != "1"), "1" if factor == 1.0 else "about 1")
 
 
 def _flipped(one: Flips, titles: Mapping[str, str]) -> Text:

@@ -66,7 +66,10 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         first, second = (_camera(top, top.file.path.stem, _MATRIX, _DISTORTION, request) for top in alone)
     else:
         raise extrinsic.fail(
-            "R and T are given without the two cameras; list all files: from: [left.yml, right.yml, extrinsics.yml]"
+            "R and T are given without the two cameras: the keys M1 and M2, or camera_matrix, cameraMatrix or K with 1 "
+            "and 2, _left and _right or _L and _R, are looked for (distortion: D1 and D2, or likewise "
+            f"distortion_coefficients or distCoeffs){_given(extrinsic)}; rename the keys, or list all files: "
+            "from: [left.yml, right.yml, extrinsics.yml]"
         )
     turn, moved = extrinsic.need(*_ROTATION), extrinsic.need(*_TRANSLATION)
     metre, unit = request.metres(moved)
@@ -78,6 +81,12 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         where=(turn, moved),
         conventions=(*_conventions(moved, "raw: as taken, before rectification"), unit),
     )
+
+
+def _given(top: Located) -> str:
+    """The first keys of a file, for a message."""
+    names = top.names()
+    return f", but the file has {', '.join(names[:8])}{', …' if len(names) > 8 else ''}" if names else ""
 
 
 def _conventions(moved: Located, pictures: str) -> tuple[Convention, ...]:
