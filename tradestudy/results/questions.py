@@ -225,7 +225,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "rests_on_share": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="share of the variance that this input contributes, correlations included; linear in inverse depth",
+        long_name="share of the variance that this input contributes, correlations included; linear in inverse depth; "
+        "NaN where no input decides",
         error="that of the linearisation",
     ),
     "bound_alone_met": Variable(
