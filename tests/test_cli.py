@@ -147,7 +147,7 @@ class TestRun:
             (KeyboardInterrupt(), 130, r"interrupted; .*"),
             (UnaffordableError("nodes", value="1e12", limit="1e9"), 2, r"nodes: 1e12 \(allowed: 1e9\)"),
             (NotConvergedError("the fit", remedy="start nearer"), 1, r"the fit; start nearer"),
-            (ResultsError("truncated"), 2, r"truncated"),
+            (ResultsError("truncated"), 1, r"truncated"),
         ],
     )
     def test_every_ending_has_its_status(

@@ -59,7 +59,11 @@ class NotConvergedError(TradestudyError):
 
 
 class ResultsError(TradestudyError):
-    """A results file cannot be read: missing, truncated, foreign, or of another format version."""
+    """A results file cannot be read: truncated, foreign, or of another format version."""
+
+
+class NoResultsError(ResultsError):
+    """A folder holds no results."""
 
     exit_status = 2
 

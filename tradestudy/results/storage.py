@@ -16,7 +16,7 @@ from typing import Any
 
 import xarray as xr
 
-from tradestudy.errors import ResultsError
+from tradestudy.errors import NoResultsError, ResultsError
 from tradestudy.results import FORMAT_VERSION
 
 RESULTS = "results.nc"
@@ -105,7 +105,7 @@ def read_finished(directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:
     """
     path = directory / RESULTS
     if not path.is_file():
-        raise ResultsError("no results here", value=str(path), remedy="run the study first")
+        raise NoResultsError("no results here", value=str(path), remedy="run the study first")
     try:
         content = path.read_bytes()
     except OSError as error:
