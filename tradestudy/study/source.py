@@ -37,6 +37,9 @@ DEEPEST = 32
 
 # A tag of this length would take the parser seconds, and tags are refused anyway.
 _ENDLESS_TAG = re.compile(r"!\S{1000}")
+# The parser's time grows with the square of the brackets that are open at once.
+_ENDLESS_NESTING = re.compile(r"(?:[\[{]\s*){200}")
+_TOO_DEEP = f"values are nested more than {DEEPEST} levels deep"
 _NO_TAGS = "tags ('!…') have no meaning in a study; remove the tag"
 # The scalars of the core schema of YAML 1.2; everything else is text.
 _NULL = re.compile(r"|~|null|Null|NULL")
@@ -80,6 +83,8 @@ def compose(text: str, start: Place, *, tags: bool = False) -> tuple[Entry, list
     composer = _Composer(start=start, last=start, may_have_tags=tags)
     if tag := _ENDLESS_TAG.search(text):
         composer.fail(composer.place_in(text, tag.start()), _NO_TAGS)
+    if nesting := _ENDLESS_NESTING.search(text):
+        composer.fail(composer.place_in(text, nesting.start()), _TOO_DEEP)
     try:
         for event in YAML(typ="safe", pure=True).parse(text):
             composer.take(event)
@@ -306,7 +311,7 @@ class _Composer:
     def check_depth(self, place: Place, height: int) -> None:
         """Refuse deeper nesting than any study needs."""
         if len(self.frames) + height >= DEEPEST:
-            self.fail(place, f"values are nested more than {DEEPEST} levels deep")
+            self.fail(place, _TOO_DEEP)
 
     def unwrapped(self, entry: MappingEntry) -> Entry:
         """Turn ``{value: …, basis: …, note: …}`` into its value with an annotation; leave other mappings alone."""
