@@ -29,8 +29,8 @@ from tests.calibration.random_poses import tilted_poses
 from tests.calibration.rig_draws import depth_of_draws
 from tests.calibration.trials import CalibrationTrial, normal_priors
 from tradestudy.calibration.corners.corner_file import read_corners
-from tradestudy.calibration.corners.pair_residual import sample_relative_pose
 from tradestudy.calibration.corners.real_rig import fit_rig, observe_pair
+from tradestudy.calibration.corners.rig_posterior import sample_rig
 from tradestudy.calibration.posterior.laplace import LaplaceFit
 from tradestudy.calibration.target.synthetic_target import SyntheticTarget, flat_grid
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -160,7 +160,7 @@ def rig(seed: int) -> None:
     )
     for name, value, factor in zip(SHARED_NAMES, explained.shared, explained.overconfidence, strict=True):
         print(f"  {name:34s} {value:12.6g}  overconfident without the term by {factor:.2f}")
-    posterior = sample_relative_pose(explained, fit.corners, rng=np.random.default_rng(seed))
+    posterior = sample_rig(fit, rng=np.random.default_rng(seed))
     diagnostics = posterior.sample.diagnostics
     print(
         f"emcee: {posterior.sample.seconds:.1f} s, {posterior.sample.evaluations} evaluations, "

@@ -21,8 +21,8 @@ from tests.calibration.trials import CalibrationTrial, normal_priors
 from tests.data.simulate_corners import NOISE_PX, pictures, true_rig
 from tradestudy.calibration.calibration_file import CalibrationDraws
 from tradestudy.calibration.corners.corner_file import StereoCorners
-from tradestudy.calibration.corners.pair_residual import sample_relative_pose
 from tradestudy.calibration.corners.real_rig import fit_rig
+from tradestudy.calibration.corners.rig_posterior import sample_rig
 from tradestudy.calibration.posterior.laplace import LaplaceFit
 from tradestudy.calibration.posterior_file import posterior_of_file, rig_calibration, write_posterior
 from tradestudy.calibration.projection import move
@@ -172,12 +172,10 @@ def by_corners(rng: np.random.Generator, *, sampled: bool = False) -> BoolArray:
     truth = true_rig() + spread * rng.standard_normal(18)
     fit = fit_rig(_corners(truth, rng))
     if sampled:
-        posterior = sample_relative_pose(fit.explained, fit.corners, rng=rng)
+        posterior = sample_rig(fit, rng=rng)
         draws = posterior.sample.thinned(DRAWS)[:, :18]
     else:
-        draws = LaplaceFit(names=SHARED_NAMES, mean=fit.explained.shared, covariance=fit.explained.covariance).draw(
-            rng, DRAWS
-        )
+        draws = LaplaceFit(names=SHARED_NAMES, mean=fit.explained.shared, covariance=fit.covariance).draw(rng, DRAWS)
     best = draws.mean(axis=0)
     saved = CalibrationDraws(names=SHARED_NAMES, draws=draws, best=best, pixels=(1024, 1024))
     camera = cameras.stereo()

@@ -66,11 +66,11 @@ def corners(
 
 def depth_scores(views: int, rng: np.random.Generator, *, white: bool = False) -> tuple[FloatArray, FloatArray]:
     """Errors of depth [m] on the axis by one calibration, and the standard deviations that it states, each (D,)."""
-    found = fit_rig(corners(views, rng, white=white)).explained
+    found = fit_rig(corners(views, rng, white=white))
     seen = observe_pair(TRUTH, points_midway(TRUTH, DISTANCES))
-    error = inverse_depth(found.shared, seen) - 1.0 / DISTANCES
+    error = inverse_depth(found.explained.shared, seen) - 1.0 / DISTANCES
     step = 1e-2 * np.sqrt(np.diag(found.covariance))
-    up, down = (inverse_depth(found.shared + sign * np.diag(step), seen) for sign in (1.0, -1.0))
+    up, down = (inverse_depth(found.explained.shared + sign * np.diag(step), seen) for sign in (1.0, -1.0))
     slopes = (up - down) / (2.0 * step[:, None])
     stated = np.sqrt(np.einsum("id,ij,jd->d", slopes, found.covariance, slopes))
     return -(DISTANCES**2) * error, DISTANCES**2 * stated

@@ -15,6 +15,7 @@ from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.corner_noise import equal_noise, estimate_noise, outlier_weights
 from tradestudy.calibration.corners.real_rig import fit_rig
 from tradestudy.calibration.posteriors import with_square_size
+from tradestudy.calibration.projection import move, project, rotation_matrix
 from tradestudy.errors import UnaffordableError
 from tradestudy.figures.calibration_trust import draw_trust
 from tradestudy.run.groups.calibration import calibration_group
@@ -102,6 +103,40 @@ def test_a_bent_board_is_found():
     assert np.all(np.abs(none.warp) < 4.0 * none.warp_deviation)
     assert np.all(np.abs(found.warp - [0.4e-3, 0.0, 0.0]) < 4.0 * found.warp_deviation)
     assert found.warp_deviation[0] < 0.1e-3
+
+
+def test_the_covariance_counts_the_warp_as_unknown():
+    """Against normal equations of all unknowns at once, with derivatives by differences of the exact projection."""
+    fit = fit_rig(noisy_corners.corners(6, np.random.default_rng(8), white=True))
+    found, corners = fit.explained, fit.corners
+    grid = corners.board[0]
+    square = np.sum((grid - grid.mean(axis=0)) ** 2, axis=1)
+    x, y = ((grid - grid.mean(axis=0)) / np.sqrt(square.mean())).T
+    shapes = np.stack([x**2 + y**2, x**2 - y**2, 2.0 * x * y], axis=-1)
+
+    def seen(unknown):
+        shared, warp = unknown[:18], unknown[18:21]
+        poses, motions = np.moveaxis(unknown[21:].reshape(6, 2, 6), 1, 0)
+        left = move(poses, np.concatenate([grid, (shapes @ warp)[:, None]], axis=-1))
+        right = move(shared[12:], left)
+        middle = right.mean(axis=1, keepdims=True)
+        turned = (right - middle) @ np.swapaxes(rotation_matrix(motions[:, :3] / found.lever), -1, -2) + middle
+        right = turned + motions[:, None, 3:]
+        both = [project(shared[side], at) for side, at in ((slice(6), left), (slice(6, 12), right))]
+        return corners.noise.whiten(np.concatenate([one.reshape(6, -1) for one in both], axis=1)).ravel()
+
+    states = np.stack([found.states.poses, np.zeros((6, 6))], axis=1)
+    centre = np.concatenate([found.shared, fit.warp, states.ravel()])
+    scale = np.concatenate([np.sqrt(np.diag(fit.joint_covariance)), np.full(72, 1e-4)])
+    slopes = np.stack([(seen(centre + step) - seen(centre - step)) / 2.0 for step in np.diag(scale)], axis=-1)
+    information = slopes.T @ slopes / found.noise_px**2
+    motions = np.arange(93)[21:].reshape(6, 2, 6)[:, 1].ravel()
+    information[motions, motions] += (scale[motions] / found.motion_scale) ** 2
+    dense = np.linalg.inv(information)[:21, :21]
+    np.testing.assert_allclose(fit.joint_covariance / np.outer(scale[:21], scale[:21]), dense, atol=0.02)
+    assert fit.covariance.shape == (18, 18)
+    given_warp = np.diag(found.covariance) / np.diag(fit.covariance)
+    assert 0.5 < given_warp.min() < 0.97
 
 
 def test_the_size_of_the_squares_scales_depth():

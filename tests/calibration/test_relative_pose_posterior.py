@@ -1,5 +1,7 @@
 """The posterior of the measured rig: converged, checked at exact points, as wide as the Laplace fit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,14 +9,14 @@ from tests.calibration.cameras import calibrated_webcams
 from tests.calibration.rig_draws import depth_of_draws
 from tests.data.simulate_corners import FILE as SIMULATED
 from tradestudy.calibration.corners.corner_file import read_corners
-from tradestudy.calibration.corners.marginal_views import compress_views
-from tradestudy.calibration.corners.pair_residual import (
+from tradestudy.calibration.corners.real_rig import fit_rig
+from tradestudy.calibration.corners.rig_posterior import (
     check_marginalisation,
+    linearised_rig,
     log_posterior,
     posterior_names,
-    sample_relative_pose,
+    sample_rig,
 )
-from tradestudy.calibration.corners.real_rig import fit_rig
 from tradestudy.cameras.calibrated_pair import RADIAL
 
 
@@ -39,7 +41,7 @@ def test_the_posterior_converges_and_holds_at_exact_points(posterior):
 
 def test_the_posterior_is_as_wide_as_the_laplace_fit(rig, posterior):
     draws = posterior.sample.draws[:, :18]
-    deviation = np.sqrt(np.diag(rig.explained.covariance))
+    deviation = np.sqrt(np.diag(rig.covariance))
     # both scales are sampled, not fixed: a little wider on average, by less than a tenth
     np.testing.assert_allclose(draws.std(axis=0) / deviation, 1.0, atol=0.1)
     np.testing.assert_allclose((draws.mean(axis=0) - rig.explained.shared) / deviation, 0.0, atol=0.1)
@@ -51,7 +53,7 @@ def test_depth_of_this_rig(rig, posterior):
     shared = rig.explained.shared
     depths = depth_of_draws(shared, posterior.sample.thinned(4000)[:, :18], distances)
     low, high = np.quantile(depths, [0.15865, 0.84135], axis=0)
-    steps = 1e-2 * np.sqrt(np.diag(rig.explained.covariance))
+    steps = 1e-2 * np.sqrt(np.diag(rig.covariance))
     slopes = np.array(
         [
             (
@@ -61,36 +63,35 @@ def test_depth_of_this_rig(rig, posterior):
             for step in np.diag(steps)
         ]
     ) / (2 * steps[:, None])
-    linear = np.sqrt(np.einsum("id,ij,jd->d", slopes, rig.explained.covariance, slopes))
+    linear = np.sqrt(np.einsum("id,ij,jd->d", slopes, rig.covariance, slopes))
     np.testing.assert_allclose((high - low) / 2, linear, rtol=0.06)
     # correlation matters: dropping it makes the depth error at 1 m several times larger
-    diagonal = np.sqrt(np.einsum("id,i,id->d", slopes, np.diag(rig.explained.covariance), slopes))
+    diagonal = np.sqrt(np.einsum("id,i,id->d", slopes, np.diag(rig.covariance), slopes))
     assert diagonal[2] / linear[2] > 2.0
 
 
 def test_the_check_refuses_a_wrong_marginalisation(rig, posterior):
     """Linearised in the wrong place, the approximate posterior must fail the exact points."""
-    fit = rig.explained
-    away = fit.shared + 40.0 * np.sqrt(np.diag(fit.covariance))
-    compressed = compress_views(away, fit.states, rig.corners, fit.lever)
-    check = check_marginalisation(posterior.sample.thinned(50), compressed, fit, rig.corners)
+    away = rig.explained.shared + 40.0 * np.sqrt(np.diag(rig.covariance))
+    views = linearised_rig(replace(rig, explained=replace(rig.explained, shared=away)))
+    check = check_marginalisation(posterior.sample.thinned(50), views, rig)
     assert not check.passed
 
 
 def test_motion_beyond_the_board_is_impossible(rig):
     fit = rig.explained
-    compressed = compress_views(fit.shared, fit.states, rig.corners, fit.lever)
-    parameters = np.array([*fit.shared, np.log(0.12), 0.08])
-    assert log_posterior(compressed, parameters, largest_motion=0.075) == -np.inf
-    assert np.isfinite(log_posterior(compressed, parameters, largest_motion=0.085))
-    assert log_posterior(compressed, parameters * np.append(np.ones(19), -1.0), largest_motion=0.085) == -np.inf
+    views = linearised_rig(rig)
+    parameters = np.array([*fit.shared, *rig.warp, np.log(0.12), 0.08])
+    assert log_posterior(views, parameters, largest_motion=0.075) == -np.inf
+    assert np.isfinite(log_posterior(views, parameters, largest_motion=0.085))
+    assert log_posterior(views, parameters * np.append(np.ones(22), -1.0), largest_motion=0.085) == -np.inf
 
 
 @pytest.mark.slow
 def test_a_board_that_did_not_move_leaves_the_motion_free_down_to_zero():
     """Simulated without motion: the scale has no peak, and the chains converge all the same."""
     fit = fit_rig(read_corners(SIMULATED))
-    sample = sample_relative_pose(fit.explained, fit.corners, rng=np.random.default_rng(0)).sample
+    sample = sample_rig(fit, rng=np.random.default_rng(0)).sample
     assert sample.diagnostics.converged, sample.diagnostics.failures
-    motion = sample.draws[:, 19]
+    motion = sample.draws[:, -1]
     assert motion.min() < 0.1 * motion.mean() < 2e-6

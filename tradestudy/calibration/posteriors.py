@@ -11,9 +11,9 @@ import numpy as np
 
 from tradestudy.calibration.calibration_file import CalibrationDraws
 from tradestudy.calibration.corners.corner_file import read_corners
-from tradestudy.calibration.corners.pair_residual import sample_relative_pose
 from tradestudy.calibration.corners.real_rig import RigFit, fit_rig
 from tradestudy.calibration.corners.rig_geometry import check_geometry, check_inside
+from tradestudy.calibration.corners.rig_posterior import sample_rig
 from tradestudy.calibration.corners.trust import CalibrationTrust, examine
 from tradestudy.calibration.corners.view_blocks import TRANSLATION, shared_names
 from tradestudy.calibration.posterior.laplace import LaplaceCheck, LaplaceFit
@@ -184,11 +184,11 @@ def infer_from_corners(request: CornersToInfer) -> InferredCalibration:
     check_inside(request.name, rig, np.concatenate([corners.left[corners.present], corners.right[corners.present]]))
     lens = lens_of(request.part.lens_model)
     fit, names = fit_rig(replace(corners, lens=lens)), shared_names(lens.free)
-    normal = LaplaceFit(names=names, mean=fit.explained.shared, covariance=fit.explained.covariance)
+    normal = LaplaceFit(names=names, mean=fit.explained.shared, covariance=fit.covariance)
     draws = normal.draw(np.random.default_rng(0), _CHECKED_DRAWS)
     check_geometry(request.name, rig, normal.mean, draws, says="corners say", lens=lens)
     rng = point_generator(seed=request.seed, point=f"corners/{request.name}", replicate=0)
-    found = sample_relative_pose(fit.explained, fit.corners, rng=rng, maximum_steps=request.part.max_steps)
+    found = sample_rig(fit, rng=rng, maximum_steps=request.part.max_steps)
     draws_kept = propagated(names, found.sample)
     posterior = replace(
         draws_kept,
@@ -202,7 +202,7 @@ def infer_from_corners(request: CornersToInfer) -> InferredCalibration:
         posterior=posterior,
         sample=found.sample,
         check=found.check,
-        laplace_deviation=np.concatenate([normal.standard_deviation, [np.nan, np.nan]]),
+        laplace_deviation=np.concatenate([normal.standard_deviation, fit.warp_deviation, [np.nan, np.nan]]),
         laplace_seconds=fit.explained.seconds,
         prior_deviation=np.full(len(found.sample.names), np.inf),
         fit=fit,

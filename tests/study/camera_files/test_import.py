@@ -190,6 +190,15 @@ def test_mix_ups_are_named_at_their_place(tmp_path: Path, name: str) -> None:
     assert path.strip().startswith("cameras.rig")
 
 
+def test_a_projection_matrix_whose_baseline_overflows_is_refused(tmp_path: Path) -> None:
+    left, right = written.camera_info_pair(tmp_path)
+    text = right.read_text(encoding="utf-8")
+    focal_length = text.split("projection_matrix:")[1].split("[")[1].split(",")[0]
+    right.write_text(text.replace(f"[{focal_length},", "[1e-320,"), encoding="utf-8")
+    message = refusal(study(tmp_path, rig=f"from: [{left.name}, {right.name}]"))
+    assert all(word in message for word in ("right.yaml", "P[3]", "too large for the focal length"))
+
+
 def test_a_fisheye_lens_under_the_name_of_a_pinhole_one_is_named(tmp_path: Path) -> None:
     r1, r2, p1, p2 = written.rectified()
     fisheye = np.array([-0.03, 0.11, -0.12, 0.04, 0.0])

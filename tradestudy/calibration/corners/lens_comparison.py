@@ -96,7 +96,7 @@ def compare_lenses(fit: RigFit, z: FloatArray, others: Sequence[FreeLens]) -> Ma
 
 def depth_slopes(fit: RigFit, z: FloatArray) -> FloatArray:
     """Derivatives of inverse depth by the shared parameters, shape (D, P)."""
-    deviation = np.sqrt(np.diag(fit.explained.covariance))
+    deviation = np.sqrt(np.diag(fit.covariance))
     return _slopes(fit.corners.lens, fit.explained.shared, deviation, _seen(fit, z))
 
 

@@ -1,9 +1,8 @@
-"""A pair with a left–right term per view, which explains why the pair fits worse than its cameras; its posterior."""
+"""A pair with a left–right term per view, which explains why the pair fits worse than its cameras."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +13,6 @@ from tradestudy.calibration.corners.marginal_views import (
     CompressedViews,
     ViewStates,
     compress_views,
-    exact_log_likelihood,
     gyration_radius,
     settle_views,
 )
@@ -23,25 +21,13 @@ from tradestudy.calibration.corners.view_blocks import (
     pair_blocks,
     shared_names,
 )
-from tradestudy.calibration.posterior.laplace import (
-    CHECKED_POINTS,
-    LaplaceCheck,
-    LaplaceFit,
-    compare_log_posteriors,
-    covariance_from_information,
-)
-from tradestudy.calibration.posterior.sampling import MINIMUM_ENSEMBLES, CheckedPosterior, sample_posterior
+from tradestudy.calibration.posterior.laplace import covariance_from_information
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 
 _MOST_LINEARISATIONS = 20
 _LEVER_DEVIATION = 1.0  # prior, of the logarithm of the lever over the radius of gyration
 _FIRST_STEPS = (0.05, 0.3, 0.3)  # of the logarithms of noise, motion scale and lever
-
-
-def posterior_names(free: Sequence[str]) -> tuple[str, ...]:
-    """Sampled parameters of a pair of lenses with these free coefficients."""
-    return (*shared_names(free), "log_noise_px", "motion_scale")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +56,7 @@ class PairResidualFit:
     shared : array (P,)
         In the order of ``view_blocks.shared_names``.
     covariance : array (P, P)
-        Of the shared parameters, poses and motions marginalised, given both scales.
+        Of the shared parameters, poses and motions marginalised, given both scales and the shape of the board.
     noise_px : float
         Standard deviation of one coordinate [px]; root mean square over the views where these differ.
     motion_scale : float
@@ -145,7 +131,7 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
     shared = fit.shared
     states = ViewStates(poses=fit.poses, motions=np.zeros_like(fit.poses))
     compressed = compress_views(shared, states, corners, lever)
-    without = _restricted(compressed, fit.noise_px, 0.0)
+    without = restricted_log_likelihood(compressed, fit.noise_px, 0.0)
     # Start at the motion scale that would explain the rows that depend on motion.
     scale = float(np.sqrt(np.mean(compressed.motion_rows[..., -1] ** 2 / compressed.motion_gains)))
     noise = fit.noise_px
@@ -166,27 +152,6 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
         limit="steps below 1e-4 standard deviations",
         remedy="add views: the shared parameters are too uncertain to linearise",
     )
-
-
-def extended_step(fit: PairResidualFit, corners: StereoCorners, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Generalised least-squares step of the shared and additional parameters, with its covariance.
-
-    Parameters
-    ----------
-    fit, corners
-        The fit and its data.
-    columns : array (V, 4 N, E)
-        Derivatives by the additional parameters, which are zero at the fit, whitened like the residuals.
-
-    Returns
-    -------
-    step : array (P + E,)
-    covariance : array (P + E, P + E)
-    """
-    extended = compress_views(fit.shared, fit.states, corners, fit.lever, extra=columns)
-    information, gradient = extended.information(fit.noise_px, fit.motion_scale)
-    covariance = inverse_information(information)
-    return covariance @ gradient, covariance
 
 
 def inverse_information(information: FloatArray) -> FloatArray:
@@ -220,7 +185,7 @@ def _result(
         motion_scale=scale,
         lever=lever,
         states=states,
-        log_likelihood_gain=_restricted(compressed, noise, scale) - without,
+        log_likelihood_gain=restricted_log_likelihood(compressed, noise, scale) - without,
         left_rms_px=float(np.sqrt(np.sum(left**2) / corners.corner_count)),
         right_rms_px=float(np.sqrt(np.sum(right**2) / corners.corner_count)),
         overconfidence=np.sqrt(np.diag(covariance) / np.diag(fit.covariance)),
@@ -228,7 +193,7 @@ def _result(
     )
 
 
-def _restricted(compressed: CompressedViews, noise_px: float, motion_scale: float) -> float:
+def restricted_log_likelihood(compressed: CompressedViews, noise_px: float, motion_scale: float) -> float:
     """Log likelihood of the scales with the shared parameters integrated out under a flat prior."""
     information, gradient = compressed.information(noise_px, motion_scale)
     best = compressed.centre + np.linalg.solve(information, gradient)
@@ -248,7 +213,8 @@ def _best_scales(
     def cost(logs: FloatArray) -> float:
         noise, scale, factor = np.exp(logs)
         unusual = (np.log(stretch) + logs[2]) / _LEVER_DEVIATION
-        return 0.5 * float(unusual**2) - _restricted(compressed.with_lever(factor), float(noise), float(scale))
+        likelihood = restricted_log_likelihood(compressed.with_lever(factor), float(noise), float(scale))
+        return 0.5 * float(unusual**2) - likelihood
 
     start = np.array([np.log(noise_px), np.log(motion_scale), 0.0])
     found = minimize(
@@ -264,131 +230,3 @@ def _best_scales(
     )
     noise, scale, factor = np.exp(found.x)
     return float(noise), float(scale), float(factor)
-
-
-def log_posterior(compressed: CompressedViews, parameters: FloatArray, *, largest_motion: float) -> FloatArray:
-    """Log posterior with poses and motions marginalised, up to a constant.
-
-    Parameters
-    ----------
-    compressed : CompressedViews
-        The views, reduced.
-    parameters : array (..., P + 2)
-        In the order of ``posterior_names``.
-    largest_motion : float
-        Upper end of the uniform prior of the motion scale [m].
-
-    Returns
-    -------
-    array (...)
-        Natural logarithm; −inf beyond ``largest_motion``. Priors: flat in the shared parameters and in ln σ, and
-        flat in the motion scale (A. Gelman, Bayesian Analysis 1 (2006) 515), which therefore can reach zero where views
-        do not move.
-    """
-    scale = parameters[..., -1]
-    allowed = (scale > 0.0) & (scale <= largest_motion)
-    likelihood = compressed.log_likelihood(parameters[..., :-2], np.exp(parameters[..., -2]), np.abs(scale))
-    return np.where(allowed, likelihood, -np.inf)
-
-
-def sample_relative_pose(
-    fit: PairResidualFit,
-    corners: StereoCorners,
-    *,
-    rng: np.random.Generator,
-    maximum_steps: int = 20_000,
-) -> CheckedPosterior:
-    """Sample the pair's posterior with emcee, and check its marginalisation against the exact one.
-
-    Parameters
-    ----------
-    fit : PairResidualFit
-        Where to linearise and to start.
-    corners : StereoCorners
-        What was seen.
-    rng : numpy.random.Generator
-        Randomness of starts and chains.
-    maximum_steps : int
-        As for ``posterior.sample_posterior``.
-
-    Returns
-    -------
-    CheckedPosterior
-        Check ``converged`` before using it.
-    """
-    compressed = compress_views(fit.shared, fit.states, corners, fit.lever)
-    laplace = _joint_laplace(fit, compressed, corners)
-    walkers = 2 * len(laplace.names) + 2
-    starts = laplace.draw(rng, MINIMUM_ENSEMBLES * walkers)
-    starts[:, -1] = np.minimum(np.abs(starts[:, -1]), fit.lever)
-    sample = sample_posterior(
-        lambda parameters: log_posterior(compressed, parameters, largest_motion=fit.lever),
-        starts.reshape(MINIMUM_ENSEMBLES, walkers, -1),
-        names=laplace.names,
-        rng=rng,
-        proposal=laplace,
-        maximum_steps=maximum_steps,
-    )
-    return CheckedPosterior(
-        sample=sample, check=check_marginalisation(sample.thinned(CHECKED_POINTS), compressed, fit, corners)
-    )
-
-
-def check_marginalisation(
-    draws: FloatArray, compressed: CompressedViews, fit: PairResidualFit, corners: StereoCorners
-) -> LaplaceCheck:
-    """Compare the linearised marginal posterior with the one whose poses are refitted at each draw.
-
-    Parameters
-    ----------
-    draws : array (K, P + 2)
-        Posterior draws.
-    compressed : CompressedViews
-        The views, reduced.
-    fit : PairResidualFit
-        Starting values of the poses.
-    corners : StereoCorners
-        What was seen.
-
-    Returns
-    -------
-    LaplaceCheck
-        Of the log ratios.
-    """
-    noises, scales = np.exp(draws[:, -2]), draws[:, -1]
-    exact = np.array(
-        [
-            exact_log_likelihood(
-                draw[:-2], fit.states, corners, fit.lever, noise_px=float(noise), motion_scale=float(scale)
-            )
-            for draw, noise, scale in zip(draws, noises, scales, strict=True)
-        ]
-    )
-    approximate = compressed.log_likelihood(draws[:, :-2], noises, scales)
-    return compare_log_posteriors(exact, approximate)
-
-
-def _joint_laplace(fit: PairResidualFit, compressed: CompressedViews, corners: StereoCorners) -> LaplaceFit:
-    """Normal approximation of all parameters, with the noise from the number of coordinates."""
-    names = posterior_names(corners.lens.free)
-    covariance = np.zeros((len(names), len(names)))
-    covariance[:-2, :-2] = fit.covariance
-    covariance[-2, -2] = 1.0 / (8.0 * corners.corner_count)
-    covariance[-1, -1] = _motion_deviation(fit, compressed) ** 2
-    mean = np.concatenate([fit.shared, [np.log(fit.noise_px), fit.motion_scale]])
-    return LaplaceFit(names=names, mean=mean, covariance=covariance)
-
-
-def _motion_deviation(fit: PairResidualFit, compressed: CompressedViews) -> float:
-    """Distance above the best motion scale at which the restricted log likelihood is lower by a half [m]."""
-    from scipy.optimize import brentq
-
-    best = _restricted(compressed, fit.noise_px, fit.motion_scale)
-
-    def excess(step: float) -> float:
-        return best - 0.5 - _restricted(compressed, fit.noise_px, fit.motion_scale + step)
-
-    far = fit.motion_scale / np.sqrt(12.0 * len(fit.states.poses))
-    while excess(far) < 0.0 and far < fit.lever:
-        far *= 2.0
-    return float(brentq(excess, 0.0, far, rtol=0.01)) if far < fit.lever else fit.lever

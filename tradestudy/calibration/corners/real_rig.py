@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tradestudy.calibration.corners.board_warp import WARP_NAMES, views_with_warp, warped
 from tradestudy.calibration.corners.bundle_adjustment import (
     CameraFit,
     PairFit,
@@ -16,13 +17,11 @@ from tradestudy.calibration.corners.bundle_adjustment import (
 )
 from tradestudy.calibration.corners.corner_file import MINIMUM_CORNERS, CornerFileError, StereoCorners
 from tradestudy.calibration.corners.corner_noise import CornerNoise, equal_noise, estimate_noise, outlier_weights
-from tradestudy.calibration.corners.marginal_views import gyration_radius
-from tradestudy.calibration.corners.model_columns import warp_columns, warp_shapes
 from tradestudy.calibration.corners.pair_residual import (
     PairResidualFit,
     ViewMeans,
-    extended_step,
     fit_pair_residual,
+    inverse_information,
     view_means,
 )
 from tradestudy.calibration.corners.view_blocks import (
@@ -32,7 +31,9 @@ from tradestudy.calibration.corners.view_blocks import (
     cameras_of,
     motion_columns,
     pair_blocks,
+    shared_names,
 )
+from tradestudy.calibration.posterior.laplace import covariance_from_information
 from tradestudy.calibration.projection import move, project, ray_slopes, rotation_matrix
 from tradestudy.cameras.calibrated_pair import PINHOLES, RADIAL, Lenses
 from tradestudy.errors import TradestudyError
@@ -127,10 +128,12 @@ class RigFit:
         Both cameras with one relative pose and independent noise.
     means : ViewMeans
         Mean residuals of the views of that fit.
-    warp, warp_deviation : array (3,)
-        Warp of the board and its standard deviation [m]; see `warp_columns`.
     explained : PairResidualFit
         The pair with a left–right term per view: the calibration to use.
+    warp : array (3,)
+        Warp of the board [m]; see `warp_columns`.
+    joint_covariance : array (P + 3, P + 3)
+        Of the shared parameters and the warp, given the scales of noise and motion.
     """
 
     corners: StereoCorners
@@ -140,16 +143,28 @@ class RigFit:
     right: CameraFit
     pair: PairFit
     means: ViewMeans
-    warp: FloatArray
-    warp_deviation: FloatArray
     explained: PairResidualFit
+    warp: FloatArray
+    joint_covariance: FloatArray
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the shared parameters, warp of the board marginalised, shape (P, P)."""
+        return self.joint_covariance[:-3, :-3]
+
+    @property
+    def warp_deviation(self) -> FloatArray:
+        """Standard deviation of the warp, shape (3,) [m]."""
+        deviation: FloatArray = np.sqrt(np.diag(self.joint_covariance)[-3:])
+        return deviation
 
 
 def fit_rig(corners: StereoCorners) -> RigFit:
     """Fit a pair: cameras, outliers, bundle adjustment, left–right term, noise, and warp of the board.
 
-    Corners are weighted, with a noise for each view; see `CornerNoise`. The covariance of ``explained`` is that of
-    generalised least squares under this noise.
+    Corners are weighted, with a noise for each view; see `CornerNoise`. Covariances are those of generalised least
+    squares under this noise. The warp of the board counts among the unknowns: taken as exact, it would leave a tenth
+    of the depth uncertainty out at the distances of the board.
 
     Parameters
     ----------
@@ -177,15 +192,16 @@ def fit_rig(corners: StereoCorners) -> RigFit:
     check_rig(pair)
     means = view_means(pair, corners)
     explained = fit_pair_residual(pair, corners)
-    radius, warp, deviations = gyration_radius(corners), np.zeros(3), np.zeros(3)
+    warp = np.zeros(3)
     for _ in range(_ROUNDS):
         corners = replace(corners, noise=_noise_of(corners, explained, weights))
-        explained = fit_pair_residual(replace(pair, shared=explained.shared, poses=explained.states.poses), corners)
-        columns = warp_columns(explained.shared, explained.states.poses, corners, radius)
-        step, covariance = extended_step(explained, corners, columns)
-        warp, deviations = warp + step[-3:], np.sqrt(np.diag(covariance)[-3:])
-        corners = replace(corners, heights=warp_shapes(corners, radius) @ warp)
+        explained = _refitted(pair, explained, corners)
+        information, gradient = _with_warp(explained, corners, warp)
+        warp = warp + (inverse_information(information) @ gradient)[-3:]
+        corners = warped(corners, warp)
     corners = replace(corners, noise=_noise_of(corners, explained, weights))
+    explained = _refitted(pair, explained, corners)
+    names = (*shared_names(corners.lens.free), *WARP_NAMES)
     return RigFit(
         corners=corners,
         present=present,
@@ -194,10 +210,20 @@ def fit_rig(corners: StereoCorners) -> RigFit:
         right=right,
         pair=pair,
         means=means,
+        explained=explained,
         warp=warp,
-        warp_deviation=deviations,
-        explained=fit_pair_residual(replace(pair, shared=explained.shared, poses=explained.states.poses), corners),
+        joint_covariance=covariance_from_information(_with_warp(explained, corners, warp)[0], names),
     )
+
+
+def _refitted(pair: PairFit, last: PairResidualFit, corners: StereoCorners) -> PairResidualFit:
+    """The fit repeated with corners whose noise or board changed."""
+    return fit_pair_residual(replace(pair, shared=last.shared, poses=last.states.poses), corners)
+
+
+def _with_warp(fit: PairResidualFit, corners: StereoCorners, warp: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Information and gradient of the shared parameters and the warp."""
+    return views_with_warp(fit, corners, warp).information(fit.noise_px, fit.motion_scale)
 
 
 def _noise_of(corners: StereoCorners, fit: PairResidualFit, weights: FloatArray) -> CornerNoise:

@@ -36,7 +36,7 @@ class CalibrationTrust:
         Standard deviation of depth by the covariance of the fit [m].
     halves_difference, halves_claim : array (D,)
         Depths by random halves of the views: root mean square of their difference, and its expectation ``√(C_A + C_B)``
-        by the covariances of the halves [m].
+        by the covariances of the halves [m], both without the warp of the board, which they share.
     halves
         Number of random splits.
     view_rms : array (V, 2)
@@ -91,12 +91,12 @@ def examine(
         Lens models to compare in addition to those that are always compared.
     """
     z = np.array(distances)
-    explained, compressed = fit.explained, compressed_fit(fit)
+    compressed = compressed_fit(fit)
     slopes = depth_slopes(fit, z)
     difference, claim = _halves(fit, compressed, slopes)
     return CalibrationTrust(
         distances=z,
-        claimed=z**2 * np.sqrt(np.einsum("di,ij,dj->d", slopes, explained.covariance, slopes)),
+        claimed=z**2 * np.sqrt(np.einsum("di,ij,dj->d", slopes, fit.covariance, slopes)),
         halves_difference=z**2 * difference,
         halves_claim=z**2 * claim,
         halves=_HALVES,

@@ -44,7 +44,7 @@ def _posteriors(calibrations: Mapping[str, InferredCalibration]) -> tuple[dict[s
     overconfidence = [
         np.full(len(one.sample.names), np.nan)
         if one.fit is None
-        else np.concatenate([one.fit.explained.overconfidence, [np.nan, np.nan]])
+        else np.concatenate([one.fit.explained.overconfidence, np.full(5, np.nan)])
         for one in calibrations.values()
     ]
     return {

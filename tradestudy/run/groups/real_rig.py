@@ -88,7 +88,7 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     )
     yield "noise of one corner coordinate", pretty(fit.explained.noise_px, PIXELS)
     yield "gain in log likelihood by this motion", significant(fit.explained.log_likelihood_gain)
-    shared, covariance = fit.explained.shared, fit.explained.covariance
+    shared, covariance = fit.explained.shared, fit.covariance
     baseline = float(np.linalg.norm(shared[TRANSLATION]))
     direction = shared[TRANSLATION] / baseline
     deviation = float(np.sqrt(direction @ covariance[TRANSLATION, TRANSLATION] @ direction))

@@ -231,7 +231,10 @@ def translation_of_projection(value: Located, numbers: tuple[float, ...]) -> Flo
         )
     if matrix[2, 3] != 0.0:
         raise value.fail("P[11] is not 0; rectified cameras are side by side")
-    moved: FloatArray = np.array([matrix[0, 3] / fx, matrix[1, 3] / fy, 0.0])
+    with np.errstate(over="ignore"):
+        moved: FloatArray = np.array([matrix[0, 3] / fx, matrix[1, 3] / fy, 0.0])
+    if not np.all(np.isfinite(moved)):
+        raise value.fail(f"P[3] and P[7], {matrix[0, 3]:g} and {matrix[1, 3]:g}, are too large for the focal length")
     return moved
 
 

@@ -1,13 +1,40 @@
-"""Derivatives of the corners by a warp of the board."""
+"""The warp of a board: a bowl and two saddles, which corners determine together with the cameras."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
 from tradestudy.calibration.corners.corner_file import StereoCorners
+from tradestudy.calibration.corners.marginal_views import CompressedViews, compress_views, gyration_radius
+from tradestudy.calibration.corners.pair_residual import PairResidualFit
 from tradestudy.calibration.corners.view_blocks import RELATIVE, ROTATION, cameras_of
 from tradestudy.calibration.projection import move, project_with_jacobians, rotation_matrix
 from tradestudy.optics.arrays import FloatArray
+
+WARP_NAMES: Final = ("board_bowl", "board_edge_saddle", "board_diagonal_saddle")
+
+
+def warped(corners: StereoCorners, warp: FloatArray) -> StereoCorners:
+    """Corners on a board with this warp (3,) [m]; see `warp_columns`."""
+    return replace(corners, heights=warp_shapes(corners, gyration_radius(corners)) @ warp)
+
+
+def views_with_warp(fit: PairResidualFit, corners: StereoCorners, warp: FloatArray) -> CompressedViews:
+    """Views linearised about a fit, with the warp after the shared parameters.
+
+    Parameters
+    ----------
+    fit, corners
+        The fit and its data.
+    warp : array (3,)
+        Warp of the board in these data [m].
+    """
+    columns = warp_columns(fit.shared, fit.states.poses, corners, gyration_radius(corners))
+    views = compress_views(fit.shared, fit.states, corners, fit.lever, extra=columns)
+    return replace(views, centre=np.concatenate([fit.shared, warp]))
 
 
 def warp_shapes(corners: StereoCorners, lever: float) -> FloatArray:

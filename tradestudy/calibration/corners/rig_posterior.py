@@ -1,0 +1,149 @@
+"""The posterior of a pair calibrated from corners: its density, its sample by emcee, and the check of both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tradestudy.calibration.corners.board_warp import WARP_NAMES, views_with_warp, warped
+from tradestudy.calibration.corners.marginal_views import CompressedViews, exact_log_likelihood
+from tradestudy.calibration.corners.pair_residual import PairResidualFit, restricted_log_likelihood
+from tradestudy.calibration.corners.real_rig import RigFit
+from tradestudy.calibration.corners.view_blocks import shared_names
+from tradestudy.calibration.posterior.laplace import (
+    CHECKED_POINTS,
+    LaplaceCheck,
+    LaplaceFit,
+    compare_log_posteriors,
+)
+from tradestudy.calibration.posterior.sampling import MINIMUM_ENSEMBLES, CheckedPosterior, sample_posterior
+from tradestudy.optics.arrays import FloatArray
+
+
+def posterior_names(free: Sequence[str]) -> tuple[str, ...]:
+    """Sampled parameters of a pair of lenses with these free coefficients."""
+    return (*shared_names(free), *WARP_NAMES, "log_noise_px", "motion_scale")
+
+
+def linearised_rig(fit: RigFit) -> CompressedViews:
+    """The views of a fit, linearised about it in the shared parameters and the warp of the board."""
+    return views_with_warp(fit.explained, fit.corners, fit.warp)
+
+
+def log_posterior(compressed: CompressedViews, parameters: FloatArray, *, largest_motion: float) -> FloatArray:
+    """Log posterior with poses and motions marginalised, up to a constant.
+
+    Parameters
+    ----------
+    compressed : CompressedViews
+        The views, reduced.
+    parameters : array (..., P + 5)
+        In the order of ``posterior_names``.
+    largest_motion : float
+        Upper end of the uniform prior of the motion scale [m].
+
+    Returns
+    -------
+    array (...)
+        Natural logarithm; −inf beyond ``largest_motion``. Priors: flat in the shared parameters, the warp, ln σ, and
+        the motion scale (A. Gelman, Bayesian Analysis 1 (2006) 515), which therefore can reach zero where views
+        do not move.
+    """
+    scale = parameters[..., -1]
+    allowed = (scale > 0.0) & (scale <= largest_motion)
+    likelihood = compressed.log_likelihood(parameters[..., :-2], np.exp(parameters[..., -2]), np.abs(scale))
+    return np.where(allowed, likelihood, -np.inf)
+
+
+def sample_rig(fit: RigFit, *, rng: np.random.Generator, maximum_steps: int = 20_000) -> CheckedPosterior:
+    """Sample the posterior of a pair with emcee, and check its marginalisation against the exact one.
+
+    Parameters
+    ----------
+    fit : RigFit
+        Where to linearise and to start.
+    rng : numpy.random.Generator
+        Randomness of starts and chains.
+    maximum_steps : int
+        As for ``posterior.sample_posterior``.
+
+    Returns
+    -------
+    CheckedPosterior
+        Check ``converged`` before using it.
+    """
+    views, largest_motion = linearised_rig(fit), fit.explained.lever
+    laplace = _joint_laplace(fit, views)
+    walkers = 2 * len(laplace.names) + 2
+    starts = laplace.draw(rng, MINIMUM_ENSEMBLES * walkers)
+    starts[:, -1] = np.minimum(np.abs(starts[:, -1]), largest_motion)
+    sample = sample_posterior(
+        lambda parameters: log_posterior(views, parameters, largest_motion=largest_motion),
+        starts.reshape(MINIMUM_ENSEMBLES, walkers, -1),
+        names=laplace.names,
+        rng=rng,
+        proposal=laplace,
+        maximum_steps=maximum_steps,
+    )
+    return CheckedPosterior(sample=sample, check=check_marginalisation(sample.thinned(CHECKED_POINTS), views, fit))
+
+
+def check_marginalisation(draws: FloatArray, views: CompressedViews, fit: RigFit) -> LaplaceCheck:
+    """Compare the linearised marginal posterior with the one whose poses are refitted at each draw.
+
+    Parameters
+    ----------
+    draws : array (K, P + 5)
+        Posterior draws.
+    views : CompressedViews
+        The linearised views, with the warp.
+    fit : RigFit
+        Starting values of the poses, and the data.
+
+    Returns
+    -------
+    LaplaceCheck
+        Of the log ratios.
+    """
+    noises, scales = np.exp(draws[:, -2]), draws[:, -1]
+    exact = np.array(
+        [
+            exact_log_likelihood(
+                draw[:-5],
+                fit.explained.states,
+                warped(fit.corners, draw[-5:-2]),
+                fit.explained.lever,
+                noise_px=float(noise),
+                motion_scale=float(scale),
+            )
+            for draw, noise, scale in zip(draws, noises, scales, strict=True)
+        ]
+    )
+    return compare_log_posteriors(exact, views.log_likelihood(draws[:, :-2], noises, scales))
+
+
+def _joint_laplace(fit: RigFit, views: CompressedViews) -> LaplaceFit:
+    """Normal approximation of all parameters, with the noise from the number of coordinates."""
+    explained, names = fit.explained, posterior_names(fit.corners.lens.free)
+    covariance = np.zeros((len(names), len(names)))
+    covariance[:-2, :-2] = fit.joint_covariance
+    covariance[-2, -2] = 1.0 / (8.0 * fit.corners.corner_count)
+    covariance[-1, -1] = _motion_deviation(explained, views) ** 2
+    mean = np.concatenate([views.centre, [np.log(explained.noise_px), explained.motion_scale]])
+    return LaplaceFit(names=names, mean=mean, covariance=covariance)
+
+
+def _motion_deviation(fit: PairResidualFit, views: CompressedViews) -> float:
+    """Distance above the best motion scale at which the restricted log likelihood is lower by a half [m]."""
+    from scipy.optimize import brentq
+
+    best = restricted_log_likelihood(views, fit.noise_px, fit.motion_scale)
+
+    def excess(step: float) -> float:
+        return best - 0.5 - restricted_log_likelihood(views, fit.noise_px, fit.motion_scale + step)
+
+    far = fit.motion_scale / np.sqrt(12.0 * len(fit.states.poses))
+    while excess(far) < 0.0 and far < fit.lever:
+        far *= 2.0
+    return float(brentq(excess, 0.0, far, rtol=0.01)) if far < fit.lever else fit.lever
