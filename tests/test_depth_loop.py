@@ -74,8 +74,9 @@ def test_noise_is_not_less_than_the_derived_bound(measured: xr.Dataset) -> None:
     over, error = measured["depth_relative_spread"], measured["depth_relative_spread_error"]
     assert np.all(over > 1.0 - 3.0 * error)
     assert np.all(over < 1.4)
-    # Each window by its own texture, to first order: interpolation averages noise between pixels.
-    assert np.all((measured["depth_over_bound"] > 0.93) & (measured["depth_over_bound"] < 1.3))
+    # What each window states, to first order, is up to a tenth too large: interpolation averages noise between pixels,
+    # and the noise of the reference cancels against that of its own gradient (in dim light, a fifth of its square).
+    assert np.all((measured["depth_over_bound"] > 0.88) & (measured["depth_over_bound"] < 1.3))
 
 
 def test_four_times_the_light_halves_the_noise_of_depth(measured: xr.Dataset) -> None:

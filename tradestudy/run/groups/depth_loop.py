@@ -56,12 +56,17 @@ def depth_loop_group(definition: StudyDefinition, part: DepthLoopPart, steps: St
 
 
 def _fit(findings: Sequence[LoopFinding]) -> MatcherFit | str:
-    """The matcher of one camera, or why there is none."""
-    errors, bounds = (np.concatenate([getattr(one, name) for one in findings]) for name in ("errors_px", "bounds_px"))
+    """The matcher of one camera, or why there is none.
+
+    Errors count from their median at each distance, as they do where the matcher is tested: a bias is not noise.
+    """
+    measured = [one for one in findings if one.errors_px.size]
     try:
-        require_windows(errors.size)
+        require_windows(sum(one.errors_px.size for one in measured))
     except OutOfRangeError as refused:
         return str(refused)
+    errors = np.concatenate([one.errors_px - np.median(one.errors_px) for one in measured])
+    bounds = np.concatenate([one.bounds_px for one in measured])
     return fit_errors(errors, bounds, float(errors.size))
 
 

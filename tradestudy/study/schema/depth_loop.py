@@ -48,7 +48,8 @@ class DepthLoopPart(Part):
         "the relative error of the spread is about 1/sqrt(windows).",
     )
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
-        default=8, description="Rays for each pixel and lens."
+        default=64,
+        description="Rays for each pixel and lens: many, so that their errors do not count as the matcher's.",
     )
 
     @model_validator(mode="after")
