@@ -39,6 +39,8 @@ class Calibration:
         Source of the distribution.
     reading
         The exact model that the parameters belong to, if the source has its own; None for the camera's.
+    shared_view
+        Share of the pictures at distances [m] that both cameras see by that model; None for the camera's.
     vocabulary
         The parameters of that model; None for the camera's.
     inferred
@@ -49,6 +51,7 @@ class Calibration:
     environment: Environment | None = None
     source: SourceName = "errors"
     reading: Reading | None = None
+    shared_view: Callable[[FloatArray], FloatArray] | None = field(default=None, compare=False)
     vocabulary: ErrorVocabulary | None = field(default=None, compare=False)
     inferred: bool = True
 

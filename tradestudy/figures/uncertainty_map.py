@@ -37,17 +37,16 @@ def uncertainty_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 
 
 def map_sentences(tree: xr.DataTree, key: str) -> Iterator[str]:
-    """What the maps of one rig say: how the uncertainty grows towards the edges, and what both cameras see."""
+    """What the maps of one rig say: how the uncertainty grows towards the edges."""
     one, title = group(tree, "depth_map").sel(camera=key), camera_titles(tree)[key]
     for place in one["distance"].values:
         ratio = _ratio(one.sel(distance=place))
-        known, seen = ratio[np.isfinite(ratio)], np.mean(~np.isnan(ratio))
+        known = ratio[np.isfinite(ratio)]
         if known.size:
             middle = float(one["depth_uncertainty"].sel(distance=place, down=0.0, across=0.0, method="nearest"))
             yield (
                 f"{title} at {distance(float(place))}: depth uncertainty is {pretty(middle, LENGTH)} in the middle of "
-                f"the picture and up to {known.max():.1f} times that elsewhere; both cameras see {100.0 * seen:.0f} % "
-                "of it. "
+                f"the picture and up to {known.max():.1f} times that elsewhere. "
             )
 
 

@@ -272,7 +272,13 @@ class StereoRig(DepthCamera):
         return np.asarray(self.baseline * scale * (1.0 + x * x) / (1.0 + (self.baseline * inverse / 2.0) ** 2))
 
     def overlap(self, distance: ArrayLike) -> FloatArray:
-        """Share of each picture's width at a distance that the other camera also sees; see `shared_view`."""
+        """Share of each picture's width at a distance that the other camera also sees; see `shared_view`.
+
+        A calibration with geometry of its own gives the share of each picture's area instead.
+        """
+        if (seen := self.calibration.shared_view) is not None:
+            z = np.asarray(distance, dtype=np.float64)
+            return seen(z.ravel()).reshape(z.shape)
         half = self.sensor.width / 2.0 / self.principal_distance
         return shared_view(distance, self.baseline, half, self.convergence_angle, self.distortion)
 
