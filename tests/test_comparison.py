@@ -75,10 +75,11 @@ def tree(
             "usable_far": ends[:, 1:],
             "usable_near_error": np.full((len(titles), 1), end_error),
             "usable_far_error": np.full((len(titles), 1), end_error),
+            "limit_value": np.ones((*uncertainty.shape, 1)),
             "near_limit": [["overlap"]] * len(titles),
             "far_limit": [["relative_uncertainty"]] * len(titles),
         },
-        {"camera": list(titles), "distance": distance},
+        {"camera": list(titles), "distance": distance, "limit": ["overlap"]},
     )
     best = np.where(distance < handover, *list(titles)[:2])
     decision = dataset(
