@@ -317,6 +317,22 @@ def test_without_a_usable_design_there_is_no_chart_of_them(make_tree: Callable[.
         drawing.draw().svg()
 
 
+def test_captions_say_why_designs_are_compared_beside_the_declared_distance(
+    make_tree: Callable[..., xr.DataTree],
+) -> None:
+    """Grid points are 3.4 % apart, so that none is 1 m."""
+    tree = make_tree(sweep={"baseline": [0.05, 0.1, 0.2]})
+    places = tree["decision"].to_dataset()["place"].values
+    declared = sorted(places)[(len(places) - 1) // 2]
+    grid = tree["depth"]["distance"].values
+    used = grid[np.argmin(np.abs(np.log(grid / declared)))]
+    assert f"{used:.3g}" != f"{declared:.3g}"
+    for name in ("sweep_map", "pareto"):
+        caption = figures.build(tree)[name].caption.replace("\N{NO-BREAK SPACE}", " ")
+        assert f"at {used:.3g} m" in caption
+        assert caption.endswith(f"{used:.3g} m is nearest to {declared:.3g} m.")
+
+
 def test_the_frontier_keeps_what_nothing_beats() -> None:
     rng = np.random.default_rng(7)
     points = rng.random((200, 2))
