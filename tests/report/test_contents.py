@@ -165,7 +165,7 @@ def test_the_answer_gives_both_ends_of_a_stretch_in_millimetres_and_per_cent(tre
     first = 0.391  # between two distances of the study
     sigma = np.hypot(6.9e-4, 0.0349)
     assert f"±{1e3 * sigma * first**2:.3g} mm ({100 * sigma * first:.3g} %) near" in sentence
-    assert f"±{sigma * 100:.3g} m ({100 * sigma * 10:.3g} %) far; mostly camera rotation" in sentence
+    assert f"±{sigma * 100:.3g} m ({100 * sigma * 10:.3g} %) far; mostly relative rotation" in sentence
 
 
 def test_without_the_declared_design_the_answer_has_no_numbers(make_tree: Callable[..., xr.DataTree]) -> None:

@@ -277,5 +277,11 @@ class FocusedPlenoptic(PlenopticCamera):
 
     def properties(self) -> Properties:
         """Distances, microlenses, coverage and field of view; see `properties_of`."""
-        at_infinity = float(self.virtual_depth(math.inf))
-        return properties_of(self.main_lens, self.microlenses, self.sensor, self.mla_distance, at_infinity)
+        return properties_of(
+            self.main_lens,
+            self.microlenses,
+            self.sensor,
+            mla_distance=self.mla_distance,
+            total_covering_plane=self.total_covering_plane,
+            virtual_depth_at_infinity=float(self.virtual_depth(math.inf)),
+        )

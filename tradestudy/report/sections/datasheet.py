@@ -41,7 +41,7 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
         across, down = (pretty(float(one[f"{way}_field_of_view"]), ANGLE) for way in ("horizontal", "vertical"))
         yield Table(
             name=f"datasheet-{name}",
-            caption=f"{titles[str(name)]}: {usable}; field of view {across} × {down}.",
+            caption=f"{titles[str(name)]}: {usable}; field of view as focused, {across} × {down}.",
             columns=(
                 Column(title="Value", weight=3),
                 *(Column(title=f"At {distance(place)}", align="right", weight=2) for place in places),
