@@ -297,6 +297,22 @@ def test_a_change_has_a_folder_of_its_own_in_whatever_order_it_is_given(
         assert len(folder.encode()) <= 150
 
 
+def test_the_curve_of_margins_passes_zero_at_the_limit_that_the_sentence_gives(swept: Result) -> None:
+    one = next(one for one in requirement_conclusions(swept.data) if one.name == "per-cent")
+    assert one.met_ranges is not None
+    drawn = figures.build(swept.data)["requirement_margins"].draw()
+    (line,) = [line for line in drawn.axes[0].get_lines() if line.get_label() == one.says]
+    x, y = (np.asarray(values, dtype=float) for values in line.get_data())
+    assert np.all(np.diff(x) > 0.0)
+    crossed = [
+        a if before == 0.0 else a + (b - a) * before / (before - after)
+        for a, b, before, after in zip(x[:-1], x[1:], y[:-1], y[1:], strict=True)
+        if before * after < 0.0 or before == 0.0
+    ]
+    assert crossed == pytest.approx([1e3 * one.met_ranges[0].low], rel=1e-9)
+    assert len(line.get_markevery()) == len(swept.data["depth"]["stereo-75mm.baseline"])  # only designs are marked
+
+
 def test_margins_without_an_end_are_not_drawn(swept: Result) -> None:
     assert "requirement_margins" in swept.figure_names
     tree = swept.data.copy()
