@@ -202,6 +202,13 @@ class TestRun:
 
 
 class TestProgress:
+    def test_a_log_names_a_step_once_even_if_another_one_comes_between(self) -> None:
+        log = io.StringIO()
+        line = shown_progress.ProgressLine(log)
+        for step in ("claims", "claims", "requirements", "claims", "report"):
+            line(step, 0.5)
+        assert log.getvalue().splitlines() == ["claims …", "requirements …", "report …"]
+
     def test_short_work_shows_no_bar(self) -> None:
         bar = shown_progress.ProgressBar(is_predicted=True)
         bar("depth", 0.5)
