@@ -154,6 +154,19 @@ def test_a_few_lines_are_enough_and_the_rest_is_counted(swept: Result) -> None:
     assert rests.startswith("Rests on, so measure first")
 
 
+def test_the_terminal_says_whose_calibration_is_assumed_perfect(swept: Result) -> None:
+    assert not any("perfect" in line for line in swept.lines())  # all three declare errors
+    tree = swept.data.copy()
+    cameras = tree["cameras"].to_dataset().copy(deep=True)
+    cameras["perfect_calibration"][:] = [1.0, 0.0, 1.0]
+    tree["cameras"] = xr.DataTree(cameras)
+    titles = cameras["title"].values
+    *others, last = terminal_lines(tree)
+    assert last == f"Assumed perfect: the calibration of {titles[0]} and {titles[2]}"
+    assert len(others) == 4
+    assert next(terminal_lines(tree, 1)).startswith("and ")  # a shorter answer still counts what it leaves out
+
+
 def test_paths_are_read_as_words(swept: Result) -> None:
     assert path_words(swept.data, "stereo-75mm.baseline") == "baseline of Stereo head, 75 mm"
     assert path_words(swept.data, "cameras.raytrix-r5.main_lens.f_number") == "main lens f number of Raytrix R5"

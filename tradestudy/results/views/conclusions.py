@@ -16,7 +16,7 @@ from tradestudy.results.views.designs import (
     feasible_words,
     path_words,
 )
-from tradestudy.results.views.groups import camera_titles, group, has, records
+from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated, records
 from tradestudy.results.views.measured_depth import measured_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.results.views.trade_off import trade_off_conclusion
@@ -201,7 +201,9 @@ def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
         last = [f"Rests on, so measure first: {'; '.join(rests)}"]
     else:
         last = [f"Rests on: {'; '.join(rests)}"] * bool(rests) + [first] * bool(first)
-    room = most - len(last)
+    if perfect := perfectly_calibrated(tree):
+        last.append(f"Assumed perfect: the calibration of {listed(perfect)}")
+    room = max(most - len(last), 1)
     if len(lines) > room:  # the assumptions behind the answers matter more than a fourth requirement
         hidden = lines[room - 1 :]
         missed = sum(one.startswith("Not met") for one in hidden)
