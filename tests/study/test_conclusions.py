@@ -255,6 +255,16 @@ def test_where_a_limit_decides_the_answer_rests_on_it() -> None:
     assert measure_first(result.data) == ""
 
 
+def test_where_errors_decide_a_whole_range_the_answer_rests_on_their_largest_cause() -> None:
+    """Beyond 1.1 m the R5 is too uncertain throughout, so that no share of the range is usable at all."""
+    far = {"says": "far", "camera": "raytrix-r5", "usable": {"over": ["2 m", "4 m"]}}
+    result = ran({"requirements": {"near-and-mid": None, "far": far}, "scene.distances": ["0.3 m", "1 m", "4 m"]})
+    (row,) = requirement_conclusions(result.data)
+    assert (row.met, row.limited_by) == (False, "relative_uncertainty")
+    assert row.rests_on == "matching noise of Raytrix R5, derived from the picture"
+    assert row.rests_on_share > 0.9
+
+
 def test_comparing_begins_with_conclusions_that_changed(swept: Result) -> None:
     narrow = {"stereo-75mm.baseline": "40 mm", "stereo-50mm.baseline": "40 mm"}
     other = ran(ASKED, narrow)
