@@ -151,7 +151,7 @@ REST = "Unchanged: 1 claim; the best camera from 0.1 to 10 m; the usable range o
         (
             requirement(0, 3.0),
             requirement(0, 3.0, "b"),
-            "not met, nearest is Near head → not met, nearest is Far head.",
+            "not met, closest: Near head → not met, closest: Far head.",
         ),
         (
             requirement(1),

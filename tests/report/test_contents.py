@@ -201,7 +201,7 @@ def test_claims_are_answered_under_every_reading_tried(tree: xr.DataTree) -> Non
 def test_crossovers_are_a_range_of_assumptions(tree: xr.DataTree) -> None:
     texts = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if hasattr(b, "text")]
     sentence = next(text for text in texts if "equally uncertain" in text).replace("\u00a0", " ")
-    assert "nowhere in the range of the study, usable there or not. Under 2 of the 3 other readings" in sentence
+    assert "at no distance of the study, usable there or not. Under 2 of the 3 other readings" in sentence
     assert "between 0.4 m and 0.52 m" in sentence
 
 

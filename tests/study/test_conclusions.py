@@ -78,9 +78,9 @@ def valued() -> Result:
 
 def test_the_terminal_says_which_camera_from_which_baseline_on_and_on_what_that_rests(swept: Result) -> None:
     best, met, wish, weighed, rests = swept.lines()
-    assert best == "Best, as declared: Stereo head, 75 mm from 0.3 m to 4 m"
+    assert best == "Best, as declared: Stereo head, 75 mm from 0.3 to 4 m"
     found = re.fullmatch(
-        r"Met: 1 % from 0\.4 to 3 m, by Stereo head, 75 mm \(worst ([\d.]+) % at 3 m; margin (\d+) %\); met with the "
+        r"Met: 1 % from 0\.4 to 3 m, by Stereo head, 75 mm \(worst ([\d.]+) % at 3 m; (\d+) % to spare\); met with the "
         r"baseline of Stereo head, 75 mm from ([\d.]+) mm on \(tried up to 150 mm\)",
         met,
     )
@@ -137,7 +137,7 @@ def test_every_requirement_is_told_in_the_cases_it_can_be_in(swept: Result) -> N
         one = next(c for c in requirement_conclusions(tree) if c.name == "per-cent")
         return requirement_sentence(one)
 
-    assert told(met=0, margin_percent=-12.0).startswith("Not met: 1 % from 0.4 to 3 m, nearest is Stereo head")
+    assert told(met=0, margin_percent=-12.0).startswith("Not met: 1 % from 0.4 to 3 m, closest: Stereo head")
     assert "missed by a factor of 1.14" in told(met=0, margin_percent=-12.0)
     assert "factor" not in told(met=0, margin_percent=-12.0, limited_by="overlap")
     assert told(met=-1, margin_percent=np.nan).startswith("Cannot be decided: 1 %")
@@ -237,7 +237,7 @@ def test_what_it_rests_on_names_the_basis(swept: Result) -> None:
     assert rests_on(swept.data)[0].startswith("yaw of Stereo head, 75 mm, assumed 0.01 deg")
     causes = swept.data["decision"].to_dataset()["cause"]
     assert str(causes.sel(camera="raytrix-r5").item()) == "matching noise of Raytrix R5, derived from the picture"
-    assert [one.words for one in best_ranges(swept.data)] == ["Stereo head, 75 mm from 0.3 m to 4 m"]
+    assert [one.words for one in best_ranges(swept.data)] == ["Stereo head, 75 mm from 0.3 to 4 m"]
 
 
 def test_where_a_limit_decides_the_answer_rests_on_it() -> None:
