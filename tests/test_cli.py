@@ -17,11 +17,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import xarray as xr
 from typer.testing import CliRunner, Result
 
 import tradestudy
 from tradestudy import api, cli, shown_progress
 from tradestudy.errors import NotConvergedError, ResultsError, StudyError, UnaffordableError
+from tradestudy.results import storage
 
 HERE = Path(__file__).parent
 RIGHT = HERE / "study" / "wrong" / "right.yaml"
@@ -201,7 +203,32 @@ class TestRun:
         assert not (tmp_path / "out" / "report.html").exists()
 
 
+def test_results_of_another_version_that_lack_something_are_refused(tmp_path: Path) -> None:
+    result = api.load(ROBOT, ["scene.distances.points=9", "trade_off=null"]).run()
+    for name, code in (("own", result.data.attrs["code_hash"]), ("other", "of an earlier version")):
+        tree = result.data.copy()
+        tree.attrs["code_hash"] = code
+        tree["depth"] = xr.DataTree(tree["depth"].to_dataset().drop_vars("usable_near"))
+        storage.write_finished(tree, result.run_record, tmp_path / name)
+    for command in (["report", "--no-pdf"], ["compare", tmp_path / "own"]):
+        ended = invoke(*command, tmp_path / "other")
+        assert ended.exit_code == 1
+        told = " ".join(ended.output.split())
+        assert "from another version of the program and lack what this one shows" in told
+        assert str(tmp_path / "other") in told
+        assert told.endswith("run the study again")
+    broken = invoke("report", "--no-pdf", tmp_path / "own")
+    assert "unexpected KeyError" in broken.output  # of this very version: a mistake of the program
+
+
 class TestProgress:
+    def test_a_log_names_a_step_once_even_if_another_one_comes_between(self) -> None:
+        log = io.StringIO()
+        line = shown_progress.ProgressLine(log)
+        for step in ("claims", "claims", "requirements", "claims", "report"):
+            line(step, 0.5)
+        assert log.getvalue().splitlines() == ["claims …", "requirements …", "report …"]
+
     def test_short_work_shows_no_bar(self) -> None:
         bar = shown_progress.ProgressBar(is_predicted=True)
         bar("depth", 0.5)

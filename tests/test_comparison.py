@@ -75,10 +75,11 @@ def tree(
             "usable_far": ends[:, 1:],
             "usable_near_error": np.full((len(titles), 1), end_error),
             "usable_far_error": np.full((len(titles), 1), end_error),
+            "limit_value": np.ones((*uncertainty.shape, 1)),
             "near_limit": [["overlap"]] * len(titles),
             "far_limit": [["relative_uncertainty"]] * len(titles),
         },
-        {"camera": list(titles), "distance": distance},
+        {"camera": list(titles), "distance": distance, "limit": ["overlap"]},
     )
     best = np.where(distance < handover, *list(titles)[:2])
     decision = dataset(
@@ -150,7 +151,7 @@ REST = "Unchanged: 1 claim; the best camera from 0.1 to 10 m; the usable range o
         (
             requirement(0, 3.0),
             requirement(0, 3.0, "b"),
-            "not met, nearest is Near head → not met, nearest is Far head.",
+            "not met, closest: Near head → not met, closest: Far head.",
         ),
         (
             requirement(1),

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 from tradestudy import provenance
 from tradestudy.cost import DEFAULT_BUDGET
 from tradestudy.execution.steps import Progress
-from tradestudy.result import Result, open_result
+from tradestudy.result import Result, open_result, shown
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Value
 from tradestudy.study.loading import load_definition
@@ -456,11 +456,18 @@ def _finished(study: Study, directory: Path) -> Result | None:
 
 
 def report(directory: str | Path, *, pdf: bool = True) -> None:
-    """Write the report of a finished run again, with identical bytes."""
+    """Write the report of a finished run again, with identical bytes.
+
+    Raises
+    ------
+    ResultsError
+        If the folder contains no readable run, or one of another version that lacks something.
+    """
     from tradestudy import report as renderer
 
     result = open_result(directory)
-    renderer.write(result.data, result.run_record, Path(directory), pdf=pdf)
+    with shown({str(directory): result}):
+        renderer.write(result.data, result.run_record, Path(directory), pdf=pdf)
 
 
 def cost(
@@ -501,13 +508,14 @@ def compare(directories: Sequence[str | Path]) -> Comparison:
     OutOfRangeError
         If there are fewer than two folders.
     ResultsError
-        If a folder contains no readable run.
+        If a folder contains no readable run, or one of another version that lacks something.
     """
     from tradestudy.comparison import compare_runs
 
     results = [open_result(directory) for directory in directories]
     names = [str(directory) for directory in directories]
-    return compare_runs(names, [result.run_record for result in results], [result.data for result in results])
+    with shown(dict(zip(names, results, strict=True))):
+        return compare_runs(names, [result.run_record for result in results], [result.data for result in results])
 
 
 def schema() -> dict[str, Any]:

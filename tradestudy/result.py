@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from tradestudy import provenance
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -180,6 +183,30 @@ def open_result(directory: str | Path) -> Result:
 
     data, record = storage.read_finished(Path(directory))
     return Result(data=data, run_record=record)
+
+
+@contextmanager
+def shown(results: Mapping[str, Result]) -> Iterator[None]:
+    """Refuse results, by folder, in which another version of the program did not write what is to be shown.
+
+    Raises
+    ------
+    ResultsError
+        Something is missing, and a folder was written by other code than this.
+    """
+    from tradestudy.errors import ResultsError
+
+    try:
+        yield
+    except KeyError as error:
+        others = [name for name, one in results.items() if one.data.attrs.get("code_hash") != provenance.code_hash()]
+        if not others:
+            raise
+        raise ResultsError(
+            "these results are from another version of the program and lack what this one shows",
+            value=", ".join(others),
+            remedy="run the study again",
+        ) from error
 
 
 def _write_posteriors(tree: xr.DataTree, directory: Path) -> None:

@@ -17,16 +17,16 @@ class ProgressLine:
     """A step as one line of text, for logs and pipes."""
 
     def __init__(self, stream: TextIO) -> None:
-        self.stream, self.step = stream, ""
+        self.stream, self.begun = stream, set[str]()
 
     def expect(self, predicted: Mapping[str, float]) -> None:
         """Ignore the prediction: steps are named only when they begin."""
 
     def __call__(self, step: str, _share: float) -> None:
-        """Print a step once, when it begins."""
-        if step != self.step:
+        """Print a step when it begins, and not again when it goes on after another one."""
+        if step not in self.begun:
             print(f"{step} …", file=self.stream, flush=True)
-            self.step = step
+            self.begun.add(step)
 
 
 class ProgressBar:

@@ -138,6 +138,13 @@ def test_overlap_ends_the_stereo_range_near_and_focus_far() -> None:
     assert interval.far_limit == "focus"
 
 
+def test_a_plenoptic_camera_is_not_usable_where_no_point_is_seen_twice() -> None:
+    """Discs of the light of one point, on a lattice of pitch √3 p, meet no two centres below that diameter."""
+    (interval,) = usable_intervals(r5(), UsableCriteria(), GRID[GRID > 0.1])
+    assert 2.0 * float(r5().radius_over_pitch(interval.near)) == pytest.approx(math.sqrt(3), rel=1e-9)
+    assert interval.near_limit == "availability"
+
+
 def test_total_covering_plane_is_the_published_one() -> None:
     (interval,) = usable_intervals(r5(), UsableCriteria(virtual_depth=2.0), GRID[GRID > 0.1])
     assert interval.near == pytest.approx(0.150, rel=1e-4)

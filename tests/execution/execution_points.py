@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,6 +40,8 @@ def compute(point: LoggedPoint) -> FloatArray:
         os.kill(os.getpid(), signal.SIGKILL)
     if point.fate == "is refused":
         raise OutOfRangeError("the number", value=str(point.number), limit="another", remedy="choose it")
+    if point.fate == "ends the program":
+        sys.exit(7)
     if point.fate == "cannot be sent":
         return lambda: None  # type: ignore[return-value]  # on purpose
     return np.random.default_rng(point.number).normal(size=5)

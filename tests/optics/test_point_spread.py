@@ -128,6 +128,19 @@ def test_airy_transfer_function() -> None:
         assert np.all(measured.error >= 1 - window_share(airy()).value)
 
 
+def test_light_outside_the_window_is_missing_at_the_lowest_frequencies_alone() -> None:
+    """The value at 0 is the share inside; dividing all by it would move the others away from the closed form."""
+    psf, share = airy(), float(window_share(airy()).value)
+    assert 0.01 < 1.0 - share < 0.05
+    zero = modulation_transfer(psf, frequency_x=np.array(0.0), frequency_y=np.array(0.0))
+    assert float(zero.value) == pytest.approx(share, rel=1e-5)
+    assert abs(float(zero.value) - 1.0) <= 1.001 * float(zero.error)  # two quadratures of the share inside
+    s = np.linspace(0.2, 0.8, 7)
+    truth = 2 / np.pi * (np.arccos(s) - s * np.sqrt(1 - s**2))
+    value = modulation_transfer(psf, frequency_x=s / SCALE, frequency_y=np.zeros(7)).value
+    assert np.abs(value - truth).mean() < 0.5 * np.abs(value / share - truth).mean()
+
+
 def test_gaussian_transfer_function() -> None:
     f = 5e4
     measured = modulation_transfer(gaussian(), frequency_x=np.array([0, f, 0]), frequency_y=np.array([0, 0, f]))

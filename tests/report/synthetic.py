@@ -112,6 +112,7 @@ def _depth(keys: list[str], sweep: Sweep, declared: dict[str, float]) -> xr.Data
         "failed_fraction_error": np.zeros_like(way),
         "usable": (z >= near[:, None]) & (z <= far[:, None]),
         "limit_met": np.stack([z >= near[:, None], z <= far[:, None]], axis=-1).astype(np.int8),
+        "limit_value": np.ones((*both.shape, 2)),
         "usable_near": near[:, None],
         "usable_far": far[:, None],
         "near_limit": np.array([["total_covering_plane"], ["overlap"], ["overlap, focus"]]),

@@ -165,7 +165,7 @@ def test_the_answer_gives_both_ends_of_a_stretch_in_millimetres_and_per_cent(tre
     first = 0.391  # between two distances of the study
     sigma = np.hypot(6.9e-4, 0.0349)
     assert f"±{1e3 * sigma * first**2:.3g} mm ({100 * sigma * first:.3g} %) near" in sentence
-    assert f"±{sigma * 100:.3g} m ({100 * sigma * 10:.3g} %) far; mostly camera rotation" in sentence
+    assert f"±{sigma * 100:.3g} m ({100 * sigma * 10:.3g} %) far; mostly relative rotation" in sentence
 
 
 def test_without_the_declared_design_the_answer_has_no_numbers(make_tree: Callable[..., xr.DataTree]) -> None:
@@ -201,7 +201,7 @@ def test_claims_are_answered_under_every_reading_tried(tree: xr.DataTree) -> Non
 def test_crossovers_are_a_range_of_assumptions(tree: xr.DataTree) -> None:
     texts = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if hasattr(b, "text")]
     sentence = next(text for text in texts if "equally uncertain" in text).replace("\u00a0", " ")
-    assert "nowhere in the range of the study, usable there or not. Under 2 of the 3 other readings" in sentence
+    assert "at no distance of the study, usable there or not. Under 2 of the 3 other readings" in sentence
     assert "between 0.4 m and 0.52 m" in sentence
 
 

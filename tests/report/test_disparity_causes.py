@@ -13,7 +13,7 @@ from tradestudy import load
 from tradestudy.imaging.picture import CHANGES
 from tradestudy.plan.plan import plan_of
 from tradestudy.report.contents import compose_report
-from tradestudy.report.document import Block, Bullets, Table, Text, all_blocks, spans
+from tradestudy.report.document import Block, Bullets, Paragraph, Table, Text, all_blocks, spans
 from tradestudy.report.sections.disparity_causes import describe_disparity_causes
 from tradestudy.results import GROUPS
 from tradestudy.run.groups.disparity_causes import disparity_causes_group
@@ -38,7 +38,11 @@ def found() -> xr.Dataset:
 
 def section(found: xr.Dataset) -> tuple[Block, ...]:
     cameras = cameras_group(load_definition(STUDY, QUICK))
-    return tuple(describe_disparity_causes(xr.DataTree.from_dict({"/cameras": cameras, "/disparity_causes": found})))
+    return section_of(xr.DataTree.from_dict({"/cameras": cameras, "/disparity_causes": found}))
+
+
+def section_of(tree: xr.DataTree) -> tuple[Block, ...]:
+    return tuple(describe_disparity_causes(tree))
 
 
 def plain(text: Text) -> str:
@@ -70,6 +74,25 @@ def test_the_largest_numerical_error_says_of_which_camera_and_where(found: xr.Da
     assert float(told[1]) == pytest.approx(100.0 * relative[camera, place], rel=0.05)
     assert told[2] == load_definition(STUDY, QUICK).file.cameras[camera].title
     assert told[3] == f"{1e3 * place:g} mm"
+
+
+def test_the_disparity_errors_that_depth_uses_are_told_from_those_with_every_effect(found: xr.Dataset) -> None:
+    cameras = cameras_group(load_definition(STUDY, QUICK))
+    used = found[["disparity_error_px"]].copy(deep=True)
+    tree = {"/cameras": cameras, "/disparity_causes": found}
+    alike = xr.DataTree.from_dict({**tree, "/depth": used, "/depth_at_places": used})
+    assert not any("instead of" in plain(block.text) for block in section_of(alike) if isinstance(block, Paragraph))
+    used["disparity_error_px"][0, 1] *= 0.9
+    used["disparity_error_px"][0, 2] *= 0.8
+    other = xr.DataTree.from_dict({**tree, "/depth": used, "/depth_at_places": used})
+    (told,) = (
+        plain(block.text)
+        for block in section_of(other)
+        if isinstance(block, Paragraph) and "px for" in plain(block.text)
+    )
+    whole = float(found["disparity_error_px"][0, 2])
+    title = load_definition(STUDY, QUICK).file.cameras["pair-f9.8"].title
+    assert told.endswith(f"rests on {0.8 * whole:.3g} px instead of {whole:.3g} px for {title} at 58 mm.")
 
 
 # ---- the numbers ----------------------------------------------------------------------------------------------------

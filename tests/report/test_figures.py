@@ -16,6 +16,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import length_tick, line_style, plain_number, traces
 from tradestudy.figures.sweeps import frontier, moved_cameras, reference_distance
+from tradestudy.report.curve_values import curve_values
 from tradestudy.results.views.decision import has_winners, winners
 from tradestudy.results.views.depth import nominal
 from tradestudy.units import LENGTH, NUMBER, pretty
@@ -128,6 +129,26 @@ def test_bold_curves_hold_the_uncertainty_where_usable_in_millimetres(tree: xr.D
     drawn = np.isfinite(y)
     assert x[drawn].min() == pytest.approx(0.391, abs=0.01)
     np.testing.assert_allclose(y[drawn], 1e3 * np.hypot(6.9e-4, 0.0349) * x[drawn] ** 2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["whole_range", "mid_range"])
+def test_no_curve_is_drawn_where_no_point_is_seen_twice(make_tree: Callable[..., xr.DataTree], name: str) -> None:
+    tree = make_tree()
+    depth = tree["depth"].to_dataset().copy(deep=True)
+    depth["limit_value"][0, :100, 0] = 0.0
+    tree["depth"] = xr.DataTree(depth)
+    last = float(depth["distance"][99])
+    axes = figures.figure(tree, name).axes[0]
+    first, *others = (
+        np.asarray(line.get_xdata(), dtype=float)[np.isfinite(np.asarray(line.get_ydata(), dtype=float))]
+        for line in axes.get_lines()
+        if line.get_color() in {trace.style.color for trace in traces(tree)} and len(line.get_xdata()) > 2
+    )
+    assert first.min() > last
+    assert min(x.min() for x in others if x.size) < last
+    values = curve_values(tree)
+    assert np.isnan(values["depth_uncertainty/r5"].value[:100]).all()
+    assert np.isfinite(values["depth_uncertainty/r5"].value[100:]).all()
 
 
 def test_an_unbounded_step_shades_to_the_top_and_an_infinite_uncertainty_ends_the_curve(
@@ -294,6 +315,22 @@ def test_without_a_usable_design_there_is_no_chart_of_them(make_tree: Callable[.
     assert "pareto" not in drawn
     for drawing in drawn.values():
         drawing.draw().svg()
+
+
+def test_captions_say_why_designs_are_compared_beside_the_declared_distance(
+    make_tree: Callable[..., xr.DataTree],
+) -> None:
+    """Grid points are 3.4 % apart, so that none is 1 m."""
+    tree = make_tree(sweep={"baseline": [0.05, 0.1, 0.2]})
+    places = tree["decision"].to_dataset()["place"].values
+    declared = sorted(places)[(len(places) - 1) // 2]
+    grid = tree["depth"]["distance"].values
+    used = grid[np.argmin(np.abs(np.log(grid / declared)))]
+    assert f"{used:.3g}" != f"{declared:.3g}"
+    for name in ("sweep_map", "pareto"):
+        caption = figures.build(tree)[name].caption.replace("\N{NO-BREAK SPACE}", " ")
+        assert f"at {used:.3g} m" in caption
+        assert caption.endswith(f"{used:.3g} m is nearest to {declared:.3g} m.")
 
 
 def test_the_frontier_keeps_what_nothing_beats() -> None:

@@ -78,9 +78,9 @@ def valued() -> Result:
 
 def test_the_terminal_says_which_camera_from_which_baseline_on_and_on_what_that_rests(swept: Result) -> None:
     best, met, wish, weighed, rests = swept.lines()
-    assert best == "Best, as declared: Stereo head, 75 mm from 0.3 m to 4 m"
+    assert best == "Best, as declared: Stereo head, 75 mm from 0.3 to 4 m"
     found = re.fullmatch(
-        r"Met: 1 % from 0\.4 to 3 m, by Stereo head, 75 mm \(worst ([\d.]+) % at 3 m; margin (\d+) %\); met with the "
+        r"Met: 1 % from 0\.4 to 3 m, by Stereo head, 75 mm \(worst ([\d.]+) % at 3 m; (\d+) % to spare\); met with the "
         r"baseline of Stereo head, 75 mm from ([\d.]+) mm on \(tried up to 150 mm\)",
         met,
     )
@@ -137,7 +137,7 @@ def test_every_requirement_is_told_in_the_cases_it_can_be_in(swept: Result) -> N
         one = next(c for c in requirement_conclusions(tree) if c.name == "per-cent")
         return requirement_sentence(one)
 
-    assert told(met=0, margin_percent=-12.0).startswith("Not met: 1 % from 0.4 to 3 m, nearest is Stereo head")
+    assert told(met=0, margin_percent=-12.0).startswith("Not met: 1 % from 0.4 to 3 m, closest: Stereo head")
     assert "missed by a factor of 1.14" in told(met=0, margin_percent=-12.0)
     assert "factor" not in told(met=0, margin_percent=-12.0, limited_by="overlap")
     assert told(met=-1, margin_percent=np.nan).startswith("Cannot be decided: 1 %")
@@ -152,6 +152,19 @@ def test_a_few_lines_are_enough_and_the_rest_is_counted(swept: Result) -> None:
     *_, more, rests = terminal_lines(swept.data, 3)
     assert re.search(r"\b3 more conclusions .*\b1 requirement not met", more)
     assert rests.startswith("Rests on, so measure first")
+
+
+def test_the_terminal_says_whose_calibration_is_assumed_perfect(swept: Result) -> None:
+    assert not any("perfect" in line for line in swept.lines())  # all three declare errors
+    tree = swept.data.copy()
+    cameras = tree["cameras"].to_dataset().copy(deep=True)
+    cameras["perfect_calibration"][:] = [1.0, 0.0, 1.0]
+    tree["cameras"] = xr.DataTree(cameras)
+    titles = cameras["title"].values
+    *others, last = terminal_lines(tree)
+    assert last == f"Assumed perfect: the calibration of {titles[0]} and {titles[2]}"
+    assert len(others) == 4
+    assert next(terminal_lines(tree, 1)).startswith("and ")  # a shorter answer still counts what it leaves out
 
 
 def test_paths_are_read_as_words(swept: Result) -> None:
@@ -224,7 +237,7 @@ def test_what_it_rests_on_names_the_basis(swept: Result) -> None:
     assert rests_on(swept.data)[0].startswith("yaw of Stereo head, 75 mm, assumed 0.01 deg")
     causes = swept.data["decision"].to_dataset()["cause"]
     assert str(causes.sel(camera="raytrix-r5").item()) == "matching noise of Raytrix R5, derived from the picture"
-    assert [one.words for one in best_ranges(swept.data)] == ["Stereo head, 75 mm from 0.3 m to 4 m"]
+    assert [one.words for one in best_ranges(swept.data)] == ["Stereo head, 75 mm from 0.3 to 4 m"]
 
 
 def test_where_a_limit_decides_the_answer_rests_on_it() -> None:
@@ -240,6 +253,16 @@ def test_where_a_limit_decides_the_answer_rests_on_it() -> None:
     assert row.limited_by.removeprefix("matching: ") in said
     assert "variance" not in said
     assert measure_first(result.data) == ""
+
+
+def test_where_errors_decide_a_whole_range_the_answer_rests_on_their_largest_cause() -> None:
+    """Beyond 1.1 m the R5 is too uncertain throughout, so that no share of the range is usable at all."""
+    far = {"says": "far", "camera": "raytrix-r5", "usable": {"over": ["2 m", "4 m"]}}
+    result = ran({"requirements": {"near-and-mid": None, "far": far}, "scene.distances": ["0.3 m", "1 m", "4 m"]})
+    (row,) = requirement_conclusions(result.data)
+    assert (row.met, row.limited_by) == (False, "relative_uncertainty")
+    assert row.rests_on == "matching noise of Raytrix R5, derived from the picture"
+    assert row.rests_on_share > 0.9
 
 
 def test_comparing_begins_with_conclusions_that_changed(swept: Result) -> None:
@@ -295,6 +318,22 @@ def test_a_change_has_a_folder_of_its_own_in_whatever_order_it_is_given(
     for folder in folders:
         assert re.fullmatch(r"robot--[\w.+=%-]+", folder)
         assert len(folder.encode()) <= 150
+
+
+def test_the_curve_of_margins_passes_zero_at_the_limit_that_the_sentence_gives(swept: Result) -> None:
+    one = next(one for one in requirement_conclusions(swept.data) if one.name == "per-cent")
+    assert one.met_ranges is not None
+    drawn = figures.build(swept.data)["requirement_margins"].draw()
+    (line,) = [line for line in drawn.axes[0].get_lines() if line.get_label() == one.says]
+    x, y = (np.asarray(values, dtype=float) for values in line.get_data())
+    assert np.all(np.diff(x) > 0.0)
+    crossed = [
+        a if before == 0.0 else a + (b - a) * before / (before - after)
+        for a, b, before, after in zip(x[:-1], x[1:], y[:-1], y[1:], strict=True)
+        if before * after < 0.0 or before == 0.0
+    ]
+    assert crossed == pytest.approx([1e3 * one.met_ranges[0].low], rel=1e-9)
+    assert len(line.get_markevery()) == len(swept.data["depth"]["stereo-75mm.baseline"])  # only designs are marked
 
 
 def test_margins_without_an_end_are_not_drawn(swept: Result) -> None:

@@ -64,7 +64,7 @@ def test_the_feasible_region_is_told_by_the_values_that_designs_in_it_have() -> 
     assert feasible_words(results) == (
         "3 of 6 designs meet both requirements: Rig with baseline 100 mm to 200 mm and focal length 4 mm to 8 mm (not "
         "every combination). Largest margin, 20 %: Rig with baseline 200 mm and focal length 4 mm. Of the others, 3 "
-        "miss “close enough” and 3 miss “far enough”"
+        "miss “close enough” and 3 miss “far enough” (some miss both)"
     )
     found = feasible_designs(results)
     assert found is not None
@@ -83,7 +83,7 @@ def test_without_a_feasible_design_the_nearest_is_named_with_what_it_misses() ->
     margins = grid((-50, -60), (-40, -30), (-20, -25))
     margins[2, 0] = (10.0, -4.0)
     assert feasible_words(tree(0, margins)) == (
-        "None of 6 designs meets both requirements. Rig with baseline 200 mm and focal length 4 mm comes nearest: it "
+        "None of 6 designs meets both requirements. Rig with baseline 200 mm and focal length 4 mm comes closest: it "
         "misses “far enough” (worst 2 %)"
     )
 
@@ -108,7 +108,7 @@ def test_the_favoured_camera_is_counted_over_designs_and_places_alike_are_told_o
     mixed = np.array([["rig", "r5"], ["rig", "rig"], ["rig", ""]], dtype=object)
     best = np.stack([mixed, mixed], axis=-1)
     (told,) = favoured_words(tree(design_best_camera=(dims, best)))
-    assert told.replace("\N{NO-BREAK SPACE}", " ") == "at 0.5 m and 1 m: Rig in 4 of 6 designs, none in 1, R5 in 1"
+    assert told.replace("\N{NO-BREAK SPACE}", " ") == "at 0.5 m and 1 m: Rig in 4 of 6 designs, no camera in 1, R5 in 1"
     nobody = np.full((3, 2, 2), "", dtype=object)
     nobody[..., 1] = "r5"
     first, second = favoured_words(tree(design_best_camera=(dims, nobody)))
@@ -127,7 +127,7 @@ def test_the_crossover_is_told_with_its_range_and_where_there_is_none() -> None:
     assert told(0.5) == "Rig and R5 are equally certain at 0.5 m"
     some = np.array([[0.2, 0.3], [0.4, 0.5], [np.nan, np.nan]])[..., None]
     assert told(some) == (
-        "Rig and R5 are equally certain between 0.2 m and 0.5 m, depending on the design, and nowhere in 2 designs"
+        "Rig and R5 are equally certain between 0.2 m and 0.5 m, depending on the design; in 2 designs nowhere"
     )
 
 
@@ -148,7 +148,8 @@ def test_usable_ranges_are_told_only_of_cameras_that_the_sweep_moves() -> None:
     results["depth"] = xr.DataTree(depth)
     (told,) = usable_span_words(results)
     assert told.replace("\N{NO-BREAK SPACE}", " ") == (
-        "Depending on the design, Rig is usable from 0.1 m–0.3 m up to 4 m, and nowhere in 1 design"
+        "Depending on the design, the usable range of Rig begins between 0.1 m and 0.3 m and ends at 4 m; "
+        "in 1 design it is usable nowhere"
     )
 
 
@@ -171,4 +172,4 @@ def test_a_design_that_only_its_guard_band_breaks_blames_the_right_requirement()
     margins = np.zeros((3, 2, 2))
     margins[..., 0], margins[..., 1] = 50.0, 5.0
     told = feasible_words(tree(met, margins))
-    assert told.endswith("comes nearest: it misses “close enough” (worst 1 %)")
+    assert told.endswith("comes closest: it misses “close enough” (worst 1 %)")

@@ -32,6 +32,15 @@ def test_a_value_set_for_a_run_does_not_claim_the_source_of_the_study_s_own() ->
     }
 
 
+@pytest.mark.parametrize(("study", "camera"), [("robot", "raytrix-r5"), ("hand_lens", "r5-unfocused")])
+def test_the_step_of_depth_discrimination_is_a_tenth_of_a_pixel_unless_declared(study: str, camera: str) -> None:
+    loaded = load(CLOSE.with_name(f"{study}.yaml"), [f"{camera}.depth.discrimination_step=null"]).definition
+    assert loaded.case.all_cameras[camera].discrimination_step_px == 0.1  # type: ignore[attr-defined]
+    table = assumptions_group(loaded).to_dataframe().reset_index()
+    rows = table[(table["path"] == "depth.discrimination_step") & table["note"].str.contains("default")]
+    assert rows[["cameras", "value", "basis"]].values.tolist() == [[camera, "0.1 px", "assumed"]]
+
+
 def test_a_value_shared_by_cameras_is_set_for_the_named_one_alone() -> None:
     rows = register("pair-f9.8.lenses.f_number=8", "pair-f9.8.lenses.f_number=7.1")
     note = "replaces 9.8 (datasheet: as above)"  # not of the 8 that never acted

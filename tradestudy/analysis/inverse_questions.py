@@ -97,7 +97,7 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
         return Solved(solutions=(), dimension=dimension, answer=answer)
     answer = _answer(definition, question, found)
     if ratios.plans > 1:
-        answer += f"; calibration planned, mean over {ratios.plans} spreads of the views"
+        answer += f"; mean over {ratios.plans} ways to spread the views of the calibration"
     if question.errors == "calibration" and question.equal is None:
         answer += _larger_noise(definition.with_values(varying.changes(found[0].value)), question)
     return Solved(solutions=tuple(found), dimension=dimension, answer=answer)
@@ -201,7 +201,7 @@ def _larger_noise(definition: StudyDefinition, question: SolvePart) -> str:
     """The matching noise, if it exceeds what a question requires of the calibration: then noise limits the camera."""
     noise = question.model_copy(update={"errors": "noise"})
     width = float(np.mean(_widths(definition.case.cameras[question.camera or ""], noise)))
-    return f"; matching noise alone: {pretty(width, LENGTH)} there" if width > question.goal else ""
+    return f"; matching noise alone is larger, {pretty(width, LENGTH)}" if width > question.goal else ""
 
 
 def _undecided(question: SolvePart) -> str:

@@ -129,7 +129,9 @@ class DisparityPart(Part):
         default="disparity",
         description="Whether the error is that of the disparity or of each image coordinate (disparity: × √2).",
     )
-    discrimination_step: PositivePixels = Field(description="Disparity step of the depth discrimination.")
+    discrimination_step: PositivePixels = Field(
+        default="0.1 px", validate_default=True, description="Disparity step of the depth discrimination."
+    )
     matcher: MatcherPart | None = Field(
         default=None,
         description="What a real matcher adds to a derived error; keys left out default to scene.picture.matcher.",

@@ -37,11 +37,18 @@ def _raised_elsewhere(kind: type[Exception], arguments: tuple[Any, ...], state: 
 
 
 def attempt(function: Callable[[Point], Value], point: Point) -> Value | Raised:
-    """Compute one point; return its error instead of raising it."""
+    """Compute one point; return its error instead of raising it.
+
+    A library that ends the program ends the point alone: its status says nothing about the run.
+    """
     try:
         return function(point)
     except Exception as error:
         return Raised(error)
+    except SystemExit as ending:
+        failed = RuntimeError(f"the computation of a point tried to end the program with status {ending.code}")
+        failed.__cause__ = ending
+        return Raised(failed)
 
 
 class Executor(Protocol):

@@ -37,7 +37,7 @@ from tradestudy.figures.style import (
     traces,
 )
 from tradestudy.results.views.decision import has_winners, reported_winners, tied, winners
-from tradestudy.results.views.depth import nominal, of_camera, where_usable
+from tradestudy.results.views.depth import nominal, of_camera, where_measured, where_usable
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.wording import distance as distance_words
 
@@ -51,7 +51,7 @@ _GUIDES: Final = ((1e-4, "0.01 %"), (1e-3, "0.1 %"), (1e-2, "1 % of distance"), 
 @styled()
 def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -> StudyFigure:
     """Two panels over distances from `near` to `far` [m]: discriminating power and uncertainty, in millimetres."""
-    depth, shown = nominal(tree), traces(tree)
+    depth, shown = where_measured(nominal(tree)), traces(tree)
     figure = new_figure(4.1)
     upper, lower = figure.subplots(2, 1, sharex=True, sharey=True)
     distance = np.asarray(depth["distance"].values, dtype=float)
@@ -158,7 +158,7 @@ def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray,
 @styled()
 def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     """Uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below."""
-    depth, shown = nominal(tree), traces(tree)
+    depth, shown = where_measured(nominal(tree)), traces(tree)
     figure = new_figure(2.55 + 0.17 * len(shown))
     curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 0.16 * (len(shown) + 1) + 0.2))
     distance = np.asarray(depth["distance"].values, dtype=float)

@@ -258,11 +258,11 @@ def _readings(tree: xr.DataTree) -> Drawing:
 
 def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
     names = listed([path_words(tree, name) for name in swept(tree["depth"].to_dataset())])
-    place = distance(sweeps.reference_distance(tree))
+    place, why = distance(sweeps.reference_distance(tree)), sweeps.why_this_distance(tree)
     if moved := sweeps.moved_cameras(tree):
         yield Drawing(
             name="sweep_map",
-            caption=f"Depth uncertainty at {place}, numbers in mm, over the swept {names}.",
+            caption=f"Depth uncertainty at {place}, numbers in mm, over the swept {names}.{why}",
             alt=f"Depth uncertainty at {place} over the swept {names}. "
             + "".join(f"{camera.title}: {_swept_words(tree, camera.key)}. " for camera in moved),
             draw=partial(sweeps.draw_sweep_map, tree),
@@ -273,7 +273,7 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
     yield Drawing(
         name="pareto",
         caption=f"All designs usable at {place}: nearest usable distance against depth uncertainty at "
-        f"{place}. The line joins the Pareto-optimal designs.",
+        f"{place}. The line joins the Pareto-optimal designs.{why}",
         alt=f"Scatter chart of nearest usable distance against depth uncertainty at {place}. {_frontier_words(tree)}",
         draw=partial(sweeps.draw_pareto, tree),
     )

@@ -28,7 +28,7 @@ from tradestudy.figures.style import (
     styled,
 )
 from tradestudy.figures.sweeps import shown_value
-from tradestudy.results.views.depth import nominal, of_camera, swept
+from tradestudy.results.views.depth import nominal, of_camera, swept, where_measured
 from tradestudy.results.views.designs import path_words
 from tradestudy.results.views.groups import group
 from tradestudy.wording import listed
@@ -98,7 +98,7 @@ def draw_overlay(
     design: Mapping[str, Any],
 ) -> StudyFigure:
     """One colour for each camera, named at the ends of its curves; the first run solid, each other dashed."""
-    depths = [_of_design(tree, design) for tree in trees]
+    depths = [where_measured(_of_design(tree, design)) for tree in trees]
     figure = new_figure(3.6)
     axes = figure.subplots()
     distances = [np.asarray(depth["distance"].values, dtype=np.float64) for depth in depths]

@@ -48,11 +48,12 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
         return None
     names = " and ".join(path_words(tree, dim) for dim in dims)
     told = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree))
-    shown = "of the requirement with the smallest margin" if len(dims) == 2 else "of each requirement"
-    met = "Thick line: 0. Filled dots: designs that meet" if len(dims) == 2 else "Shaded: designs meet"
+    shown = "Smallest margin of the must requirements" if len(dims) == 2 else "Margin of each requirement"
+    curves = "Marks: computed designs; the curves pass 0 at the limits found between them. Shaded: designs meet"
+    met = "Thick line: 0. Filled dots: designs that meet" if len(dims) == 2 else curves
     return Drawing(
         name="requirement_margins",
-        caption=f"Margin {shown} against the {names}: met above 0. {met} all must requirements. Dashed: "
+        caption=f"{shown} against the {names}: met above 0. {met} all must requirements. Dashed: "
         "the study as declared. Where no camera is usable throughout, the margin is at most minus the missing share of "
         "the range.",
         alt=f"Margins against the {names}. {told}.",
@@ -88,10 +89,25 @@ def _curves(tree: xr.DataTree, data: xr.Dataset, dim: str) -> StudyFigure:
         margins = np.asarray(data["design_margin_percent"].values[:, number], dtype=np.float64)
         look: dict[str, Any] = {"marker": style.marker, "markersize": 4}
         words = printable(str(says))
-        axes.plot(x, margins, color=style.color, linestyle=style.dash, clip_on=False, label=words, **look)
+        # A straight line between two designs would cross 0 elsewhere than at the limit that was found between them.
+        limits = _limits(data, number, dim)
+        places = np.append(x, limits)
+        order = np.argsort(places, kind="stable")
+        axes.plot(
+            places[order],
+            np.append(margins, np.zeros(limits.size))[order],
+            color=style.color,
+            linestyle=style.dash,
+            clip_on=False,
+            label=words,
+            markevery=np.flatnonzero(order < x.size).tolist(),
+            **look,
+        )
         handles.append((style.handle(**look), words))
     if data[dim].dtype.kind in "fiu":
         _mark_declared(axes, data[dim])
+        if _is_geometric(x):
+            log_axis(axes, "x", dense=True, tick=lambda value, _: plain_number(value))
     else:
         axes.set_xticks(x, names)
     axes.set_yscale("symlog", linthresh=_LINEAR_WITHIN)
@@ -99,6 +115,15 @@ def _curves(tree: xr.DataTree, data: xr.Dataset, dim: str) -> StudyFigure:
     axes.set(xlabel=axis_label(tree, data[dim]), ylabel="margin of the worst value")
     legend(figure, [one for one, _ in handles], [words for _, words in handles], columns=1)
     return figure
+
+
+def _limits(data: xr.Dataset, requirement: int, dim: str) -> FloatArray:
+    """Found values of the swept parameter between which a requirement is met, on the axis of the figure."""
+    if "met_from" not in data:
+        return np.empty(0)
+    ends = np.ravel(common_ranges(data, np.arange(data.sizes["requirement"]) == requirement))
+    swept = np.asarray(data[dim].values, dtype=np.float64)
+    return np.asarray(ends[(ends > swept.min()) & (ends < swept.max())] * axis_unit(data[dim])[0], dtype=np.float64)
 
 
 def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFigure:

@@ -44,11 +44,25 @@ _COLUMNS = 3
 def reference_distance(tree: xr.DataTree) -> float:
     """The computed distance [m] at which designs are compared: next to the middle of those declared, or of all."""
     every = tree["depth"].to_dataset()["distance"].values
-    middle = float(np.sqrt(every[0] * every[-1]))
-    if "decision" in tree.children and "place" in tree["decision"].coords:
-        places = np.sort(tree["decision"].to_dataset()["place"].values)
-        middle = float(places[(len(places) - 1) // 2])
+    declared = _declared_distance(tree)
+    middle = float(np.sqrt(every[0] * every[-1])) if declared is None else declared
     return float(every[np.argmin(np.abs(np.log(every / middle)))])
+
+
+def _declared_distance(tree: xr.DataTree) -> float | None:
+    """The middle of the declared distances [m]; None without any."""
+    if "decision" not in tree.children or "place" not in tree["decision"].coords:
+        return None
+    places = np.sort(tree["decision"].to_dataset()["place"].values)
+    return float(places[(len(places) - 1) // 2])
+
+
+def why_this_distance(tree: xr.DataTree) -> str:
+    """A sentence on a reference distance that is not the declared one; empty where three digits do not differ."""
+    declared, used = _declared_distance(tree), distance(reference_distance(tree))
+    if declared is None or distance(declared) == used:
+        return ""
+    return f" Designs are computed at the distances of the scene; of these, {used} is nearest to {distance(declared)}."
 
 
 def moved_cameras(tree: xr.DataTree) -> tuple[CameraTrace, ...]:

@@ -29,7 +29,7 @@ from tradestudy.figures.style import (
     styled,
     traces,
 )
-from tradestudy.results.views.depth import nominal, where_usable
+from tradestudy.results.views.depth import nominal, where_measured, where_usable
 from tradestudy.results.views.groups import FloatArray
 
 _LEAST = 0.005  # a share that a panel hardly shows
@@ -55,7 +55,7 @@ def shown_parts(depth: xr.Dataset) -> list[str]:
 @styled()
 def draw_variance_shares(tree: xr.DataTree) -> StudyFigure:
     """Shares of the variance of inverse depth, stacked to 1, against distance; paler where the camera is not usable."""
-    depth, shown = nominal(tree), traces(tree)
+    depth, shown = where_measured(nominal(tree)), traces(tree)
     names = shown_parts(depth)
     figure = new_figure(0.7 + 1.25 * -(-len(shown) // PANELS_IN_A_ROW))
     panels = camera_panels(figure, len(shown), float(depth["distance"].values[-1]))

@@ -123,6 +123,8 @@ class LensPointSpread(PointSpread):
     def modulation_transfer(self, frequency: npt.ArrayLike, *, angle: float = 0.0) -> Measured:
         """MTF at frequencies [cycles/m] along a direction [rad], by `modulation_transfer`.
 
+        At frequency 0 the value is the share of the light in the window, within its error of 1.
+
         Raises
         ------
         OutOfRangeError

@@ -19,7 +19,10 @@ from tradestudy.optics.spread_metrics import encircled_energy
 def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequency_y: FloatArray) -> Measured:
     """MTF: |∫∫ I e^{−2πi (f_x x + f_y y)} dx dy| / P.
 
-    The error includes the share of power outside the window, which bounds what the missing light could add.
+    P is the power that passed the pupil. The light outside the window is missing from the integral, and its share is
+    part of the error. At frequency 0, where the MTF is 1 by definition, the value is therefore the share inside, such
+    as 0.992 ± 0.008. It is not divided by that share: far light varies slowly, so that it is missing at the lowest
+    frequencies alone, and dividing would raise the MTF at all others.
 
     Parameters
     ----------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from tradestudy.accuracy import Accuracy
@@ -13,7 +14,7 @@ from tradestudy.plan.choice import Chosen, choose_models
 from tradestudy.plan.plan_text import plan_lines
 from tradestudy.plan.predicted_time import PredictedStep, Stopwatch, predicted_steps
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.units import DURATION, pretty
+from tradestudy.units import DURATION, FRACTION, pretty
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,10 +49,27 @@ class Plan:
 
     def text(self, *, verbose: bool = False) -> str:
         """The plan as text: one line per problem and one for the run; with every decision if verbose."""
-        return "\n".join(plan_lines(self.pieces, self.steps, verbose=verbose))
+        return "\n".join(plan_lines(self.pieces, dict(_settled(self.definition)), self.steps, verbose=verbose))
 
     def __repr__(self) -> str:
         return self.text()
+
+
+def _settled(definition: StudyDefinition) -> Iterator[tuple[str, str]]:
+    """Questions that compare given models, so that none is left to choose: name, and how they are answered."""
+    file = definition.file
+    if (fresnel := file.fresnel_validity) is not None:
+        error = pretty(fresnel.tolerance, FRACTION, digits=2)
+        yield (
+            "fresnel-validity",
+            f"Fresnel and Kirchhoff diffraction, because the study compares them; both to {error} of the intensity, "
+            "nothing left out",
+        )
+    if file.hard_cases is not None:
+        yield (
+            "hard-cases",
+            "textbook formulas and the program's, each against a reference, because the study compares them",
+        )
 
 
 def plan_of(definition: StudyDefinition) -> Plan:

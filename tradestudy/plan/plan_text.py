@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 from tradestudy.accuracy import IN_WORDS, Quantity
@@ -18,15 +18,21 @@ from tradestudy.wording import distance
 _SIGNIFICANT: Final = 0.01  # share of the tolerance
 
 
-def plan_lines(pieces: Sequence[Chosen], steps: Sequence[PredictedStep], *, verbose: bool) -> Iterator[str]:
-    """One line per problem, with all decisions if verbose, and one for the run, with all steps if verbose."""
-    width = max((len(one.name) for one in pieces), default=len("run"))
+def plan_lines(
+    pieces: Sequence[Chosen], settled: Mapping[str, str], steps: Sequence[PredictedStep], *, verbose: bool
+) -> Iterator[str]:
+    """One line per problem, with all decisions if verbose, and one for the run, with all steps if verbose.
+
+    `settled` says by name how questions that leave no model open are answered.
+    """
+    width = max(map(len, [*(one.name for one in pieces), *settled, "run"]))
     seconds = {name: own for step in steps for name, own in step.pieces.items()}
     for one in pieces:
         takes = f"; {pretty(seconds[one.name], DURATION, digits=2)}" if one.name in seconds else ""
         yield f"{one.name:<{width}}  {summary(one)}{takes}"
         if verbose:
             yield from (f"{'':<{width}}    {line}" for line in _decisions(one))
+    yield from (f"{name:<{width}}  {how}" for name, how in settled.items())
     yield f"{'run':<{width}}  about {_seconds(steps)} in total, including the report"
     if verbose:
         names = max(len(step.name) for step in steps)
@@ -53,8 +59,11 @@ def _simulated(one: Chosen) -> str:
         parts.append(MODEL["calibration", models["calibration"]] + f" (drawn at random for {drawn})" * bool(drawn))
     if "sampling" in models:
         parts.append(f"sampled to {models['sampling']}")
-    words = ", ".join(parts) or "geometry only"
-    return words if pictured or "calibration" not in models else f"geometry only, {words}"
+    if not pictured and "calibration" in models:
+        why = one.reasons.get("defocus_blur", "")
+        parts.insert(0, f"geometry only ({why})" if why else "geometry only")
+        return "; ".join(parts)
+    return ", ".join(parts) or "geometry only"
 
 
 def _left_out(one: Chosen) -> str:
@@ -66,8 +75,8 @@ def _left_out(one: Chosen) -> str:
         for quantity, change in decision.changes.items()
         if quantity in one.asked and change.relative > 0.0
     ]
-    if not omitted or max(omitted, key=lambda found: found[0])[0] < _SIGNIFICANT:
-        return "nothing significant left out"
+    if not omitted:
+        return "nothing left out"
     _, quantity, _, decision = max(omitted, key=lambda found: found[0])
     change = one.choice.changes[quantity]  # due to all omissions; can be less than that due to one of them
     how = f"{_tried(quantity)}; " if change.evidence == "trial" else ""

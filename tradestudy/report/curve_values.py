@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.views.depth import by_design, nominal
+from tradestudy.results.views.depth import by_design, nominal, where_measured
 from tradestudy.results.views.groups import FloatArray, has
 from tradestudy.units import FRACTION, pretty
 
@@ -41,6 +41,7 @@ def curve_values(tree: xr.DataTree) -> Mapping[str, CurveValues]:
 
 def depth_values(depth: xr.Dataset) -> list[dict[str, CurveValues]]:
     """The curves of every design of ``/depth``, the last parameter first to move."""
+    depth = where_measured(depth)
     x, ends = np.asarray(depth["distance"].values, dtype=np.float64), depth["quantile"].values
     beside = pretty(float(ends[-1] - ends[0]), FRACTION)
     low, high = (

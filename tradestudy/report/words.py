@@ -20,8 +20,6 @@ def in_words(name: str) -> str:
 
 _PARTS: Final[Mapping[str, str]] = {
     "noise": "measurement noise",
-    "relative rotation": "camera rotation",
-    "relative position": "camera position",
     "interior orientation": "focal length and principal point",
     "array": "microlens positions",
     "ageing": "changes since calibration",

@@ -282,7 +282,7 @@ def predicted_availability(camera: Camera, distance: float) -> float:
     """Predicted share of the object points at a distance [m] that the estimator sees in two pictures."""
     if not isinstance(camera, DepthCamera):
         return math.nan
-    limits = camera.limits(np.array([distance]), UsableCriteria(overlap=0.5, availability=0.5))
+    limits = camera.limits(np.array([distance]), UsableCriteria())
     shares = [float(np.ravel(limits[name].value)[0]) for name in ("overlap", "availability") if name in limits]
     return math.prod(min(max(share, 0.0), 1.0) for share in shares) if shares else math.nan
 

@@ -9,6 +9,7 @@ from typing import Final
 
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.errors import Problem
+from tradestudy.study.camera_files.pairs import UNUSUAL_BASELINE
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import OUTSIDE, Entry, ListEntry, Path, ScalarEntry, walk
 from tradestudy.units import ANGLE, ELECTRONS, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, UnitError, parse, pretty
@@ -51,6 +52,7 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
     found = [
         *_outside_the_usual(definition),
         *_light(definition),
+        *_imported_baselines(definition),
         *_idle_matcher(definition),
         *_tolerances(definition),
         *_requirements(definition),
@@ -100,6 +102,14 @@ def _light(definition: StudyDefinition) -> Iterator[Problem]:
         path = (*above, "light", "electrons")
         what = f"{pretty(electrons, ELECTRONS)} exceed the full well of {pretty(full, ELECTRONS)}"
         yield _warning(definition, path, what)
+
+
+def _imported_baselines(definition: StudyDefinition) -> Iterator[Problem]:
+    """Baselines of calibration files that only another unit of length makes usual."""
+    for name, camera in definition.file.cameras.items():
+        if says := camera.read_as.get(UNUSUAL_BASELINE):
+            path = ("cameras", name, "from")
+            yield definition.document.locate(path).problem(path, f"the baseline is {says}")
 
 
 def _idle_matcher(definition: StudyDefinition) -> Iterator[Problem]:

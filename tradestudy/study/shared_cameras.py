@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import stat
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from tradestudy.errors import Problem
 from tradestudy.study import document as tree
 from tradestudy.study.camera_files.importing import imported, known_formats, recognised
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError
-from tradestudy.study.camera_files.request import Request, wrong_request
+from tradestudy.study.camera_files.request import NoLengthUnitError, Request, wrong_request
 from tradestudy.study.document import (
     Entry,
     ListEntry,
@@ -153,8 +154,7 @@ class SharedCameras:
                 if files := self.calibration_files(member.entry):
                     return self.from_calibration(name, own, files)
             except CameraFileError as error:
-                path = f"cameras.{name}.{error.problem.path}".removesuffix(".")
-                self.problems.append(replace(error.problem, path=path))
+                self.note_mistake(name, error)
                 self.note_unknown_keys(name, own)
                 return None
         if not (isinstance(member.entry, ScalarEntry) and isinstance(member.entry.value, str)):
@@ -180,11 +180,27 @@ class SharedCameras:
         self.problems += taken_back(below, changed, ("cameras", name))
         return merged(below, changed)
 
-    def from_calibration(self, name: str, own: MappingEntry, files: Sequence[CameraFile]) -> Entry:
+    def from_calibration(self, name: str, own: MappingEntry, files: Sequence[CameraFile]) -> Entry | None:
         """Lay the study's values of a camera over those of its calibration files."""
-        below, line = imported(files, self.request(own))
+        request = self.request(own)
+        try:
+            below, line = imported(files, request)
+        except NoLengthUnitError as error:
+            self.note_mistake(name, error)
+            return self.read_in_any_unit(name, own, files, request)
         self.imported.append(f"{name}: {line}")
         return self.laid_over(below, own, name, (*SHARING, *_OF_IMPORTS))
+
+    def read_in_any_unit(
+        self, name: str, own: MappingEntry, files: Sequence[CameraFile], request: Request
+    ) -> Entry | None:
+        """A camera that is refused for want of a unit, so that whatever else it lacks is told at the same time."""
+        unknown = self.note_unknown_keys(name, own)
+        for unit in ("m", "cm", "mm"):
+            with suppress(CameraFileError):  # a baseline that is impossible in this unit
+                below, _ = imported(files, replace(request, length_unit=unit))
+                return self.laid_over(below, own, name, (*SHARING, *_OF_IMPORTS, *unknown))
+        return None
 
     def calibration_files(self, entry: Entry) -> list[CameraFile]:
         """The calibration files that a camera names; none if it names a camera file."""
@@ -274,12 +290,18 @@ class SharedCameras:
         below = self.camera(other, chain)
         return below if isinstance(below, MappingEntry) else None
 
-    def note_unknown_keys(self, name: str, own: MappingEntry) -> None:
+    def note_unknown_keys(self, name: str, own: MappingEntry) -> list[str]:
         """Remember mistyped keys beside calibration files that could not be read, perhaps for want of such a key."""
         known = dict.fromkeys((*_OF_IMPORTS, *SHARING, *(key for kind in KINDS for key in key_names(kind))))
-        for key, member in own.members.items():
-            if key not in known:
-                self.note(member.key_place, name, key, f"unknown key{nearest_name(key, known)}")
+        unknown = [key for key in own.members if key not in known]
+        for key in unknown:
+            self.note(own.members[key].key_place, name, key, f"unknown key{nearest_name(key, known)}")
+        return unknown
+
+    def note_mistake(self, name: str, error: CameraFileError) -> None:
+        """Remember a mistake in the calibration files of a camera."""
+        path = f"cameras.{name}.{error.problem.path}".removesuffix(".")
+        self.problems.append(replace(error.problem, path=path))
 
     def note(self, place: Place, name: str, key: str, what: str) -> None:
         """Remember a mistake of a camera."""

@@ -162,7 +162,7 @@ def test_the_register_lists_how_the_file_was_read(tmp_path: Path) -> None:
 
 MISTAKES = {
     "unit": ("from: rig.yml", ("length_unit: mm",)),
-    "metres": ("from: rig.yml, length_unit: m", ("60.1 m,", "length_unit: mm")),
+    "metres": ("from: rig.yml, length_unit: m", ("60.1 m,", "60.1 mm with length_unit: mm", "length_unit: cm")),
     "millimetres": ("from: chain.yaml, length_unit: mm", ("60.1 µm,", "length_unit: m ")),
     "exchanged": ("from: chain.yaml, pair: [cam1, cam0]", ("cam0", "60.1 mm", "left of cam1", "pair:")),
     "files exchanged": ("from: [right.yaml, left.yaml]", ("P[3]", "exchanged", "from:")),
@@ -197,6 +197,26 @@ def test_a_projection_matrix_whose_baseline_overflows_is_refused(tmp_path: Path)
     right.write_text(text.replace(f"[{focal_length},", "[1e-320,"), encoding="utf-8")
     message = refusal(study(tmp_path, rig=f"from: [{left.name}, {right.name}]"))
     assert all(word in message for word in ("right.yaml", "P[3]", "too large for the focal length"))
+
+
+@pytest.mark.parametrize(
+    ("lengths", "unit", "told"),
+    [
+        (1.0, "cm", "601 µm, but 60.1 mm with length_unit: m beside from:"),
+        (1e2, "m", "6.01 m, but 60.1 mm with length_unit: cm or 6.01 mm with length_unit: mm beside from:"),
+        (1e3, "mm", ""),
+        (1e3, "cm", ""),  # 601 mm, as usual as 60.1 mm
+    ],
+)
+def test_a_baseline_that_another_unit_makes_usual_is_warned_of(
+    tmp_path: Path, lengths: float, unit: str, told: str
+) -> None:
+    written.opencv(tmp_path / "rig.yml", lengths=lengths)
+    warned = tradestudy.load(study(tmp_path, rig=f"from: rig.yml, length_unit: {unit}")).warnings
+    assert [str(one).partition("the baseline is ")[2] for one in warned if "baseline" in str(one)] == [told] * bool(
+        told
+    )
+    assert all("cameras.rig.from" in str(one) for one in warned if "baseline" in str(one))
 
 
 def test_a_fisheye_lens_under_the_name_of_a_pinhole_one_is_named(tmp_path: Path) -> None:

@@ -39,6 +39,18 @@ def test_a_study_that_cannot_run_is_not_written(tmp_path: Path, monkeypatch: pyt
     assert not (tmp_path / "my-rig.yaml").exists()
 
 
+def test_all_that_a_file_lacks_is_told_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the unit of the file is."""
+    monkeypatch.chdir(tmp_path)
+    for unit, name in ((1.0, "metres"), (1e2, "centimetres"), (1e3, "millimetres")):
+        written.opencv(tmp_path / f"{name}.yml", size=None, lengths=unit)
+        made = CliRunner().invoke(app, ["new", "my-rig", "--from", f"{name}.yml"])
+        assert made.exit_code == 2
+        assert "does not state its unit of length" in made.output
+        assert "sensor.pixels: this key is missing" in made.output
+        assert len(made.output.strip().splitlines()) == 3  # two mistakes and the advice
+
+
 def test_a_mistyped_unit_of_length_is_named_beside_the_missing_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

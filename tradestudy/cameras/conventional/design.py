@@ -160,8 +160,11 @@ class ConventionalCamera(Camera):
             ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
             ("focused at, from the principal plane", pretty(self.focus_distance, LENGTH, 4)),
             ("working f-number", pretty(single.working_f_number, NUMBER, 4)),
-            ("field of view across", pretty(lens.field_of_view(self.sensor.width), ANGLE, 4)),
-            ("field of view on the diagonal", pretty(lens.field_of_view(self.sensor.diagonal), ANGLE, 4)),
+            ("field of view across, focused at infinity", pretty(lens.field_of_view(self.sensor.width), ANGLE, 4)),
+            (
+                "field of view on the diagonal, focused at infinity",
+                pretty(lens.field_of_view(self.sensor.diagonal), ANGLE, 4),
+            ),
         ]
         if math.isfinite(self.focus_distance):
             scale = float(single.lateral_resolution(self.focus_distance))

@@ -11,7 +11,13 @@ from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
 
 
 def properties_of(
-    lens: Lens, array: MicrolensArray, sensor: Sensor, mla_distance: float, virtual_depth_at_infinity: float
+    lens: Lens,
+    array: MicrolensArray,
+    sensor: Sensor,
+    *,
+    mla_distance: float,
+    total_covering_plane: float,
+    virtual_depth_at_infinity: float,
 ) -> Properties:
     """Distances, microlenses, coverage and field of view."""
     return (
@@ -23,9 +29,10 @@ def properties_of(
         ("pixels per microlens", pretty(array.pitch / sensor.pixel_pitch, NUMBER, 4)),
         ("fill factor of the array", fill_factor(array)),
         ("virtual depth at infinity", pretty(virtual_depth_at_infinity, NUMBER, 4)),
-        ("two lenses see every point from", _covered_from(lens, array, mla_distance)),
-        ("field of view across", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
-        ("field of view on the diagonal", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
+        ("total covering plane, where |virtual depth| is 2", pretty(total_covering_plane, LENGTH, 4)),
+        ("two lenses see every point of the exact lattice from", _covered_from(lens, array, mla_distance)),
+        ("field of view across, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
+        ("field of view on the diagonal, focused at infinity", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
     )
 
 

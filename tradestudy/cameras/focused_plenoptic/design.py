@@ -194,16 +194,14 @@ class FocusedPlenoptic(PlenopticCamera):
         return share_with_a_pair(self.lenses, self.microlenses, self.radius_over_pitch(distance))
 
     def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:
-        """Total covering plane and availability of the estimator's microlenses."""
-        found = {}
+        """Total covering plane, and availability of the estimator's microlenses, without which there is no depth."""
+        value, bound = self.availability(distance), criteria.availability or 0.0
+        found = {"availability": Limit(value=value, bound=bound, met=(value >= bound) & (value > 0.0))}
         if criteria.virtual_depth is not None:
             value = np.abs(self.virtual_depth(distance))
             found["total_covering_plane"] = Limit(
                 value=value, bound=criteria.virtual_depth, met=value >= criteria.virtual_depth * (1.0 - 1e-9)
             )
-        if criteria.availability is not None:
-            value = self.availability(distance)
-            found["availability"] = Limit(value=value, bound=criteria.availability, met=value >= criteria.availability)
         return found
 
     def least_sharp_type(self, distance: ArrayLike) -> NDArray[np.intp]:
@@ -279,5 +277,11 @@ class FocusedPlenoptic(PlenopticCamera):
 
     def properties(self) -> Properties:
         """Distances, microlenses, coverage and field of view; see `properties_of`."""
-        at_infinity = float(self.virtual_depth(math.inf))
-        return properties_of(self.main_lens, self.microlenses, self.sensor, self.mla_distance, at_infinity)
+        return properties_of(
+            self.main_lens,
+            self.microlenses,
+            self.sensor,
+            mla_distance=self.mla_distance,
+            total_covering_plane=self.total_covering_plane,
+            virtual_depth_at_infinity=float(self.virtual_depth(math.inf)),
+        )

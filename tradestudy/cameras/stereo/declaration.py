@@ -48,11 +48,6 @@ class StereoDepthPart(DisparityPart):
     disparity_error: PositivePixels | Literal["derived"] = Field(
         default="0.1 px", validate_default=True, description=DisparityPart.model_fields["disparity_error"].description
     )
-    discrimination_step: PositivePixels = Field(
-        default="0.1 px",
-        validate_default=True,
-        description=DisparityPart.model_fields["discrimination_step"].description,
-    )
 
 
 if TYPE_CHECKING:

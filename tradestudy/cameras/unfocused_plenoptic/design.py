@@ -291,6 +291,9 @@ class UnfocusedPlenoptic(PlenopticCamera):
             ("pupil of one view", pretty(self.view_pupil_diameter, LENGTH, 4)),
             ("refocus distance, shift of one microlens nearer", pretty(nearer, LENGTH, 4)),
             ("refocus distance, shift of one microlens farther", pretty(farther, LENGTH, 4)),
-            ("field of view across", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
-            ("field of view on the diagonal", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
+            ("field of view across, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
+            (
+                "field of view on the diagonal, focused at infinity",
+                pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4),
+            ),
         )

@@ -325,10 +325,7 @@ def _why_no_picture(camera: DepthCamera, *, pictured: bool) -> str:
     if pictured:
         return ""
     if isinstance(camera.disparity_error_px, float | int):
-        return (
-            f"the disparity error is declared, {declared_disparity_error(camera):g} px; the picture affects depth only "
-            "where the disparity error is derived"
-        )
+        return f"the disparity error is declared, {declared_disparity_error(camera):g} px"
     return "the camera forms no picture at any distance of the study"
 
 

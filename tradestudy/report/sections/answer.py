@@ -261,7 +261,7 @@ def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:
     ends = [float(np.exp(np.interp(np.log(place), *logs))) for place in places]
     near, far = (f"{length(s)} ({share(s / z)})" for s, z in zip(ends, places, strict=True))
     first, last = (part_words(depth.parts[best.nearest(place)] or "nothing") for place in places)
-    cause = f"mostly {first}" if first == last else f"mostly {first}, far away {last}"
+    cause = f"mostly {first}" if first == last else f"near mostly {first}, far mostly {last}"
     return f"±{near} near, ±{far} far; {cause}"
 
 

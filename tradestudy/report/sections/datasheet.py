@@ -26,10 +26,11 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
             "Values hold on the axis, for the study as declared and its scene, at one sigma unless stated otherwise; "
             "they follow no published test standard. *Z accuracy*: half the central 68.27 % interval from calibration "
             "errors alone, which remain after averaging many pictures. *Temporal noise*: the same from noise alone. "
-            "*Sub-pixel RMS*: standard deviation of one disparity. *Plane-fit RMS*: residual of a plane fitted to a "
-            "flat target; calibration errors shift and tilt the whole plane, so only noise remains. *Fill rate*: the "
-            "share that both views, or enough microlenses, see, times one minus the failed fraction; 0 where the "
-            "camera is unusable. *Field*: sensor size times distance over the distance from lens to sensor.{matching}",
+            "*Sub-pixel RMS*: standard deviation of one disparity, as depth uses it. *Plane-fit RMS*: residual of a "
+            "plane fitted to a flat target; calibration errors shift and tilt the whole plane, so only noise remains. "
+            "*Fill rate*: the share that both views, or enough microlenses, see, times one minus the failed fraction; "
+            "0 where the camera is unusable. *Field*: sensor size times distance over the distance from lens to "
+            "sensor.{matching}",
             matching=_of_matching(tree),
         )
     )
@@ -40,7 +41,7 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
         across, down = (pretty(float(one[f"{way}_field_of_view"]), ANGLE) for way in ("horizontal", "vertical"))
         yield Table(
             name=f"datasheet-{name}",
-            caption=f"{titles[str(name)]}: {usable}; field of view {across} × {down}.",
+            caption=f"{titles[str(name)]}: {usable}; field of view as focused, {across} × {down}.",
             columns=(
                 Column(title="Value", weight=3),
                 *(Column(title=f"At {distance(place)}", align="right", weight=2) for place in places),

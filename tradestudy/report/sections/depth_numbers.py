@@ -247,7 +247,7 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
     errors = decision["crossover_error"].sel(way="both").values[0]
     own = [with_error(float(v), float(e), distance) for v, e in zip(values[0], errors, strict=True) if np.isfinite(v)]
     others = values[1:][np.isfinite(values[1:])]
-    text = f"at {' and '.join(own)}" if own else "nowhere in the range of the study"
+    text = f"at {' and '.join(own)}" if own else "at no distance of the study"
     if not others.size:
         yield Paragraph(say("In the study as declared the two are equally uncertain {own}.", own=text))
         return

@@ -10,6 +10,7 @@ import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import share
+from tradestudy.results.views.depth import table_depth
 from tradestudy.results.views.groups import group, has, titles_in
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, declared_matchers
 from tradestudy.units import significant
@@ -46,8 +47,36 @@ def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
         )
     )
     yield Bullets(tuple(_told(found.sel(camera=key), titles, middle) for key in titles))
+    yield from _in_use(tree, found, titles)
     yield from _of_matchers(tree)
     yield _table(found, titles)
+
+
+def _in_use(tree: xr.DataTree, found: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
+    """Where depth uses other disparity errors, because it leaves effects out: the largest difference of each camera."""
+    if not has(tree, "depth", "disparity_error_px"):
+        return
+    used = table_depth(tree)["disparity_error_px"]
+    told = []
+    for key, title in titles.items():
+        whole = found["matched_error_px" if _is_real(found.sel(camera=key)) else "disparity_error_px"].sel(camera=key)
+        own = used.sel(camera=key, distance=found["distance"])
+        with np.errstate(invalid="ignore", divide="ignore"):  # no texture left to match, or no picture
+            apart = np.abs(np.log(own.values / whole.values))
+        place = int(np.nan_to_num(apart, posinf=0.0).argmax())
+        with_all, without = significant(float(whole[place])), significant(float(own[place]))
+        if with_all != without:
+            told.append(
+                f"{without} px instead of {with_all} px for {title} at {distance(float(own['distance'][place]))}"
+            )
+    if told:
+        yield Paragraph(
+            say(
+                "These errors include every effect, because a cause that is left out would seem to have none. Depth "
+                "leaves effects out where that changes it by less than the tolerance, and so rests on {told}.",
+                told=listed(told),
+            )
+        )
 
 
 def _of_matchers(tree: xr.DataTree) -> Iterator[Block]:
@@ -172,9 +201,9 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
     return Table(
         name="disparity-causes-table",
         caption=(
-            "Disparity error in pixels by the declared matcher, its bound, and that"
+            "Disparity error in pixels with every effect, by the declared matcher, its bound, and that"
             if real
-            else "Derived disparity error in pixels as it is, and"
+            else "Derived disparity error in pixels with every effect, and"
         )
         + " with one cause removed; in brackets, the factor "
         "by which it becomes smaller.",

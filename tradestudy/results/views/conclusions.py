@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,12 +16,12 @@ from tradestudy.results.views.designs import (
     feasible_words,
     path_words,
 )
-from tradestudy.results.views.groups import camera_titles, group, has, records
+from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated, records
 from tradestudy.results.views.measured_depth import measured_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.units import FRACTION, pretty
-from tradestudy.wording import counted, distance, listed
+from tradestudy.wording import counted, listed, plain_span
 
 _SEVERAL: Final = 2
 _ASSUMED: Final = ", assumed "
@@ -48,7 +48,7 @@ def best_ranges(tree: xr.DataTree) -> tuple[BestRange, ...]:
             near=near,
             far=far,
             cameras=tuple(titles[name] for name in names.split(", ") if name),
-            words=_breakable(f"{answer_title(titles, names, nobody)} from {distance(near)} to {distance(far)}"),
+            words=f"{answer_title(titles, names, nobody)} from {plain_span(near, far)}",
         )
         for near, far, names in reported_winners(tree)
     )
@@ -62,14 +62,8 @@ def usable_words(tree: xr.DataTree) -> dict[str, str]:
     found = {}
     for name in depth["camera"].values:
         ranges = where_usable(depth, str(name))
-        words = " and ".join(f"{distance(near)} to {distance(far)}" for near, far in ranges)
-        found[titles[str(name)]] = _breakable(words) or "nowhere"
+        found[titles[str(name)]] = " and ".join(plain_span(near, far) for near, far in ranges) or "nowhere"
     return found
-
-
-def _breakable(words: str) -> str:
-    """Replace no-break spaces by plain ones, for terminals and other programs."""
-    return words.replace("\N{NO-BREAK SPACE}", " ")
 
 
 def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
@@ -180,13 +174,20 @@ def _never_usable(tree: xr.DataTree) -> Iterator[str]:
         yield f"{listed(nowhere)} {'is' if len(nowhere) == 1 else 'are'} usable nowhere"
 
 
+def _range_words(ranges: Sequence[BestRange]) -> Iterator[str]:
+    """The best cameras with their ranges, and then the ranges in which none is usable."""
+    yield from (one.words for one in ranges if one.cameras)
+    if nobody := [one for one in ranges if not one.cameras]:
+        yield " and ".join([nobody[0].words, *(f"from {plain_span(one.near, one.far)}" for one in nobody[1:])])
+
+
 def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
     """The conclusions of a run in at most `most` lines; one of them counts the conclusions left out."""
     ranges, requirements, rests = best_ranges(tree), requirement_conclusions(tree), rests_on(tree)
     lines = []
     if ranges:
         designs = ", as declared" if has(tree, "requirements", "design_met") else ""
-        lines.append(f"Best{designs}: {'; '.join([*(one.words for one in ranges), *_never_usable(tree)])}")
+        lines.append(f"Best{designs}: {'; '.join([*_range_words(ranges), *_never_usable(tree)])}")
     # For one swept parameter and one requirement, the sentence of the requirement already says this.
     feasible = feasible_designs(tree)
     if feasible is not None and not (feasible.required == 1 and requirements[0].met_ranges is not None):
@@ -201,7 +202,9 @@ def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
         last = [f"Rests on, so measure first: {'; '.join(rests)}"]
     else:
         last = [f"Rests on: {'; '.join(rests)}"] * bool(rests) + [first] * bool(first)
-    room = most - len(last)
+    if perfect := perfectly_calibrated(tree):
+        last.append(f"Assumed perfect: the calibration of {listed(perfect)}")
+    room = max(most - len(last), 1)
     if len(lines) > room:  # the assumptions behind the answers matter more than a fourth requirement
         hidden = lines[room - 1 :]
         missed = sum(one.startswith("Not met") for one in hidden)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +11,9 @@ import xarray as xr
 from tradestudy.results.depth import distances_without_decision
 from tradestudy.results.views.groups import FloatArray, group, has, ranges_of
 from tradestudy.units import significant
+
+_SEEN_TWICE: Final = ("overlap", "availability")  # limits on the share of points
+_CURVES: Final = ("depth_discrimination", "depth_uncertainty", "depth_quantile", "variance_share")
 
 
 def swept(depth: xr.Dataset) -> tuple[str, ...]:
@@ -39,6 +42,13 @@ def _declared_place(coordinate: xr.DataArray) -> int | None:
 def of_camera(depth: xr.Dataset, variable: str, camera: str, **where: str) -> FloatArray:
     """One variable of one camera over distance."""
     return np.asarray(depth[variable].sel({"camera": camera, **where}).values, dtype=np.float64)
+
+
+def where_measured(depth: xr.Dataset) -> xr.Dataset:
+    """``/depth`` with NaN where a camera sees no point twice: it measures nothing there, though its law has a value."""
+    shares = depth["limit_value"].sel(limit=[name for name in _SEEN_TWICE if name in depth["limit"].values])
+    seen = ~(shares <= 0.0).any("limit")
+    return depth.assign({name: depth[name].where(seen) for name in _CURVES if name in depth})
 
 
 def where_usable(depth: xr.Dataset, camera: str) -> tuple[tuple[float, float], ...]:

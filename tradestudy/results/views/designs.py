@@ -262,7 +262,7 @@ def feasible_words(tree: xr.DataTree) -> str:
     share = pretty(abs(found.best.margin), FRACTION, digits=2) if known else ""
     if not found.count:
         return (
-            f"None of {found.designs} designs meets {what}. {found.best.words} comes nearest: it misses "
+            f"None of {found.designs} designs meets {what}. {found.best.words} comes closest: it misses "
             f"“{found.tightest}” ({found.tightest_reason})"
         )
     if found.count == found.designs:
@@ -274,7 +274,10 @@ def feasible_words(tree: xr.DataTree) -> str:
         if found.required > 1
         else []
     )
-    beside = f". Of the others, {listed(others)}" if others else ""
+    several = {2: "both"}.get(found.required, "several")
+    overlap = sum(count for _, count in found.missed) > found.designs - found.count
+    some = f" (some miss {several})" if overlap else ""
+    beside = f". Of the others, {listed(others)}{some}" if others else ""
     return f"{which}: {found.region}{among}. {_largest(found, share)}{beside}"
 
 
@@ -291,7 +294,7 @@ def margin_words(margin: float) -> str:
         if factor < _NEARLY_ONE:
             return f"missed by {pretty(factor - 1.0, FRACTION, digits=2)}"
         return f"missed by a factor of {significant(factor, 3)}"
-    return f"margin {'of ' if margin >= _MANY_TIMES else ''}{_margin_size(margin)}"
+    return f"{_margin_size(margin)} to spare"
 
 
 def _margin_size(margin: float) -> str:
@@ -328,9 +331,9 @@ def _favoured(titles: dict[str, str], data: xr.Dataset, axes: list[str], names: 
         for first, last in zip(runs, ends, strict=True):
             low, high = (value_words(axis, axis.values[k]) for k in (first, last))
             where = f"with {low}" if first == last else f"from {low} to {high}"
-            parts.append(f"{answer_title(titles, str(names[first]), 'none')} {where}")
+            parts.append(f"{answer_title(titles, str(names[first]), 'no camera')} {where}")
         return ", ".join(parts)
-    parts = [f"{answer_title(titles, every[k], 'none')} in {counts[k]}" for k in order]
+    parts = [f"{answer_title(titles, every[k], 'no camera')} in {counts[k]}" for k in order]
     return f"{parts[0]} of {names.size} designs, {', '.join(parts[1:])}"
 
 
@@ -347,7 +350,7 @@ def crossover_words(tree: xr.DataTree) -> str:
         return f"{first} and {second} are equally certain at no distance in any design"
     least, most = (distance(float(end)) for end in (found.min(), found.max()))
     where = f"at {least}" if least == most else f"between {least} and {most}, depending on the design"
-    beside = f", and nowhere in {counted(none, 'design')}" if none else ""
+    beside = f"; in {counted(none, 'design')} nowhere" if none else ""
     return f"{first} and {second} are equally certain {where}{beside}"
 
 
@@ -374,10 +377,10 @@ def usable_span_words(tree: xr.DataTree) -> Iterator[str]:
         near, far = (
             _moved_words(ends[usable], moves=moves) for ends, moves in zip((nearest, farthest), moved, strict=True)
         )
-        nowhere = f", and nowhere in {counted(int((~usable).sum()), 'design')}" if not usable.all() else ""
-        yield f"Depending on the design, {title} is usable from {near} up to {far}{nowhere}"
+        nowhere = f"; in {counted(int((~usable).sum()), 'design')} it is usable nowhere" if not usable.all() else ""
+        yield f"Depending on the design, the usable range of {title} begins {near} and ends {far}{nowhere}"
 
 
 def _moved_words(ends: FloatArray, *, moves: bool) -> str:
     least, most = distance(float(ends.min())), distance(float(ends.max()))
-    return f"{least}–{most}" if moves else most
+    return f"between {least} and {most}" if moves else f"at {most}"

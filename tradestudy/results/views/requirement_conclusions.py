@@ -217,14 +217,14 @@ def _bound_alone_words(one: RequirementConclusion, best: BoundAlone) -> str:
 
 
 def decided_by(one: RequirementConclusion) -> str:
-    """The camera that decides the verdict: "by A" or "nearest is A", for instance."""
+    """The camera that decides the verdict: "by A" or "closest: A", for instance."""
     if one.met is None:
         return f"undecided for {one.camera}"
     if one.of == "all":
         return f"by all, tightest for {one.camera}" if one.met else f"not by {one.camera}"
     if one.met:
         return f"by {one.camera}"
-    return f"nearest is {one.camera}" if one.of == "any" else f"not by {one.camera}"
+    return f"closest: {one.camera}" if one.of == "any" else f"not by {one.camera}"
 
 
 def _margin_words(one: RequirementConclusion) -> str:

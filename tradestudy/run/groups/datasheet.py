@@ -19,7 +19,6 @@ from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
 
 _MOST: Final = 5
-_ANY_SHARE: Final = 1e-9  # low enough that the camera states its share, whatever it is
 
 
 def datasheet_group(definition: StudyDefinition) -> xr.Dataset:
@@ -65,7 +64,7 @@ def _repeating(camera: DepthCamera) -> DepthCamera:
 
 def fill_rate(camera: DepthCamera, distance: FloatArray) -> FloatArray:
     """Share of the picture that has a depth: the part seen by both views or enough microlenses, less failures."""
-    limits = camera.limits(distance, UsableCriteria(overlap=_ANY_SHARE, availability=_ANY_SHARE))
+    limits = camera.limits(distance, UsableCriteria())
     shared = np.ones(distance.shape)
     for name in ("overlap", "availability"):
         if name in limits:

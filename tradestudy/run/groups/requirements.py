@@ -102,10 +102,11 @@ def _rests_on(definition: StudyDefinition, deciding: Sequence[Held]) -> dict[str
     words, shares = [], []
     for requirement, held in zip(definition.file.requirements.values(), deciding, strict=True):
         cause, limit = None, ""
-        if held.limit and held.limit not in _OF_ERRORS:
+        if held.limit:
             which = "sharp" if requirement.quantity == "depth_of_field" else "usable"
             limit = f"the {which} range of {definition.file.cameras[held.camera].title} ({limit_words(held.limit)})"
-        elif (held.limit or requirement.quantity in _OF_ERRORS) and math.isfinite(held.place) and held.value > 0.0:
+        uncertain = requirement.quantity in _OF_ERRORS and held.value > 0.0
+        if math.isfinite(held.place) and (held.limit in _OF_ERRORS or (uncertain and not held.limit)):
             cause = largest_cause(definition.case.cameras[held.camera], np.array([held.place]))
         words.append(limit if cause is None else input_words(definition, held.camera, cause.parameter))
         shares.append(math.nan if cause is None else cause.share)

@@ -58,6 +58,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         _camera(right, cameras[right]),
         rotation,
         translation * metre,
+        metre=metre,
         where=(where, where),
         conventions=conventions,
     )

@@ -70,7 +70,9 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         unit,
     )
     left, right = (_camera(top.need(name), request) for name in (first, second))
-    return paired(left, right, rotation, translation * metre, where=(where, where), conventions=conventions)
+    return paired(
+        left, right, rotation, translation * metre, metre=metre, where=(where, where), conventions=conventions
+    )
 
 
 def _between(top: Located, names: tuple[str, ...], first: str, second: str) -> tuple[FloatArray, FloatArray, Located]:

@@ -56,7 +56,15 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         Convention(name="pictures", says="raw: as taken, before rectification", key=where.key),
         unit,
     )
-    return paired(first, second, rotation, (t2 - rotation @ t1) * metre, where=(where, where), conventions=conventions)
+    return paired(
+        first,
+        second,
+        rotation,
+        (t2 - rotation @ t1) * metre,
+        metre=metre,
+        where=(where, where),
+        conventions=conventions,
+    )
 
 
 def _pose(top: Located) -> tuple[FloatArray, FloatArray, Located]:

@@ -78,6 +78,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         second,
         rotation_of(turn, _matrix(turn, 9)),
         np.array(_matrix(moved, 3)) * metre,
+        metre=metre,
         where=(turn, moved),
         conventions=(*_conventions(moved, "raw: as taken, before rectification"), unit),
     )
@@ -209,6 +210,7 @@ def _rectified(pair: Located, extrinsic: Located, request: Request) -> Imported:
         cameras[1],
         np.eye(3),
         translation_of_projection(value, _matrix(value, 12)) * metre,
+        metre=metre,
         where=(value, value),
         conventions=(*_conventions(value, "rectified, by P1 and P2"), unit),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
@@ -13,7 +14,11 @@ from tradestudy.study.camera_files.conversions import rotation_tuple, vector_tup
 from tradestudy.study.camera_files.located import Located
 from tradestudy.units import LENGTH, pretty
 
-_SHORTEST, _LONGEST = 5e-4, 20.0  # baselines [m] outside of which the unit of length is probably wrong
+_SHORTEST, _LONGEST = 5e-4, 20.0  # baselines [m] outside of which the unit of length is certainly wrong
+_USUAL_FROM, _USUAL_TO = 3e-3, 5.0  # and outside of which it probably is
+_UNITS: Final = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+UNUSUAL_BASELINE: Final = "baseline"
+"""The convention under which a pair says that another unit of length would give a usual baseline."""
 _QUARTER: Final = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 _LARGEST_TANGENTIAL: Final = 0.05
 """p1 and p2 of real lenses are below 0.01; 0.05 would shift a slope of 1 by a tenth."""
@@ -25,6 +30,7 @@ def paired(
     rotation: FloatArray,
     translation: FloatArray,
     *,
+    metre: float,
     where: tuple[Located, Located],
     conventions: tuple[Convention, ...],
 ) -> ImportedRig:
@@ -36,6 +42,8 @@ def paired(
         Left and right, or upper and lower.
     rotation, translation
         From the first camera to the second one, ``x₂ = R x₁ + t`` [m].
+    metre
+        Unit of length of the files [m].
     where
         Location of these two.
     conventions
@@ -56,10 +64,9 @@ def paired(
     if not baseline > 0.0:
         raise at.fail("both cameras are at the same place; a baseline is expected")
     if not _SHORTEST <= baseline <= _LONGEST:
-        units = ("metres", "millimetres") if baseline > _LONGEST else ("millimetres", "metres")
         raise at.fail(
-            f"the baseline would be {pretty(baseline, LENGTH)}, as if {units[1]} were read as {units[0]}; give "
-            f"length_unit: {'mm' if baseline > _LONGEST else 'm'} beside from:"
+            f"the baseline would be {_by_units(baseline, metre) or pretty(baseline, LENGTH)}; "
+            f"{pretty(_SHORTEST, LENGTH)} to {pretty(_LONGEST, LENGTH)} is expected"
         )
     if abs(z) >= max(abs(x), abs(y)):
         raise at.fail("the cameras are one behind the other; a pair side by side is expected")
@@ -77,6 +84,8 @@ def paired(
         *conventions,
         Convention(name="order of cameras", says=f"{first.name}, {second.name} are {order}", key=key),
     )
+    if not _USUAL_FROM <= baseline <= _USUAL_TO and (says := _by_units(baseline, metre)):
+        conventions = (*conventions, Convention(name=UNUSUAL_BASELINE, says=says, key=key))
     if is_vertical:
         first, second = _turned(first, at), _turned(second, at)
         rotation, translation = _QUARTER @ rotation @ _QUARTER.T, _QUARTER @ translation
@@ -88,6 +97,17 @@ def paired(
         conventions=conventions,
         keys={"rotation": where[0].key, "translation": key},
     )
+
+
+def _by_units(baseline: float, metre: float) -> str:
+    """A baseline [m], and what it would be by other units of length than this one [m]; empty if unusual by all."""
+    others = {name: baseline / metre * unit for name, unit in _UNITS.items() if not math.isclose(unit, metre)}
+    fitting = [
+        f"{pretty(length, LENGTH)} with length_unit: {name}"
+        for name, length in others.items()
+        if _USUAL_FROM <= length <= _USUAL_TO
+    ]
+    return f"{pretty(baseline, LENGTH)}, but {' or '.join(fitting)} beside from:" if fitting else ""
 
 
 def check_lens(camera: ImportedCamera, value: Located) -> ImportedCamera:

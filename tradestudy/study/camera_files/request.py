@@ -8,10 +8,14 @@ from dataclasses import dataclass
 from typing import Final
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedRig
-from tradestudy.study.camera_files.located import CameraFile, Located
+from tradestudy.study.camera_files.located import CameraFile, CameraFileError, Located
 from tradestudy.units import LENGTH, UnitError, parse
 
 PIXEL_ORIGIN: Final = "the centre of the first pixel is (0, 0), x to the right and y down"
+
+
+class NoLengthUnitError(CameraFileError):
+    """Neither a file nor its format nor the study states the unit of length."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,12 +51,13 @@ class Request:
 
         Raises
         ------
-        CameraFileError
+        NoLengthUnitError
             The unit is unknown.
         """
         unit = self.length_unit or stated
         if not unit:
-            raise value.fail("the file does not state its unit of length; give length_unit: mm (or m) beside from:")
+            what = "the file does not state its unit of length; give length_unit: mm (or m) beside from:"
+            raise NoLengthUnitError(value.fail(what).problem)
         by = "length_unit of the study" if self.length_unit else why
         return parse(f"1 {unit}", LENGTH), Convention(name="length unit", says=f"{unit}, by {by}", key=value.key)
 

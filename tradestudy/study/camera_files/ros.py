@@ -70,7 +70,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         Convention(name="pictures", says=_pictures(request, first, second, turns), key=projection.key),
         unit,
     )
-    return paired(first, second, rotation, translation, where=(where, projection), conventions=conventions)
+    return paired(first, second, rotation, translation, metre=metre, where=(where, projection), conventions=conventions)
 
 
 def _pictures(request: Request, first: ImportedCamera, second: ImportedCamera, turns: list[np.ndarray]) -> str:

@@ -30,9 +30,12 @@ from tradestudy.study.schema.wave_optics import ElementName, LensPhaseName, Posi
 class UsableRangePart(Part):
     """Limits of the usable range; a limit that is left out does not apply."""
 
-    overlap: Share | None = Field(default=None, description="Smallest overlap of the two stereo views.")
+    overlap: Share | None = Field(
+        default=None, description="Smallest overlap of the two stereo views; more than none if left out."
+    )
     availability: Share | None = Field(
-        default=None, description="Smallest share of points that two of the estimator's microlenses see."
+        default=None,
+        description="Smallest share of points that two microlenses of the estimator see; more than none if left out.",
     )
     virtual_depth: PositiveNumber | None = Field(
         default=None, description="Smallest |virtual depth|; 2 is the total covering plane."

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
 from tradestudy.errors import Problem, StudyError
-from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, Place, ScalarEntry, child
+from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, ScalarEntry, child
 from tradestudy.study.schema.alignment import Alignment, align, key_meaning, key_names
 from tradestudy.study.source import MOST_MISTAKES
 from tradestudy.units import UnitError, nearest
@@ -83,15 +83,20 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
             document.locate(name.tail).problem(name.tail, name.what) for name in model.mistakes_of_names(document.tree)
         ]
     if problems or document.problems:
-        told = {_spot(problem) for problem in document.problems}
-        news = [problem for problem in problems if _spot(problem) not in told]
+        news = [one for one in problems if not any(_is_same(one, told) for told in document.problems)]
         raise StudyError(list(dict.fromkeys([*document.problems, *news])))
     return valid
 
 
-def _spot(problem: Problem) -> Place:
-    """The place of a problem; where reading failed, validation need not report as well."""
-    return Place(problem.file, problem.line, problem.column)
+def _is_same(found: Problem, told: Problem) -> bool:
+    """Whether validation only repeats a failure to read: it is at the same place, of the same value or of a part of it.
+
+    Several values may share a place, such as those that one line of a calibration file gives.
+    """
+    if (found.file, found.line, found.column) != (told.file, told.line, told.column):
+        return False
+    (shorter, longer) = sorted((found.path, told.path), key=len)
+    return not shorter or f"{longer}.".startswith((f"{shorter}.", f"{shorter}["))
 
 
 def _is_broken(document: Document, location: Path) -> bool:
