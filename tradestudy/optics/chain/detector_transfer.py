@@ -73,12 +73,21 @@ class Response:
     ----------
     transfer
         Grid and law.
-    values
-        At the frequencies of both axes, faded out beyond the full band; shape (count, count).
+    quadrant
+        At frequencies of both axes from zero on, faded out beyond the full band, shape (count // 2 + 1,) * 2; the
+        transfer function is even.
     """
 
     transfer: Transfer
-    values: ComplexArray
+    quadrant: ComplexArray
+
+    def apply(self, spectrum: ComplexArray) -> None:
+        """Multiply a spectrum in the order of the FFT: frequencies from zero on first, and then those below."""
+        count = self.transfer.count
+        above, below = slice(-(-count // 2)), slice(count // 2, 0, -1)
+        for rows, to_rows in ((above, above), (below, slice(above.stop, None))):
+            for columns, to_columns in ((above, above), (below, slice(above.stop, None))):
+                spectrum[to_rows, to_columns] *= self.quadrant[rows, columns]
 
 
 def response(transfer: Transfer, *, single: bool = False) -> Response:
@@ -96,13 +105,10 @@ def response(transfer: Transfer, *, single: bool = False) -> Response:
         quadrant = unit_phasor(-k_b / 2 * squared)
     else:
         cosine = np.sqrt(np.maximum(1 - squared, 0))
-        quadrant = unit_phasor(-k_b * squared / (1 + cosine)) / (1 + 1j / k_b * cosine)
+        quadrant = unit_phasor(-k_b * squared / (1 + cosine))
+        quadrant /= 1 + 1j / k_b * cosine
     quadrant *= fading(np.hypot(frequency, frequency[:, None]), transfer.full_band, transfer.half_band)
-    quadrant = quadrant.astype(np.complex64 if single else np.complex128)
-    # The FFT keeps frequencies from zero on first, and then those below, of which the transfer function is even.
-    below = slice((transfer.count - 1) // 2, 0, -1)
-    half = np.concatenate([quadrant, quadrant[below]])
-    return Response(transfer=transfer, values=np.concatenate([half, half[:, below]], axis=1))
+    return Response(transfer=transfer, quadrant=quadrant.astype(np.complex64 if single else np.complex128))
 
 
 def fading(at: FloatArray, full: float, end: float) -> FloatArray:
@@ -250,7 +256,7 @@ def detector_field(
     )
     x_phase, y_phase = (unit_phasor(2 * np.pi * s * transfer.frequencies).astype(spectrum.dtype) for s in start)
     rows, columns = shape
-    spectrum *= response.values
+    response.apply(spectrum)
     spectrum *= y_phase[:, None]
     partial = scipy.fft.ifft(spectrum, axis=0, overwrite_x=True)[:rows]
     partial *= x_phase / transfer.spacing**2
