@@ -33,10 +33,11 @@ from tradestudy.optics.chain.regions import (
 from tradestudy.optics.chain.scene import LightPath, PixelGrid
 from tradestudy.optics.propagation.lens import PointSource
 
-_SAFETY = 1.5  # the two computations share some of their error
+_SAFETY = 2.0  # the two computations share some of their error
 _CHECK_POINTS = 16
 _GROSS = 0.2  # discrepancy from direct quadrature that is refused at any tolerance
 _FOR_BENDING = 3  # extra nodes where an outline ends upright
+_FINER_FIELD = 1.5  # sampling of the field on the array in the computation that is compared
 _SMALLEST = 1e-12  # scale below which one plane is focused on the next
 
 
@@ -88,7 +89,7 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
     refuse_pixel_centres(wave.path.pixels)
     refuse_focus_on_array(wave.path, wave.source, wave.wavelength)
     with ThreadPoolExecutor(2) as pool:  # a boundary wave is compared with Kirchhoff's integral
-        fine, other = pool.map(_landed, (wave, wave.reference), (accuracy, accuracy.compared()))
+        fine, other = pool.map(_landed, (wave, wave.reference), (accuracy, compared_settings(accuracy)))
     power, size = wave.power(), float(np.linalg.norm(fine.pixels))
     terms = {
         "other sampling": _SAFETY * relative_change(fine.pixels, other.pixels),
@@ -111,6 +112,15 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
         effort={"microlens nodes": fine.power.size, "array samples": fine.light.samples},
         handed_over=fine.light.handed_over,
     )
+
+
+def compared_settings(accuracy: ChainAccuracy) -> ChainAccuracy:
+    """Settings of the computation that is compared: those of `ChainAccuracy.compared`, but a finer field on the array.
+
+    Rays carry every ripple of the field to a pixel, and a field on a coarser grid ripples alike where it is sampled
+    hardly finer than needed.
+    """
+    return replace(accuracy.compared(), field_sampling=_FINER_FIELD * max(accuracy.field_sampling, 1.0))
 
 
 def irradiance_frequency(path: LightPath, wavelength: float) -> float:
