@@ -19,8 +19,10 @@ from tradestudy.optics.chain import (
     DiscSource,
     Legs,
     LightPath,
+    Microlenses,
     PixelGrid,
     chain_image,
+    hexagonal_centres,
     separate_image,
 )
 from tradestudy.optics.chain.microlens_nodes import cell_nodes, lit_nodes
@@ -449,3 +451,34 @@ def test_what_rays_cannot_do_is_refused() -> None:
     for source in (ON, replace(disc, coherent=False)):
         with pytest.raises(OutOfRangeError, match="whole pixels"):
             image(centres, source, KIRCHHOFF_RAYS)
+
+
+def test_ripples_of_a_coarse_field_are_stated() -> None:
+    """The image lies just behind the array: at 5 % its field is sampled hardly finer than needed."""
+    path = LightPath(
+        main_lens=CircularLens(
+            radius=0.6926e-3, focal_length=6.8169e-3, lens_phase="stigmatic", focus_distance=64.514e-3
+        ),
+        microlenses=Microlenses(
+            centres=hexagonal_centres(pitch=31.62e-6, rings=1),
+            focal_lengths=np.array([0.37938e-3, 0.43277e-3, 0.46611e-3])[np.arange(7) % 3],
+            aperture="circular",
+            aperture_width=28.54e-6,
+            pitch=31.62e-6,
+            layout="hexagonal",
+            gaps="opaque",
+            lens_phase="parabolic",
+        ),
+        array_distance=7.15458e-3,
+        detector_distance=0.19031e-3,
+        pixels=PixelGrid(pitch=8.4317e-6, shape=(12, 12)),
+    )
+    source = PointSource(x=-58.22e-6, y=-71.39e-6, distance=73.824e-3)
+    found, finest = (
+        image(path, source, FRESNEL_RAYS, wavelength=503.7e-9, accuracy=accuracy)
+        for accuracy in (
+            ChainAccuracy(tolerance=5e-2),
+            ChainAccuracy(tolerance=1e-5, pupil_nodes=1.3, microlens_nodes=1.5, field_sampling=1.4),
+        )
+    )
+    assert relative(found.pixels, finest.pixels) < found.numerical_error < 5e-2

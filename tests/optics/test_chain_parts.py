@@ -11,13 +11,16 @@ from scipy.special import j1
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.chain import ChainAccuracy, LightPath, Microlenses, PixelGrid, hexagonal_centres, square_centres
-from tradestudy.optics.chain.array_field import PupilWave, direct_field, fast_phase, field_table
+from tradestudy.optics.chain.array_field import PupilWave, direct_field, fast_phase, field_table, leg_kernel
 from tradestudy.optics.chain.arriving_light import ray_reach, table_reader
-from tradestudy.optics.chain.detector_transfer import choose_transfer, patch_fields, response
+from tradestudy.optics.chain.detector_transfer import choose_transfer, detector_field, response
 from tradestudy.optics.chain.microlens_nodes import cell_node_count, cell_nodes
+from tradestudy.optics.chain.patch_transfer import PatchPlan, fresnel_reach, patch_fields, patch_law
 from tradestudy.optics.chain.pixels import integrate_pixels
 from tradestudy.optics.chain.point_image import plan_point
+from tradestudy.optics.propagation.direct import ApertureSamples, direct_sum
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
+from tradestudy.optics.quadrature import disc_nodes
 
 WAVELENGTH = 550e-9
 PITCH = 26e-6
@@ -215,17 +218,15 @@ def test_transfer_is_the_plain_sum_of_kernels(paraxial: bool) -> None:
         kept_reach=120e-6,
         spacing=0.15e-6,
     )
-    fields = patch_fields(
-        transfer,
+    field = detector_field(
+        response(transfer),
         x=x,
         y=y,
-        strengths=strengths[None],
-        response=response(transfer),
-        carriers=np.zeros((1, 2), dtype=int),
-        start=np.array([[-10e-6, -9e-6]]),
+        strengths=strengths,
+        start=np.array([-10e-6, -9e-6]),
         shape=(121, 134),
         tolerance=1e-9,
-    )[0]
+    )
     with mpmath.workdps(30):
         k = 2 * mpmath.pi / mpmath.mpf(WAVELENGTH)
         for row, column in ((0, 0), (60, 70), (117, 11)):
@@ -239,63 +240,58 @@ def test_transfer_is_the_plain_sum_of_kernels(paraxial: bool) -> None:
                     s = mpmath.sqrt(rho2 + z**2)
                     kernel = mpmath.exp(1j * k * (s - z)) * z / (1j * mpmath.mpf(WAVELENGTH) * s**2)
                 total += mpmath.mpc(c) * kernel
-            assert fields[row, column] == pytest.approx(complex(total), abs=1e-3 / (WAVELENGTH * distance))
+            assert field[row, column] == pytest.approx(complex(total), abs=1e-3 / (WAVELENGTH * distance))
 
 
-def test_carrier_only_moves_the_band() -> None:
-    """A tilted set of nodes over its carrier gives the same field as without."""
-    rng = np.random.default_rng(4)
-    x, y = rng.uniform(-8e-6, 8e-6, (2, 400))
-    f = (0.2 / WAVELENGTH, -0.1 / WAVELENGTH)
-    strengths = np.exp(2j * np.pi * (f[0] * x + f[1] * y)) * np.exp(-(x**2 + y**2) / (4e-6) ** 2)
-    distance, start, shape = 0.1e-3, np.array([[12e-6, -19e-6]]), (60, 60)
-    common = {"wavelength": WAVELENGTH, "distance": distance, "paraxial": False, "spacing": 0.3e-6}
-    wide = choose_transfer(node_reach=8e-6, target_reach=40e-6, kept_reach=80e-6, **common)
-    plain = patch_fields(
-        wide,
-        x=x,
-        y=y,
-        strengths=strengths[None],
-        response=response(wide),
-        carriers=np.zeros((1, 2), dtype=int),
-        start=start,
-        shape=shape,
-        tolerance=1e-9,
-    )[0]
-    narrow = choose_transfer(node_reach=8e-6, target_reach=40e-6, kept_reach=45e-6, tilt=math.hypot(0.2, 0.1), **common)
-    steps = np.rint(np.array(f) / narrow.frequency_step).astype(int)
-    f = tuple(narrow.frequency_step * steps)
-    over = patch_fields(
-        narrow,
-        x=x,
-        y=y,
-        strengths=(strengths * np.exp(-2j * np.pi * (f[0] * x + f[1] * y)))[None],
-        response=response(narrow, largest_carrier=math.hypot(*f)),
-        carriers=steps[None],
-        start=start,
-        shape=shape,
-        tolerance=1e-9,
-    )[0]
-    at = 0.3e-6 * np.arange(60)
-    carrier = np.exp(2j * np.pi * (f[0] * (start[0, 0] + at)[None, :] + f[1] * (start[0, 1] + at)[:, None]))
-    coarse = {**common, "spacing": 0.5e-6}
+def test_too_coarse_samples_are_refused() -> None:
     with pytest.raises(OutOfRangeError, match="more samples"):
-        choose_transfer(node_reach=8e-6, target_reach=40e-6, kept_reach=80e-6, **coarse)
-    np.testing.assert_allclose(over * carrier, plain, atol=1e-3 * np.abs(plain).max(), rtol=0)
+        choose_transfer(
+            wavelength=WAVELENGTH,
+            distance=0.1e-3,
+            paraxial=False,
+            node_reach=8e-6,
+            target_reach=40e-6,
+            kept_reach=80e-6,
+            spacing=0.5e-6,
+        )
 
 
-def test_evanescent_band_is_refused() -> None:
-    transfer = choose_transfer(
-        wavelength=WAVELENGTH,
-        distance=1e-5,
-        paraxial=False,
-        node_reach=1e-5,
-        target_reach=1e-5,
-        kept_reach=1e-4,
-        spacing=0.2e-6,
+@pytest.mark.parametrize("middle", [(0.0, 0.0), (90e-6, -50e-6), (200e-6, 160e-6)])
+@pytest.mark.parametrize("paraxial", [False, True])
+def test_field_on_a_patch_is_the_sum_over_the_nodes(paraxial: bool, middle: tuple[float, float]) -> None:
+    """A lens of f/4, up to 40° beside its patch, against the plain sum of its nodes on samples all over the patch."""
+    rng = np.random.default_rng(4)
+    distance, radius, half_side, tolerance = 0.3e-3, 36e-6, 30e-6, 1e-4
+    nodes = disc_nodes(radius=radius, radial_count=120, angular_count=450)
+    sine = np.array(middle) if paraxial else np.array(middle) / math.hypot(1, math.hypot(*middle) / distance)
+    k = 2 * np.pi / WAVELENGTH
+    towards = k * (nodes.x * sine[0] + nodes.y * sine[1]) / distance - k * (nodes.x**2 + nodes.y**2) / 1e-3
+    field = np.exp(1j * towards)
+    leg = {"wavelength": WAVELENGTH, "distance": distance}
+    farthest = math.hypot(*middle)
+    reach = fresnel_reach(**leg, half_side=half_side, node_reach=radius, farthest=farthest, tolerance=tolerance)
+    spacing = 0.49 / reach.band(radius, **leg)
+    plan = PatchPlan(
+        **leg,
+        spacing=spacing,
+        half=math.ceil(half_side / spacing),
+        reach=None if paraxial else reach,
+        farthest=farthest,
     )
-    with pytest.raises(OutOfRangeError, match="sine"):
-        response(transfer, largest_carrier=0.3 / WAVELENGTH)
+    strengths = np.stack([field * nodes.weights, 2j * field * nodes.weights])
+    middles = np.array([middle, middle])
+    fields = patch_fields(
+        patch_law(plan), x=nodes.x, y=nodes.y, strengths=strengths, middles=middles, tolerance=tolerance / 20
+    )
+    rows, columns = rng.integers(0, plan.side, (2, 60))
+    at = np.array(middle) + spacing * (np.column_stack([columns, rows]) - plan.half)
+    kernel = leg_kernel(WAVELENGTH, paraxial)
+    z = np.full(60, distance)
+    truth = direct_sum(ApertureSamples(nodes=nodes, field=field), kernel, at[:, 0], at[:, 1], z)
+    truth *= np.exp(-1j * k * distance)
+    error = np.linalg.norm(fields[0][rows, columns] - truth) / np.linalg.norm(truth)
+    assert error < 3 * tolerance
+    np.testing.assert_allclose(fields[1], 2j * fields[0], atol=1e-4 * np.abs(fields).max())
 
 
 def test_pixel_integration_of_a_fringe() -> None:

@@ -15,13 +15,7 @@ from scipy.optimize import brentq
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.sampled_point_spread import (
-    DiscMoments,
-    Measured,
-    PointSpread,
-    measured,
-    peak_position,
-)
+from tradestudy.optics.sampled_point_spread import Measured, PointSpread, measured, peak_position
 from tradestudy.optics.spread_fields import SpreadField, as_point_spread
 
 
@@ -145,7 +139,7 @@ def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius:
     _require_inside(psf, centre, float(radii.max()))
 
     def shares(grid: PointSpread) -> FloatArray:
-        energy = DiscMoments(grid, centre, float(radii.max()))
+        energy = grid.moments(centre, float(radii.max()))
         return np.reshape([energy(float(r)) / grid.pupil_power for r in radii.ravel()], radii.shape)
 
     return measured(psf, shares, carried=np.sqrt(np.pi) * radii * psf.intensity_error / psf.pupil_power)
@@ -189,7 +183,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
         raise OutOfRangeError("encircled share", value=f"{share:g}", limit="in (0, 1)")
     psf = as_point_spread(field)
     largest = _largest_radius(psf, centre)
-    inside = DiscMoments(psf, centre, largest)
+    inside = psf.moments(centre, largest)
     held = inside(largest) / psf.pupil_power
     if held <= share:
         raise OutOfRangeError(
@@ -201,7 +195,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
 
     def radius(grid: PointSpread) -> float:
         target = share * grid.pupil_power
-        energy = DiscMoments(grid, centre, largest)
+        energy = grid.moments(centre, largest)
         if energy(largest) <= target:
             return largest  # a grid this coarse loses light; the large change then counts as the error
         return float(brentq(lambda r: energy(r) - target, 0.0, largest, xtol=1e-13 * largest))
@@ -252,15 +246,14 @@ def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float)
     _require_inside(psf, centre, radius)
     if not np.any(psf.intensity):
         raise OutOfRangeError("no light in the window")
-    moment = DiscMoments(psf, centre, radius)
 
     def width(grid: PointSpread) -> float:
-        of_grid = moment if grid is psf else DiscMoments(grid, centre, radius)
+        of_grid = grid.moments(centre, radius)
         return float(np.sqrt(abs(of_grid(radius, 2) / of_grid(radius))))
 
     here = width(psf)
     second = radius**3 * np.sqrt(np.pi / 3) + here**2 * radius * np.sqrt(np.pi)  # ‖r²‖ and w² ‖1‖ over the disc
-    return measured(psf, width, carried=second * psf.intensity_error / (2 * here * moment(radius)))
+    return measured(psf, width, carried=second * psf.intensity_error / (2 * here * psf.moments(centre, radius)(radius)))
 
 
 def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:

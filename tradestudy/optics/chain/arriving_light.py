@@ -34,14 +34,11 @@ class RayReach:
         Farthest landing of a ray from where it passed the array [m], shape (lenses,).
     spread
         Farthest landing from ``image`` [m], shape (lenses,).
-    slope
-        Direction (dx/dz, dy/dz) of the arriving ray at each centre, shape (lenses, 2).
     """
 
     image: FloatArray
     travel: FloatArray
     spread: FloatArray
-    slope: FloatArray
 
 
 def ray_reach(path: LightPath, source: PointSource, *, whole_pupil: bool = False) -> RayReach:
@@ -74,7 +71,7 @@ def ray_reach(path: LightPath, source: PointSource, *, whole_pupil: bool = False
     image = landing[:, 0].mean(axis=1)
     travel = np.linalg.norm(b * behind, axis=-1).max(axis=(1, 2))
     spread = np.linalg.norm(landing - image[:, None, None], axis=-1).max(axis=(1, 2))
-    return RayReach(image=image, travel=travel, spread=spread, slope=slope[:, 0].mean(axis=1))
+    return RayReach(image=image, travel=travel, spread=spread)
 
 
 def blur_radius(path: LightPath, source: PointSource) -> float:

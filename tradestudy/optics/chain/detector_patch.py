@@ -20,12 +20,13 @@ from tradestudy.optics.chain.detector_transfer import (
     Response,
     Transfer,
     choose_transfer,
+    detector_field,
     fading_length,
     half_band,
-    patch_fields,
 )
 from tradestudy.optics.chain.microlens_nodes import cell_node_count
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, resolved_cycles
+from tradestudy.optics.chain.patch_transfer import PatchPlan, fresnel_reach
 from tradestudy.optics.chain.pixels import MARGIN, samples_per_pixel
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes
@@ -153,19 +154,16 @@ def field_on_detector(
     if not held.any():
         return np.zeros((rows, columns), dtype=strengths.dtype)
     first = np.asarray(pixels.corner) - pixels.centre + (0.5 - MARGIN) * pixels.pitch / per_pixel
-    fields = patch_fields(
-        response.transfer,
+    return detector_field(
+        response,
         x=x[held] - pixels.centre[0],
         y=y[held] - pixels.centre[1],
-        strengths=strengths[held][None],
-        response=response,
-        carriers=np.zeros((1, 2), dtype=int),
-        start=first[None],
+        strengths=strengths[held],
+        start=first,
         shape=(rows, columns),
         tolerance=tolerance,
         threads=threads,
     )
-    return np.asarray(fields[0])
 
 
 def _farthest(path: LightPath) -> float:
@@ -199,8 +197,6 @@ class DetectorPatch:
 
     Attributes
     ----------
-    whole_detector
-        Whether all microlenses are followed over the whole detector at once.
     half_side
         How far from its ray image the light of a microlens is followed along x and y [m].
     side
@@ -209,28 +205,29 @@ class DetectorPatch:
         Cycles over a half aperture that the nodes of a microlens resolve.
     per_pixel
         Samples along a pixel.
-    tilt
-        Largest sine of a carrier.
-    transfer
-        Grid and law of the leg.
+    grid
+        Samples of the leg: of a patch, or of the whole detector.
     nodes
         Of one microlens.
     """
 
-    whole_detector: bool
     half_side: float
     side: float
     cycles: float
     per_pixel: int
-    tilt: float
-    transfer: Transfer
+    grid: PatchPlan | Transfer
     nodes: int
+
+    @property
+    def whole_detector(self) -> bool:
+        """Whether all microlenses are followed over the whole detector at once."""
+        return isinstance(self.grid, Transfer)
 
     def work(self, path: LightPath, *, lit: float) -> float:
         """Work for one source point that lights this many microlenses, in samples of the detector."""
         if self.whole_detector:
-            return self.transfer.count**2 + _NODE * self.nodes * path.microlenses.count
-        return lit * (self.transfer.count**2 + _NODE * self.nodes)
+            return self.grid.count**2 + _NODE * self.nodes * path.microlenses.count
+        return lit * (self.grid.count**2 + _NODE * self.nodes)
 
 
 def disc_ends(path: LightPath, source: DiscSource, nodes: SourceNodes) -> list[RayReach]:
@@ -265,13 +262,11 @@ def detector_patch(
         if least > limit:
             break
         whole = DetectorPatch(
-            whole_detector=True,
             half_side=_detector_side(path),
             side=_detector_side(path) / plan.transfer.spacing,
             cycles=cycles,
             per_pixel=plan.per_pixel,
-            tilt=0.0,
-            transfer=plan.transfer,
+            grid=plan.transfer,
             nodes=cell_node_count(path.microlenses, cycles=cycles),
         )
         single = accuracy.tolerance >= SINGLE_PRECISION_FROM
@@ -313,26 +308,27 @@ def _detector_side(path: LightPath) -> float:
 def _patch(
     path: LightPath, reaches: Sequence[RayReach], wavelength: float, paraxial: bool, accuracy: ChainAccuracy
 ) -> DetectorPatch:
-    """Patch, samples and transfer that hold the light of all points, from the rays of centre and rim of the disc."""
+    """Patch and samples that hold the light of all points, from the rays of centre and rim of the disc."""
     margin = accuracy.fresnel_lengths * math.sqrt(wavelength * path.detector_distance)
     half = max(float(one.spread.max()) for one in reaches) + margin
     node_reach = path.microlenses.cell_reach
-    kept = node_reach + half
-    band = half_band(wavelength, path.detector_distance, kept, paraxial=paraxial, tolerance=accuracy.tolerance)
+    band = half_band(
+        wavelength, path.detector_distance, node_reach + half, paraxial=paraxial, tolerance=accuracy.tolerance
+    )
+    farthest = _farthest_landing(path, reaches[0], reaches[-1]) + path.pixels.pitch
+    reach = None
+    if not paraxial:
+        reach = fresnel_reach(
+            wavelength=wavelength,
+            distance=path.detector_distance,
+            half_side=half,
+            node_reach=node_reach,
+            farthest=farthest,
+            tolerance=accuracy.tolerance,
+        )
+        band = max(band, reach.band(node_reach, wavelength, path.detector_distance))
     per_pixel = samples_per_pixel(path.pixels, accuracy.pixel_sampling * 2 * band * path.pixels.pitch)
     spacing = path.pixels.pitch / per_pixel
-    tilt = _steepest(reaches[0], reaches[-1])
-    transfer = choose_transfer(
-        wavelength=wavelength,
-        distance=path.detector_distance,
-        paraxial=paraxial,
-        node_reach=node_reach,
-        target_reach=half + spacing,
-        kept_reach=kept,
-        spacing=spacing,
-        tilt=tilt,
-        tolerance=accuracy.tolerance,
-    )
     cycles = resolved_cycles(
         path,
         reaches[-1],
@@ -341,13 +337,18 @@ def _patch(
         density=accuracy.microlens_nodes,
     )
     return DetectorPatch(
-        whole_detector=False,
         half_side=half,
         side=min(2.0 * half, _detector_side(path)) / spacing,
         cycles=cycles,
         per_pixel=per_pixel,
-        tilt=tilt,
-        transfer=transfer,
+        grid=PatchPlan(
+            wavelength=wavelength,
+            distance=path.detector_distance,
+            spacing=spacing,
+            half=math.ceil(half / spacing),
+            reach=reach,
+            farthest=farthest,
+        ),
         nodes=cell_node_count(path.microlenses, cycles=cycles),
     )
 
@@ -359,10 +360,10 @@ def lit_radius(path: LightPath, point: PointSource, wavelength: float, accuracy:
     return blur_radius(path, point) + beyond + path.microlenses.cell_reach
 
 
-def _steepest(centre: RayReach, rim: RayReach) -> float:
-    """Largest slope at the middle of any microlens: the disc's centre's, and as much more as any point of its rim's.
+def _farthest_landing(path: LightPath, centre: RayReach, rim: RayReach) -> float:
+    """Farthest ray image from its microlens [m]: the disc's centre's, and as much more as any point of its rim's.
 
     The rim point that was traced may lie across the direction of a microlens, and another one along it.
     """
-    added = np.linalg.norm(rim.slope - centre.slope, axis=1).max()
-    return float(np.linalg.norm(centre.slope, axis=1).max() + added)
+    added = np.linalg.norm(rim.image - centre.image, axis=1).max()
+    return float(np.linalg.norm(centre.image - path.microlenses.centres, axis=1).max() + added)

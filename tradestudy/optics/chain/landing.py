@@ -37,6 +37,7 @@ _SAFETY = 1.5  # the two computations share some of their error
 _CHECK_POINTS = 16
 _GROSS = 0.2  # discrepancy from direct quadrature that is refused at any tolerance
 _FOR_BENDING = 3  # extra nodes where an outline ends upright
+_FINER = 1.5  # sampling of the field on the array, and of its irradiance, in the computation that is compared
 _SMALLEST = 1e-12  # scale below which one plane is focused on the next
 
 
@@ -87,8 +88,15 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
     """
     refuse_pixel_centres(wave.path.pixels)
     refuse_focus_on_array(wave.path, wave.source, wave.wavelength)
+    # Few nodes fall on a pixel's share of a microlens: hardly fewer would often be as many. A finer computation errs by
+    # nothing that both share.
+    finer = replace(
+        accuracy.unstarved(),
+        field_sampling=_FINER * max(accuracy.field_sampling, 1.0),
+        microlens_nodes=_FINER * max(accuracy.microlens_nodes, 1.0),
+    )
     with ThreadPoolExecutor(2) as pool:  # a boundary wave is compared with Kirchhoff's integral
-        fine, other = pool.map(_landed, (wave, wave.reference), (accuracy, accuracy.compared()))
+        fine, other = pool.map(_landed, (wave, wave.reference), (accuracy, finer))
     power, size = wave.power(), float(np.linalg.norm(fine.pixels))
     terms = {
         "other sampling": _SAFETY * relative_change(fine.pixels, other.pixels),
@@ -111,6 +119,15 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
         effort={"microlens nodes": fine.power.size, "array samples": fine.light.samples},
         handed_over=fine.light.handed_over,
     )
+
+
+def compared_settings(accuracy: ChainAccuracy) -> ChainAccuracy:
+    """Settings of the computation that is compared: those of `ChainAccuracy.compared`, but a finer field on the array.
+
+    Rays carry every ripple of the field to a pixel, and a field on a coarser grid ripples alike where it is sampled
+    hardly finer than needed.
+    """
+    return replace(accuracy.compared(), field_sampling=_FINER * max(accuracy.field_sampling, 1.0))
 
 
 def irradiance_frequency(path: LightPath, wavelength: float) -> float:

@@ -21,6 +21,7 @@ from tradestudy.optics.chain.array_field import direct_field
 from tradestudy.optics.chain.arriving_light import refuse_focus_on_array
 from tradestudy.optics.chain.detector_patch import lit_radius
 from tradestudy.optics.chain.landing import (
+    compared_settings,
     irradiance_frequency,
     landing_nodes,
     on_pixels,
@@ -102,7 +103,7 @@ def landing_spot_image(
 def _coarser(accuracy: ChainAccuracy) -> ChainAccuracy:
     """Settings of the comparison image; a factor below 1 is compared with 1, as in `ChainAccuracy.compared`."""
     sampling = accuracy.source_sampling
-    return replace(accuracy.compared(), source_sampling=_FEWER * sampling if sampling >= 1 else 1.0)
+    return replace(compared_settings(accuracy), source_sampling=_FEWER * sampling if sampling >= 1 else 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)

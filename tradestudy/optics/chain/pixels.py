@@ -18,7 +18,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.scene import PixelGrid
 
 MARGIN = 3  # samples beyond the window on each side that the correction needs
-_CELL_AVERAGE = ((0.0, 1 / 24, -17 / 5760, 367 / 967680), (0.0, 1 / 24, -17 / 5760, 0.0))
+_CELL_AVERAGE = ((1.0, 1 / 24, -17 / 5760, 367 / 967680), (1.0, 1 / 24, -17 / 5760, 0.0))
 _STEEPNESS = 4.0  # samples between the edge of the rays and the edge of the patch, where the law is steepest
 
 
@@ -76,28 +76,29 @@ def integrate_pixels(intensity: FloatArray, *, per_pixel: int, spacing: float) -
         Integrals, shape (rows, columns), and their relative L2 change by the last term: the error without it.
     """
     best, lower = (
-        _summed(_averaged(_averaged(intensity, terms, 0), terms, 1), per_pixel) * spacing**2 for terms in _CELL_AVERAGE
+        _over_pixels(_over_pixels(intensity, weights, per_pixel).T, weights, per_pixel).T * spacing**2
+        for weights in (np.convolve(_cell_average(terms), np.ones(per_pixel)) for terms in _CELL_AVERAGE)
     )
     change = float(np.linalg.norm(best - lower))
     return best, change / float(np.linalg.norm(best)) if change > 0 else 0.0  # no light is no error
 
 
-def _averaged(samples: FloatArray, terms: tuple[float, ...], axis: int) -> FloatArray:
-    """Mean over the cell about each sample along one axis; the result is three samples shorter on each side."""
-    moved = np.moveaxis(samples, axis, 0)
-    difference, result = moved, moved[MARGIN:-MARGIN].copy()
+def _cell_average(terms: tuple[float, ...]) -> FloatArray:
+    """Weights of the samples about a cell, `MARGIN` on either side, in the mean over it."""
+    weights, difference = np.zeros(2 * MARGIN + 1), np.ones(1)
     for order, term in enumerate(terms):
-        if order:
-            difference = difference[2:] - 2 * difference[1:-1] + difference[:-2]
-            cut = MARGIN - order
-            result += term * (difference[cut : difference.shape[0] - cut])
-    return np.moveaxis(result, 0, axis)
+        weights[MARGIN - order : MARGIN + order + 1] += term * difference
+        difference = np.convolve(difference, [1.0, -2.0, 1.0])
+    return weights
 
 
-def _summed(cells: FloatArray, per_pixel: int) -> FloatArray:
-    """Sum blocks of cells."""
-    rows, columns = cells.shape[0] // per_pixel, cells.shape[1] // per_pixel
-    return np.asarray(cells.reshape(rows, per_pixel, columns, per_pixel).sum(axis=(1, 3)))
+def _over_pixels(samples: FloatArray, weights: FloatArray, per_pixel: int) -> FloatArray:
+    """Weighted sums of the samples that each pixel reaches, along the first axis."""
+    count = (samples.shape[0] - 2 * MARGIN) // per_pixel
+    total = np.zeros((count, *samples.shape[1:]))
+    for first, weight in enumerate(weights):
+        total += weight * samples[first : first + per_pixel * count : per_pixel]
+    return total
 
 
 def far_light(

@@ -82,17 +82,22 @@ def _uneven_rings(nodes: SourceNodes, halves: FloatArray) -> list[int]:
     return sorted({int(np.argmax(size)), int(np.argmax(nodes.radial_weights * size))})
 
 
-def _along_radius(source: DiscSource, nodes: SourceNodes, brightness: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Squared relative radii of the rings and between them, and the points there along the brightest azimuth.
+def _along_radius(
+    source: DiscSource, nodes: SourceNodes, eighths: list[dict[int, FloatArray]]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Squared relative radii of the rings and between them, images of the rings, and the points between them.
 
-    `brightness` is the L2 size of the pixel image of points at every eighth of a turn, zero where symmetries give it,
-    shape (rings, AZIMUTHS).
+    All lie along the brightest azimuth. `eighths` holds the pixel image of points of each ring by the eighth of a turn,
+    without those that symmetries give, which are the same at every ring.
     """
-    azimuth = 2 * math.pi * int(np.argmax(nodes.radial_weights @ brightness)) / AZIMUTHS
+    sizes = {one: [np.linalg.norm(ring[one]) for ring in eighths] for one in eighths[0]}
+    brightest = max(sizes, key=lambda one: float(nodes.radial_weights @ sizes[one]))
+    azimuth = 2 * math.pi * brightest / AZIMUTHS
     turn = np.arccos(1 - 2 * nodes.radial_points)
-    squared = np.r_[nodes.radial_points, (1 - np.cos((np.r_[0.0, turn] + np.r_[turn, math.pi]) / 2)) / 2]
+    between = (1 - np.cos((np.r_[0.0, turn] + np.r_[turn, math.pi]) / 2)) / 2
     direction = np.array([math.cos(azimuth), math.sin(azimuth)])
-    return squared, np.array([source.x, source.y]) + np.outer(source.diameter / 2 * np.sqrt(squared), direction)
+    places = np.array([source.x, source.y]) + np.outer(source.diameter / 2 * np.sqrt(between), direction)
+    return np.r_[nodes.radial_points, between], np.array([ring[brightest] for ring in eighths]), places
 
 
 def _radial_error(nodes: SourceNodes, rings: FloatArray, squared: FloatArray, images: FloatArray) -> float:
@@ -172,7 +177,7 @@ def wave_spot_image(
     rings = np.mean([moved_image(images.pixels, one) for one in group], axis=0)
     pixels = np.tensordot(nodes.radial_weights, rings.mean(axis=1), axes=1)
     uneven = _uneven_rings(nodes, rings)
-    squared, radial = _along_radius(source, nodes, images.brightness)
+    squared, on_rings, radial = _along_radius(source, nodes, images.eighths)
     picks = rng.choice(nodes.all, size=min(_MOST_DRAWN, len(nodes.all)), replace=False)
     turned = [_turned_ring(asked, nodes, ring, group) for ring in uneven]
     pieces = np.array_split(radial, -(-len(radial) // _AT_ONCE))
@@ -189,7 +194,7 @@ def wave_spot_image(
         ring: np.asarray(np.mean([moved_image(one.pixels, turn) for turn in group], axis=0))
         for ring, one in zip(uneven, followed, strict=False)
     }
-    along = np.concatenate([one.alone for one in followed[len(uneven) :]])
+    along = np.concatenate([on_rings, *(one.alone for one in followed[len(uneven) :])])
     size = float(np.linalg.norm(pixels)) or math.inf  # no light: no error
     terms = {
         "source angles": _angular_error(nodes, rings, between) / size,
@@ -216,18 +221,18 @@ def followed_points(path: LightPath, source: DiscSource, nodes: SourceNodes) -> 
     """Approximate number of points followed: nodes without those that symmetries yield, and points between them."""
     group = symmetries(path, source)
     distinct = sum(1 for ring in range(len(nodes.rings)) for _ in orbits(nodes, ring, group))
-    return distinct + 2 * max(map(len, nodes.rings)) / len(group) + 2 * len(nodes.rings) + 1
+    return distinct + 2 * max(map(len, nodes.rings)) / len(group) + len(nodes.rings) + 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class _RingImages:
-    """Mean pixel image of each ring from its even and from its odd angles, and L2 sizes of images at common azimuths.
+    """Mean pixel image of each ring from its even and from its odd angles, and images of points at common azimuths.
 
-    Shapes (rings, 2, rows, columns) and (rings, AZIMUTHS).
+    Shape (rings, 2, rows, columns), and for each ring images by the eighth of a turn.
     """
 
     pixels: FloatArray
-    brightness: FloatArray
+    eighths: list[dict[int, FloatArray]]
     pixel_error: float
     points: int
     handed_over: float
@@ -256,13 +261,13 @@ def _ring_images(
             places, weights = at[[index for index, _ in half]], tuple(n for _, n in half)
             parts.append(partial(follow_points, asked, places, weights, tuple(azimuths)))
     found: list[FollowedPoints] = compute(parts, told)
-    brightness = np.zeros((len(nodes.rings), AZIMUTHS))
+    images: list[dict[int, FloatArray]] = [{} for _ in nodes.rings]
     for (ring, at_eighths), one in zip(eighths, found, strict=True):
-        brightness[ring, at_eighths] = np.linalg.norm(one.alone, axis=(1, 2))
+        images[ring] |= zip(at_eighths, one.alone, strict=True)
     pixels = np.array([one.pixels for one in found])
     return _RingImages(
         pixels=pixels.reshape(len(nodes.rings), 2, *pixels.shape[1:]),
-        brightness=brightness,
+        eighths=images,
         pixel_error=max(one.pixel_error for one in found),
         points=sum(len(part.args[1]) for part in parts),
         handed_over=max(one.handed_over for one in found),

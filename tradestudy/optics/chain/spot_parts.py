@@ -110,6 +110,6 @@ def follow_points(
         handed_over=max(handed),
         effort={
             "nodes per microlens": spot.plane.cell.x.size,
-            "samples per patch": spot.response.transfer.count**2,
+            "samples per patch": spot.samples**2,
         },
     )

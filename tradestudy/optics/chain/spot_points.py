@@ -28,15 +28,16 @@ from tradestudy.optics.chain.detector_patch import (
     lit_radius,
     outermost,
 )
-from tradestudy.optics.chain.detector_transfer import Response, patch_fields, response
+from tradestudy.optics.chain.detector_transfer import Response, response
 from tradestudy.optics.chain.microlens_edges import Spheres, add_spheres, split_spheres
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes, lit_share, padded
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, shadowed
+from tradestudy.optics.chain.patch_transfer import PatchLaw, PatchPlan, patch_fields, patch_law
 from tradestudy.optics.chain.pixels import MARGIN, far_light, light_on_pixels
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.chain.source_tables import Place, SourceTables, blank_tables, source_tables
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes
-from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
+from tradestudy.optics.propagation.direct import ComplexArray
 from tradestudy.optics.propagation.lens import PointSource
 
 
@@ -53,8 +54,7 @@ class Spot:
     plane: MicrolensPlane
     cycles: float
     transmission: ComplexArray
-    response: Response
-    whole_detector: bool
+    law: PatchLaw | Response
     half_patch: float
     per_pixel: int
     lit_within: float
@@ -63,6 +63,16 @@ class Spot:
     def spacing(self) -> float:
         """Distance of detector samples [m]."""
         return self.path.pixels.pitch / self.per_pixel
+
+    @property
+    def whole_detector(self) -> bool:
+        """Whether all microlenses are followed over the whole detector at once."""
+        return isinstance(self.law, Response)
+
+    @property
+    def samples(self) -> int:
+        """Samples along a side of a transform."""
+        return (self.law.transfer if isinstance(self.law, Response) else self.law.plan).count
 
     def wave(self, x: float, y: float) -> PupilWave | RayWave:
         """Wave of one source point."""
@@ -96,6 +106,7 @@ def prepare_spot(
     )
     ends = (source.centre, outermost(source, nodes))
     lit_within = max(lit_radius(path, point, wavelength, accuracy) for point in ends)
+    single = accuracy.tolerance >= SINGLE_PRECISION_FROM
     tables = None
     if legs.to_array != "geometric":
         tables = (blank_tables if blank else source_tables)(
@@ -117,12 +128,9 @@ def prepare_spot(
         plane=plane,
         cycles=patch.cycles,
         transmission=plane.transmission(source.centre),
-        response=response(
-            patch.transfer,
-            largest_carrier=patch.tilt / wavelength + patch.transfer.frequency_step,
-            single=accuracy.tolerance >= SINGLE_PRECISION_FROM,
-        ),
-        whole_detector=patch.whole_detector,
+        law=patch_law(patch.grid, single=single)
+        if isinstance(patch.grid, PatchPlan)
+        else response(patch.grid, single=single),
         half_patch=patch.half_side,
         per_pixel=patch.per_pixel,
         lit_within=lit_within,
@@ -162,8 +170,8 @@ def point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
     """Follow the light of one source point from the array to the detector."""
     wave = spot.wave(*at)
     reach = ray_reach(spot.path, wave.source)
-    if spot.whole_detector:
-        return _light_of_all(spot, wave, at, table, reach)
+    if isinstance(spot.law, Response):
+        return _light_of_all(spot, spot.law, wave, at, table, reach)
     rows, columns = (n * spot.per_pixel + 2 * MARGIN for n in spot.path.pixels.shape)
     canvas = np.zeros((rows, columns), dtype=_kind(spot))
     far, power, carried = np.zeros(spot.path.pixels.shape), 0.0, 0.0
@@ -175,7 +183,7 @@ def point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
             power += spheres.power
             carried += _add_edges(spot, canvas, wave, spheres, reach)
         if rest.any():
-            far += _add_light(spot, canvas, reach, replace(group, field=rest))
+            far += _add_light(spot, spot.law, canvas, reach, replace(group, field=rest))
     return PointLight(
         intensity=np.asarray(np.abs(canvas) ** 2 / wave.power()),
         far=far / wave.power(),
@@ -184,7 +192,12 @@ def point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
 
 
 def _light_of_all(
-    spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTable | None, reach: RayReach
+    spot: Spot,
+    response: Response,
+    wave: PupilWave | RayWave,
+    at: Place,
+    table: FieldTable | None,
+    reach: RayReach,
 ) -> PointLight:
     """Follow the light of all microlenses over the whole detector at once; none falls beyond."""
     plane, lenses = spot.plane, spot.path.microlenses
@@ -203,7 +216,7 @@ def _light_of_all(
     canvas = field_on_detector(
         plane,
         (rest * transmission).astype(_kind(spot)),
-        response=spot.response,
+        response=response,
         per_pixel=spot.per_pixel,
         tolerance=spot.accuracy.tolerance / 20,
         threads=1,
@@ -276,35 +289,23 @@ def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTa
         yield _Lit(which=whole, cell=plane.cell, field=field, transmission=_transmission(spot, wave)[whole])
 
 
-def _add_light(spot: Spot, canvas: ComplexArray, reach: RayReach, lit: _Lit) -> FloatArray:
+def _add_light(spot: Spot, law: PatchLaw, canvas: ComplexArray, reach: RayReach, lit: _Lit) -> FloatArray:
     """Add the light of some microlenses on their patches of the detector; return the light that leaves the patches."""
-    transfer, slope = spot.response.transfer, reach.slope[lit.which]
-    sine = slope
-    if spot.legs.to_detector != "fresnel":
-        sine = slope / np.sqrt(1 + np.sum(slope**2, axis=1, keepdims=True))
-    steps = np.rint(sine / (spot.wavelength * transfer.frequency_step)).astype(int)
-    frequency = transfer.frequency_step * steps
-    carrier = unit_phasor(-2 * np.pi * (frequency[:, :1] * lit.cell.x + frequency[:, 1:] * lit.cell.y))
-    first, start = _patch_starts(spot, reach, lit.which)
-    side = 2 * math.ceil(spot.half_patch / spot.spacing) + 1
+    origin = np.asarray(spot.path.pixels.corner) + (0.5 - MARGIN) * spot.spacing
+    nearest = np.rint((reach.image[lit.which] - origin) / spot.spacing).astype(int)
+    middles = origin + nearest * spot.spacing
     patches = patch_fields(
-        transfer,
+        law,
         x=lit.cell.x,
         y=lit.cell.y,
-        strengths=(lit.field * lit.transmission * carrier).astype(canvas.dtype),
-        response=spot.response,
-        carriers=steps,
-        start=start,
-        shape=(side, side),
+        strengths=(lit.field * lit.transmission).astype(canvas.dtype),
+        middles=middles - spot.path.microlenses.centres[lit.which],
         tolerance=spot.accuracy.tolerance / 20,
-        threads=1,
     )
-    centres = spot.path.microlenses.centres[lit.which]
-    _add_patches(spot, canvas, patches, first, frequency, centres)
+    _add_patches(canvas, patches, nearest - law.plan.half)
     sent = np.sum(np.abs(lit.field) ** 2 * lit.cell.weights, axis=-1)
     held = np.sum(np.abs(patches) ** 2, axis=(1, 2), dtype=np.float64) * spot.spacing**2
-    half = side * spot.spacing / 2
-    middles = centres + start + half - spot.spacing / 2
+    half = law.plan.side * spot.spacing / 2
     # The law around a disc of rays assumes a round edge; square apertures use the law of a focus, their mean far away.
     round_edge = spot.path.microlenses.aperture == "circular"
     radii = reach.spread[lit.which] if round_edge else np.zeros(lit.which.size)
@@ -318,35 +319,13 @@ def _transmission(spot: Spot, wave: PupilWave | RayWave) -> ComplexArray:
     return spot.transmission
 
 
-def _patch_starts(spot: Spot, reach: RayReach, lit: IndexArray) -> tuple[IndexArray, FloatArray]:
-    """Canvas index (x, y) of each patch's first sample, and its position relative to its microlens."""
-    origin = np.asarray(spot.path.pixels.corner) + (0.5 - MARGIN) * spot.spacing
-    half = math.ceil(spot.half_patch / spot.spacing)
-    first = np.round((reach.image[lit] - origin) / spot.spacing).astype(int) - half
-    return first, origin + first * spot.spacing - spot.path.microlenses.centres[lit]
-
-
-def _add_patches(
-    spot: Spot,
-    canvas: ComplexArray,
-    patches: ComplexArray,
-    first: IndexArray,
-    carrier: FloatArray,
-    centres: FloatArray,
-) -> None:
-    """Add the fields of patches, each over its carrier, to the canvas of the detector."""
-    rows, columns = canvas.shape
-    origin = np.asarray(spot.path.pixels.corner) + (0.5 - MARGIN) * spot.spacing
-    side = patches.shape[1]
-    for patch, (j, i), (fx, fy), (cx, cy) in zip(patches, first, carrier, centres, strict=True):
+def _add_patches(canvas: ComplexArray, patches: ComplexArray, first: IndexArray) -> None:
+    """Add patches, whose first samples lie at given indices (x, y), to the canvas of the detector."""
+    (rows, columns), side = canvas.shape, patches.shape[1]
+    for patch, (j, i) in zip(patches, first, strict=True):
         y0, y1, x0, x1 = max(i, 0), min(i + side, rows), max(j, 0), min(j + side, columns)
-        if y0 >= y1 or x0 >= x1:
-            continue
-        x = origin[0] + spot.spacing * np.arange(x0, x1) - cx
-        y = origin[1] + spot.spacing * np.arange(y0, y1) - cy
-        wave_x = unit_phasor(2 * np.pi * fx * x).astype(patches.dtype)
-        wave_y = unit_phasor(2 * np.pi * fy * y).astype(patches.dtype)
-        canvas[y0:y1, x0:x1] += patch[y0 - i : y1 - i, x0 - j : x1 - j] * wave_y[:, None] * wave_x
+        if y0 < y1 and x0 < x1:
+            canvas[y0:y1, x0:x1] += patch[y0 - i : y1 - i, x0 - j : x1 - j]
 
 
 def lights_of(spot: Spot, places: FloatArray) -> Iterator[PointLight]:
