@@ -30,6 +30,19 @@ def _figures_are_drawn_here() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module")
+def only_rays() -> Iterator[None]:
+    """Pictures that a study makes by rays are not made by waves too, to tell what that changes: here, nothing.
+
+    For tests that ask something else of many pictures; tests/imaging/test_pictures_by_waves.py tests what it changes.
+    """
+    from tradestudy.plan.pieces import scene_pictures
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scene_pictures, "_changed", lambda _trial: (0.0, 1.0))
+        yield
+
+
 @dataclass(frozen=True)
 class HeadlineRun:
     """How the run ended, and where it wrote."""
