@@ -43,6 +43,18 @@ def only_rays() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module")
+def empty_figures() -> Iterator[None]:
+    """Reports have all their figures, but nobody draws in them: for tests that ask something else of a run."""
+    from tradestudy.figures import drawn
+    from tradestudy.figures.drawing import Plotted
+
+    svg = b'<svg xmlns="http://www.w3.org/2000/svg" width="10pt" height="10pt" viewBox="0 0 10 10"></svg>'
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(drawn, "drawn_here", lambda drawings: dict.fromkeys(drawings, Plotted(svg=svg)))
+        yield
+
+
 @dataclass(frozen=True)
 class HeadlineRun:
     """How the run ended, and where it wrote."""

@@ -18,6 +18,8 @@ from tradestudy import load
 from tradestudy.api import Result
 from tradestudy.cli import app
 
+pytestmark = pytest.mark.usefixtures("empty_figures")
+
 RIG = "stereo-65-across"
 FEW = "scene.distances={from: 0.3 m, to: 5 m, points: 9, spacing: log}"
 SMALLER = (
