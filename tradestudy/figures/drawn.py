@@ -123,10 +123,16 @@ def serve() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to all; the run ends this process itself
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # whatever else is printed is no answer
+    import xarray as xr
+
     from tradestudy.figures.gallery import all_drawings
     from tradestudy.figures.style import new_figure
 
-    new_figure(1.0).svg()  # loads what matplotlib loads with the first figure
+    # Both libraries load more with their first use, before there are results.
+    first = new_figure(1.0)
+    first.subplots()
+    first.svg()
+    xr.DataArray([0.0], {"place": [0.0]}).sel(place=0.0)
     gc.freeze()  # what is loaded stays: nobody need look through it again and again
     with suppress(EOFError), answers:  # the run takes no more
         drawings = all_drawings(pickle.load(sys.stdin.buffer))
