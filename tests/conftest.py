@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import pickle
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -26,7 +28,32 @@ def _figures_are_drawn_here() -> Iterator[None]:
     from tradestudy import api
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(api, "_drawer_while_computing", nullcontext)
+        patch.setattr(api, "_drawer_meanwhile", nullcontext)
+        yield
+
+
+@pytest.fixture(scope="module")
+def only_rays() -> Iterator[None]:
+    """Pictures that a study makes by rays are not made by waves too, to tell what that changes: here, nothing.
+
+    For tests that ask something else of many pictures; tests/imaging/test_pictures_by_waves.py tests what it changes.
+    """
+    from tradestudy.plan.pieces import scene_pictures
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scene_pictures, "_changed", lambda _trial: (0.0, 1.0))
+        yield
+
+
+@pytest.fixture(scope="module")
+def empty_figures() -> Iterator[None]:
+    """Reports have all their figures, but nobody draws in them: for tests that ask something else of a run."""
+    from tradestudy.figures import drawn
+    from tradestudy.figures.drawing import Plotted
+
+    svg = b'<svg xmlns="http://www.w3.org/2000/svg" width="10pt" height="10pt" viewBox="0 0 10 10"></svg>'
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(drawn, "drawn_here", lambda drawings: dict.fromkeys(drawings, Plotted(svg=svg)))
         yield
 
 
@@ -40,8 +67,16 @@ class HeadlineRun:
 
 @pytest.fixture(scope="session")
 def headline_run(tmp_path_factory: pytest.TempPathFactory) -> HeadlineRun:
-    """The headline study, run strictly by its command: it takes long, so all tests share it."""
-    study, folder = Path(__file__).parents[1] / "studies" / "plenoptic_vs_stereo.yaml", tmp_path_factory.mktemp("run")
-    command = [sys.executable, "-m", "tradestudy", "run", str(study), "--strict"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=240, check=False)
-    return HeadlineRun(done, folder / "reports" / "plenoptic-vs-stereo")
+    """The headline study, run strictly by its command: it takes long, so all tests share it, on every core."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    folder, ended = shared / "headline", shared / "headline.pickle"
+    with (shared / "headline.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not ended.exists():
+            folder.mkdir()
+            study = Path(__file__).parents[1] / "studies" / "plenoptic_vs_stereo.yaml"
+            command = [sys.executable, "-m", "tradestudy", "run", str(study), "--strict"]
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=240, check=False)
+            ended.write_bytes(pickle.dumps(done))
+    return HeadlineRun(pickle.loads(ended.read_bytes()), folder / "reports" / "plenoptic-vs-stereo")

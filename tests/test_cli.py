@@ -25,6 +25,8 @@ from tradestudy import api, cli, shown_progress
 from tradestudy.errors import NotConvergedError, ResultsError, StudyError, UnaffordableError
 from tradestudy.results import storage
 
+pytestmark = pytest.mark.usefixtures("empty_figures")
+
 HERE = Path(__file__).parent
 RIGHT = HERE / "study" / "wrong" / "right.yaml"
 WRONG = HERE / "study" / "wrong" / "wrong_dimension.yaml"

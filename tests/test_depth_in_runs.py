@@ -18,6 +18,8 @@ from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Paragraph, Table, plain_text
 from tradestudy.units import LENGTH, pretty
 
+pytestmark = pytest.mark.usefixtures("only_rays")
+
 ROCK = "{shape: rock, near: 140 mm, far: 160 mm, feature_size: 10 mm}"
 
 

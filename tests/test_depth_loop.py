@@ -23,6 +23,8 @@ from tradestudy.results.views.conclusions import terminal_lines
 from tradestudy.run import depth_loop
 from tradestudy.study.document import Value
 
+pytestmark = pytest.mark.usefixtures("only_rays")
+
 LOOP = """
 depth_loop:
   distances: [140 mm, 150 mm, 165 mm]

@@ -16,13 +16,32 @@ from pathlib import Path
 import numpy as np
 import pypdfium2
 import pytest
+from typer.testing import CliRunner
 
 from tests.conftest import HeadlineRun
 from tradestudy import load
+from tradestudy.cli import app
 
 STUDIES = Path(__file__).parent.parent / "studies"
 HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
-SMALLER = STUDIES / "robot.yaml"  # for what happens to any run
+SMALL = """
+format: 2
+study: small
+title: A stereo rig
+question: What happens to any run?
+cameras:
+  rig:
+    kind: stereo
+    title: Rig
+    sensor: {pixels: [1280, 800], pixel_pitch: 3 um}
+    lenses: {focal_length: 2 mm, f_number: 2}
+    baseline: 50 mm
+    convergence_distance: inf
+    focus_distance: 1 m
+    depth: {estimator: disparity, disparity_error: 0.1 px, discrimination_step: 0.1 px}
+    calibration: {errors: {yaw: {standard_deviation: 0.01 deg}}}
+scene: {distances: [0.5 m, 1 m, 2 m], wavelength: 550 nm}
+"""
 
 
 def tradestudy(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -42,10 +61,17 @@ def run_folder(headline_run: HeadlineRun) -> Path:
 
 
 @pytest.fixture(scope="module")
-def smaller_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("smaller") / "run"
-    done = tradestudy("run", SMALLER, "--out", folder, "--quiet", cwd=folder.parent)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("small") / "small.yaml"
+    path.write_text(SMALL, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def small_run(small: Path) -> Path:
+    folder = small.parent / "run"
+    done = CliRunner().invoke(app, ["run", str(small), "--out", str(folder), "--quiet"])
+    assert (done.exit_code, done.output) == (0, "")
     return folder
 
 
@@ -172,17 +198,23 @@ def test_report_again_gives_identical_bytes(run_folder: Path) -> None:
     assert {path: path.read_bytes() for path in sorted(run_folder.rglob("*")) if path.is_file()} == kept
 
 
-def test_finished_results_are_not_computed_again_unless_asked(smaller_folder: Path, tmp_path: Path) -> None:
+def test_finished_results_are_not_computed_again_unless_asked(small: Path, small_run: Path, tmp_path: Path) -> None:
+    def run(*more: str) -> None:
+        assert CliRunner().invoke(app, ["run", str(small), "--out", str(folder), *more]).exit_code == 0
+
+    def started() -> str:
+        return str(json.loads((folder / "run.json").read_text())["started"])
+
     folder = tmp_path / "copy"
-    shutil.copytree(smaller_folder, folder)
-    started = json.loads((folder / "run.json").read_text())["started"]
+    shutil.copytree(small_run, folder)
+    first = started()
     (folder / "report.pdf").unlink()
-    assert tradestudy("run", SMALLER, "--out", folder, cwd=tmp_path).returncode == 0
-    assert json.loads((folder / "run.json").read_text())["started"] == started
-    assert (folder / "report.pdf").read_bytes() == (smaller_folder / "report.pdf").read_bytes()
+    run()
+    assert started() == first
+    assert (folder / "report.pdf").read_bytes() == (small_run / "report.pdf").read_bytes()
     time.sleep(1.1)  # the record counts whole seconds
-    assert tradestudy("run", SMALLER, "--out", folder, "--fresh", "--no-pdf", cwd=tmp_path).returncode == 0
-    assert json.loads((folder / "run.json").read_text())["started"] != started
+    run("--fresh", "--no-pdf")
+    assert started() != first
 
 
 def test_a_wrong_study_costs_nothing_on_disk(run_folder: Path, tmp_path: Path) -> None:
@@ -197,13 +229,13 @@ def test_a_wrong_study_costs_nothing_on_disk(run_folder: Path, tmp_path: Path) -
 
 
 def test_a_killed_run_leaves_no_half_written_file_and_ends_as_one_that_was_not(
-    smaller_folder: Path, tmp_path: Path
+    small: Path, small_run: Path, tmp_path: Path
 ) -> None:
     """Each run finds what the one before it left; the last one differs from an undisturbed one in its provenance."""
     folder = tmp_path / "killed"
-    for delay in (0.6, 1.5, 2.5):
+    for delay in (0.6, 1.2, 1.8):
         process = subprocess.Popen(
-            [sys.executable, "-m", "tradestudy", "run", str(SMALLER), "--out", str(folder), "--quiet"], cwd=tmp_path
+            [sys.executable, "-m", "tradestudy", "run", str(small), "--out", str(folder), "--quiet"], cwd=tmp_path
         )
         time.sleep(delay)
         process.send_signal(signal.SIGKILL)
@@ -212,25 +244,26 @@ def test_a_killed_run_leaves_no_half_written_file_and_ends_as_one_that_was_not(
             assert (folder / "report.html").read_text(encoding="utf-8").rstrip().endswith("</html>")
         if (folder / "report.pdf").exists():
             pypdfium2.PdfDocument(folder / "report.pdf")
-    again = tradestudy("run", SMALLER, "--out", folder, "--quiet", cwd=tmp_path)
+    again = tradestudy("run", small, "--out", folder, "--quiet", cwd=tmp_path)
     assert (again.returncode, again.stdout, again.stderr) == (0, "", "")
     names = {path.relative_to(folder) for path in folder.rglob("*") if path.is_file()}
-    assert names == {path.relative_to(smaller_folder) for path in smaller_folder.rglob("*") if path.is_file()}
+    assert names == {path.relative_to(small_run) for path in small_run.rglob("*") if path.is_file()}
     for name in names - set(map(Path, ("run.json", "report.html", "report.pdf"))):
-        assert (folder / name).read_bytes() == (smaller_folder / name).read_bytes(), name
+        assert (folder / name).read_bytes() == (small_run / name).read_bytes(), name
 
     def without_provenance(folder: Path) -> str:
         html = (folder / "report.html").read_text(encoding="utf-8")
         return html[: html.index('id="provenance"')]
 
-    assert without_provenance(folder) == without_provenance(smaller_folder)
+    assert without_provenance(folder) == without_provenance(small_run)
 
 
 def test_a_study_whose_data_file_changed_is_another_study(tmp_path: Path) -> None:
     """So that a finished run is not taken for the answer to other corners."""
     shutil.copytree(STUDIES, tmp_path / "studies")
     study = tmp_path / "studies" / "real_rig.yaml"
-    before = load(study).hash
-    (corners,) = load(study).definition.data_files.values()
+    loaded = load(study)
+    before = loaded.hash
+    (corners,) = loaded.definition.data_files.values()
     corners.write_bytes(corners.read_bytes().replace(b"239.9044", b"239.9045", 1))
-    assert load(study).hash != before
+    assert loaded.hash != before

@@ -13,6 +13,8 @@ from tradestudy import api, figures
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Table
 
+pytestmark = pytest.mark.usefixtures("only_rays")
+
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[api.Result, Path]:

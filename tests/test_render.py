@@ -23,6 +23,8 @@ from tradestudy.plan.pilots import seconds_of
 from tradestudy.plan.rendering_pilot import picture_seconds
 from tradestudy.run import pictures
 
+pytestmark = pytest.mark.usefixtures("only_rays")
+
 CAMERAS = (
     PAIR.format(
         name="pair", title="Pair", pixels="[160, 100]", baseline="20 mm", convergence="infinity", error="0.1 px"

@@ -17,14 +17,19 @@ from tradestudy.result import Result
 EXAMPLE = Path(__file__).parents[1] / "reports" / "examples" / "plenoptic-vs-stereo"
 
 
-def test_names_the_tables_of_the_report() -> None:
-    names = tradestudy.open_result(EXAMPLE).table_names
+@pytest.fixture(scope="module")
+def example() -> Result:
+    return tradestudy.open_result(EXAMPLE)
+
+
+def test_names_the_tables_of_the_report(example: Result) -> None:
+    names = example.table_names
     assert sorted(names) == sorted(path.stem for path in (EXAMPLE / "tables").glob("*.csv"))
 
 
 @pytest.mark.parametrize("name", ["depth_by_camera_distance_way", "claims_by_claim_reading", "cameras_by_property"])
-def test_holds_what_the_csv_file_holds(name: str) -> None:
-    frame = tradestudy.open_result(EXAMPLE).table(name)
+def test_holds_what_the_csv_file_holds(example: Result, name: str) -> None:
+    frame = example.table(name)
     written = pd.read_csv(EXAMPLE / "tables" / f"{name}.csv")
     flat = frame.reset_index() if frame.index.names != [None] else frame.rename_axis("property").reset_index()
     units = [frame.attrs["units"].get(column, "") for column in flat.columns]
@@ -44,7 +49,7 @@ def test_a_single_value_is_a_table_of_one_row() -> None:
     assert frame.attrs["units"] == {"alone": "m"}
 
 
-def test_refuses_a_name_that_it_does_not_have() -> None:
+def test_refuses_a_name_that_it_does_not_have(example: Result) -> None:
     with pytest.raises(OutOfRangeError, match="depth_by_camera_distance") as told:
-        tradestudy.open_result(EXAMPLE).table("depth")
+        example.table("depth")
     assert told.value.value == "depth"

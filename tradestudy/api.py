@@ -315,7 +315,7 @@ def run(
         require_prices(study.definition)  # before anything is computed
     with closing(Checkpoints(directory, fresh=fresh)) as checkpoints:
         if result is None or measuring:
-            with _drawer_while_computing() as drawer:
+            with _drawer_meanwhile() as drawer:
                 if result is None:
                     result = study.run(
                         progress,
@@ -435,8 +435,8 @@ def export(
     return write_export(found, directory, camera), found.left_out
 
 
-def _drawer_while_computing() -> AbstractContextManager[Drawer | None]:
-    """A process that draws the figures on another core, if there is one; it loads its libraries during the run."""
+def _drawer_meanwhile() -> AbstractContextManager[Drawer | None]:
+    """A process that draws figures on another core, if there is one; it loads its libraries until there are results."""
     from tradestudy.figures.drawn import drawer
 
     return drawer() if provenance.cores() > 1 and sys.executable else nullcontext()
@@ -465,9 +465,11 @@ def report(directory: str | Path, *, pdf: bool = True) -> None:
     """
     from tradestudy import report as renderer
 
-    result = open_result(directory)
-    with shown({str(directory): result}):
-        renderer.write(result.data, result.run_record, Path(directory), pdf=pdf)
+    with _drawer_meanwhile() as drawer:
+        result = open_result(directory)
+        drawing = None if drawer is None else drawer.begin(result.data)
+        with shown({str(directory): result}):
+            renderer.write(result.data, result.run_record, Path(directory), pdf=pdf, drawing=drawing)
 
 
 def cost(

@@ -140,19 +140,18 @@ class Result:
         pdf
             Whether to write the PDF too.
         drawer
-            Draws the figures in another process while the rest is written; None draws them here.
+            Draws figures in another process while the rest is written; None draws all here.
         """
         from tradestudy import report as renderer
         from tradestudy.results import storage
 
         target = Path(directory)
-        if drawer is not None:
-            drawer.begin(self.data)
+        drawing = None if drawer is None else drawer.begin(self.data)
         storage.remove_abandoned(target)
         record = storage.write_finished(self.data, self.run_record, target)
         _write_posteriors(self.data, target)
         _write_matchers(self.data, target)
-        renderer.write(self.data, record, target, pdf=pdf, drawer=drawer)
+        renderer.write(self.data, record, target, pdf=pdf, drawing=drawing)
         return target
 
     def _repr_html_(self) -> str:

@@ -17,6 +17,8 @@ from tradestudy.figures import build
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Callout, Paragraph, all_blocks, spans
 
+pytestmark = pytest.mark.usefixtures("empty_figures")
+
 PLAIN = {
     "rig": (plain_cameras.stereo, 1e-6),  # and the standard deviation of its disparity [m]
     "r5": (plain_cameras.focused, 0.55e-6),

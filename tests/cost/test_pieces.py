@@ -22,6 +22,8 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.results import GROUPS
 
+pytestmark = pytest.mark.usefixtures("empty_figures")
+
 ROOT = Path(__file__).parents[2]
 LAWS = ("no diffraction", "Airy diffraction", "Fresnel diffraction", "Kirchhoff diffraction")
 F, B, PIXEL, ERROR_PX = 8e-3, 0.1, 10e-6, 0.1

@@ -16,6 +16,7 @@ def named(page: Path) -> str:
     return str(page.relative_to(ROOT))
 
 
+@pytest.mark.usefixtures("empty_figures")
 @pytest.mark.parametrize("page", PAGES, ids=named)
 def test_blocks_do_what_the_page_says(page: Path, tmp_path: Path) -> None:
     run_page(page, tmp_path, slow=False)

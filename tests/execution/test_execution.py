@@ -31,6 +31,8 @@ from tradestudy.execution.executor import UnavailableError
 from tradestudy.execution.fingerprint import fingerprint
 from tradestudy.execution.steps import DeadlyPointError
 
+pytestmark = pytest.mark.usefixtures("empty_figures")
+
 SWEEP = """
 format: 2
 study: swept
@@ -92,9 +94,9 @@ sensitivity: {at: [0.5 m, 3 m]}
 """
 
 OF_TWO = [
-    pytest.param(Serial, id="serial"),
-    pytest.param(lambda: Threads(2), id="threads"),
-    pytest.param(lambda: Processes(2), id="processes"),
+    pytest.param(lambda _shared: Serial(), id="serial"),
+    pytest.param(lambda _shared: Threads(2), id="threads"),
+    pytest.param(lambda shared: shared, id="processes"),
 ]
 
 
@@ -160,26 +162,38 @@ def assert_same_results(one: api.Result, other: api.Result) -> None:
 
 
 class TestExecutors:
-    @pytest.mark.parametrize(("kind", "count"), [(Threads, 1), (Threads, 3), (Processes, 1), (Processes, 2)])
+    @pytest.mark.parametrize(
+        "make",
+        [
+            pytest.param(lambda _shared: Threads(1), id="a thread"),
+            pytest.param(lambda _shared: Threads(3), id="threads"),
+            pytest.param(lambda _shared: Processes(1), id="a process"),
+            pytest.param(lambda shared: shared, id="processes"),
+        ],
+    )
     def test_a_sweep_has_the_same_bits_everywhere(
-        self, study_file: Path, serial: api.Result, kind: type[Threads | Processes], count: int
+        self, study_file: Path, serial: api.Result, make: Callable[[Processes], Executor], two_processes: Processes
     ) -> None:
-        result = tradestudy.load(study_file).run(executor=kind(count))
+        result = tradestudy.load(study_file).run(executor=make(two_processes))
         assert_same_results(serial, result)
         assert result.run_record["points"]["depth"] == {"computed": POINTS, "taken up": 0}
 
     @pytest.mark.parametrize("make", OF_TWO)
-    def test_values_stand_in_the_order_of_the_points(self, tmp_path: Path, make: Callable[[], Executor]) -> None:
-        executor = make()
+    def test_values_stand_in_the_order_of_the_points(
+        self, tmp_path: Path, make: Callable[[Processes], Executor], two_processes: Processes
+    ) -> None:
+        executor = make(two_processes)
         assert_same(mapped(executor, points(tmp_path, 20)), 20)
         assert times_computed(tmp_path) == dict.fromkeys(range(20), 1)
         assert mapped(executor, []) == []
 
     @pytest.mark.parametrize("make", OF_TWO)
-    def test_the_first_refusal_is_told_whole(self, tmp_path: Path, make: Callable[[], Executor]) -> None:
+    def test_the_first_refusal_is_told_whole(
+        self, tmp_path: Path, make: Callable[[Processes], Executor], two_processes: Processes
+    ) -> None:
         refused = points(tmp_path, 8, seconds=0.02, p2="is refused", p3="is refused")
         with pytest.raises(OutOfRangeError, match="the number: 2") as told:
-            mapped(make(), refused)
+            mapped(make(two_processes), refused)
         assert str(told.value) == "the number: 2 (allowed: another); choose it"
         assert (told.value.value, told.value.remedy) == ("2", "choose it")
 
@@ -227,11 +241,11 @@ class TestExecutors:
             make(count)
 
 
-def test_exact_draws_have_the_same_bits_everywhere_and_are_taken_up(tmp_path: Path) -> None:
+def test_exact_draws_have_the_same_bits_everywhere_and_are_taken_up(tmp_path: Path, two_processes: Processes) -> None:
     file = tmp_path / "exact.yaml"
     file.write_text(EXACT, encoding="utf-8")
     results = []
-    for executor in (Serial(), Processes(2)):
+    for executor in (Serial(), two_processes):
         with contextlib.closing(Checkpoints(tmp_path / repr(executor))) as kept:
             results.append(tradestudy.load(file).run(executor=executor, checkpoints=kept))
     assert {"depth", "depth_field", "sensitivity"} <= set(results[0].data.children)

@@ -73,11 +73,11 @@ accuracy: {tolerance: 20 %}
 """
 
 
-def test_a_light_spot_has_the_same_bits_everywhere(tmp_path: Path) -> None:
+def test_a_light_spot_has_the_same_bits_everywhere(tmp_path: Path, two_processes: Processes) -> None:
     study(tmp_path, ("\naccuracy: {tolerance: 20 %}\n", SPREADS))
     path = tmp_path / "study.yaml"
     results = []
-    for executor in (Serial(), Processes(2)):
+    for executor in (Serial(), two_processes):
         spot_images._spot_picture.cache_clear()
         results.append(tradestudy.load(path).run(executor=executor))
     assert_same_results(*results)
@@ -87,13 +87,13 @@ def test_a_light_spot_has_the_same_bits_everywhere(tmp_path: Path) -> None:
     assert points["point spread"]["computed"] == 2 * (3 + 2)  # laws, one thing varied at a time
 
 
-def test_microlenses_apart_have_the_same_bits_everywhere() -> None:
+def test_microlenses_apart_have_the_same_bits_everywhere(two_processes: Processes) -> None:
     part = tradestudy.load(SPOT_STUDY, SMALL).file.light_spot
     assert part is not None
     part = part.model_copy(update={"microlenses": part.microlenses.model_copy(update={"lenses_across": 3})})
     models = SpotModels(method="fresnel", tolerance=0.05, separate=True, point=True)
     images = []
-    for executor in (Serial(), Threads(2), Processes(2)):
+    for executor in (Serial(), Threads(2), two_processes):
         spot_images._spot_picture.cache_clear()
         images.append(spot_images.spot_picture(part, models, steps=Steps(executor=executor)))
     assert len({one.pixels.tobytes() for one in images}) == 1
@@ -115,13 +115,13 @@ def test_an_interrupted_spot_is_taken_up(tmp_path: Path) -> None:
     assert images[0].pixels.tobytes() == images[1].pixels.tobytes()
 
 
-def test_fresnel_validity_has_the_same_bits_everywhere() -> None:
+def test_fresnel_validity_has_the_same_bits_everywhere(two_processes: Processes) -> None:
     changes = [
         "fresnel_validity.f_numbers=[3.8, 5.6, 8]", "fresnel_validity.wavelengths=[450 nm]",
         "fresnel_validity.windows=[5]", "fresnel_validity.lens_phases=[parabolic]", "claims={}", "readings={}",
     ]  # fmt: skip
     file = STUDIES / "fresnel_validity.yaml"
-    one, other = (tradestudy.load(file, changes).run(executor=executor) for executor in (Serial(), Processes(2)))
+    one, other = (tradestudy.load(file, changes).run(executor=executor) for executor in (Serial(), two_processes))
     assert_same_results(one, other)
     assert one.run_record["points"] == other.run_record["points"]
     assert np.isfinite(one.data["fresnel_validity"]["psf_error"].values).all()

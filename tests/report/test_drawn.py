@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 from tradestudy import figures
+from tradestudy.figures import drawn
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.drawn import Drawer, drawer, drawn_here
 
@@ -26,11 +27,25 @@ def drawings(small: xr.DataTree) -> Mapping[str, Drawing]:
     return figures.build(small)
 
 
-def test_another_interpreter_draws_the_same_bytes(small: xr.DataTree, drawings: Mapping[str, Drawing]) -> None:
+def test_another_interpreter_draws_the_same_bytes(
+    small: xr.DataTree, drawings: Mapping[str, Drawing], monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert list(drawings) == ["readings"]
+    expected = drawn_here(drawings)
     with drawer() as there:
-        there.begin(small)
-        assert there.pictures({}) == drawn_here(drawings)
+        shared = there.begin(small)
+        shared.asking.join()
+        monkeypatch.delattr(drawn, "drawn_here")
+        assert shared.pictures(drawings) == expected
+
+
+def test_figures_drawn_by_two_interpreters_are_those_of_a_report(tree: xr.DataTree, written: Path) -> None:
+    drawings = figures.build(tree)
+    with drawer() as there:
+        pictures = there.begin(tree).pictures(drawings)
+    assert list(pictures) == list(drawings)
+    for name, picture in pictures.items():
+        assert picture.svg == (written / "figures" / f"{name}.svg").read_bytes()
 
 
 def test_what_could_not_be_drawn_elsewhere_is_drawn_here(
@@ -38,8 +53,7 @@ def test_what_could_not_be_drawn_elsewhere_is_drawn_here(
 ) -> None:
     monkeypatch.setattr(sys, "path", [])  # where the other interpreter finds nothing
     with drawer() as there:
-        there.begin(small)
-        assert there.pictures(drawings) == drawn_here(drawings)
+        assert there.begin(small).pictures(drawings) == drawn_here(drawings)
 
 
 def test_an_interpreter_that_was_not_asked_ends_with_the_run() -> None:
@@ -47,6 +61,13 @@ def test_an_interpreter_that_was_not_asked_ends_with_the_run() -> None:
         raise KeyboardInterrupt
     assert isinstance(there, Drawer)
     assert there.tasks.closed
+    assert there.answers.closed
+
+
+def test_a_run_can_end_while_its_figures_are_drawn(small: xr.DataTree) -> None:
+    with drawer() as there:
+        shared = there.begin(small)
+    shared.asking.join()
     assert there.answers.closed
 
 

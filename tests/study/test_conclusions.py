@@ -24,6 +24,8 @@ from tradestudy.results.views.conclusions_json import conclusions_as_json
 from tradestudy.results.views.designs import path_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 
+pytestmark = pytest.mark.usefixtures("empty_figures")
+
 STUDIES = Path(__file__).parents[2] / "studies"
 ASKED = {
     "requirements": {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,10 @@ from tests.data.simulate_corners import Numbers, pictures
 from tests.study.conftest import STUDIES
 from tradestudy import load
 from tradestudy.api import Result
+from tradestudy.calibration.corners import pair_residual
 from tradestudy.cli import app
+
+pytestmark = pytest.mark.usefixtures("empty_figures", "fewer_checks")
 
 RIG = "stereo-65-across"
 FEW = "scene.distances={from: 0.3 m, to: 5 m, points: 9, spacing: log}"
@@ -31,6 +35,14 @@ CALIBRATED = (
     f"{RIG}.calibration.errors=null",
     f"{RIG}.calibration.corners={{file: stereo_65_corners.csv, max_steps: 300}}",
 )
+
+
+@pytest.fixture(scope="module")
+def fewer_checks() -> Iterator[None]:
+    """Poses are refitted at fewer draws: tests/calibration/test_relative_pose_posterior.py is about that check."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pair_residual, "CHECKED_POINTS", 20)
+        yield
 
 
 def depth_of(result: Result, group: str = "depth") -> Any:

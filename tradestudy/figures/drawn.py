@@ -1,4 +1,4 @@
-"""The figures of a results tree, drawn: here, or by a second interpreter while this one does something else."""
+"""The figures of a results tree, drawn: here, or shared with a second interpreter, which begins earlier."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ import pickle
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from threading import Event, Thread
 from typing import IO, TYPE_CHECKING, Final
+
+from tradestudy.figures.drawing import Drawing, Plotted
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing, Plotted
 
 # The second interpreter finds what this one finds, wherever it is started.
 _CODE: Final = "import sys; sys.path[:] = sys.argv[1:]; from tradestudy.figures.drawn import serve; serve()"
@@ -31,23 +33,64 @@ def drawn_here(drawings: Mapping[str, Drawing]) -> Mapping[str, Plotted]:
 
 @dataclass(frozen=True)
 class Drawer:
-    """A second interpreter that draws the figures of results from the moment that they are there; the same bytes."""
+    """A second interpreter that draws figures of results; the same bytes."""
 
     tasks: IO[bytes]
     answers: IO[bytes]
 
-    def begin(self, tree: xr.DataTree) -> None:
-        """Hand the results over."""
-        with suppress(OSError):  # it has died: `pictures` will see
-            pickle.dump(tree, self.tasks, protocol=pickle.HIGHEST_PROTOCOL)
-            self.tasks.flush()
+    def begin(self, tree: xr.DataTree) -> SharedDrawing:
+        """Hand the results over; their figures are drawn from now on."""
+        return SharedDrawing(self, pickle.dumps(tree, protocol=pickle.HIGHEST_PROTOCOL))
+
+
+class SharedDrawing:
+    """Figures that a second interpreter draws from the first on, and this one, once asked for them, from the last.
+
+    `asking` is the thread that has the other draw; it ends when no figure is left or the other has died.
+    """
+
+    def __init__(self, drawer: Drawer, results: bytes) -> None:
+        self._drawer = drawer
+        self._left = deque[str]()  # names of figures that nobody has begun
+        self._listed = Event()
+        self._drawn: dict[str, Plotted] = {}
+        self.asking = Thread(target=self._ask, args=(results,), daemon=True)
+        self.asking.start()
 
     def pictures(self, drawings: Mapping[str, Drawing]) -> Mapping[str, Plotted]:
-        """Take the drawn figures, by name; what is missing, as all are where it failed, is drawn here."""
-        found: Mapping[str, Plotted] = {}
-        with suppress(EOFError, OSError, pickle.UnpicklingError):
-            found = pickle.load(self.answers)
-        return {**found, **drawn_here({name: one for name, one in drawings.items() if name not in found})}
+        """Take the drawn figures, by name; what the other interpreter has not begun, or not finished, is drawn here."""
+        self._listed.wait()
+        for name in _taken(self._left.pop):
+            self._drawn |= drawn_here({name: drawings[name]})
+        self.asking.join()
+        found = self._drawn
+        return {name: found[name] if name in found else drawn_here({name: one})[name] for name, one in drawings.items()}
+
+    def _ask(self, results: bytes) -> None:
+        tasks, answers = self._drawer.tasks, self._drawer.answers
+        try:
+            # It has died, or the run has ended and closed the pipes.
+            with suppress(EOFError, OSError, ValueError, pickle.UnpicklingError):
+                _send(results, tasks)
+                self._left.extend(pickle.load(answers))
+                self._listed.set()
+                for name in _taken(self._left.popleft):
+                    _send(pickle.dumps(name), tasks)
+                    self._drawn[name] = pickle.load(answers)
+        finally:
+            self._listed.set()
+
+
+def _taken(take: Callable[[], str]) -> Iterator[str]:
+    """Take one after the other until there is none."""
+    with suppress(IndexError):
+        while True:
+            yield take()
+
+
+def _send(pickled: bytes, pipe: IO[bytes]) -> None:
+    pipe.write(pickled)
+    pipe.flush()
 
 
 @contextmanager
@@ -76,16 +119,25 @@ def drawer() -> Iterator[Drawer]:
 
 
 def serve() -> None:
-    """What the second interpreter does: take the results, draw their figures, give them back."""
+    """What the second interpreter does: take results, list their figures, draw each that it is asked for."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to all; the run ends this process itself
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # whatever else is printed is no answer
+    import xarray as xr
+
     from tradestudy.figures.gallery import all_drawings
     from tradestudy.figures.style import new_figure
 
-    new_figure(1.0).svg()  # loads what matplotlib loads with the first figure
+    # Both libraries load more with their first use, before there are results.
+    first = new_figure(1.0)
+    first.subplots()
+    first.svg()
+    xr.DataArray([0.0], {"place": [0.0]}).sel(place=0.0)
     gc.freeze()  # what is loaded stays: nobody need look through it again and again
-    with suppress(EOFError):  # the run has ended before its figures
-        pictures = drawn_here(all_drawings(pickle.load(sys.stdin.buffer)))
-        with answers:
-            pickle.dump(pictures, answers, protocol=pickle.HIGHEST_PROTOCOL)
+    with suppress(EOFError), answers:  # the run takes no more
+        drawings = all_drawings(pickle.load(sys.stdin.buffer))
+        _send(pickle.dumps(list(drawings)), answers)
+        while True:
+            name = pickle.load(sys.stdin.buffer)
+            plotted = drawn_here({name: drawings[name]})[name]
+            _send(pickle.dumps(plotted, protocol=pickle.HIGHEST_PROTOCOL), answers)

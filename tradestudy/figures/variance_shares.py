@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
+from numpy.lib.stride_tricks import sliding_window_view
 
 from tradestudy.figures.style import (
     DECLARED,
@@ -112,15 +114,16 @@ def _free_place(
     width, height = panel_size(axes)
     lines = words.split("\n")
     half = int(np.ceil(0.5 * len(bottom) * _LETTER * SMALL * max(map(len, lines)) / width))
-    rooms = np.zeros(len(bottom))
-    for middle in range(half, len(bottom) - half):
-        here = slice(middle - half, middle + half + 1)
-        if known[here].all() and len(set(usable[here].tolist())) == 1:
-            rooms[middle] = top[here].min() - bottom[here].max()
+    if 2 * half >= len(bottom):
+        return None
+    over = partial(sliding_window_view, window_shape=2 * half + 1)
+    shades = over(usable)
+    fits = over(known).all(axis=1) & (shades.all(axis=1) | ~shades.any(axis=1))
+    rooms = np.where(fits, over(top).min(axis=1) - over(bottom).max(axis=1), 0.0)
     if rooms.max() < (len(lines) + _SPARE) * SMALL / height:
         return None
     places = np.flatnonzero(rooms > _NEARLY * rooms.max())
-    middle = int(places[len(places) // 2])
+    middle = half + int(places[len(places) // 2])
     here = slice(middle - half, middle + half + 1)
     return middle, float(top[here].min() + bottom[here].max()) / 2.0
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import xarray as xr
 
-    from tradestudy.figures.drawn import Drawer
+    from tradestudy.figures.drawn import SharedDrawing
 
 
 def write(
@@ -19,7 +19,7 @@ def write(
     directory: Path,
     *,
     pdf: bool = True,
-    drawer: Drawer | None = None,
+    drawing: SharedDrawing | None = None,
 ) -> None:
     """Write ``report.html``, ``report.pdf``, ``figures/*.svg`` and ``tables/*.csv`` of a finished run.
 
@@ -37,8 +37,8 @@ def write(
         not have are removed.
     pdf
         Whether to write ``report.pdf``.
-    drawer
-        Who has begun to draw figures of these results; None draws all here.
+    drawing
+        Of the figures of these results, begun elsewhere; None draws all here.
 
     Raises
     ------
@@ -57,14 +57,15 @@ def write(
     document = contents.compose_report(tree, run, drawings)
     made = {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
     values, designs = curve_values(tree), page_designs(tree)
-    # Last, because the drawer draws meanwhile.
-    pictures = drawn_here(drawings) if drawer is None else drawer.pictures(drawings)
+    # Last, because the other interpreter draws meanwhile.
+    pictures = drawn_here(drawings) if drawing is None else drawing.pictures(drawings)
     images = {name: picture.svg for name, picture in pictures.items()}
     made |= {f"figures/{name}.svg": svg for name, svg in images.items()}
-    made["report.html"] = html.render_html(document, pictures, values, designs)
-    if pdf:
-        made["report.pdf"] = pdf_format.render_pdf(document, images)
-    with ThreadPoolExecutor() as pool:  # they wait for the disk
+    with ThreadPoolExecutor() as pool:  # they wait for the typesetter, which needs no interpreter, and for the disk
+        typeset = pool.submit(pdf_format.render_pdf, document, images) if pdf else None
+        made["report.html"] = html.render_html(document, pictures, values, designs)
+        if typeset is not None:
+            made["report.pdf"] = typeset.result()
         list(pool.map(replace_file, (directory / name for name in made), made.values()))
     for old in (*directory.glob("figures/*.svg"), *directory.glob("tables/*.csv")):
         if old.relative_to(directory).as_posix() not in made:

@@ -12,6 +12,8 @@ from typer.testing import CliRunner
 from tests.study.camera_files import written
 from tradestudy.cli import app
 
+pytestmark = pytest.mark.usefixtures("empty_figures")
+
 
 def test_two_commands_lead_from_an_opencv_file_to_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     written.opencv(tmp_path / "stereo.yml")
