@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -105,7 +106,7 @@ class DepthPiece(Piece):
             return True
         return False
 
-    @property
+    @cached_property
     def _is_line(self) -> bool:
         """Whether errors can be propagated linearly: all calibrations are known before the run and have covariances."""
         cameras = [variant.camera for variant in self._variants]
