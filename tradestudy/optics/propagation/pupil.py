@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval2d
-from scipy.interpolate import RectBivariateSpline
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
@@ -194,6 +193,8 @@ def pupil_function(given: PupilMap) -> Callable[[FloatArray, FloatArray], FloatA
     if callable(given):
         return given
     axis = np.linspace(-1.0, 1.0, given.shape[0])
+    from scipy.interpolate import RectBivariateSpline  # loads more slowly than most fields are computed
+
     spline = RectBivariateSpline(axis, axis, given, kx=5, ky=5)
     return lambda x, y: np.asarray(spline(y, x, grid=False))
 
