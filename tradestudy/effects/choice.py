@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Final, Literal
 
 from tradestudy.accuracy import Quantity
@@ -123,15 +123,20 @@ class Decision:
         The effect and its model.
     chosen, forced
         Whether the model is applied, and whether the study forces the model of this effect.
-    changes
-        Changes due to this model alone, with the most complete models of all other effects.
+    alone
+        Computes `changes` on demand.
     """
 
     slot: SlotName
     model: str
     chosen: bool
     forced: bool
-    changes: Changes
+    alone: Callable[[], Changes]
+
+    @cached_property
+    def changes(self) -> Changes:
+        """Changes due to this model alone, with the most complete models of all other effects."""
+        return self.alone()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -164,7 +169,7 @@ class Choice:
 
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:
-        """Every model of every effect; computed only on demand, because the choice does not need it."""
+        """Every model of every effect."""
         complete = self.piece.complete
         return tuple(
             Decision(
@@ -172,7 +177,7 @@ class Choice:
                 model=model,
                 chosen=self.models[slot.name] == model,
                 forced=slot.name in self.forced,
-                changes=self.piece.changes({**complete, slot.name: model}),
+                alone=partial(self.piece.changes, {**complete, slot.name: model}),
             )
             for slot in self.piece.slots
             for model in slot.models
