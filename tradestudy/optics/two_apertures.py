@@ -216,9 +216,9 @@ class TwoApertures:
         band = farthest + _TAIL / min(self.lit_radius, max(half, (high - low) / 2.0))
         step = 1.0 / (2.0 * band)
         count = _even_size(_PAD * 2.0 * max(half, (high - low) / 2.0) / step)
-        columns, rows = math.ceil((high - low) / step) + 3, 2 * (math.ceil(half / step) + 1) + 1
+        columns, rows = math.ceil((high - low) / step) + 3, math.ceil(half / step) + 2
         p_x = (low + high) / 2.0 + step * (np.arange(columns) - (columns - 1) / 2.0)
-        p_y = step * (np.arange(rows) - (rows - 1) / 2.0)
+        p_y = step * np.arange(rows)  # on one side of the middle row; the other is its mirror image
         square = np.square(p_x) + np.square(p_y)[:, None]
         phase = math.pi * curvature / self.wavelength * square
         distance = np.sqrt(square)
@@ -233,10 +233,12 @@ class TwoApertures:
         from scipy import fft
 
         # Rows without light stay out of the first transform; single precision is finer than the edges are.
-        spectrum = fft.fft(fft.fft(light.astype(np.complex64), n=count, axis=1), n=count, axis=0)
-        density = np.square(spectrum.real) + np.square(spectrum.imag)
-        place = fft.fftshift(fft.fftfreq(count, step))
-        return place, fft.fftshift(density) / density.sum()
+        by_row = fft.fft(light.astype(np.complex64), n=count, axis=1)
+        spectrum = fft.fft(np.concatenate([by_row[:0:-1], by_row]), n=count, axis=0, overwrite_x=True)
+        density = np.square(spectrum.real)
+        density += np.square(spectrum.imag)
+        density /= density.sum()
+        return fft.fftshift(fft.fftfreq(count, step)), fft.fftshift(density)
 
     def _window(self, offset: float) -> tuple[float, float, float]:
         """Along x from where to where light passes, and half of it along y [m]."""

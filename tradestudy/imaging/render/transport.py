@@ -48,7 +48,7 @@ def carried(place: FloatArray, density: FloatArray, left: FloatArray, above: Flo
     column = np.clip((x - place[0]) / step, 0.0, place.size - 1.001)
     first = column.astype(np.intp)
     share = (column - first)[:, None]
-    columns = np.ascontiguousarray(density.T)
+    columns = density.T
     y = _place_of(above[:, None], (1.0 - share) * columns[first] + share * columns[first + 1], edges)[:, 0]
     return np.stack([x, y], axis=-1)
 
