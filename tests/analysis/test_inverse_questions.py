@@ -67,6 +67,13 @@ def test_noise_that_exceeds_the_calibration_asked_for_is_reported(goal: str, *, 
     noise = 9.0 * 0.1 * rig.sensor.pixel_pitch / (rig.baseline * rig.principal_distance)  # type: ignore[attr-defined] # a rig
     assert noise == pytest.approx(0.015, rel=0.5)
     assert (f"{1e3 * noise:.3g} mm" in found.answer) is says
+    of_all = question | {"errors": "both"}
+    whole = study.with_values({"solve": {"own": {**yaw, **of_all, "camera": "stereo-75mm"}}}).plan().definition
+    answer = solve(whole, whole.file.solve["own"]).answer
+    assert (
+        answer.startswith("nowhere")
+        and f"noise alone is larger, {1e3 * noise:.3g} mm" in answer.replace("\N{NO-BREAK SPACE}", " ")
+    ) is says
 
 
 def test_two_solutions_are_both_told() -> None:

@@ -156,6 +156,15 @@ def test_a_few_lines_are_enough_and_the_rest_is_counted(swept: Result) -> None:
     assert rests.startswith("Rests on, so measure first")
 
 
+def test_answers_to_questions_come_before_a_second_requirement(swept: Result) -> None:
+    tree = swept.data.copy()
+    asked = {"solved_says": ("question", ["which?"]), "solved_answer": ("question", ["53.4 mm"])}
+    tree["decision"] = xr.DataTree(tree["decision"].to_dataset().drop_dims("question", errors="ignore").assign(asked))
+    lines = list(terminal_lines(tree, 20))
+    first, second = (lines.index(requirement_sentence(one)) for one in requirement_conclusions(tree))
+    assert first < lines.index("which? 53.4 mm") < second
+
+
 def test_the_terminal_says_whose_calibration_is_assumed_perfect(swept: Result) -> None:
     assert not any("perfect" in line for line in swept.lines())  # all three declare errors
     tree = swept.data.copy()

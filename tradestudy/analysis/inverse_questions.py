@@ -94,6 +94,9 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
         return Solved(solutions=(), dimension=dimension, answer=_undecided(question))
     if not found:
         answer = _nowhere(definition, question, (low, high), means)
+        if question.equal is None and question.errors != "noise" and np.all(means > 0.0):
+            best = math.exp(places[int(np.argmin(means))])
+            answer += _larger_noise(definition.with_values(varying.changes(best)), question)
         return Solved(solutions=(), dimension=dimension, answer=answer)
     answer = _answer(definition, question, found)
     if ratios.plans > 1:

@@ -192,8 +192,10 @@ def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
     feasible = feasible_designs(tree)
     if feasible is not None and not (feasible.required == 1 and requirements[0].met_ranges is not None):
         lines.append(feasible_words(tree))
-    lines += [requirement_sentence(one) for one in requirements]
+    judged = [requirement_sentence(one) for one in requirements]
+    lines += judged[:1]
     lines += [f"{question_words(says)} {answer}" for says, answer in solved_questions(tree)]
+    lines += judged[1:]  # fewer lines may leave out a lesser requirement, but no answer to a question
     if weighed := trade_off_conclusion(tree):
         lines.append(f"By all criteria: {weighed}")
     lines += measured_words(tree)
