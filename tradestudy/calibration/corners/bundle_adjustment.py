@@ -33,6 +33,7 @@ _MOST_EVALUATIONS = 400  # curved valleys of many coefficients are followed in s
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-14, 1e12
 _ROUNDING = 1e-13  # of the square sum: a smaller predicted decrease is rounding
 _NO_NOISE = 1e-11  # px
+_ROUNDED_PX = 1e-6  # far below what any detector achieves
 _ROTATION_LIMIT = np.radians(10.0)  # a rigid pair does not rotate between views
 
 
@@ -190,7 +191,7 @@ def fit_pair(corners: StereoCorners, left: CameraFit, right: CameraFit) -> PairF
 
 
 def check_rig(fit: PairFit) -> None:
-    """Refuse a fitted pair whose right camera lies to the left of the left one.
+    """Refuse a fitted pair whose right camera lies to the left of the left one, or whose corners have no noise.
 
     Parameters
     ----------
@@ -200,8 +201,15 @@ def check_rig(fit: PairFit) -> None:
     Raises
     ------
     CornerFileError
-        The columns of left and right are exchanged.
+        The columns of left and right are exchanged, or the residuals are rounding errors.
     """
+    if fit.noise_px < _ROUNDED_PX:
+        raise CornerFileError(
+            "the corners fit without any error, so their noise cannot be estimated",
+            value=f"{fit.noise_px:.1e} px",
+            limit=f">= {_ROUNDED_PX:g} px",
+            remedy="add the noise of a corner detector to simulated corners, for example 0.1 px",
+        )
     centre = fit.right_centre
     if centre[0] <= 0.0:
         raise CornerFileError(
@@ -300,7 +308,7 @@ def _residual_sizes(blocks: ViewBlocks, corner_count: int) -> tuple[float, float
             "the corners do not fit a camera",
             value=f"{corner_rms:.3g} px rms",
             limit=f"<= {RESIDUAL_LIMIT_PX:g} px",
-            remedy="check for swapped columns and for corners in another order than on the board",
+            remedy="check for swapped columns, false corners, an order unlike that on the board, and a bent board",
         )
     return corner_rms, float(np.sqrt(square_sum / freedom))
 
