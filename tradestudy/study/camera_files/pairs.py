@@ -14,6 +14,7 @@ from tradestudy.study.camera_files.located import Located
 from tradestudy.units import LENGTH, pretty
 
 _SHORTEST, _LONGEST = 5e-4, 20.0  # baselines [m] outside of which the unit of length is probably wrong
+_LARGEST_ROLL: Final = np.radians(45.0)
 _QUARTER: Final = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 _LARGEST_TANGENTIAL: Final = 0.05
 """p1 and p2 of real lenses are below 0.01; 0.05 would shift a slope of 1 by a tenth."""
@@ -44,8 +45,8 @@ def paired(
     Raises
     ------
     CameraFileError
-        The cameras are at one place, one behind the other or exchanged; the baseline indicates a wrong unit of length;
-        or the pictures differ in size.
+        The cameras are at one place, one behind the other or exchanged; one is rolled against the other, or looks
+        backwards; the baseline indicates a wrong unit of length; or the pictures differ in size.
     """
     at = where[1]
     if first.pixels is not None and second.pixels is not None and first.pixels != second.pixels:
@@ -61,6 +62,7 @@ def paired(
             f"the baseline would be {pretty(baseline, LENGTH)}, as if {units[1]} were read as {units[0]}; give "
             f"length_unit: {'mm' if baseline > _LONGEST else 'm'} beside from:"
         )
+    _check_orientation(rotation, second.name, first.name, where[0])
     if abs(z) >= max(abs(x), abs(y)):
         raise at.fail("the cameras are one behind the other; a pair side by side is expected")
     is_vertical = abs(y) > abs(x)
@@ -88,6 +90,23 @@ def paired(
         conventions=conventions,
         keys={"rotation": where[0].key, "translation": key},
     )
+
+
+def _check_orientation(rotation: FloatArray, second: str, first: str, at: Located) -> None:
+    """Refuse cameras whose disparity lies along another axis in one picture than in the other."""
+    if rotation[2, 2] <= 0.0:
+        angle = np.degrees(np.arccos(np.clip(rotation[2, 2], -1.0, 1.0)))
+        raise at.fail(
+            f"the axes of {second} and {first} are {angle:.0f}° apart; cameras that look the same way, less than 90° "
+            "apart, are expected"
+        )
+    # the twist about z of the rotation, q_z/q_w = tan(roll/2)
+    roll = abs(np.arctan2(rotation[1, 0] - rotation[0, 1], rotation[0, 0] + rotation[1, 1]))
+    if roll > _LARGEST_ROLL:
+        raise at.fail(
+            f"{second} is rotated by {np.degrees(roll):.0f}° about its viewing axis against {first}; turn its pictures "
+            "upright and calibrate again, for the rows of both to run along each other"
+        )
 
 
 def check_lens(camera: ImportedCamera, value: Located) -> ImportedCamera:
