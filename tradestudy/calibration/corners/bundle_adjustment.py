@@ -19,9 +19,11 @@ from tradestudy.calibration.corners.view_blocks import (
 )
 from tradestudy.calibration.posterior.laplace import covariance_from_information
 from tradestudy.calibration.projection import (
+    LARGEST_ROLL,
     RADIAL_LENS,
     FreeLens,
     intrinsic_names,
+    roll,
     rotation_matrix,
     rotation_vector,
 )
@@ -191,7 +193,7 @@ def fit_pair(corners: StereoCorners, left: CameraFit, right: CameraFit) -> PairF
 
 
 def check_rig(fit: PairFit) -> None:
-    """Refuse a fitted pair whose right camera lies to the left of the left one, or whose corners have no noise.
+    """Refuse a fitted pair whose right camera is not on the right or not upright, or whose corners have no noise.
 
     Parameters
     ----------
@@ -201,7 +203,8 @@ def check_rig(fit: PairFit) -> None:
     Raises
     ------
     CornerFileError
-        The columns of left and right are exchanged, or the residuals are rounding errors.
+        The columns of left and right are exchanged, the cameras are one above or behind the other, the right picture is
+        rotated by more than `LARGEST_ROLL` against the left one, or the residuals are rounding errors.
     """
     if fit.noise_px < _ROUNDED_PX:
         raise CornerFileError(
@@ -210,11 +213,28 @@ def check_rig(fit: PairFit) -> None:
             limit=f">= {_ROUNDED_PX:g} px",
             remedy="add the noise of a corner detector to simulated corners, for example 0.1 px",
         )
-    centre = fit.right_centre
-    if centre[0] <= 0.0:
+    if (turned := abs(roll(rotation_matrix(fit.shared[ROTATION])))) > LARGEST_ROLL:
+        raise CornerFileError(
+            "the right picture is rotated against the left one",
+            value=f"{np.degrees(turned):.0f}°",
+            limit=f"<= {np.degrees(LARGEST_ROLL):.0f}°",
+            remedy="turn it upright; for 180°, replace right_x_px by the width of the picture − 1 − right_x_px, and "
+            "right_y_px by its height − 1 − right_y_px",
+        )
+    right, down, ahead = 1e3 * fit.right_centre
+    place = f"the right camera lies {right:+.1f} mm to the right of the left one"
+    if abs(right) < max(abs(down), abs(ahead)):
+        raise CornerFileError(
+            "the cameras are not side by side",
+            value=f"{place}, {down:+.1f} mm below and {ahead:+.1f} mm before it",
+            limit="mostly to the right",
+            remedy="if one is above the other, rotate both pictures by 90°: the y columns become x columns, the width "
+            "of the picture − 1 − x becomes y, and the upper camera is left",
+        )
+    if right <= 0.0:
         raise CornerFileError(
             "the left and right columns are exchanged",
-            value=f"the right camera lies {1e3 * centre[0]:+.1f} mm to the right of the left one",
+            value=place,
             limit="> 0 mm",
             remedy="exchange the left_ and right_ columns",
         )

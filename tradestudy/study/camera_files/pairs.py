@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.calibration.projection import LARGEST_ROLL, roll
 from tradestudy.cameras.imported import Convention, ImportedCamera, ImportedRig
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.camera_files.conversions import rotation_tuple, vector_tuple
@@ -14,7 +15,6 @@ from tradestudy.study.camera_files.located import Located
 from tradestudy.units import LENGTH, pretty
 
 _SHORTEST, _LONGEST = 5e-4, 20.0  # baselines [m] outside of which the unit of length is probably wrong
-_LARGEST_ROLL: Final = np.radians(45.0)
 _QUARTER: Final = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 _LARGEST_TANGENTIAL: Final = 0.05
 """p1 and p2 of real lenses are below 0.01; 0.05 would shift a slope of 1 by a tenth."""
@@ -100,12 +100,10 @@ def _check_orientation(rotation: FloatArray, second: str, first: str, at: Locate
             f"the axes of {second} and {first} are {angle:.0f}° apart; cameras that look the same way, less than 90° "
             "apart, are expected"
         )
-    # the twist about z of the rotation, q_z/q_w = tan(roll/2)
-    roll = abs(np.arctan2(rotation[1, 0] - rotation[0, 1], rotation[0, 0] + rotation[1, 1]))
-    if roll > _LARGEST_ROLL:
+    if (turned := abs(roll(rotation))) > LARGEST_ROLL:
         raise at.fail(
-            f"{second} is rotated by {np.degrees(roll):.0f}° about its viewing axis against {first}; turn its pictures "
-            "upright and calibrate again, for the rows of both to run along each other"
+            f"{second} is rotated by {np.degrees(turned):.0f}° about its viewing axis against {first}; turn its "
+            "pictures upright and calibrate again, for the rows of both to run along each other"
         )
 
 
