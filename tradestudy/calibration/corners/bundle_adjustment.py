@@ -265,6 +265,13 @@ def _minimise(
     """
     blocks, damping = evaluate(shared, poses), _FIRST_DAMPING
     cost = float(np.sum(blocks.residuals**2))
+    if not np.isfinite(cost):
+        raise NotConvergedError(
+            "the corners do not look like a board in front of a camera",
+            value="no pose of the board to start from",
+            limit="a pose of the board in front of the camera in every view",
+            remedy="check the order of the corners, and remove false corners",
+        )
     for _ in range(_MOST_EVALUATIONS):
         step, pose_step, expected = _damped_step(blocks, damping)
         try:
