@@ -185,6 +185,13 @@ def test_a_strong_toe_in_is_imported(tmp_path):
     np.testing.assert_allclose(np.degrees(angle), [0.0, -40.0, 0.0], atol=1e-9)
 
 
+def test_corners_on_a_board_in_a_wrong_unit_are_refused(tmp_path):
+    text = simulate_corners.FILE.read_text()
+    (tmp_path / "corners.csv").write_text(text.replace("board_x_mm", "board_x_m").replace("board_y_mm", "board_y_m"))
+    with pytest.raises(StudyError, match="as if millimetres were read as metres; name the columns board_x_mm"):
+        tradestudy.load(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [1024, 1024]}"))
+
+
 MISTAKES = {
     "unit": ("from: rig.yml", ("length_unit: mm",)),
     "metres": ("from: rig.yml, length_unit: m", ("60.1 m,", "length_unit: mm")),

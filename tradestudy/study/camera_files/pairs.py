@@ -56,12 +56,8 @@ def paired(
     baseline = float(np.linalg.norm(translation))
     if not baseline > 0.0:
         raise at.fail("both cameras are at the same place; a baseline is expected")
-    if not _SHORTEST <= baseline <= _LONGEST:
-        units = ("metres", "millimetres") if baseline > _LONGEST else ("millimetres", "metres")
-        raise at.fail(
-            f"the baseline would be {pretty(baseline, LENGTH)}, as if {units[1]} were read as {units[0]}; give "
-            f"length_unit: {'mm' if baseline > _LONGEST else 'm'} beside from:"
-        )
+    if slip := unit_slip(baseline):
+        raise at.fail(f"{slip[0]}; give length_unit: {slip[1]} beside from:")
     _check_orientation(rotation, second.name, first.name, where[0])
     if abs(z) >= max(abs(x), abs(y)):
         raise at.fail("the cameras are one behind the other; a pair side by side is expected")
@@ -90,6 +86,14 @@ def paired(
         conventions=conventions,
         keys={"rotation": where[0].key, "translation": key},
     )
+
+
+def unit_slip(baseline: float) -> tuple[str, str] | None:
+    """What a baseline [m] says of a wrong unit of length, and the unit that is meant; None if it is plausible."""
+    if _SHORTEST <= baseline <= _LONGEST:
+        return None
+    meant, unit, read = ("millimetres", "mm", "metres") if baseline > _LONGEST else ("metres", "m", "millimetres")
+    return f"the baseline would be {pretty(baseline, LENGTH)}, as if {meant} were read as {read}", unit
 
 
 def _check_orientation(rotation: FloatArray, second: str, first: str, at: Located) -> None:
