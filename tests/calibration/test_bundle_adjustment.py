@@ -1,7 +1,9 @@
 """The measured rig against OpenCV, covariances against dense algebra, fits against synthetic truths."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from tradestudy.calibration.corners.bundle_adjustment import (
     fit_pair,
     marginal_information,
 )
-from tradestudy.calibration.corners.corner_file import StereoCorners, read_corners
+from tradestudy.calibration.corners.corner_file import CornerFileError, StereoCorners, read_corners
 from tradestudy.calibration.corners.initial_values import first_intrinsics
 from tradestudy.calibration.corners.view_blocks import (
     RELATIVE,
@@ -95,6 +97,23 @@ def test_residuals_are_those_published_with_the_data(rig):
     assert right.corner_rms_px == pytest.approx(0.16, abs=0.01)
     assert pair.corner_rms_px == pytest.approx(0.24, abs=0.01)
     check_rig(pair)
+
+
+@pytest.mark.parametrize(
+    ("turned", "centre", "says"),
+    [
+        ((0.0, 0.0, 0.0), (0.005, 0.1, 0.0), "not side by side.*below"),
+        ((0.0, 0.0, 0.0), (0.005, 0.0, 0.1), "not side by side"),
+        ((0.0, 0.0, 0.0), (-0.1, 0.0, 0.0), "exchanged"),
+        ((0.0, 0.0, 180.0), (0.1, 0.0, 0.0), "rotated against the left one: 180°"),
+        ((10.0, -20.0, 90.0), (0.1, 0.0, 0.0), "rotated against the left one: 9"),
+    ],
+)
+def test_cameras_that_are_not_side_by_side_are_refused(rig, turned, centre, says):
+    matrix = cv2.Rodrigues(np.radians(turned))[0]
+    pair = replace(rig[3], shared=np.concatenate([rig[3].shared[:12], np.radians(turned), -matrix @ centre]))
+    with pytest.raises(CornerFileError, match=says):
+        check_rig(pair)
 
 
 def test_marginal_covariance_equals_the_dense_inverse(rig):

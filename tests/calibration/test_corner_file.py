@@ -9,6 +9,7 @@ import pytest
 from tradestudy.calibration.corners.bundle_adjustment import check_rig, fit_camera, fit_pair
 from tradestudy.calibration.corners.corner_file import CornerFileError, read_corners
 from tradestudy.calibration.corners.real_rig import fit_rig
+from tradestudy.errors import TradestudyError
 
 FILE = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corners.csv"
 
@@ -104,6 +105,35 @@ def test_a_contradiction_is_named(tmp_path, change, word):
     assert caught.value.value
     assert caught.value.limit
     assert caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "says"),
+    [
+        ("left_x_px", "1e7", "left_x_px is too large: '1e7'"),
+        ("board_x_mm", "1e308", "board_x_mm is too large"),
+        ("view", "1.5", "view is not a whole number: '1.5'"),
+    ],
+)
+def test_impossible_cells_are_named(tmp_path, column, value, says):
+    table = [dict(row) for row in rows()]
+    table[3][column] = value
+    with pytest.raises(CornerFileError, match=f":5: {says}"):
+        read_corners(write(tmp_path / "corners.csv", table))
+
+
+@pytest.mark.parametrize("factor", [0.0, 1e-300])
+def test_a_board_without_size_is_named(tmp_path, factor):
+    table = [{**row, **{key: str(float(row[key]) * factor) for key in ("board_x_mm", "board_y_mm")}} for row in rows()]
+    with pytest.raises(CornerFileError, match=r"\(on the board\) lie at one place"):
+        read_corners(write(tmp_path / "corners.csv", table))
+
+
+def test_a_corner_far_outside_the_picture_does_not_crash_the_fit(tmp_path):
+    table = [dict(row) for row in rows()]
+    table[3]["left_x_px"] = "100000"
+    with pytest.raises(TradestudyError):
+        fit_rig(read_corners(write(tmp_path / "corners.csv", table)))
 
 
 def test_too_few_corners_and_views_are_named(tmp_path):

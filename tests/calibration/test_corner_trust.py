@@ -11,7 +11,7 @@ import xarray as xr
 
 from tests.calibration import noisy_corners
 from tests.calibration.cameras import calibrated_webcams
-from tradestudy.calibration.corners.corner_file import read_corners
+from tradestudy.calibration.corners.corner_file import CornerFileError, read_corners
 from tradestudy.calibration.corners.corner_noise import equal_noise, estimate_noise, outlier_weights
 from tradestudy.calibration.corners.real_rig import fit_rig
 from tradestudy.calibration.posteriors import with_square_size
@@ -103,6 +103,36 @@ def test_a_bent_board_is_found():
     assert np.all(np.abs(none.warp) < 4.0 * none.warp_deviation)
     assert np.all(np.abs(found.warp - [0.4e-3, 0.0, 0.0]) < 4.0 * found.warp_deviation)
     assert found.warp_deviation[0] < 0.1e-3
+
+
+def test_a_strong_warp_does_not_count_as_noise():
+    """2 mm at the radius of gyration bend the picture by pixels; the noise that is left is the simulated one."""
+    found = fit_rig(noisy_corners.corners(10, np.random.default_rng(5), white=True, bowl=2e-3))
+    assert np.all(np.abs(found.warp - [2e-3, 0.0, 0.0]) < 4.0 * found.warp_deviation)
+    assert found.explained.noise_px == pytest.approx(0.1, rel=0.05)
+    assert found.corners.noise.share < 0.1
+
+
+def test_two_rows_of_corners_are_refused():
+    """A parabola across two rows raises both alike."""
+    seen = noisy_corners.corners(6, np.random.default_rng(5), white=True)
+    y = seen.board[..., 1]
+    two = seen.present & ((y == np.unique(y)[0]) | (y == np.unique(y)[2]))
+    with pytest.raises(CornerFileError, match=r"whether the board is bent.*three rows"):
+        fit_rig(replace(seen, present=two))
+
+
+def test_corners_without_noise_are_refused():
+    seen = noisy_corners.corners(6, np.random.default_rng(5), white=True, motion=0.0)
+    left, right = (project(noisy_corners.TRUTH[side], at) for side, at in _exactly_seen(seen.board))
+    with pytest.raises(CornerFileError, match="fit without any error"):
+        fit_rig(replace(seen, left=left, right=right))
+
+
+def _exactly_seen(board):
+    points = np.concatenate([board, np.zeros((*board.shape[:2], 1))], axis=-1)
+    left = move(noisy_corners.shown(len(board), np.random.default_rng(3)), points)
+    return (slice(6), left), (slice(6, 12), move(noisy_corners.TRUTH[12:], left))
 
 
 def test_the_covariance_counts_the_warp_as_unknown():

@@ -19,6 +19,8 @@ from tradestudy.optics.lens_models.families import FAMILIES
 from tradestudy.optics.lens_models.lens_model import LensModel, slopes
 from tradestudy.optics.lens_models.rational import IDEAL
 
+LARGEST_ROLL = np.radians(45.0)
+"""Between the pictures of a pair: beyond it, disparity lies along the columns of one of them."""
 _COEFFICIENT = "distortion_"
 
 
@@ -209,6 +211,11 @@ def rotation_vector(matrix: FloatArray) -> FloatArray:
     vectors: FloatArray = Rotation.from_matrix(matrix.reshape(-1, 3, 3)).as_rotvec()
     reshaped: FloatArray = vectors.reshape(matrix.shape[:-1])
     return reshaped
+
+
+def roll(matrix: FloatArray) -> float:
+    """Twist of a rotation matrix (3, 3) about z [rad], in (−π, π]: ``tan(roll/2) = q_z/q_w`` of its quaternion."""
+    return float(np.arctan2(matrix[1, 0] - matrix[0, 1], matrix[0, 0] + matrix[1, 1]))
 
 
 def right_jacobian(rotation_vector: FloatArray) -> FloatArray:

@@ -160,6 +160,38 @@ def test_the_register_lists_how_the_file_was_read(tmp_path: Path) -> None:
     assert loaded.imported[0].startswith("rig: chain.yaml: Kalibr camchain; length unit m")
 
 
+@pytest.mark.parametrize(
+    ("turned", "says"),
+    [
+        ((0.0, 0.0, 90.0), "rotated by 90° about its viewing axis"),
+        ((0.0, 0.0, -180.0), "rotated by 180° about its viewing axis"),
+        ((0.0, 180.0, 0.0), "180° apart"),
+        ((0.0, -100.0, 10.0), "100° apart"),
+    ],
+)
+@pytest.mark.parametrize("side", [60.0, -60.0])
+def test_a_camera_upside_down_or_backwards_is_refused(tmp_path, turned, says, side):
+    """The camera stands truly to the right or left: exchanging the cameras would not help."""
+    rotation = cv2.Rodrigues(np.radians(turned))[0]
+    written.opencv(tmp_path / "rig.yml", R=rotation, T=-rotation @ np.array([[side], [0.0], [0.0]]))
+    with pytest.raises(StudyError, match=says):
+        calibrated(study(tmp_path, rig="from: rig.yml, length_unit: mm"))
+
+
+def test_a_strong_toe_in_is_imported(tmp_path):
+    rotation = cv2.Rodrigues(np.radians([0.0, -40.0, 0.0]))[0]
+    written.opencv(tmp_path / "rig.yml", R=rotation, T=-rotation @ np.array([[60.0], [0.0], [0.0]]))
+    angle = shared(study(tmp_path, rig="from: rig.yml, length_unit: mm"))[12:15]
+    np.testing.assert_allclose(np.degrees(angle), [0.0, -40.0, 0.0], atol=1e-9)
+
+
+def test_corners_on_a_board_in_a_wrong_unit_are_refused(tmp_path):
+    text = simulate_corners.FILE.read_text()
+    (tmp_path / "corners.csv").write_text(text.replace("board_x_mm", "board_x_m").replace("board_y_mm", "board_y_m"))
+    with pytest.raises(StudyError, match="20 m is expected; name the columns board_x_mm"):
+        tradestudy.load(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [1024, 1024]}"))
+
+
 MISTAKES = {
     "unit": ("from: rig.yml", ("length_unit: mm",)),
     "metres": ("from: rig.yml, length_unit: m", ("60.1 m,", "60.1 mm with length_unit: mm", "length_unit: cm")),

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.calibration.corners.corner_file import StereoCorners
+from tradestudy.calibration.corners.corner_file import CornerFileError, StereoCorners
 from tradestudy.calibration.corners.marginal_views import CompressedViews, compress_views, gyration_radius
 from tradestudy.calibration.corners.pair_residual import PairResidualFit
 from tradestudy.calibration.corners.view_blocks import RELATIVE, ROTATION, cameras_of
@@ -15,6 +15,28 @@ from tradestudy.calibration.projection import move, project_with_jacobians, rota
 from tradestudy.optics.arrays import FloatArray
 
 WARP_NAMES: Final = ("board_bowl", "board_edge_saddle", "board_diagonal_saddle")
+_LEAST_SHOWN: Final = 1e-3  # of one combination of warps over another
+
+
+def check_warp_shown(corners: StereoCorners) -> None:
+    """Refuse boards on which some warp looks like another pose: two rows of corners show none across them.
+
+    Raises
+    ------
+    CornerFileError
+        In every view, the corners lie on two lines or on another conic section.
+    """
+    shapes, weight = warp_shapes(corners, gyration_radius(corners)), corners.present[..., None].astype(np.float64)
+    flat = np.concatenate([weight, weight * corners.board], axis=-1)
+    left = weight * shapes - flat @ (np.linalg.pinv(flat) @ (weight * shapes))
+    shown = np.linalg.svd(left.reshape(-1, shapes.shape[-1]), compute_uv=False)
+    if shown[-1] < _LEAST_SHOWN * shown[0]:
+        raise CornerFileError(
+            "the corners do not show whether the board is bent",
+            value=f"least over most visible warp {shown[-1] / shown[0]:.1e}",
+            limit=f">= {_LEAST_SHOWN:g}, as by three rows and three columns",
+            remedy="use a board with at least three rows and three columns of corners",
+        )
 
 
 def warped(corners: StereoCorners, warp: FloatArray) -> StereoCorners:

@@ -19,9 +19,11 @@ from tradestudy.calibration.corners.view_blocks import (
 )
 from tradestudy.calibration.posterior.laplace import covariance_from_information
 from tradestudy.calibration.projection import (
+    LARGEST_ROLL,
     RADIAL_LENS,
     FreeLens,
     intrinsic_names,
+    roll,
     rotation_matrix,
     rotation_vector,
 )
@@ -33,6 +35,7 @@ _MOST_EVALUATIONS = 400  # curved valleys of many coefficients are followed in s
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-14, 1e12
 _ROUNDING = 1e-13  # of the square sum: a smaller predicted decrease is rounding
 _NO_NOISE = 1e-11  # px
+_ROUNDED_PX = 1e-6  # far below what any detector achieves
 _ROTATION_LIMIT = np.radians(10.0)  # a rigid pair does not rotate between views
 
 
@@ -190,7 +193,7 @@ def fit_pair(corners: StereoCorners, left: CameraFit, right: CameraFit) -> PairF
 
 
 def check_rig(fit: PairFit) -> None:
-    """Refuse a fitted pair whose right camera lies to the left of the left one.
+    """Refuse a fitted pair whose right camera is not on the right or not upright, or whose corners have no noise.
 
     Parameters
     ----------
@@ -200,13 +203,38 @@ def check_rig(fit: PairFit) -> None:
     Raises
     ------
     CornerFileError
-        The columns of left and right are exchanged.
+        The columns of left and right are exchanged, the cameras are one above or behind the other, the right picture is
+        rotated by more than `LARGEST_ROLL` against the left one, or the residuals are rounding errors.
     """
-    centre = fit.right_centre
-    if centre[0] <= 0.0:
+    if fit.noise_px < _ROUNDED_PX:
+        raise CornerFileError(
+            "the corners fit without any error, so their noise cannot be estimated",
+            value=f"{fit.noise_px:.1e} px",
+            limit=f">= {_ROUNDED_PX:g} px",
+            remedy="add the noise of a corner detector to simulated corners, for example 0.1 px",
+        )
+    if (turned := abs(roll(rotation_matrix(fit.shared[ROTATION])))) > LARGEST_ROLL:
+        raise CornerFileError(
+            "the right picture is rotated against the left one",
+            value=f"{np.degrees(turned):.0f}°",
+            limit=f"<= {np.degrees(LARGEST_ROLL):.0f}°",
+            remedy="turn it upright; for 180°, replace right_x_px by the width of the picture − 1 − right_x_px, and "
+            "right_y_px by its height − 1 − right_y_px",
+        )
+    right, down, ahead = 1e3 * fit.right_centre
+    place = f"the right camera lies {right:+.1f} mm to the right of the left one"
+    if abs(right) < max(abs(down), abs(ahead)):
+        raise CornerFileError(
+            "the cameras are not side by side",
+            value=f"{place}, {down:+.1f} mm below and {ahead:+.1f} mm before it",
+            limit="mostly to the right",
+            remedy="if one is above the other, rotate both pictures by 90°: the y columns become x columns, the width "
+            "of the picture − 1 − x becomes y, and the upper camera is left",
+        )
+    if right <= 0.0:
         raise CornerFileError(
             "the left and right columns are exchanged",
-            value=f"the right camera lies {1e3 * centre[0]:+.1f} mm to the right of the left one",
+            value=place,
             limit="> 0 mm",
             remedy="exchange the left_ and right_ columns",
         )
@@ -237,6 +265,13 @@ def _minimise(
     """
     blocks, damping = evaluate(shared, poses), _FIRST_DAMPING
     cost = float(np.sum(blocks.residuals**2))
+    if not np.isfinite(cost):
+        raise NotConvergedError(
+            "the corners do not look like a board in front of a camera",
+            value="no pose of the board to start from",
+            limit="a pose of the board in front of the camera in every view",
+            remedy="check the order of the corners, and remove false corners",
+        )
     for _ in range(_MOST_EVALUATIONS):
         step, pose_step, expected = _damped_step(blocks, damping)
         try:
@@ -300,7 +335,7 @@ def _residual_sizes(blocks: ViewBlocks, corner_count: int) -> tuple[float, float
             "the corners do not fit a camera",
             value=f"{corner_rms:.3g} px rms",
             limit=f"<= {RESIDUAL_LIMIT_PX:g} px",
-            remedy="check for swapped columns and for corners in another order than on the board",
+            remedy="check for swapped columns, false corners, an order unlike that on the board, and a bent board",
         )
     return corner_rms, float(np.sqrt(square_sum / freedom))
 

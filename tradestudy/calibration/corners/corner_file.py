@@ -21,6 +21,8 @@ MOST_ROWS = 50_000
 MINIMUM_VIEWS = 3  # two conditions per view for four intrinsic parameters, plus one view for checking
 
 _IMAGE_COLUMNS = ("left_x_px", "left_y_px", "right_x_px", "right_y_px")
+_LARGEST_COORDINATE = 1e6  # px or mm: more is a slip
+_SMALLEST_SPREAD = 1e-6  # m or px
 _SURPLUS = "more fields than columns"
 _BOARD_UNITS = {"mm": 1e-3, "m": 1.0}
 
@@ -94,9 +96,10 @@ def read_corners(path: str | Path) -> StereoCorners:
     ------
     CornerFileError
         It cannot be read; a column is missing; a row has surplus fields, for example from decimal commas; a cell is not
-        a number; a corner occurs twice; a view has too few corners or all on a line, or repeats another; there are too
-        few views; the board or an image is mirrored, or x and y columns are swapped. Exchanged left and right columns
-        need a fit: see ``bundle_adjustment.check_rig``; contradictions with the declared rig: see ``rig_geometry``.
+        a number, or a coordinate beyond ±10⁶; a view is not a whole number; a corner occurs twice; a view has too few
+        corners or all on a line or at one place, or repeats another; there are too few views; the board or an image is
+        mirrored, or x and y columns are swapped. Exchanged left and right columns need a fit: see
+        ``bundle_adjustment.check_rig``; contradictions with the declared rig: see ``rig_geometry``.
     UnaffordableError
         It has more than `MOST_ROWS` rows.
     """
@@ -200,6 +203,20 @@ def _numbers(path: Path, line: int, row: dict[str, Any], wanted: Sequence[str]) 
                 limit="a number",
                 remedy="remove the row if the corner was not detected",
             )
+        if name == "view" and number != round(number):
+            raise CornerFileError(
+                f"{path.name}:{line}: view is not a whole number",
+                value=repr(row[name]),
+                limit="a whole number",
+                remedy="number the views 1, 2, 3, …",
+            )
+        if name not in ("view", "corner") and abs(number) > _LARGEST_COORDINATE:
+            raise CornerFileError(
+                f"{path.name}:{line}: {name} is too large",
+                value=repr(row[name]),
+                limit=f"-{_LARGEST_COORDINATE:.0e} to {_LARGEST_COORDINATE:.0e}",
+                remedy="correct the number, or remove the row",
+            )
         numbers.append(number)
     return numbers
 
@@ -256,10 +273,18 @@ def _check_counts(corners: StereoCorners) -> None:
             )
         for what, plane in (("on the board", corners.board), ("left", corners.left), ("right", corners.right)):
             spread = np.linalg.svd(plane[row, :count] - plane[row, :count].mean(axis=0), compute_uv=False)
+            if spread[0] < _SMALLEST_SPREAD:
+                unit = "m" if plane is corners.board else "px"
+                raise CornerFileError(
+                    f"view {view}: the corners ({what}) lie at one place",
+                    value=f"{spread[0]:.1e} {unit} apart",
+                    limit=f">= {_SMALLEST_SPREAD:g} {unit}",
+                    remedy="check the columns and their unit",
+                )
             if spread[1] < 1e-3 * spread[0]:
                 raise CornerFileError(
                     f"view {view}: the corners ({what}) lie on a line",
-                    value=f"width/length {spread[1] / max(spread[0], 1e-300):.1e}",
+                    value=f"width/length {spread[1] / spread[0]:.1e}",
                     limit=">= 1e-3",
                     remedy="check the columns, or remove the view",
                 )

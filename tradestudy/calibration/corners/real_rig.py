@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tradestudy.calibration.corners.board_warp import WARP_NAMES, views_with_warp, warped
+from tradestudy.calibration.corners.board_warp import WARP_NAMES, check_warp_shown, views_with_warp, warped
 from tradestudy.calibration.corners.bundle_adjustment import (
     CameraFit,
     PairFit,
@@ -36,13 +36,14 @@ from tradestudy.calibration.corners.view_blocks import (
 from tradestudy.calibration.posterior.laplace import covariance_from_information
 from tradestudy.calibration.projection import move, project, ray_slopes, rotation_matrix
 from tradestudy.cameras.calibrated_pair import PINHOLES, RADIAL, Lenses
-from tradestudy.errors import TradestudyError
+from tradestudy.errors import NotConvergedError, TradestudyError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.triangulation import inverse_depth_on_ray
 
 _MOST_WEIGHTINGS = 10
 _WEIGHTS_SETTLED = 1e-2
-_ROUNDS = 2  # of noise, fit and warp, which depend on each other
+_LEAST_ROUNDS, _MOST_ROUNDS = 2, 10  # of noise, fit and warp, which depend on each other
+_NOISE_SETTLED = 0.1  # of the noise
 _BETTER = 0.9  # columns count as swapped if exchanging them lowers the residuals by a tenth
 
 
@@ -179,10 +180,12 @@ def fit_rig(corners: StereoCorners) -> RigFit:
     Raises
     ------
     CornerFileError
-        Columns are swapped between the cameras, left and right are exchanged, or a view contradicts the others.
+        Columns are swapped between the cameras, left and right are exchanged, a view contradicts the others, the board
+        has two rows, or the corners have no noise.
     NotConvergedError
-        The views do not determine the parameters.
+        The views do not determine the parameters, or noise and warp do not settle.
     """
+    check_warp_shown(corners)
     left = fit_camera(corners.board, corners.left, corners.present, lens=corners.lens)
     right = fit_camera(corners.board, corners.right, corners.present, lens=corners.lens)
     _check_columns(corners, left, right)
@@ -192,15 +195,7 @@ def fit_rig(corners: StereoCorners) -> RigFit:
     check_rig(pair)
     means = view_means(pair, corners)
     explained = fit_pair_residual(pair, corners)
-    warp = np.zeros(3)
-    for _ in range(_ROUNDS):
-        corners = replace(corners, noise=_noise_of(corners, explained, weights))
-        explained = _refitted(pair, explained, corners)
-        information, gradient = _with_warp(explained, corners, warp)
-        warp = warp + (inverse_information(information) @ gradient)[-3:]
-        corners = warped(corners, warp)
-    corners = replace(corners, noise=_noise_of(corners, explained, weights))
-    explained = _refitted(pair, explained, corners)
+    corners, explained, warp = _with_noise_and_warp(corners, weights, pair, explained)
     names = (*shared_names(corners.lens.free), *WARP_NAMES)
     return RigFit(
         corners=corners,
@@ -213,6 +208,31 @@ def fit_rig(corners: StereoCorners) -> RigFit:
         explained=explained,
         warp=warp,
         joint_covariance=covariance_from_information(_with_warp(explained, corners, warp)[0], names),
+    )
+
+
+def _with_noise_and_warp(
+    corners: StereoCorners, weights: FloatArray, pair: PairFit, explained: PairResidualFit
+) -> tuple[StereoCorners, PairResidualFit, FloatArray]:
+    """Corners with their noise and warp, the fit to them, and the warp (3,) [m], in rounds until the noise settles.
+
+    As long as a bent board is taken for a flat one, its warp counts as noise; a strong one takes several rounds.
+    """
+    warp = np.zeros(3)
+    for done in range(_MOST_ROUNDS):
+        last = explained.noise_px
+        corners = replace(corners, noise=_noise_of(corners, explained, weights))
+        explained = _refitted(pair, explained, corners)
+        if done >= _LEAST_ROUNDS and abs(explained.noise_px / last - 1.0) < _NOISE_SETTLED:
+            return corners, explained, warp
+        information, gradient = _with_warp(explained, corners, warp)
+        warp = warp + (inverse_information(information) @ gradient)[-3:]
+        corners = warped(corners, warp)
+    raise NotConvergedError(
+        "the noise of the corners and the warp of the board do not settle",
+        value=f"{_MOST_ROUNDS} rounds",
+        limit=f"rounds that change the noise by less than {100 * _NOISE_SETTLED:.0f} %",
+        remedy="use a flatter board, or add views with the board tilted differently",
     )
 
 

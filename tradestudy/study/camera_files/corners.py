@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 from tradestudy.cameras.imported import Convention, Imported, ImportedCorners
 from tradestudy.errors import TradestudyError
 from tradestudy.study.camera_files.located import CameraFile
+from tradestudy.study.camera_files.pairs import baseline_problem
 from tradestudy.study.camera_files.request import Format, Request
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def read(files: Sequence[CameraFile], _request: Request) -> Imported:
     Raises
     ------
     CameraFileError
-        The corners are inconsistent, or do not determine a pair.
+        The corners are inconsistent, do not determine a pair, or indicate a wrong unit of length.
     """
     top = files[0].top
     if len(files) != 1:
@@ -36,11 +37,15 @@ def read(files: Sequence[CameraFile], _request: Request) -> Imported:
         fit = _fit(files[0].path, files[0].text).explained
     except TradestudyError as error:
         raise top.fail(str(error)) from None
+    baseline = float((fit.shared[-3:] ** 2).sum() ** 0.5)
+    if problem := baseline_problem(baseline):
+        unit = "mm" if baseline > 1.0 else "m"
+        raise top.fail(f"{problem}; name the columns board_x_{unit} and board_y_{unit} if that is their unit")
     return ImportedCorners(
         file=files[0].name,
         focal_length=float(fit.shared[[0, 1, 6, 7]].mean()),
         noise=fit.noise_px,
-        baseline=float((fit.shared[-3:] ** 2).sum() ** 0.5),
+        baseline=baseline,
         conventions=(
             Convention(name="format", says="corners of a board", key=top.key),
             Convention(name="length unit", says="that of the columns board_x_… and board_y_…", key=top.key),

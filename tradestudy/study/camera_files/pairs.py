@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.calibration.projection import LARGEST_ROLL, roll
 from tradestudy.cameras.imported import Convention, ImportedCamera, ImportedRig
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.camera_files.conversions import rotation_tuple, vector_tuple
@@ -52,8 +53,8 @@ def paired(
     Raises
     ------
     CameraFileError
-        The cameras are at one place, one behind the other or exchanged; the baseline indicates a wrong unit of length;
-        or the pictures differ in size.
+        The cameras are at one place, one behind the other or exchanged; one is rolled against the other, or looks
+        backwards; the baseline indicates a wrong unit of length; or the pictures differ in size.
     """
     at = where[1]
     if first.pixels is not None and second.pixels is not None and first.pixels != second.pixels:
@@ -63,11 +64,9 @@ def paired(
     baseline = float(np.linalg.norm(translation))
     if not baseline > 0.0:
         raise at.fail("both cameras are at the same place; a baseline is expected")
-    if not _SHORTEST <= baseline <= _LONGEST:
-        raise at.fail(
-            f"the baseline would be {_by_units(baseline, metre) or pretty(baseline, LENGTH)}; "
-            f"{pretty(_SHORTEST, LENGTH)} to {pretty(_LONGEST, LENGTH)} is expected"
-        )
+    if problem := baseline_problem(baseline, _by_units(baseline, metre)):
+        raise at.fail(problem)
+    _check_orientation(rotation, second.name, first.name, where[0])
     if abs(z) >= max(abs(x), abs(y)):
         raise at.fail("the cameras are one behind the other; a pair side by side is expected")
     is_vertical = abs(y) > abs(x)
@@ -99,6 +98,14 @@ def paired(
     )
 
 
+def baseline_problem(baseline: float, by_other_units: str = "") -> str:
+    """Why a baseline [m] shows that the unit of length is wrong; empty if it does not."""
+    if _SHORTEST <= baseline <= _LONGEST:
+        return ""
+    expected = f"{pretty(_SHORTEST, LENGTH)} to {pretty(_LONGEST, LENGTH)}"
+    return f"the baseline would be {by_other_units or pretty(baseline, LENGTH)}; {expected} is expected"
+
+
 def _by_units(baseline: float, metre: float) -> str:
     """A baseline [m], and what it would be by other units of length than this one [m]; empty if unusual by all."""
     others = {name: baseline / metre * unit for name, unit in _UNITS.items() if not math.isclose(unit, metre)}
@@ -108,6 +115,21 @@ def _by_units(baseline: float, metre: float) -> str:
         if _USUAL_FROM <= length <= _USUAL_TO
     ]
     return f"{pretty(baseline, LENGTH)}, but {' or '.join(fitting)} beside from:" if fitting else ""
+
+
+def _check_orientation(rotation: FloatArray, second: str, first: str, at: Located) -> None:
+    """Refuse cameras whose disparity lies along another axis in one picture than in the other."""
+    if rotation[2, 2] <= 0.0:
+        angle = np.degrees(np.arccos(np.clip(rotation[2, 2], -1.0, 1.0)))
+        raise at.fail(
+            f"the axes of {second} and {first} are {angle:.0f}° apart; cameras that look the same way, less than 90° "
+            "apart, are expected"
+        )
+    if (turned := abs(roll(rotation))) > LARGEST_ROLL:
+        raise at.fail(
+            f"{second} is rotated by {np.degrees(turned):.0f}° about its viewing axis against {first}; turn its "
+            "pictures upright and calibrate again, for the rows of both to run along each other"
+        )
 
 
 def check_lens(camera: ImportedCamera, value: Located) -> ImportedCamera:
