@@ -197,12 +197,12 @@ class TestExecutors:
         assert str(told.value) == "the number: 2 (allowed: another); choose it"
         assert (told.value.value, told.value.remedy) == ("2", "choose it")
 
-    @pytest.mark.parametrize("make", [Serial, *OF_TWO])
+    @pytest.mark.parametrize("make", OF_TWO)
     def test_a_point_that_ends_the_program_is_an_error_of_that_point(
-        self, tmp_path: Path, make: Callable[[], Executor]
+        self, tmp_path: Path, make: Callable[[Processes], Executor], two_processes: Processes
     ) -> None:
         with pytest.raises(RuntimeError, match="tried to end the program with status 7"):
-            mapped(make(), points(tmp_path, 6, p2="ends the program"))
+            mapped(make(two_processes), points(tmp_path, 6, p2="ends the program"))
         assert {0, 1} <= set(times_computed(tmp_path))
 
     def test_a_value_that_cannot_be_sent_is_an_error_of_its_own(self, tmp_path: Path) -> None:
