@@ -8,6 +8,7 @@ from tests.browser.conftest import Open, Run
 from tests.browser.test_figures import known, told
 from tradestudy.report.document import plain_text
 from tradestudy.report.sections.answer import describe_design
+from tradestudy.results.views.depth import where_measured
 from tradestudy.results.views.designs import value_words
 from tradestudy.results.views.groups import camera_titles
 from tradestudy.results.views.one_design import (
@@ -23,7 +24,7 @@ OUTLINES = "[...document.querySelectorAll('.plot svg path')].map((one) => one.ge
 
 @pytest.mark.parametrize("steps", [(0, 0), (12, 9), (10, 0), (3, 7)])
 def test_sliders_change_figures_answers_and_requirements(visit: Open, sweep: Run, steps: tuple[int, int]) -> None:
-    depth, titles = sweep.tree["depth"].to_dataset(), camera_titles(sweep.tree)
+    depth, titles = where_measured(sweep.tree["depth"].to_dataset()), camera_titles(sweep.tree)
     place = dict(zip(shown_place(sweep.tree), steps, strict=True))
     with visit(sweep.report) as seen:
         page = seen.page

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from tests.browser.conftest import Open, Run
+from tradestudy.results.views.depth import where_measured
 from tradestudy.results.views.groups import camera_titles
 from tradestudy.units import LENGTH, pretty
 from tradestudy.wording import distance
@@ -33,7 +34,7 @@ def over(page: Any, figure: str, across: float, up: float) -> None:
 
 
 def test_keys_read_the_values_of_the_results(visit: Open, headline: Run) -> None:
-    depth, titles = headline.tree["depth"].to_dataset(), camera_titles(headline.tree)
+    depth, titles = where_measured(headline.tree["depth"].to_dataset()), camera_titles(headline.tree)
     distances = depth["distance"].values
     with visit(headline.report) as seen:
         frame = seen.page.locator("#whole_range .frame > .scroll")
@@ -52,7 +53,7 @@ def test_keys_read_the_values_of_the_results(visit: Open, headline: Run) -> None
 
 
 def test_the_cursor_reads_the_values_and_is_linked(visit: Open, headline: Run) -> None:
-    depth, titles = headline.tree["depth"].to_dataset(), camera_titles(headline.tree)
+    depth, titles = where_measured(headline.tree["depth"].to_dataset()), camera_titles(headline.tree)
     with visit(headline.report) as seen:
         for across in (0.2, 0.3, 0.42, 0.55, 0.7):
             over(seen.page, "whole_range", across, 0.3)
