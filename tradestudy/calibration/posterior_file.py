@@ -96,13 +96,7 @@ def rig_calibration(camera: PairGeometry, posterior: CalibrationDraws, *, source
     assert posterior.pixels is not None
     reading = reading_of_rig(camera, pair_found(posterior.best, posterior.lens), posterior.pixels)
     group = group_of_draws(CALIBRATION, posterior.names, posterior.draws)
-    return Calibration(
-        groups=(group,),
-        source=source,
-        reading=reading,
-        shared_view=reading.shared_view,
-        vocabulary=reading.vocabulary,
-    )
+    return Calibration(groups=(group,), source=source, reading=reading, vocabulary=reading.vocabulary)
 
 
 def reading_of_rig(camera: PairGeometry, pair: CalibratedPair, pixels: tuple[int, int]) -> RigReading:
@@ -136,7 +130,7 @@ def as_calibrated(calibration: Calibration, camera: DepthCamera) -> Calibration:
         return calibration
     pixels = (camera.sensor.columns, camera.sensor.rows)
     reading = reading_of_rig(cast(PairGeometry, camera), camera.calibrated_pair, pixels)
-    return replace(calibration, reading=reading, shared_view=reading.shared_view, vocabulary=reading.vocabulary)
+    return replace(calibration, reading=reading, vocabulary=reading.vocabulary)
 
 
 def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws) -> Calibration:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal, Protocol
 
 import numpy as np
 
@@ -24,6 +24,18 @@ ONE_SIGMA: Final = 0.6826894921370859
 """Probability in the central interval whose half width is the depth uncertainty."""
 
 
+class CalibratedReading(Protocol):
+    """The exact model of a calibrated pair of cameras: a `Reading` that knows what both of them see."""
+
+    def __call__(
+        self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None, /
+    ) -> InverseDepthReading:
+        """See `Reading`."""
+
+    def shared_area(self, distance: FloatArray) -> FloatArray:
+        """Share of each picture's area at distances [m] whose points the other camera also sees, the smaller one."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
     """The one joint distribution of everything that is uncertain about a camera, except the noise of a measurement.
@@ -39,8 +51,6 @@ class Calibration:
         Source of the distribution.
     reading
         The exact model that the parameters belong to, if the source has its own; None for the camera's.
-    shared_view
-        Share of the pictures at distances [m] that both cameras see by that model; None for the camera's.
     vocabulary
         The parameters of that model; None for the camera's.
     inferred
@@ -50,8 +60,7 @@ class Calibration:
     groups: tuple[Group, ...] = ()
     environment: Environment | None = None
     source: SourceName = "errors"
-    reading: Reading | None = None
-    shared_view: Callable[[FloatArray], FloatArray] | None = field(default=None, compare=False)
+    reading: CalibratedReading | None = None
     vocabulary: ErrorVocabulary | None = field(default=None, compare=False)
     inferred: bool = True
 

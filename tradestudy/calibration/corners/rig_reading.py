@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.calibration.corners.real_rig import inverse_depth, observe_pair, points_midway
-from tradestudy.calibration.corners.shared_view import shared_view
+from tradestudy.calibration.corners.shared_area import shared_area
 from tradestudy.calibration.corners.view_blocks import (
     RELATIVE_POSE_NAMES,
     ROTATION,
@@ -123,9 +123,9 @@ class RigReading:
             inverse_depth=inverse, no_overlap=np.atleast_2d(~inside), out_of_range=inside & np.isnan(inverse)
         )
 
-    def shared_view(self, distance: FloatArray) -> FloatArray:
-        """Share of the pictures at distances [m] that both cameras see, shape (distances,); see `shared_view`."""
-        return shared_view(self.best, self.lenses, self.free, self.pixels, distance)
+    def shared_area(self, distance: FloatArray) -> FloatArray:
+        """See `CalibratedReading`."""
+        return shared_area(self.best, self.lenses, self.free, self.pixels, distance)
 
     def _at_each(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None

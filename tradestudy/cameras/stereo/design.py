@@ -276,9 +276,9 @@ class StereoRig(DepthCamera):
 
         A calibration with geometry of its own gives the share of each picture's area instead.
         """
-        if (seen := self.calibration.shared_view) is not None:
+        if (calibrated := self.calibration.reading) is not None:
             z = np.asarray(distance, dtype=np.float64)
-            return seen(z.ravel()).reshape(z.shape)
+            return calibrated.shared_area(z.ravel()).reshape(z.shape)
         half = self.sensor.width / 2.0 / self.principal_distance
         return shared_view(distance, self.baseline, half, self.convergence_angle, self.distortion)
 

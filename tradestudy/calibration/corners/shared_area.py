@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.calibration.corners.view_blocks import RELATIVE, ROTATION, TRANSLATION, cameras_of
-from tradestudy.calibration.projection import move, project, ray_slopes, rotation_matrix, rotation_vector
+from tradestudy.calibration.projection import move, project, ray_slopes, rotation_matrix
 from tradestudy.cameras.calibrated_pair import Lenses
 from tradestudy.optics.arrays import FloatArray
 
@@ -16,7 +16,7 @@ _NODES: Final = (33, 25)  # across and down
 _OUTSIDE: Final = -1.0  # px from the edge, of places that have no point or no image
 
 
-def shared_view(
+def shared_area(
     rig: FloatArray, lenses: Lenses, free: Sequence[str], pixels: tuple[int, int], distance: FloatArray
 ) -> FloatArray:
     """Share of each picture's area whose points the other camera also sees, of the picture with the smaller share.
@@ -41,24 +41,18 @@ def shared_view(
         ``1 − B/W`` for parallel pinholes whose pictures are W wide at the distance.
     """
     of_left, of_right = cameras_of(rig)
-    back = _inverse(rig[RELATIVE])
+    turn, translation = rotation_matrix(rig[ROTATION]), rig[TRANSLATION]
     nodes = np.stack(
         np.meshgrid(*(np.linspace(-0.5, n - 0.5, k) for n, k in zip(pixels, _NODES, strict=True))), axis=-1
     )
     flat = nodes.reshape(-1, 2)
     from_left = _to_plane(ray_slopes(of_left, flat, lenses[0], free), np.zeros(3), np.eye(3), distance)
     rays = ray_slopes(of_right, flat, lenses[1], free)
-    from_right = _to_plane(rays, back[TRANSLATION], rotation_matrix(back[ROTATION]), distance)
+    from_right = _to_plane(rays, -turn.T @ translation, turn.T, distance)
     in_right = project(of_right, move(rig[RELATIVE], from_left), lenses[1], free)
     in_left = project(of_left, from_right, lenses[0], free)
     both = [_share_inside(seen, pixels).reshape(distance.shape) for seen in (in_right, in_left)]
     return np.minimum(*both)
-
-
-def _inverse(pose: FloatArray) -> FloatArray:
-    """The inverse rigid motion."""
-    turned = rotation_matrix(pose[:3]).T
-    return np.concatenate([rotation_vector(turned), -turned @ pose[3:]])
 
 
 def _to_plane(rays: FloatArray, centre: FloatArray, rotation: FloatArray, distance: FloatArray) -> FloatArray:

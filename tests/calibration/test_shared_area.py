@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.calibration.cameras import calibrated_webcams
-from tradestudy.calibration.corners.shared_view import shared_view
+from tradestudy.calibration.corners.shared_area import shared_area
 from tradestudy.cameras.calibrated_pair import PINHOLES, RADIAL
 
 PIXELS = (640, 480)
@@ -17,24 +17,24 @@ def pair(rotation=(0.0, 0.0, 0.0), translation=(-0.06, 0.0, 0.0)):
 
 
 def test_parallel_pinholes_share_what_the_baseline_leaves():
-    found = shared_view(pair(), PINHOLES, RADIAL, PIXELS, DISTANCES)
+    found = shared_area(pair(), PINHOLES, RADIAL, PIXELS, DISTANCES)
     np.testing.assert_allclose(found, 1.0 - 0.06 * 500.0 / (640.0 * DISTANCES), atol=1e-3)
 
 
 def test_a_pair_one_above_the_other_shares_heights():
-    found = shared_view(pair(translation=(0.0, -0.06, 0.0)), PINHOLES, RADIAL, PIXELS, DISTANCES)
+    found = shared_area(pair(translation=(0.0, -0.06, 0.0)), PINHOLES, RADIAL, PIXELS, DISTANCES)
     np.testing.assert_allclose(found, 1.0 - 0.06 * 500.0 / (480.0 * DISTANCES), atol=1e-3)
 
 
 def test_pictures_of_nothing_in_common_share_nothing():
-    apart = shared_view(pair(rotation=(0.0, np.pi / 2.0, 0.0)), PINHOLES, RADIAL, PIXELS, DISTANCES)
-    behind = shared_view(pair(rotation=(0.0, np.pi, 0.0)), PINHOLES, RADIAL, PIXELS, DISTANCES)
+    apart = shared_area(pair(rotation=(0.0, np.pi / 2.0, 0.0)), PINHOLES, RADIAL, PIXELS, DISTANCES)
+    behind = shared_area(pair(rotation=(0.0, np.pi, 0.0)), PINHOLES, RADIAL, PIXELS, DISTANCES)
     np.testing.assert_array_equal([apart, behind], 0.0)
 
 
 def test_a_quarter_turn_about_the_axis_shares_the_middle_square():
     turned = pair(rotation=(0.0, 0.0, np.pi / 2.0), translation=(-1e-9, 0.0, 0.0))
-    np.testing.assert_allclose(shared_view(turned, PINHOLES, RADIAL, PIXELS, DISTANCES), 0.75, atol=2e-3)
+    np.testing.assert_allclose(shared_area(turned, PINHOLES, RADIAL, PIXELS, DISTANCES), 0.75, atol=2e-3)
 
 
 def test_the_measured_pair_shares_what_opencv_finds():
@@ -61,5 +61,5 @@ def test_the_measured_pair_shares_what_opencv_finds():
         from_left = seen(left, right, turn, shift, (axis, distance))
         normal = turn @ axis
         from_right = seen(right, left, turn.T, -turn.T @ shift, (normal, distance + normal @ shift))
-        found = reading.shared_view(np.array([distance]))[0]
+        found = reading.shared_area(np.array([distance]))[0]
         assert found == pytest.approx(min(from_left, from_right), abs=3e-3)
