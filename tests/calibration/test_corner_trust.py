@@ -11,6 +11,7 @@ import xarray as xr
 
 from tests.calibration import noisy_corners
 from tests.calibration.cameras import calibrated_webcams
+from tests.calibration.known_scales import errors_and_covariance
 from tradestudy.calibration.corners.corner_file import CornerFileError, read_corners
 from tradestudy.calibration.corners.corner_noise import equal_noise, estimate_noise, outlier_weights
 from tradestudy.calibration.corners.real_rig import fit_rig
@@ -49,6 +50,18 @@ def test_the_report_has_what_the_figure_needs(measured):
     assert group["rig_residual"].shape == (1, 2, 6, 8, 2)
     assert np.nanmax(np.abs(group["rig_residual"].values)) < 0.3
     assert draw_trust(xr.DataTree.from_dict({"/calibration": group}), "webcams").svg().startswith(b"<?xml")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("white", [True, False])
+def test_the_fit_that_knows_the_scales_errs_as_it_states(white):
+    """What the campaign of corner trust subtracts has the variance that it assumes."""
+    found = [
+        errors_and_covariance(noisy_corners.simulated(12, np.random.default_rng([6, k]), white=white))
+        for k in range(25)
+    ]
+    squares = [error @ np.linalg.solve(covariance, error) for error, covariance in found]
+    assert np.mean(squares) == pytest.approx(18.0, abs=3.0 * np.sqrt(2.0 * 18.0 / 25))
 
 
 def test_one_wild_corner_counts_for_nothing():
