@@ -266,6 +266,10 @@ class SharedCameras:
             )
             self.note(place, name, "from", what)
             return None
+        if not any(key in _keys_of_cameras() for key in entry.members):
+            what = f"'{file}' is neither a camera nor a calibration file ({known_formats()}): no key in it is known"
+            self.note(place, name, "from", what)
+            return None
         for key in SHARING:
             if key in entry.members:
                 what = f"a camera file stands alone; {key}: belongs in the study"
@@ -292,7 +296,7 @@ class SharedCameras:
 
     def note_unknown_keys(self, name: str, own: MappingEntry) -> list[str]:
         """Remember mistyped keys beside calibration files that could not be read, perhaps for want of such a key."""
-        known = dict.fromkeys((*_OF_IMPORTS, *SHARING, *(key for kind in KINDS for key in key_names(kind))))
+        known = dict.fromkeys((*_OF_IMPORTS, *_keys_of_cameras()))
         unknown = [key for key in own.members if key not in known]
         for key in unknown:
             self.note(own.members[key].key_place, name, key, f"unknown key{nearest_name(key, known)}")
@@ -306,6 +310,11 @@ class SharedCameras:
     def note(self, place: Place, name: str, key: str, what: str) -> None:
         """Remember a mistake of a camera."""
         self.problems.append(place.problem(("cameras", name, key), what))
+
+
+def _keys_of_cameras() -> dict[str, None]:
+    """Keys that a camera of some kind may have, in their usual order."""
+    return dict.fromkeys((*SHARING, *(key for kind in KINDS for key in key_names(kind))))
 
 
 def taken_back(below: Entry, above: Entry, path: tree.Path) -> list[Problem]:

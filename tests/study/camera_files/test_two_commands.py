@@ -41,6 +41,14 @@ def test_a_study_that_cannot_run_is_not_written(tmp_path: Path, monkeypatch: pyt
     assert not (tmp_path / "my-rig.yaml").exists()
 
 
+def test_a_file_of_another_program_is_not_taken_for_a_camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "robot.yml").write_text("joints: [1.0, 2.0]\n")
+    monkeypatch.chdir(tmp_path)
+    made = CliRunner().invoke(app, ["new", "my-rig", "--from", "robot.yml"])
+    assert made.exit_code == 2
+    assert "'robot.yml' is neither a camera nor a calibration file" in made.output
+
+
 def test_all_that_a_file_lacks_is_told_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the unit of the file is."""
     monkeypatch.chdir(tmp_path)
