@@ -14,6 +14,7 @@ from tradestudy import figures
 from tradestudy.figures.style import traces
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Heading, Paragraph, Report, Table, Text, all_blocks, plain_text
+from tradestudy.report.sections.answer import describe_answer
 from tradestudy.report.words import interval, length, with_error
 from tradestudy.results import dataset
 from tradestudy.results.views.decision import answer_title, handovers, reported_winners, winners
@@ -166,6 +167,25 @@ def test_a_camera_without_errors_is_taken_as_perfect(make_tree: MakeTree) -> Non
     ]
     assert [decided_by_calibration(depth, key) for key in ("r5", RIG)] == [False, True]
     assert set(table(report, "averaging-table")[0][1:]) == {"∞"}
+
+
+def test_the_first_page_names_rigs_whose_views_support_less_than_they_claim(make_tree: MakeTree) -> None:
+    tree = make_tree()
+    data = xr.Dataset(
+        {
+            "rig_claimed": (("posterior", "rig_distance"), [[0.4e-3, 2e-3], [0.5e-3, 3e-3]]),
+            "rig_halves_difference": (("posterior", "rig_distance"), [[0.5e-3, 3e-3], [0.6e-3, 4e-3]]),
+            "rig_halves_claim": (("posterior", "rig_distance"), [[0.4e-3, 2.9e-3], [0.7e-3, 4.1e-3]]),
+        },
+        coords={"posterior": [RIG, WIDE], "rig_distance": [0.3, 1.0]},
+    )
+    tree["calibration"] = xr.DataTree(data)
+    said = [plain_text(block.text) for block in describe_answer(tree, {}) if isinstance(block, Paragraph)]
+    assert (
+        "The calibration of Stereo 100 mm, f = 30.5 mm is good to 500 µm at 0.3 m, although it claims 400 µm: random "
+        "halves of its views differ by 1.25 times what they claim." in said[-1].replace("\N{NO-BREAK SPACE}", " ")
+    )
+    assert "65.24" not in said[-1].partition("The calibration of")[2].partition("they claim.")[0]
 
 
 def test_readings_worth_averaging_make_noise_as_large_as_calibration(make_tree: MakeTree) -> None:

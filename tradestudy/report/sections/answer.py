@@ -72,6 +72,7 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
         *_weighed(tree),
         *_measured(tree),
         *_taken_as_perfect(tree),
+        *_doubted(tree),
         *_rests_on(tree),
         *_measure_first(tree),
         *_at_the_bound(tree),
@@ -159,6 +160,29 @@ def _taken_as_perfect(tree: xr.DataTree) -> Iterator[Spans]:
             "**The calibration of {cameras} is assumed perfect:** the study declares no errors, corners, target or "
             "posterior for it.",
             cameras=listed(titles),
+        )
+
+
+def _doubted(tree: xr.DataTree) -> Iterator[Spans]:
+    """Rigs whose views support less than their calibration claims, at the distance where the two differ most."""
+    if not has(tree, "calibration", "rig_claimed"):
+        return
+    titles, data = camera_titles(tree), group(tree, "calibration")
+    for name in map(str, data["posterior"].values):
+        rig = data.sel(posterior=name)
+        ratio = rig["rig_halves_difference"].values / rig["rig_halves_claim"].values
+        if not np.any(ratio > 1.0):  # also where no views were compared
+            continue
+        worst = int(np.nanargmax(ratio))
+        claimed = float(rig["rig_claimed"].values[worst])
+        yield say(
+            "**The calibration of {camera}** is good to {good} at {where}, although it claims {claimed}: random halves "
+            "of its views differ by {ratio} times what they claim.",
+            camera=titles[name],
+            good=length(ratio[worst] * claimed),
+            where=distance(float(rig["rig_distance"].values[worst])),
+            claimed=length(claimed),
+            ratio=significant(float(ratio[worst]), 3),
         )
 
 
