@@ -104,7 +104,7 @@ def test_the_terminal_says_which_camera_from_which_baseline_on_and_on_what_that_
     assert shown
     assert float(shown[1]) == pytest.approx(100.0 * first["first"], abs=0.51)
     assert re.fullmatch(
-        r"Rests on, so measure first: yaw of Stereo head, 75 mm, assumed 0\.01 deg \(9\d % of the variance\); "
+        r"Rests on, so measure first: yaw of Stereo head, 75 mm, assumed 0\.01 deg \(9\d % of the variance at 3 m\); "
         r"matching noise of Raytrix R5.*",
         rests,
     )

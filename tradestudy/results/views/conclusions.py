@@ -21,7 +21,7 @@ from tradestudy.results.views.measured_depth import measured_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.units import FRACTION, pretty
-from tradestudy.wording import counted, listed, plain_span
+from tradestudy.wording import counted, distance, listed, plain_span
 
 _SEVERAL: Final = 2
 _ASSUMED: Final = ", assumed "
@@ -69,24 +69,29 @@ def usable_words(tree: xr.DataTree) -> dict[str, str]:
 def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
     """What decides the requirements most or, without requirements, the depth of the best cameras.
 
-    Either a limit of a camera's range, or an uncertain input with its basis and its share of the variance.
+    Either a limit of a camera's range, or an uncertain input with its basis, its share of the variance, and where it
+    has that share.
     """
-    found = [(one.rests_on, one.rests_on_share) for one in requirement_conclusions(tree) if one.rests_on]
+    found = [
+        (one.rests_on, one.rests_on_share, " at " + distance(one.place).replace("\N{NO-BREAK SPACE}", " "))
+        for one in requirement_conclusions(tree)
+        if one.rests_on
+    ]
     if not found and has(tree, "decision", "cause"):
         titles = camera_titles(tree)
         best = {name for one in best_ranges(tree) for name in one.cameras}
         rows = records(tree, "decision", "camera")
         found = [
-            (str(row["cause"]), float(row["cause_share"]))
+            (str(row["cause"]), float(row["cause_share"]), ", averaged over usable distances")
             for row in rows
             if titles[str(row["camera"])] in best and row["cause"]
         ]
-    shares: dict[str, float] = {}
-    for words, share in found:
-        shares[words] = max(share, shares.get(words, 0.0))
+    shares: dict[str, tuple[float, str]] = {}
+    for words, share, where in found:
+        shares[words] = max((share, where), shares.get(words, (0.0, "")))
     return tuple(
-        words + (f" ({pretty(share, FRACTION, digits=2)} of the variance)" if math.isfinite(share) else "")
-        for words, share in shares.items()
+        words + (f" ({pretty(share, FRACTION, digits=2)} of the variance{where})" if math.isfinite(share) else "")
+        for words, (share, where) in shares.items()
     )
 
 
