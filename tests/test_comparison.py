@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from html import unescape
@@ -16,8 +17,10 @@ from typer.testing import CliRunner
 import tradestudy
 from tradestudy.cli import app
 from tradestudy.comparison import Comparison, compare_runs
+from tradestudy.comparison.words import values_in_words
 from tradestudy.errors import OutOfRangeError
 from tradestudy.results import dataset, storage
+from tradestudy.units import PIXELS
 
 DISTANCE = np.geomspace(0.1, 10.0, 41)
 CAMERAS = {"a": "Near head", "b": "Far head"}
@@ -320,6 +323,19 @@ def test_large_changes_are_factors_and_infinite_ones_speak_for_themselves(after:
     (found,) = compared(tree(), tree(factor=after)).results
     assert found.values[0] == "100 µm"
     assert found.where.replace("\N{NO-BREAK SPACE}", " ") == f"at 0.1 m {change}".strip()
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ((180.1, 180.2), ("180.1 px", "180.2 px")),
+        ((180.0, 180.0), ("180 px", "180 px")),
+        ((180.0, math.nan), ("180 px", "none")),
+        ((1.0, 1.0 + 1e-9), ("1 px", "1 px")),  # six digits at most
+    ],
+)
+def test_values_have_the_digits_that_tell_them_apart(values: tuple[float, ...], words: tuple[str, ...]) -> None:
+    assert values_in_words(values, PIXELS) == words
 
 
 def test_changes_where_the_camera_can_be_used_are_told_first() -> None:

@@ -25,7 +25,7 @@ from tradestudy.comparison.words import (
     known_dimension,
     place_in_words,
     result_words,
-    value_in_words,
+    values_in_words,
     varies,
 )
 from tradestudy.results.views.groups import FloatArray, group, records
@@ -240,7 +240,7 @@ def _largest(
         },
         difference=Difference(
             what=what,
-            values=tuple(value_in_words(one, dimension) for one in values),
+            values=values_in_words(values, dimension),
             where=" ".join(filter(None, (place_in_words(runs[0].tree, first, at, titles), change))),
         ),
     )

@@ -26,6 +26,7 @@ _LABELS: Final[Mapping[tuple[str, str], str]] = {
 }
 _UNNAMED_GROUPS: Final = ("depth", "depth_at_places", "disparity_causes")
 _MOST_PERCENT: Final = 1000.0
+_MOST_DIGITS: Final = 6
 
 
 def result_words(variable: str) -> str:
@@ -43,11 +44,21 @@ def known_dimension(array: xr.DataArray) -> Dimension | None:
     return _BY_UNIT.get(str(array.attrs.get("units", "")))
 
 
-def value_in_words(value: float, dimension: Dimension | None) -> str:
-    """A value with its unit; "none" for NaN."""
+def values_in_words(values: Sequence[float], dimension: Dimension | None) -> tuple[str, ...]:
+    """Values with their unit and the digits that tell different ones apart; "none" for NaN."""
+    different = len({value for value in values if not math.isnan(value)}) + any(map(math.isnan, values))
+    written: tuple[str, ...] = ()
+    for digits in range(3, _MOST_DIGITS + 1):
+        written = tuple(_written(value, dimension, digits) for value in values)
+        if len(set(written)) >= different:
+            break
+    return written
+
+
+def _written(value: float, dimension: Dimension | None, digits: int) -> str:
     if math.isnan(value):
         return "none"
-    return significant(value) if dimension is None else pretty(value, dimension)
+    return significant(value, digits) if dimension is None else pretty(value, dimension, digits)
 
 
 def changes_in_words(values: Sequence[float]) -> str:
@@ -92,4 +103,4 @@ def _coordinate(tree: xr.DataTree, dim: str, coordinate: xr.DataArray, position:
         return _LABELS.get((dim, label), f"{name} {titles.get(label, label)}")
     if dim.endswith("distance"):
         return f"at {distance(float(label))}"
-    return f"{name} {value_in_words(float(label), known_dimension(coordinate))}"
+    return f"{name} {values_in_words((float(label),), known_dimension(coordinate))[0]}"
