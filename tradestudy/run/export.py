@@ -14,17 +14,20 @@ from tradestudy.calibration.corners.rig_reading import pair_found
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.imported import ImportedCamera, ImportedRig
 from tradestudy.errors import TradestudyError
+from tradestudy.optics.lens_models.families import FAMILIES
 from tradestudy.study.camera_files.importing import FORMATS
 from tradestudy.study.camera_files.request import CannotHoldError, Format
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.sources import Sources
 from tradestudy.uncertainty.streams import point_generator
+from tradestudy.units import significant
 from tradestudy.wording import listed
 
 POSTERIOR: Final = "posterior"
 WORDS: Final = (*(one.word for one in FORMATS if one.write is not None), POSTERIOR)
 """The formats that can be requested."""
+_PLACES: Final = 33  # across and down a picture, its corners included
 _DRAWS: Final = 4096  # of declared errors; gives their standard deviations to 1 %
 
 
@@ -120,18 +123,34 @@ def _written(one: Format, rig: ImportedRig, stem: str) -> Iterator[tuple[Mapping
         try:
             yield one.write(rig, stem), missing
         except CannotHoldError as error:
-            missing = [*missing, f"{one.name} cannot hold {listed(list(error.names))}"]
             smaller = replace(rig, left=_without(rig.left, error.names), right=_without(rig.right, error.names))
-            if smaller != rig:
-                rig = smaller
-                continue
-            yield {}, missing
-        return
+            if smaller == rig:
+                yield {}, [*missing, f"{one.name} cannot hold {listed(list(error.names))}"]
+                return
+            moved = max(_largest_shift(rig.left, smaller.left), _largest_shift(rig.right, smaller.right))
+            lost = f"{listed(list(error.names))}, without which points move by up to {significant(moved, 2)} px"
+            missing, rig = [*missing, f"{one.name} cannot hold {lost}"], smaller
+        else:
+            return
 
 
 def _without(camera: ImportedCamera, names: Sequence[str]) -> ImportedCamera:
     kept = {name: value for name, value in camera.coefficients.items() if name not in names}
     return replace(camera, coefficients=kept)
+
+
+def _largest_shift(camera: ImportedCamera, smaller: ImportedCamera) -> float:
+    """Largest distance between the images of one direction with all coefficients and with fewer [px].
+
+    Over the picture or, where its size is unknown, over twice the distance from its corner to the principal point.
+    """
+    size, focal, centre = (np.array(one) for one in (camera.pixels, camera.focal_lengths, camera.centre))
+    last = size - 1.0 if camera.pixels is not None else 2.0 * centre
+    places = np.stack(np.meshgrid(*(np.linspace(0.0, end, _PLACES) for end in last)), axis=-1)
+    whole, rest = (FAMILIES[one.lens_model](**one.coefficients) for one in (camera, smaller))
+    image = (places - centre) / focal
+    shift = (rest.project(whole.unproject(image)) - image) * focal
+    return float(np.nanmax(np.linalg.norm(shift, axis=-1)))
 
 
 def _inferred(definition: StudyDefinition, name: str) -> CalibrationDraws | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -94,6 +95,23 @@ def test_what_a_format_cannot_hold_is_refused_by_name(
     with pytest.raises(CannotHoldError) as caught:
         one.write(pair(model, coefficients), "rig")
     assert caught.value.names == names
+
+
+def test_what_is_left_out_is_told_with_how_far_it_moves_points(tmp_path: Path) -> None:
+    """A thin prism s1 moves a point at the slope r from the axis across by s1 r², by OpenCV's definition."""
+    rig = pair("rational", {"s1": 0.002})
+    assert opencv.FORMAT.write is not None
+    for name, text in opencv.FORMAT.write(rig, "prism").items():
+        (tmp_path / name).write_text(text)
+    loaded = api.load(study(tmp_path, rig="from: prism-opencv.yml, length_unit: m"))
+    _, left_out = api.export(loaded, "rig", tmp_path / "out", formats=("kalibr",), lossy=True)
+    (shift,) = re.fullmatch(r".* cannot hold s1, without which points move by up to (\S+) px", left_out[0]).groups()
+    corners = np.array([(x, y) for x in (0, SIZE[0] - 1) for y in (0, SIZE[1] - 1)])
+    moved = [
+        one.focal_lengths[0] * 0.002 * np.sum(((corners - one.centre) / one.focal_lengths) ** 2, axis=1)
+        for one in (rig.left, rig.right)
+    ]
+    assert float(shift) == pytest.approx(np.max(moved), rel=0.02)  # to the digits shown, and to second order in s1
 
 
 def test_an_imported_rig_is_exported_to_every_format_and_read_back(tmp_path: Path) -> None:
