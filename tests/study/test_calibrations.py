@@ -50,6 +50,40 @@ def rig(calibration: str) -> str:
     return f"cameras:\n  rig:\n    from: cameras/stereo-100mm.yaml\n    calibration:\n{calibration}\n"
 
 
+def test_lengths_inside_a_camera_may_be_counted_in_its_pixels(written: Written) -> None:
+    study = written(
+        rig("""
+      errors:
+        focal_length: {standard_deviation: null, shape: student-t, mean: -0.1 px, scale: 0.5 px, degrees_of_freedom: 5}
+        left_principal_point_x: {standard_deviation: 0.4 px}
+      stability: {ageing: {right_focal_length: {half_width: 0.2 px}}}""")
+    )
+    rig_ = study.case.cameras["rig"]
+    groups = {group.name: group for group in rig_.calibration.groups}
+    p, pitch = np.array([0.03, 0.4, 0.9]), rig_.sensor.pixel_pitch
+    expected = {
+        "focal_length": stats.t(5, loc=-0.1 * pitch, scale=0.5 * pitch).ppf(p),
+        "left_principal_point_x": stats.norm(0.0, 0.4 * pitch).ppf(p),
+        "ageing_right_focal_length": stats.uniform(-0.2 * pitch, 0.4 * pitch).ppf(p),
+    }
+    for name, values in expected.items():
+        assert groups[name].marginal(0).quantile(p) == pytest.approx(values, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("error", "what"),
+    [
+        ("left_focal_length: {mean: 1 um, standard_deviation: 0.5 px}", "mixes pixels with lengths"),
+        ("left_focal_length: {standard_deviation: 0 px}", "above 0 px is expected"),
+        ("left_focal_length: {standard_deviation: 0.5}", "has no unit; a length is expected"),
+        ("baseline: {standard_deviation: 0.5 px}", "a length is expected"),
+    ],
+)
+def test_pixels_that_cannot_be_lengths_are_refused(written: Written, error: str, what: str) -> None:
+    with pytest.raises(StudyError, match=what):
+        written(rig(f"      errors: {{{error}}}"))
+
+
 def test_every_shape_is_drawn_from_its_own_quantiles(written: Written, tmp_path: Path) -> None:
     (tmp_path / "k1.csv").write_text("k0,k1\n" + "".join(f"0,{value}\n" for value in range(10)))
     study = written(

@@ -126,7 +126,7 @@ def to_infer(
         return CornersToInfer.of(name, camera, part.corners, folder, seed=seed)
     if part.target is None:
         return None
-    groups = declared_groups(part, camera.error_vocabulary, folder)
+    groups = declared_groups(part, camera, folder)
     return TargetToInfer(name=name, camera=camera, groups=groups, part=part.target, seed=seed)
 
 

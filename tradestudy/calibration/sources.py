@@ -19,8 +19,8 @@ from tradestudy.cameras.calibration_declaration import (
 )
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.environment import Environment
-from tradestudy.cameras.error_vocabulary import AGEING, SESSION_PARAMETERS, ErrorVocabulary
-from tradestudy.declarations.distributions import AnyDistribution
+from tradestudy.cameras.error_vocabulary import AGEING, SESSION_PARAMETERS
+from tradestudy.declarations.distributions import AnyDistribution, LengthOrPixelsDistribution
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
@@ -66,8 +66,8 @@ def calibration_of(
     """
     if part.source != "errors" and posterior is None:
         return Calibration(source=part.source, inferred=False)
-    groups = declared_groups(part, camera.error_vocabulary, folder)
-    stability = stability_groups(part.stability, folder)
+    groups = declared_groups(part, camera, folder)
+    stability = stability_groups(part.stability, camera, folder)
     environment = environment_of(part.stability, wavelength)
     if posterior is None:
         return Calibration(groups=(*groups, *stability), environment=environment)
@@ -108,12 +108,13 @@ def given_twice(part: CalibrationPart, posterior: Calibration) -> list[MistakeAt
     ]
 
 
-def declared_groups(part: CalibrationPart, vocabulary: ErrorVocabulary, folder: Path) -> tuple[Group, ...]:
+def declared_groups(part: CalibrationPart, camera: DepthCamera, folder: Path) -> tuple[Group, ...]:
     """The declared errors in the order of the vocabulary; correlated ones form one group."""
     from tradestudy.uncertainty.joint import GaussianCopula
     from tradestudy.uncertainty.sources import Source
 
-    marginals = {name: distribution_of(error, folder) for name, error in part.errors.given().items()}
+    vocabulary, pitch = camera.error_vocabulary, camera.sensor.pixel_pitch
+    marginals = {name: distribution_of(error, folder, pitch) for name, error in part.errors.given().items()}
     tied = {name: group for group in correlated(part.correlations) for name in group}
     groups: list[Group] = []
     for name, marginal in marginals.items():
@@ -133,7 +134,7 @@ def declared_groups(part: CalibrationPart, vocabulary: ErrorVocabulary, folder: 
     return tuple(groups)
 
 
-def stability_groups(part: StabilityPart, folder: Path) -> tuple[Source, ...]:
+def stability_groups(part: StabilityPart, camera: DepthCamera, folder: Path) -> tuple[Source, ...]:
     """Changes since the calibration: ageing, and changes of temperature, pressure and color."""
     from tradestudy.uncertainty.sources import Source
 
@@ -142,7 +143,11 @@ def stability_groups(part: StabilityPart, folder: Path) -> tuple[Source, ...]:
     )
     changes |= {AGEING + name: error for name, error in part.ageing.given().items()}
     return tuple(
-        Source(name=name, distribution=distribution_of(change, folder), error_class=ErrorClass.SESSION)
+        Source(
+            name=name,
+            distribution=distribution_of(change, folder, camera.sensor.pixel_pitch),
+            error_class=ErrorClass.SESSION,
+        )
         for name, change in changes.items()
         if change is not None
     )
@@ -163,8 +168,8 @@ def environment_of(part: StabilityPart, wavelength: float) -> Environment | None
     )
 
 
-def distribution_of(part: AnyDistribution, folder: Path) -> Distribution:
-    """The distribution that a study declares; files are read from ``folder``.
+def distribution_of(part: AnyDistribution, folder: Path, pixel_pitch: float) -> Distribution:
+    """The distribution that a study declares, in SI; files are read from ``folder``, and pixels have this pitch [m].
 
     Raises
     ------
@@ -181,6 +186,8 @@ def distribution_of(part: AnyDistribution, folder: Path) -> Distribution:
         Uniform,
     )
 
+    if isinstance(part, LengthOrPixelsDistribution):
+        part = part.in_lengths(pixel_pitch)
     middle, half_width = part.mean or 0.0, part.half_width or 0.0
     low, high = middle - half_width, middle + half_width
     match part.resolved_shape:

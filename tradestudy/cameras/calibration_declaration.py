@@ -11,12 +11,14 @@ from pydantic import Field, create_model, model_validator
 from tradestudy import units
 from tradestudy.cameras.calibration import SourceName
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
+from tradestudy.cameras.error_vocabulary import INTERIOR, PIXEL_NOISE, ErrorParameter
 from tradestudy.cameras.target_declaration import MostSteps, TargetPart
 from tradestudy.declarations.distributions import (
     AngleDistribution,
     AnyDistribution,
+    DistributionPart,
     LengthDistribution,
+    LengthOrPixelsDistribution,
     NumberDistribution,
     PressureDistribution,
     TemperatureDistribution,
@@ -219,6 +221,12 @@ class CalibrationPart(Part):
         return None if one is other else f"{one.value} and errors drawn {other.value}"
 
 
+def _distribution_of(parameter: ErrorParameter) -> type[DistributionPart[Any, Any]]:
+    """How an error is declared: lengths inside a camera may be counted in pixels."""
+    is_inside = parameter.unit == "m" and parameter.part == INTERIOR
+    return LengthOrPixelsDistribution if is_inside else _OF_UNIT[parameter.unit]
+
+
 def correlated(correlations: Mapping[str, Mapping[str, float]]) -> list[tuple[str, ...]]:
     """Groups of errors correlated with each other, directly or through others, in the order of their first one."""
     groups: list[list[str]] = []
@@ -268,7 +276,7 @@ def calibration_part(camera: type[DepthCamera], kind: str) -> type[CalibrationPa
     """
     title = "".join(word.capitalize() for word in kind.split("-"))
     fields: dict[str, Any] = {
-        name: (_OF_UNIT[parameter.unit] | None, Field(default=None, description=parameter.meaning))
+        name: (_distribution_of(parameter) | None, Field(default=None, description=parameter.meaning))
         for name, parameter in camera.error_vocabulary.items()
         if name != PIXEL_NOISE
     }

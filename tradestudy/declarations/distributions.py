@@ -11,10 +11,13 @@ from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
     Angle,
+    InPixels,
     Length,
+    LengthOrPixels,
     Number,
     PositiveAngle,
     PositiveLength,
+    PositiveLengthOrPixels,
     PositiveNumber,
     PressureDifference,
     TemperatureDifference,
@@ -36,11 +39,17 @@ _NEEDS: Final[dict[Shape, tuple[str, ...]]] = {
     "empirical": ("file", "column"),
 }
 
-Signed = TypeVar("Signed", bound=float)
-Positive = TypeVar("Positive", bound=float)
+_WIDTHS: Final = ("standard_deviation", "half_width", "inexactness", "scale")
+
+Signed = TypeVar("Signed", bound=float | InPixels)
+Positive = TypeVar("Positive", bound=float | InPixels)
 
 
 _DEVIATIONS: Final = 6.0
+
+
+def _size(value: float | InPixels) -> float:
+    return value.pixels if isinstance(value, InPixels) else value
 
 
 class DistributionPart(Part, Generic[Signed, Positive]):
@@ -67,6 +76,9 @@ class DistributionPart(Part, Generic[Signed, Positive]):
     @model_validator(mode="after")
     def _fits_its_shape(self) -> Self:
         given = [key for key in self.spreads if getattr(self, key) is not None]
+        values = [getattr(self, key) for key in ("mean", *_WIDTHS)]
+        if len({isinstance(value, InPixels) for value in values if value is not None}) > 1:
+            raise MistakeAt((), "mixes pixels with lengths; write all values in one of the two")
         if self.shape is None:
             self._require_one_spread(given)
             return self
@@ -79,7 +91,7 @@ class DistributionPart(Part, Generic[Signed, Positive]):
         ]
         if self.shape == "empirical" and self.mean is not None:
             mistakes.append(MistakeAt(("mean",), "does not belong to shape empirical, whose draws have their own"))
-        if not mistakes and self.inexactness is not None and self.inexactness > (self.half_width or 0.0):
+        if not mistakes and self._is_wider_than_its_half_width():
             mistakes.append(MistakeAt(("inexactness",), "exceeds the half width; at most the half width is expected"))
         if mistakes:
             raise MistakeAt.several(mistakes)
@@ -93,6 +105,10 @@ class DistributionPart(Part, Generic[Signed, Positive]):
         if len(given) != 1:
             both = ", not both" if given else ""
             raise MistakeAt((), f"give standard_deviation (a normal error) or half_width (a uniform one){both}")
+
+    def _is_wider_than_its_half_width(self) -> bool:
+        width, inexactness = self.half_width, self.inexactness
+        return width is not None and inexactness is not None and _size(inexactness) > _size(width)
 
     @property
     def resolved_shape(self) -> Shape:
@@ -112,6 +128,20 @@ class LengthDistribution(DistributionPart[Length, PositiveLength]):
     """The distribution of an error of a length."""
 
 
+class LengthOrPixelsDistribution(DistributionPart[LengthOrPixels, PositiveLengthOrPixels]):
+    """The distribution of an error of a length inside a camera, which may be counted in pixels of its sensor."""
+
+    def in_lengths(self, pixel_pitch: float) -> LengthDistribution:
+        """The same distribution for a pixel pitch [m], with no value in pixels."""
+        lengths = {
+            name: value.pixels * pixel_pitch
+            for name in self.model_fields_set
+            if isinstance(value := getattr(self, name), InPixels)
+        }
+        given = {name: getattr(self, name) for name in self.model_fields_set}
+        return LengthDistribution.model_construct(**(given | lengths))
+
+
 class AngleDistribution(DistributionPart[Angle, PositiveAngle]):
     """The distribution of an error of an angle."""
 
@@ -129,5 +159,10 @@ class PressureDistribution(DistributionPart[PressureDifference, PositivePressure
 
 
 AnyDistribution = (
-    LengthDistribution | AngleDistribution | NumberDistribution | TemperatureDistribution | PressureDistribution
+    LengthDistribution
+    | LengthOrPixelsDistribution
+    | AngleDistribution
+    | NumberDistribution
+    | TemperatureDistribution
+    | PressureDistribution
 )

@@ -15,6 +15,7 @@ from tradestudy.units import Dimension, UnitError, parse, pretty
 # Products of a few quantities within these limits stay finite; anything beyond is a typing error.
 _SMALLEST, _LARGEST = 1e-30, 1e30
 
+Annotations = tuple[BeforeValidator, WithJsonSchema]
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 
 
@@ -35,7 +36,7 @@ def quantity(
     at_most: float = math.inf,
     infinite: bool = False,
     known: Known | None = None,
-) -> tuple[BeforeValidator, WithJsonSchema]:
+) -> Annotations:
     """Make the annotations that turn ``float`` into a quantity of a study file.
 
     Parameters
@@ -123,22 +124,37 @@ class InPixels:
     pixels: float
 
 
-def _length_or_pixels(value: object) -> float | InPixels:
-    """A focal length as a length or in pixels; a value that is neither is reported as a wrong length."""
-    try:
-        number = parse(value, units.PIXELS)
-    except UnitError:
-        return cast(Callable[[object], float], _FOCAL_LENGTH[0].func)(value)
-    if not 1.0 <= number <= 1e7:
-        raise UnitError(f"'{value}' is not a plausible focal length; check its unit; 1 px to 10⁷ px is expected")
-    return InPixels(pixels=number)
+def _or_pixels(
+    length: Annotations, pixels: Annotations, *examples: str
+) -> tuple[PlainValidator, PlainSerializer, WithJsonSchema]:
+    """A length or, counted in pixels, `InPixels`; a value that is neither is reported as a wrong length."""
+    as_length, as_pixels = (cast(Callable[[object], float], one[0].func) for one in (length, pixels))
+
+    def read(value: object) -> float | InPixels:
+        try:
+            parse(value, units.PIXELS)
+        except UnitError:
+            return as_length(value)
+        return InPixels(pixels=as_pixels(value))
+
+    return (
+        PlainValidator(read),
+        PlainSerializer(lambda one: f"{one.pixels!r} px" if isinstance(one, InPixels) else one),
+        WithJsonSchema({**(length[1].json_schema or {}), "examples": list(examples)}),
+    )
 
 
+_OF_LENS = Known(name="focal length", smallest=1.0, largest=1e7)
 FocalLengthOrPixels = Annotated[
     float | InPixels,
-    PlainValidator(_length_or_pixels),
-    PlainSerializer(lambda one: f"{one.pixels!r} px" if isinstance(one, InPixels) else one),
-    WithJsonSchema({**_FOCAL_LENGTH[1].json_schema, "examples": ["30.5 mm", "882.5 px"]}),
+    *_or_pixels(_FOCAL_LENGTH, quantity(units.PIXELS, above=0.0, known=_OF_LENS), "30.5 mm", "882.5 px"),
+]
+LengthOrPixels = Annotated[
+    float | InPixels, *_or_pixels(quantity(units.LENGTH), quantity(units.PIXELS), "20 um", "0.5 px")
+]
+PositiveLengthOrPixels = Annotated[
+    float | InPixels,
+    *_or_pixels(quantity(units.LENGTH, above=0.0), quantity(units.PIXELS, above=0.0), "20 um", "0.5 px"),
 ]
 MicrolensPitch = Annotated[
     float, *quantity(units.LENGTH, above=0.0, known=Known(name="size of a microlens", smallest=1e-7, largest=10.0))

@@ -77,7 +77,7 @@ def test_an_error_that_is_declared_is_not_taken_as_perfect(tmp_path: Path) -> No
     [
         ("lenses: {focal_length: 882.5 px}", "cameras.rig.baseline: this key is missing"),
         ("baseline: 60 mm", "cameras.rig.lenses: give exactly one of focal_length and field_of_view"),
-        ("lenses: {focal_length: 0.2 px}, baseline: 60 mm", "1 px to 10⁷ px is expected"),
+        ("lenses: {focal_length: 0.2 px}, baseline: 60 mm", "1 px to 1×10⁷ px is expected"),
         ("lenses: {focal_length: 882.5}, baseline: 60 mm", "'882.5' has no unit; a length is expected"),
         ("lenses: {focal_length: 8 mm, across: width}, baseline: 60 mm", "across: belongs to field_of_view"),
     ],
