@@ -106,6 +106,35 @@ def test_the_matcher_is_written_as_a_study_takes_it(ran: tuple[api.Result, Path]
     assert result.data["depth_loop"]["fitted"].values.tolist() == [0.0, 1.0, 0.0]
 
 
+def test_noise_is_told_where_wide_lenses_dim_the_overlap_and_as_many_pictures_are_taken_as_it_takes(
+    tmp_path: Path,
+) -> None:
+    """The views share a fifth of their pictures, at the edges, where cos⁴θ leaves 60 % of the light and more noise."""
+    pytest.importorskip("cv2")
+    wide = DERIVED | {
+        "pair.sensor.pixel_pitch": "32 um",
+        "pair.baseline": "145 mm",
+        "scene.picture.texture.correlation_length": "1.7 mm",
+        "depth_loop.windows": 1000,
+    }
+    loaded = study(tmp_path).with_values(wide)
+    assert loaded.file.depth_loop is not None
+    point = depth_loop.loop_points(loaded.definition, loaded.file.depth_loop)["pair", 0.15, 0.15, 8000.0]
+    found = depth_loop.measure_on_plane(point)
+    assert found.score is not None
+    assert found.available < 0.25
+    sensor = point.camera.sensor
+    windows_of_one = found.available * sensor.columns * sensor.rows / 49.0
+    assert windows_of_one < 400
+    assert found.score.windows >= 1000
+    assert found.score.windows < 1000 + windows_of_one
+    relative = found.errors_px / found.bounds_px
+    # Noise of mid-picture would fall short by an eighth.
+    assert np.std(relative) == pytest.approx(1.0, abs=4.0 / math.sqrt(2.0 * relative.size))
+    # Pictures of one texture with the same noise would repeat their errors.
+    assert np.unique(relative).size == relative.size
+
+
 def test_results_do_not_depend_on_who_computes_them(ran: tuple[api.Result, Path], tmp_path: Path) -> None:
     again = study(tmp_path).run(executor=Threads(2))
     xr.testing.assert_identical(again.data["depth_loop"].to_dataset(), ran[0].data["depth_loop"].to_dataset())

@@ -9,7 +9,7 @@ import pytest
 from tradestudy.cameras.light_cones import Pose
 from tradestudy.cameras.reading import Errors
 from tradestudy.cameras.stereo.pair import Pair, pair_interior, pair_observation, pair_poses
-from tradestudy.cameras.stereo.row_alignment import aligned_rows
+from tradestudy.cameras.stereo.row_alignment import row_alignment
 from tradestudy.optics.arrays import FloatArray
 
 PIXEL = 10e-6
@@ -70,7 +70,7 @@ def taken(errors: Errors) -> tuple[FloatArray, FloatArray]:
 def test_points_lie_in_their_row_after_alignment(errors: dict[str, float]) -> None:
     """Where the exact geometry images a point, the aligned picture shows its brightness in the row of the left one."""
     left, right = taken(errors)
-    aligned = aligned_rows(left, right, STEPS, cv2)
+    aligned = row_alignment(left, right, STEPS, cv2)(right)
     x, y = np.random.default_rng(2).uniform(-0.065, 0.065, (2, 4000))
     _, row, column, right_row = np.stack(pair_observation(PAIR, errors, x, y, np.full(x.shape, DISTANCE))) / PIXEL
     assert np.max(np.abs(right_row - row)) > 1.0
@@ -88,12 +88,12 @@ def test_points_lie_in_their_row_after_alignment(errors: dict[str, float]) -> No
 @pytest.mark.parametrize("errors", [{}, {"yaw": 5e-4}], ids=["as designed", "turned sideways"])
 def test_rows_in_place_are_left_alone(errors: dict[str, float]) -> None:
     left, right = taken(errors)
-    assert aligned_rows(left, right, STEPS, cv2) is right
+    assert row_alignment(left, right, STEPS, cv2)(right) is right
 
 
 def test_without_texture_rows_are_left_alone() -> None:
     left, right = np.random.default_rng(3).normal(1000.0, 5.0, (2, ROWS, COLUMNS))
-    assert aligned_rows(left, right, STEPS, cv2) is right
+    assert row_alignment(left, right, STEPS, cv2)(right) is right
 
 
 @pytest.mark.parametrize("degrees", [0, 5, 20, 45, 60, 90])
@@ -107,7 +107,7 @@ def test_texture_that_slides_along_itself_or_repeats_leaves_rows_alone(degrees: 
         wide = 1000.0 + sum(20.0 * np.cos(2.0 * np.pi * along / length + rng.uniform(0.0, 7.0)) for length in lengths)
         left, right = wide[:, :COLUMNS], wide[:, 50:]
         left, right = (one + noise * rng.standard_normal(one.shape) for one in (left, right))
-        assert aligned_rows(left, right, STEPS, cv2) is right
+        assert row_alignment(left, right, STEPS, cv2)(right) is right
 
 
 @pytest.mark.parametrize("shape", [(40, 100), (45, 200), (64, 64), (2000, 40)])
@@ -117,4 +117,4 @@ def test_small_pictures_are_left_alone(shape: tuple[int, int]) -> None:
     )
     noise = np.random.default_rng(4).normal(0.0, 60.0, (2, *left.shape))
     right = right + noise[1]
-    assert aligned_rows(left + noise[0], right, STEPS, cv2) is right
+    assert row_alignment(left + noise[0], right, STEPS, cv2)(right) is right

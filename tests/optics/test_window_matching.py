@@ -21,22 +21,28 @@ from tradestudy.optics.window_matching import (
 )
 
 
-def matched(left: FloatArray, right: FloatArray, noise: float, *, window: int = 15, limit: float = 0.3) -> Matches:
-    """Along x, from −3 to 4."""
+def matched(
+    left: FloatArray, right: FloatArray, *noise: float | FloatArray, window: int = 15, limit: float = 0.3
+) -> Matches:
+    """Along x, from −3 to 4, with the noise of both pictures or of each."""
+    variances = [np.broadcast_to(np.square(noise[k]), left.shape) for k in (0, -1)]
 
-    def difference(step: int) -> tuple[FloatArray, BoolArray]:
-        moved = np.full_like(right, np.nan)
+    def moved(picture: FloatArray, step: int) -> FloatArray:
+        found = np.full_like(right, np.nan)
         if step >= 0:
-            moved[:, : right.shape[1] - step] = right[:, step:]
+            found[:, : right.shape[1] - step] = picture[:, step:]
         else:
-            moved[:, -step:] = right[:, :step]
-        return moved - left, np.isfinite(moved)
+            found[:, -step:] = picture[:, :step]
+        return found
+
+    def difference(step: int) -> tuple[FloatArray, FloatArray, BoolArray]:
+        found = moved(right, step) - left
+        return found, variances[0] + moved(variances[1], step), np.isfinite(found)
 
     return match_windows(
         [PairOfPictures(gradient=gradient_along(left, (1.0, 0.0)), difference=difference)],
         range(-3, 5),
         window=window,
-        variance=np.asarray(noise**2),
         least_share=1.0,
         largest_deviation=limit,
     )
@@ -81,6 +87,26 @@ def test_the_spread_meets_the_bound_of_a_sinusoid() -> None:
         assert abs(error.mean()) < 4.0 * bound / math.sqrt(error.size)
         assert 0.94 * bound < error.std() < 1.25 * bound
         assert np.mean(stated) == pytest.approx(error.std(), rel=0.1)
+
+
+def test_each_window_states_the_noise_of_its_own_pixels() -> None:
+    """Noise that grows fourfold from left to right in one picture, and from top to bottom in the other."""
+    rng = np.random.default_rng(8)
+    noise = [
+        np.broadcast_to(one, (96, 96)) for one in (np.linspace(10.0, 40.0, 96), np.linspace(10.0, 40.0, 96)[:, None])
+    ]
+    relative = []
+    for _ in range(60):
+        clear = smooth_texture(rng, 0.0)
+        found = matched(
+            *(one + two * rng.standard_normal((96, 96)) for one, two in zip(clear, noise, strict=True)), *noise
+        )
+        relative.append((found.disparity / found.deviation)[9:90:15, 9:90:15])
+    # 60 independent windows in each place: their spread is known to 9 %, over rows or columns of six to 4 %.
+    squares = np.mean(np.square(relative), axis=0)
+    assert np.sqrt(squares.mean()) == pytest.approx(1.0, abs=0.06)
+    for axis in (0, 1):
+        assert np.sqrt(squares.mean(axis=axis)) == pytest.approx(np.ones(6), abs=0.15)
 
 
 @pytest.mark.parametrize("shift", [-1.37, -0.5, 0.1, 0.33, 0.77, 2.25])

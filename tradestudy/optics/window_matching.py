@@ -67,7 +67,8 @@ class Matches:
     disparity
         [steps]; NaN where none was measured.
     deviation
-        Standard deviation due to the noise of both pictures [steps], from the texture of the window itself.
+        Standard deviation due to the noise of both pictures [steps], from the texture of the window itself and the
+        noise of each of its pixels: ``√(Σ g² v)/|B′(d)|``, v the variance of the difference.
     reason
         `Reason` of each.
     """
@@ -120,11 +121,12 @@ class PairOfPictures:
     gradient
         Gradient of a picture of the same place per step of disparity, shape (…, rows, columns); NaN where undefined.
     difference
-        For a whole step: the second picture moved back by it minus the first, and where both are valid.
+        For a whole step: the second picture moved back by it minus the first, the variance of the noise of that, and
+        where both are valid.
     """
 
     gradient: Samples
-    difference: Callable[[int], tuple[Samples, BoolArray]]
+    difference: Callable[[int], tuple[Samples, Samples, BoolArray]]
 
 
 def match_windows(
@@ -132,7 +134,6 @@ def match_windows(
     steps: Sequence[int],
     *,
     window: int,
-    variance: Samples,
     least_share: float,
     largest_deviation: float,
     start: Samples | None = None,
@@ -147,8 +148,6 @@ def match_windows(
         Six or more consecutive whole steps; disparities between the second and the last but one can be measured.
     window
         Side of the windows [px], odd. Where only part of a window is in both pictures, that part is used.
-    variance
-        Variance of the noise of one pixel, the same in both pictures; broadcast.
     least_share
         Smallest share of a window's pixels that must be valid.
     largest_deviation
@@ -156,8 +155,7 @@ def match_windows(
     start
         Whole steps known in advance, which replace the search; NaN where none is known.
     """
-    misfit, error, size, count, middle = _sums(pairs, steps, window)
-    noise = 2.0 * np.asarray(variance, np.float64)
+    misfit, error, size, noises, count, middle = _sums(pairs, steps, window)
     enough = count >= max(1.0, least_share * window * window * len(pairs))
     misfit = np.where(enough, misfit / np.maximum(count, 1), np.inf)
     error = np.where(enough, error, np.nan)
@@ -171,11 +169,12 @@ def match_windows(
     corner = np.stack([_at(error, first + k) for k in (-1, 0, 1, 2)])
     n, steepness = (np.maximum(_at(count, best), 1.0), _at(size, best))
     fraction, rise = _root(corner)
+    least = _at(misfit, best)
     with np.errstate(divide="ignore", invalid="ignore"):  # no texture at all, refused below
+        noise = np.where(np.isfinite(least), _at(noises, best) / steepness, np.nan)
         deviation = np.sqrt(noise / steepness) / np.abs(rise)
     spread = noise * np.sqrt(2.0 / n)
     reason = np.full(n.shape, Reason.MEASURED, np.uint8)
-    least = _at(misfit, best)
     crosses = np.isfinite(fraction) & (np.abs(fraction - 0.5) <= 0.5 + _BEYOND) & (rise > _LEAST_RISE)
     fits = least <= noise + _MISFIT * spread + _SLACK * steepness / n
     reason[~(crosses & fits)] = Reason.NO_MATCH
@@ -198,28 +197,30 @@ def match_windows(
 
 def _sums(
     pairs: Sequence[PairOfPictures], steps: Sequence[int], window: int
-) -> tuple[Samples, Samples, Samples, Samples, BoolArray]:
-    """Over windows, at every step: squared difference, B over the squared gradient, that itself, and pixels.
+) -> tuple[Samples, Samples, Samples, Samples, Samples, BoolArray]:
+    """Over windows, at every step: squared difference, B over Σ g², Σ g² itself, Σ g² times the variance, and pixels.
 
     Last, where both pictures see the pixel in the middle of the window: beside them, depth would be a guess.
     """
     shape, kind = pairs[0].gradient.shape, pairs[0].gradient.dtype
-    misfit, moment, size, count = (np.zeros((len(steps), *shape), kind) for _ in range(4))
+    misfit, moment, size, noise, count = (np.zeros((len(steps), *shape), kind) for _ in range(5))
     middle = np.zeros((len(steps), *shape), bool)
     for pair in pairs:
         there = np.isfinite(pair.gradient)
         g = np.where(there, pair.gradient, kind.type(0))
         for k, step in enumerate(steps):
-            difference, seen = pair.difference(step)
+            difference, variance, seen = pair.difference(step)
             middle[k] |= seen
             both = seen & there
             difference = np.where(both, difference, kind.type(0))
             misfit[k] += window_sum(difference * difference, window)
             moment[k] += window_sum(g * difference, window)
-            size[k] += window_sum(g * g * both, window)
+            squares = g * g * both
+            size[k] += window_sum(squares, window)
+            noise[k] += window_sum(squares * np.where(both, variance, kind.type(0)), window)
             count[k] += window_sum(both.astype(kind), window)
     with np.errstate(divide="ignore", invalid="ignore"):  # no texture at all
-        return misfit, moment / size, size, count, middle
+        return misfit, moment / size, size, noise, count, middle
 
 
 def _at(cube: Samples, index: NDArray[np.intp]) -> Samples:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -34,8 +35,13 @@ _SEARCHED: Final = 0.15  # of the distance, where the disparity changes little
 _DEVIATIONS: Final = 6.0  # predicted standard deviations that are always searched
 _PILOT: Final = 200  # side [pixels] of the first picture, from which the number of windows is estimated
 _SPARE: Final = 1.1
+MOST_PICTURES: Final = 8
+"""Whole pictures, each with a texture and noise of its own, that are taken of a plane to find enough windows in it."""
+_SEEDS_APART: Final = 1000  # more than there are distances
 _NOISE: Final = "shot+read+quantisation"
 _FARTHEST: Final = 100.0  # times the distance
+
+_Map = TypeVar("_Map", DepthMap, TrueDepth)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,7 +59,7 @@ class LoopPoint:
     windows, samples
         How many windows without common pixels are measured, and the rays per pixel.
     seed
-        Seed of texture and noise.
+        Seed of texture and noise; further pictures of the plane add multiples of a number above all distances.
     """
 
     name: str
@@ -164,11 +170,11 @@ def measure_on_plane(point: LoopPoint) -> LoopFinding:
     small = _cropped(camera, point.distance, _PILOT)
     try:
         found, truth = _depth(camera, small, point)
-        measured = np.count_nonzero((found.reason == Reason.MEASURED) & truth.measurable) / point.window_px**2
+        measured = _windows(found, truth, point)
         if 0.0 < measured < point.windows:
             side = math.ceil(_PILOT * math.sqrt(_SPARE * point.windows / measured))
-            small = _cropped(camera, point.distance, min(side, max(camera.sensor.columns, camera.sensor.rows)))
-            found, truth = _depth(camera, small, point)
+            small = _cropped(camera, point.distance, side)
+            found, truth = _enough(camera, small, point)
         scored, reason = _scored(camera, found, truth, point), ""
         errors, bounds = _of_windows_apart(found, truth, point.window_px)
     except OutOfRangeError as refused:
@@ -187,6 +193,27 @@ def measure_on_plane(point: LoopPoint) -> LoopFinding:
 def _scored(camera: DepthCamera, found: DepthMap, truth: TrueDepth, point: LoopPoint) -> DepthScore:
     predicted = float(depth_uncertainty(camera, np.array([point.distance]), "noise")[0])
     return score(found, truth, np.full(truth.depth.shape, predicted), point.window_px)
+
+
+def _windows(found: DepthMap, truth: TrueDepth, point: LoopPoint) -> float:
+    """Number of windows without common pixels that the measured points fill."""
+    return np.count_nonzero((found.reason == Reason.MEASURED) & truth.measurable) / point.window_px**2
+
+
+def _enough(camera: DepthCamera, small: DepthCamera, point: LoopPoint) -> tuple[DepthMap, TrueDepth]:
+    """Depth maps of as many pictures as have the windows asked for, one below the other."""
+    maps = [_depth(camera, small, point)]
+    for number in range(1, MOST_PICTURES):
+        if sum(_windows(*one, point) for one in maps) >= point.windows:
+            break
+        maps.append(_depth(camera, small, replace(point, seed=point.seed + number * _SEEDS_APART)))
+    return _stacked([found for found, _ in maps]), _stacked([truth for _, truth in maps])
+
+
+def _stacked(maps: Sequence[_Map]) -> _Map:
+    """Maps as one map with all their rows."""
+    names = [one.name for one in fields(maps[0])]
+    return replace(maps[0], **{name: np.concatenate([getattr(one, name) for one in maps]) for name in names})
 
 
 def _of_windows_apart(found: DepthMap, truth: TrueDepth, window_px: float) -> tuple[FloatArray, FloatArray]:
@@ -239,14 +266,21 @@ def _depth(camera: DepthCamera, small: DepthCamera, point: LoopPoint) -> tuple[D
 
 
 def _cropped(camera: DepthCamera, distance: float, side_px: int) -> DepthCamera:
-    """The camera with the middle of its sensor, large enough to show so many pixels of a plane in all its pictures."""
+    """The camera with the middle of its sensor, as large as a square of a plane with that side in all its pictures.
+
+    Where only a narrower strip is in all of them, it is longer.
+    """
     sensor = camera.sensor
     magnification = float(np.ravel(camera.picture_geometry(np.array([distance])).magnification)[0])
     aside = max(abs(one.pose.centre[0]) for one in camera.exposures(distance, {}, None, 0.0))
     shift = math.ceil(aside * magnification / sensor.pixel_pitch)
+    widest = sensor.columns - 2 * shift
+    across = min(side_px, widest) if widest > 0 else side_px
+    down = min(math.ceil(side_px**2 / across), sensor.rows)
+    across = max(across, math.ceil(side_px**2 / down))
     # The parity stays, so that pixels keep their positions.
-    columns = min(sensor.columns, side_px + 2 * shift + (sensor.columns - side_px) % 2)
-    rows = min(sensor.rows, side_px + (sensor.rows - side_px) % 2)
+    columns = min(sensor.columns, across + 2 * shift + (sensor.columns - across) % 2)
+    rows = min(sensor.rows, down + (sensor.rows - down) % 2)
     changes: dict[str, Any] = {"sensor": replace(sensor, columns=columns, rows=rows)}
     return replace(camera, **changes)
 

@@ -117,10 +117,7 @@ class RawPictureReader(DepthReader):
         """Depth of every pixel whose object point the estimator finds in a second micro-image."""
         picture = pictures["raw"]
         values = squares(self._grid, picture.values, picture.pure)
-        noise = squares(self._grid, picture.variance, picture.pure)
-        lit = np.any(np.isfinite(noise), axis=(1, 2))
-        variance = np.zeros(len(noise))
-        variance[lit] = np.nanmedian(noise[lit], axis=(1, 2))
+        variance = squares(self._grid, picture.variance, picture.pure)
         found = {step: self._matches(step, values, variance) for step in self._steps}
         for step in self._steps:
             opposite = found[-step[0], -step[1]]
@@ -173,18 +170,18 @@ class RawPictureReader(DepthReader):
         arrives = grid.corner[:, lenses] + move[:, np.newaxis] - grid.image_centre[:, others]
         own_shift = self._shift_along(place, lenses, along)
 
-        def difference(k: int) -> tuple[Samples, BoolArray]:
+        def difference(k: int) -> tuple[Samples, Samples, BoolArray]:
             step_along = (along * k)[:, np.newaxis]
             found = moved(values, others, base + step_along, grid.side) - reference
             shift = self._shift_along(arrives + step_along, others, along) * self._defocus(others, k / length)
             shift -= own_shift * self._defocus(lenses, k / length)
-            return found + gradient * shift, np.isfinite(found)
+            noise = variance[lenses, inner, inner] + moved(variance, others, base + step_along, grid.side)
+            return found + gradient * shift, noise, np.isfinite(found)
 
         return match_windows(
             [PairOfPictures(gradient=gradient, difference=difference)],
             steps,
             window=odd_window(self.search.window_px),
-            variance=variance[lenses, np.newaxis, np.newaxis],
             least_share=_LEAST_SHARE,
             largest_deviation=self.search.largest_deviation_px,
         )

@@ -12,7 +12,7 @@ import numpy as np
 from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, FlatPicture, TrueDepth
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.cameras.stereo.pair import SIDES, pair_poses
-from tradestudy.cameras.stereo.row_alignment import aligned_rows
+from tradestudy.cameras.stereo.row_alignment import row_alignment
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.lens_models.rational import IDEAL
@@ -71,8 +71,12 @@ class PairReader(DepthReader):
         left, right = (
             self._parallel(np.where(pictures[side].pure, pictures[side].values, np.nan), side) for side in SIDES
         )
-        right = aligned_rows(left, right, self._steps, _opencv())
-        variance = float(np.nanmedian(pictures[SIDES[0]].variance))
+        noise = [
+            self._parallel(np.where(pictures[side].pure, pictures[side].variance, np.nan), side, order=1)
+            for side in SIDES
+        ]
+        aligned = row_alignment(left, right, self._steps, _opencv())
+        right, noise[1] = aligned(right), aligned(noise[1])
         start = self._whole_pixels(left, right)
         steps = self._steps
         rows = max(1, _VALUES_AT_ONCE // (len(steps) * left.shape[1]))
@@ -80,7 +84,7 @@ class PairReader(DepthReader):
         bands = []
         for top in range(0, left.shape[0], rows):
             low, high = max(0, top - window), min(left.shape[0], top + rows + window)
-            found = self._band(left[low:high], right[low:high], start[low:high], variance)
+            found = self._band(*(one[low:high] for one in (left, right, *noise, start)))
             keep = slice(top - low, min(top + rows, left.shape[0]) - low)
             bands.append((found.disparity[keep], found.deviation[keep], found.reason[keep]))
         disparity, deviation, reason = (np.concatenate(one) for one in zip(*bands, strict=True))
@@ -97,25 +101,19 @@ class PairReader(DepthReader):
             reason=reason,
         )
 
-    def _band(self, left: Samples, right: Samples, start: Samples, variance: float) -> Matches:
-        """Disparity to fractions of a pixel, in a band of rows."""
+    def _band(
+        self, left: Samples, right: Samples, left_noise: Samples, right_noise: Samples, start: Samples
+    ) -> Matches:
+        """Disparity to fractions of a pixel in a band of rows, from both pictures and their variances."""
 
-        def difference(step: int) -> tuple[Samples, BoolArray]:
-            moved = np.full_like(right, np.nan)
-            if abs(step) >= right.shape[1]:  # nothing in common
-                return moved, np.zeros(moved.shape, bool)
-            if step >= 0:
-                moved[:, step:] = right[:, : right.shape[1] - step]
-            else:
-                moved[:, :step] = right[:, -step:]
-            moved -= left
-            return moved, np.isfinite(moved)
+        def difference(step: int) -> tuple[Samples, Samples, BoolArray]:
+            found = _moved(right, step) - left
+            return found, left_noise + _moved(right_noise, step), np.isfinite(found)
 
         return match_windows(
             [PairOfPictures(gradient=gradient_along(left, (-1.0, 0.0)), difference=difference)],
             self._steps,
             window=odd_window(self.search.window_px),
-            variance=np.asarray(variance),
             least_share=_LEAST_SHARE,
             largest_deviation=self.search.largest_deviation_px,
             start=start,
@@ -212,6 +210,16 @@ class PairReader(DepthReader):
             return depth
         # A point at depth Z along its own axis lies at Z/ray_z along the parallel one, for rays of unit z there.
         return np.asarray(self._parallel(depth, side, order=1) / self._turned(side)[2])
+
+
+def _moved(picture: Samples, step: int) -> Samples:
+    """A picture moved to the right by whole pixels; NaN where it shows nothing."""
+    moved = np.full_like(picture, np.nan)
+    if 0 <= step < picture.shape[1]:
+        moved[:, step:] = picture[:, : picture.shape[1] - step]
+    elif -picture.shape[1] < step < 0:
+        moved[:, :step] = picture[:, -step:]
+    return moved
 
 
 def _opencv() -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -24,8 +25,8 @@ _NEGLIGIBLE_PX: Final = 0.1  # matching windows do not notice it
 _CERTAIN: Final = 3.0  # standard errors
 
 
-def aligned_rows(left: Samples, right: Samples, steps: range, library: Any) -> Samples:
-    """The right picture, resampled so that each point lies in the row in which the left picture shows it.
+def row_alignment(left: Samples, right: Samples, steps: range, library: Any) -> Callable[[Samples], Samples]:
+    """How to resample the right picture so that each point lies in the row in which the left picture shows it.
 
     Small rotations between two parallel pinholes, different principal distances and a shift of the sensor displace rows
     by ``a + b u + c v + d u v + e v²`` (u, v from the middle of the picture), whatever the depth: a and e by pitch, b
@@ -43,14 +44,14 @@ def aligned_rows(left: Samples, right: Samples, steps: range, library: Any) -> S
 
     Returns
     -------
-    Samples
-        The right picture itself where no offset exceeds 0.1 px by three standard errors, or where too few patches are
-        found or agree: patches count only where texture fixes their row. Beyond the outermost patches, offsets are
-        those at the edge of these.
+    Callable[[Samples], Samples]
+        Resamples a picture of the right camera. Returns the picture itself where no offset exceeds 0.1 px by three
+        standard errors, or where too few patches are found or agree: patches count only where texture fixes their row.
+        Beyond the outermost patches, offsets are those at the edge of these.
     """
     places, offsets = _offsets(left, right, steps, library)
     if len(offsets) < _FEWEST or min(np.unique(places[:, k]).size for k in (0, 1)) < _FEWEST_ALONG:
-        return right
+        return _unchanged
     from scipy.optimize import least_squares
 
     hull = np.stack([places.min(axis=0), places.max(axis=0)])
@@ -67,8 +68,12 @@ def aligned_rows(left: Samples, right: Samples, steps: range, library: Any) -> S
     error = scatter * np.linalg.norm(border @ np.linalg.pinv(base), axis=1)
     moved = np.abs(border @ fit.x)
     if agreeing < _AGREEING or not np.any((moved > _NEGLIGIBLE_PX) & (moved > _CERTAIN * error)):
-        return right
-    return _resampled(right, fit.x, hull)
+        return _unchanged
+    return lambda picture: _resampled(picture, fit.x, hull)
+
+
+def _unchanged(picture: Samples) -> Samples:
+    return picture
 
 
 def _offsets(left: Samples, right: Samples, steps: range, library: Any) -> tuple[FloatArray, FloatArray]:

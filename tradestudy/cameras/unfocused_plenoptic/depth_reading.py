@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -125,7 +125,6 @@ class ViewsReader(DepthReader):
             pairs,
             steps,
             window=odd_window(self.search.window_px),
-            variance=np.asarray(float(np.nanmedian(np.where(picture.pure, picture.variance, np.nan)))),
             least_share=_LEAST_SHARE,
             largest_deviation=self.search.largest_deviation_px * min(1.0, self._over_estimator),
         )
@@ -147,11 +146,15 @@ class ViewsReader(DepthReader):
     def _pair(self, picture: FlatPicture, template: Samples, place: Samples) -> PairOfPictures:
         """The views through a position on the pupil and the opposite one."""
         first, second = (_Movable.of(self._view(picture, one)) for one in (-place, place))
+        # The noise changes so slowly over the picture that it need not move with the views.
+        noisy = replace(picture, values=picture.variance)
+        variance = self._view(noisy, -place) + self._view(noisy, place)
         per_step = place / self._longest * np.array([1.0, 1.0 / self._rise])
         gradient = gradient_along(template, (-2.0 * float(per_step[0]), -2.0 * float(per_step[1])))
 
-        def difference(step: int) -> tuple[Samples, BoolArray]:
-            return second.at(-per_step * step) - first.at(per_step * step), first.seen & second.seen
+        def difference(step: int) -> tuple[Samples, Samples, BoolArray]:
+            found = second.at(-per_step * step) - first.at(per_step * step)
+            return found, variance, first.seen & second.seen
 
         return PairOfPictures(gradient=gradient, difference=difference)
 

@@ -7,6 +7,7 @@ closed form, so that no node is wasted and its weight is the Jacobian of that ma
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 from typing import Final
@@ -18,6 +19,8 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 
 LEAST_NODES: Final = 4
+_MOST_ON_RING: Final = 15
+_GOLDEN: Final = 0.381966  # of a turn: neighbours along one ring are far apart along the other
 # Root of x⁴ = x + 1: modulo 1, multiples of its inverse powers fill a cube evenly.
 _CUBIC: Final = 1.22074408460575947536
 _FILTER: Final = 3.0  # variance of the filter of one node, as a multiple of its equal share
@@ -51,6 +54,11 @@ def nodes(count: int) -> Nodes:
     With a share of 1/n the filters of neighbouring nodes would hardly touch; with three times that, the picture of a
     texture is closest to one with many nodes.
 
+    Few nodes are the centre and a ring on both areas, which the one passes several times while the other passes it
+    once, so that a ring remains wherever the scene lies between the sharp and the most blurred. From 6 to 16 nodes that
+    errs less than a spiral, by a third with 12. More nodes, or a number for which there are no such rings, follow a
+    spiral on the disc and the R₃ sequence.
+
     Raises
     ------
     OutOfRangeError
@@ -58,14 +66,10 @@ def nodes(count: int) -> Nodes:
     """
     if count < LEAST_NODES:
         raise OutOfRangeError("samples of a pixel", value=str(count), limit=f"{LEAST_NODES} or more")
-    k = np.arange(count)
-    angle, across, down = (0.5 + k / _CUBIC**power for power in (1, 2, 3))
-    radius, angle = np.sqrt((k + 0.5) / count), 2.0 * np.pi * angle
-    disc = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
-    pixel = np.stack([across, down], axis=-1) % 1.0 - 0.5
+    turns = _turns(count - 1)
+    both = _spiral(count) if turns is None else _rings(count - 1, turns)
     left = min(_FILTER / count, 0.5)
     whole = np.sqrt(np.array([1.0, 1.0, 3.0, 3.0]) * (1.0 - left) / 12.0)
-    both = np.concatenate([pixel, disc], axis=-1)
     both -= both.mean(axis=0)
     if count > both.shape[1]:  # fewer cannot span both
         # The smallest change that gives the required covariance: the symmetric square root.
@@ -74,6 +78,33 @@ def nodes(count: int) -> Nodes:
     else:
         both *= whole / both.std(axis=0)
     return Nodes(pixel=both[:, :2], disc=both[:, 2:], pixel_spread=left / 12.0, disc_spread=left / 4.0)
+
+
+def _turns(ring: int) -> int | None:
+    """How often a ring of so many nodes turns on the pixel while it turns once on the disc; None if it cannot.
+
+    A number of turns that divides the ring would repeat places, and one of ±1 would always move both alike.
+    """
+    if ring > _MOST_ON_RING:
+        return None
+    possible = [turns for turns in range(2, (ring + 1) // 2) if math.gcd(turns, ring) == 1]
+    return min(possible, key=lambda turns: abs(turns - _GOLDEN * ring), default=None)
+
+
+def _rings(ring: int, turns: int) -> FloatArray:
+    """Directions on the pixel and the disc, shape (ring + 1, 4), the centre first."""
+    angle = 2.0 * np.pi * np.arange(ring) / ring
+    around = np.stack([np.cos(turns * angle), np.sin(turns * angle), np.cos(angle), np.sin(angle)], axis=-1)
+    return np.concatenate([np.zeros((1, 4)), around])
+
+
+def _spiral(count: int) -> FloatArray:
+    """Places on the pixel and the disc, shape (count, 4)."""
+    k = np.arange(count)
+    angle, across, down = (0.5 + k / _CUBIC**power for power in (1, 2, 3))
+    radius, angle = np.sqrt((k + 0.5) / count), 2.0 * np.pi * angle
+    pixel = np.stack([across, down], axis=-1) % 1.0 - 0.5
+    return np.concatenate([pixel, np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)], axis=-1)
 
 
 def fewer(count: int) -> int:
@@ -133,14 +164,26 @@ def places_on_lens(lit: LitPart, radius: float, across: float, beside: float) ->
     kind = lit.low.dtype.type
     half = np.maximum(lit.half, 0)
     t = np.minimum(lit.low + half * kind(1.0 + across), kind(radius))
-    height = (kind(radius) - t) * (kind(radius) + t)
-    if lit.near is not None and lit.width is not None:
-        from_near = t - lit.near
-        height = np.minimum(height, from_near * (lit.width - from_near))
-    height = np.sqrt(np.maximum(height, 0)) * kind(1.0 / np.sqrt(max(1.0 - across * across, 1e-12)))
+    height = _half_height(lit, radius, t) * kind(1.0 / np.sqrt(max(1.0 - across * across, 1e-12)))
     y = height * kind(beside)
     ax, ay = lit.axis
     return np.stack([t * ax - y * ay, t * ay + y * ax]), half * height + kind(_DARK * radius * radius)
+
+
+def equal_disc(lit: LitPart, radius: float) -> FloatArray:
+    """Square of the radius [m²] of a disc about as large as the lit part: the half axes of its middle multiplied."""
+    half = np.maximum(lit.half, 0)
+    return np.asarray(half * _half_height(lit, radius, lit.low + half))
+
+
+def _half_height(lit: LitPart, radius: float, t: FloatArray) -> FloatArray:
+    """Half the extent [m] of the lit part across its axis, at places t along it."""
+    kind = lit.low.dtype.type
+    squared = (kind(radius) - t) * (kind(radius) + t)
+    if lit.near is not None and lit.width is not None:
+        from_near = t - lit.near
+        squared = np.minimum(squared, from_near * (lit.width - from_near))
+    return np.asarray(np.sqrt(np.maximum(squared, 0)))
 
 
 def lit_area(cones: LightCones, pixel_width: float) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tradestudy.cameras.light_cones import LightCones, PerCone, Pose, Stop
-from tradestudy.imaging.render.nodes import LitPart, Nodes, lit_part, places_on_lens
+from tradestudy.imaging.render.nodes import LitPart, Nodes, equal_disc, lit_part, places_on_lens
 from tradestudy.imaging.render.waves import Bending, Tables
 from tradestudy.imaging.scenes.scene import Scene
 from tradestudy.imaging.scenes.surface import Nearby
@@ -194,10 +194,9 @@ def _lens_variance(
     """Variance [m²] along one axis that each node represents on the lens, where it meets the scene."""
     if bending is not None:
         return bending.filter_variance()
-    z = _finite(depth)
-    # A part that is not a whole disc counts as a disc of the same length.
-    by_lens = (cones.start_by_lens + z * cones.slope_by_lens) * np.maximum(lit.half, 0)
-    return np.square(by_lens) * REAL(nodes.disc_spread)
+    by_lens = cones.start_by_lens + _finite(depth) * cones.slope_by_lens
+    # A part that is not a whole disc counts as a disc of about the same area.
+    return np.asarray(np.square(by_lens) * equal_disc(lit, cones.lens_radius) * REAL(nodes.disc_spread))
 
 
 Mixture = tuple[NDArray[np.intp], FloatArray]

@@ -44,7 +44,7 @@ class DepthLoopPart(Part):
     )
     windows: Annotated[int, Field(strict=True, ge=100, le=1_000_000)] = Field(
         default=1500,
-        description="Non-overlapping matching windows measured on each plane, as many as fit on the sensor; "
+        description="Non-overlapping matching windows measured on each plane, at most those of eight whole pictures; "
         "the relative error of the spread is about 1/sqrt(windows).",
     )
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(

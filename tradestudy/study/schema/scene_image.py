@@ -168,7 +168,7 @@ class SceneImagePart(Part):
     black_level: NonNegativeElectrons = Field(default=0.0, description="Electrons added before digitising.")
     mosaic: MosaicPart | None = Field(default=None, description="Colour filters; default: none.")
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
-        default=8,
+        default=12,
         description="Rays for each pixel and lens, half as many where a lens is barely lit; camera.json has the error.",
     )
     depth_maps: bool = Field(
