@@ -22,8 +22,12 @@ from tradestudy.results import storage
 if TYPE_CHECKING:
     import xarray as xr
 
-# The second interpreter finds what this one finds, wherever it is started.
-_CODE: Final = "import sys; sys.path[:] = sys.argv[1:]; from tradestudy.figures.drawn import serve; serve()"
+# The second interpreter finds what this one finds, wherever it is started, except dask: xarray would load it, for half
+# a second, only to ask whether arrays are of its kind.
+_CODE: Final = (
+    "import sys; sys.path[:] = sys.argv[1:]; sys.modules['dask'] = None; "
+    "from tradestudy.figures.drawn import serve; serve()"
+)
 
 
 def drawn_here(drawings: Mapping[str, Drawing]) -> Mapping[str, Plotted]:
@@ -135,6 +139,7 @@ def drawer() -> Iterator[Drawer]:
 
 def serve() -> None:
     """What the second interpreter does: take results, list their figures, make what it is asked for."""
+    gc.set_threshold(20_000, 20, 20)  # as the program itself does
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to all; the run ends this process itself
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # whatever else is printed is no answer
