@@ -211,7 +211,7 @@ def test_results_of_another_version_that_lack_something_are_refused(tmp_path: Pa
         tree = result.data.copy()
         tree.attrs["code_hash"] = code
         tree["depth"] = xr.DataTree(tree["depth"].to_dataset().drop_vars("usable_near"))
-        storage.write_finished(tree, result.run_record, tmp_path / name)
+        storage.write_finished(storage.encoded(tree), result.run_record, tmp_path / name)
     for command in (["report", "--no-pdf"], ["compare", tmp_path / "own"]):
         ended = invoke(*command, tmp_path / "other")
         assert ended.exit_code == 1

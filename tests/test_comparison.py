@@ -490,7 +490,7 @@ def test_the_page_asks_no_host_and_its_file_is_replaced_whole(tmp_path: Path, mo
     study = tradestudy.load(ROBOT).with_values({"scene.distances.points": 12})
     for name, one in (("wide", study), ("narrow", study.with_values({"stereo-75mm.baseline": "40 mm"}))):
         result = one.run()
-        storage.write_finished(result.data, result.run_record, tmp_path / name)
+        storage.write_finished(storage.encoded(result.data), result.run_record, tmp_path / name)
     page = tmp_path / "pages" / "compared.html"
     runs = [str(tmp_path / name) for name in ("wide", "narrow")]
     done = CliRunner().invoke(app, ["compare", *runs, "--html", str(page)])

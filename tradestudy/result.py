@@ -140,18 +140,22 @@ class Result:
         pdf
             Whether to write the PDF too.
         drawer
-            Draws figures in another process while the rest is written; None draws all here.
+            Writes the results and draws figures in another process while the report is composed; None does all here.
         """
         from tradestudy import report as renderer
         from tradestudy.results import storage
 
         target = Path(directory)
-        drawing = None if drawer is None else drawer.begin(self.data)
-        storage.remove_abandoned(target)
-        record = storage.write_finished(self.data, self.run_record, target)
-        _write_posteriors(self.data, target)
-        _write_matchers(self.data, target)
-        renderer.write(self.data, record, target, pdf=pdf, drawing=drawing)
+        drawing = None if drawer is None else drawer.begin(self.data, filed=True)
+        try:
+            made = renderer.compose(self.data, storage.read_back(self.run_record), pdf=pdf, drawing=drawing)
+        finally:  # a report that cannot be made costs no results
+            content = storage.encoded(self.data) if drawing is None else drawing.file()
+            storage.remove_abandoned(target)
+            storage.write_finished(content, self.run_record, target)
+            _write_posteriors(self.data, target)
+            _write_matchers(self.data, target)
+        renderer.place(made, target)
         return target
 
     def _repr_html_(self) -> str:

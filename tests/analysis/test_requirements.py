@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from tradestudy.analysis.depth import depth_uncertainty, depth_uncertainty_error
 from tradestudy.analysis.held import Held
 from tradestudy.analysis.requirements import Judge, hold, is_kept
 from tradestudy.errors import StudyError
+from tradestudy.execution import Processes, Steps
+from tradestudy.run.groups.ranks import ranks_group
 from tradestudy.run.groups.requirements import requirements_group
 from tradestudy.study.schema.requirements import GuardBandPart, RequirementPart
 from tradestudy.study.sweep import sweep_axes, sweep_points
@@ -210,7 +213,7 @@ def test_the_end_of_a_stretch_is_a_root_and_not_a_design() -> None:
         {"sweep": {"stereo-75mm.baseline": ["30 mm", "60 mm", "90 mm"]}}
     )
     definition = study.plan().definition
-    found = requirements_group(definition, sweep_points(definition, sweep_axes(definition)), Judge(), _Quiet())
+    found = requirements_group(definition, sweep_points(definition, sweep_axes(definition)), Judge(), Steps())
     low, high = 0.03, 0.09
     while high - low > 1e-6:
         middle = (low + high) / 2.0
@@ -224,11 +227,28 @@ def test_the_end_of_a_stretch_is_a_root_and_not_a_design() -> None:
     assert found["design_met"].values[:, 0].tolist() == [0, 1, 1, 1]  # the declared 75 mm among them
 
 
-class _Quiet:
-    """Steps that nobody watches."""
-
-    def progress(self, _step: str, _share: float) -> None:
-        """Hear nothing."""
+def test_processes_answer_with_the_same_bits_and_each_camera_once() -> None:
+    study = robot(
+        any={"camera": "any", **ONE_PER_CENT},
+        overlap={"camera": "stereo-75mm", "overlap": {"above": "50 %", "over": ["1 m", "3 m"]}},
+    )
+    definition = study.with_values({"sweep": {"stereo-75mm.baseline": ["30 mm", "75 mm", "90 mm"]}}).definition
+    designs = sweep_points(definition, sweep_axes(definition))
+    with closing(Processes(2)) as processes:
+        steps = Steps(executor=processes)
+        found = requirements_group(definition, designs, Judge(), steps)
+        ranked = ranks_group(definition, steps)
+    cameras = {camera for design in designs for camera in design.case.cameras.values()}
+    fresh = {camera for camera in cameras if camera not in definition.case.cameras.values()}
+    assert steps.counts["requirements"]["computed"] == 2 * len(fresh) < 2 * len(cameras)
+    for row, design in enumerate(designs):
+        for column, requirement in enumerate(definition.file.requirements.values()):
+            one, _ = Judge().answer(requirement, design.case)
+            assert found["design_camera"].values[row, column] == one.camera
+            assert found["design_margin_percent"].values[row, column] == 100.0 * one.margin
+            assert found["design_reason"].values[row, column] == one.reason
+    assert steps.counts["ranks"]["computed"] == ranked["rank_first"].values[..., 0].size
+    assert ranked.identical(ranks_group(definition, Steps()))
 
 
 class _TwoStretches:

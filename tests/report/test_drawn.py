@@ -12,6 +12,7 @@ from tradestudy import figures
 from tradestudy.figures import drawn
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.drawn import Drawer, drawer, drawn_here
+from tradestudy.results import storage
 
 STUDY = Path(__file__).parents[2] / "studies" / "close_range.yaml"
 
@@ -39,6 +40,17 @@ def test_another_interpreter_draws_the_same_bytes(
         assert shared.pictures(drawings) == expected
 
 
+def test_another_interpreter_writes_the_same_file(
+    small: xr.DataTree, drawings: Mapping[str, Drawing], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = storage.encoded(small)
+    with drawer() as there:
+        shared = there.begin(small, filed=True)
+        monkeypatch.delattr(storage, "encoded")
+        assert shared.file() == expected
+        assert list(shared.pictures(drawings)) == list(drawings)
+
+
 def test_figures_drawn_by_two_interpreters_are_those_of_a_report(tree: xr.DataTree, written: Path) -> None:
     drawings = figures.build(tree)
     with drawer() as there:
@@ -48,12 +60,14 @@ def test_figures_drawn_by_two_interpreters_are_those_of_a_report(tree: xr.DataTr
         assert picture.svg == (written / "figures" / f"{name}.svg").read_bytes()
 
 
-def test_what_could_not_be_drawn_elsewhere_is_drawn_here(
+def test_what_could_not_be_made_elsewhere_is_made_here(
     small: xr.DataTree, drawings: Mapping[str, Drawing], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, "path", [])  # where the other interpreter finds nothing
     with drawer() as there:
-        assert there.begin(small).pictures(drawings) == drawn_here(drawings)
+        shared = there.begin(small, filed=True)
+        assert shared.pictures(drawings) == drawn_here(drawings)
+        assert shared.file() == storage.encoded(small)
 
 
 def test_an_interpreter_that_was_not_asked_ends_with_the_run() -> None:

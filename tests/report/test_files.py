@@ -11,6 +11,7 @@ import xarray as xr
 from tradestudy import report
 from tradestudy.report import csv_tables, html
 from tradestudy.report.words import interval
+from tradestudy.result import Result
 from tradestudy.results import FORMAT_VERSION, storage
 from tradestudy.wording import distance
 
@@ -41,7 +42,7 @@ def test_results_in_memory_and_on_disk_give_the_same_report(
 ) -> None:
     on_disk = tree.copy()
     on_disk.attrs["format_version"] = FORMAT_VERSION
-    storage.write_finished(on_disk, record, tmp_path / "run")
+    storage.write_finished(storage.encoded(on_disk), record, tmp_path / "run")
     report.write(storage.read_finished(tmp_path / "run")[0], record, tmp_path / "report")
     again = _content(tmp_path / "report")
     assert again == _content(written)
@@ -61,6 +62,21 @@ def test_an_old_report_stays_whole_until_the_new_one_is_complete(
     with pytest.raises(KeyboardInterrupt):
         report.write(_quick(tree), {"date": "new"}, tmp_path, pdf=False)
     assert _content(tmp_path) == before
+
+
+def test_a_report_that_cannot_be_made_costs_no_results(
+    tree: xr.DataTree, record: dict[str, object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> bytes:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(html, "render_html", fail)
+    kept = _quick(tree)
+    kept.attrs["format_version"] = FORMAT_VERSION
+    with pytest.raises(KeyboardInterrupt):
+        Result(data=kept, run_record=record).write(tmp_path, pdf=False)
+    assert _content(tmp_path).keys() == {"results.nc", "run.json"}
+    assert storage.read_finished(tmp_path)[0].identical(kept)
 
 
 def test_a_write_that_fails_leaves_the_old_file_and_nothing_beside_it(

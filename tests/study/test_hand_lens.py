@@ -202,7 +202,7 @@ def test_results_are_as_declared_and_survive_their_file(result: Result, tmp_path
         group = result.data[name].to_dataset()
         assert set(group.data_vars) <= set(GROUPS[name])
         assert all("units" in group[one].attrs and group[one].attrs["long_name"] for one in group.data_vars)
-    storage.write_finished(result.data, result.run_record, tmp_path)
+    storage.write_finished(storage.encoded(result.data), result.run_record, tmp_path)
     again, _ = storage.read_finished(tmp_path)
     for name in ("depth_of_field", "criteria"):
         xr.testing.assert_equal(again[name].to_dataset(), result.data[name].to_dataset())

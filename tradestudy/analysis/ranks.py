@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -21,6 +21,21 @@ RANK_WAYS: Final = ("calibration", "both")
 """Calibration errors alone, as after averaging all noise away, and single measurements."""
 _DRAWS, _SCRAMBLES = 2**11, 8
 _PREFIXES: Final = ("first/", "second/")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankPoint:
+    """Two cameras to compare at distances [m] in one of `RANK_WAYS`."""
+
+    first: DepthCamera
+    second: DepthCamera
+    distance: FloatArray
+    way: str
+
+
+def rank_at(point: RankPoint) -> RankProbability:
+    """See `rank`."""
+    return rank(point.first, point.second, point.distance, point.way)
 
 
 def rank(first: DepthCamera, second: DepthCamera, distance: FloatArray, way: str) -> RankProbability:

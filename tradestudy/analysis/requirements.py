@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -15,6 +15,7 @@ from tradestudy.analysis.held import Held
 from tradestudy.analysis.requirements_of_any_camera import hold_criterion, hold_sharp
 from tradestudy.analysis.usable import END_OF_STUDY, Interval, evaluate_limits, usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
+from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import Case
 from tradestudy.study.schema.requirements import (
@@ -101,6 +102,20 @@ def _hold_measured(
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Alone:
+    """A requirement on one camera, as the only one of a case, and its known usable intervals."""
+
+    requirement: RequirementPart
+    case: Case
+    known: Sequence[Interval] | None
+
+
+def _hold_alone(point: _Alone) -> Held:
+    (name,) = point.case.cameras
+    return hold(point.requirement, point.case, name, point.known)
+
+
 class Judge:
     """Answers requirements, and checks a camera that several designs share only once.
 
@@ -113,6 +128,26 @@ class Judge:
     def __init__(self, usable: Mapping[tuple[DepthCamera, UsableCriteria], Sequence[Interval]] | None = None) -> None:
         self._usable = usable or {}
         self._known: dict[tuple[RequirementPart, DepthCamera, UsableCriteria], Held] = {}
+
+    def check(self, requirements: Collection[RequirementPart], cases: Iterable[Case], steps: Steps) -> None:
+        """Check all cameras of several designs in one step, before they are asked for."""
+        points: dict[tuple[RequirementPart, DepthCamera, UsableCriteria], _Alone] = {}
+        for case in cases:
+            for requirement in requirements:
+                for name in _names(requirement, case) if requirement.asks_for_depth else ():
+                    key = (requirement, case.cameras[name], case.criteria)
+                    if key not in self._known and key not in points:
+                        alone = Case(
+                            cameras={name: key[1]},
+                            all_cameras={},
+                            criteria=case.criteria,
+                            distance=case.distance,
+                            wavelength=case.wavelength,
+                        )
+                        points[key] = _Alone(requirement=requirement, case=alone, known=self._usable.get(key[1:]))
+        labels = [f"{one.requirement.says}, {next(iter(one.case.cameras))}" for one in points.values()]
+        held = steps.map("requirements", _hold_alone, list(points.values()), labels)
+        self._known.update(zip(points, held, strict=True))
 
     def answer(self, requirement: RequirementPart, case: Case) -> tuple[Held, Mapping[str, Held]]:
         """The camera that decides a requirement, and the answers of all cameras that it concerns.

@@ -12,7 +12,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from multiprocessing import resource_tracker
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection
 from threading import Thread
 from typing import Any, Final
@@ -31,6 +31,10 @@ MOST_DEATHS: Final = 3
 """Workers that may die over one point before the run gives up on it."""
 _BEGINNING: Final = -1  # index of no point: the worker is starting
 _NO_COMPLAINT: Final = "ignore:resource_tracker"
+# Workers are forked from a process without threads that has loaded what most points take, once for all of them. A fork
+# of this process would copy locks that its threads hold; on macOS no fork is safe.
+_FORKING: Final = sys.platform == "linux"
+_LOADED: Final = ("tradestudy.analysis.requirements", "tradestudy.analysis.ranks", "scipy.stats")
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,8 @@ class _Worker:
         """A new worker, and what is done when it has started."""
         watched, run = multiprocessing.Pipe(duplex=False)
         with _started_quietly():
-            pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _end_with, (watched,))
+            context = multiprocessing.get_context("forkserver" if _FORKING else "spawn")
+            pool = ProcessPoolExecutor(1, context, _end_with, (watched,))
             return cls(pool, run), pool.submit(os.getpid)
 
 
@@ -54,9 +59,9 @@ class _Worker:
 class Processes:
     """Worker processes, each with its own interpreter; one that dies is replaced.
 
-    They are spawned, not forked (a fork would copy locks that other threads hold), so a script that uses them
-    needs the usual ``if __name__ == "__main__":`` guard. They wait for further points until `close`, or as long as this
-    object lives.
+    They run the script that uses them again, which needs the usual ``if __name__ == "__main__":`` guard. They wait for
+    further points until `close`, or as long as this object lives. On Linux, what they are forked from begins to load at
+    once, and stays until the program ends.
 
     Parameters
     ----------
@@ -69,6 +74,10 @@ class Processes:
 
     def __post_init__(self) -> None:
         refuse_fewer_than_one(self.count, "number of worker processes")
+        if _FORKING:
+            with _started_quietly():
+                multiprocessing.set_forkserver_preload(list(_LOADED))
+                forkserver.ensure_running()
 
     def map_unordered(
         self, function: Callable[[Point], Value], points: Sequence[Point]

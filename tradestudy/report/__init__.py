@@ -21,29 +21,27 @@ def write(
     pdf: bool = True,
     drawing: SharedDrawing | None = None,
 ) -> None:
-    """Write ``report.html``, ``report.pdf``, ``figures/*.svg`` and ``tables/*.csv`` of a finished run.
+    """Write the files of `compose` of a finished run; see there for the parameters, and `place` for the directory."""
+    place(compose(tree, run, pdf=pdf, drawing=drawing), directory)
 
-    The same results and run give the same bytes. Everything is made in memory first, and each file takes its place
-    only when it is complete, so that an interrupted call leaves no half-written report.
+
+def compose(
+    tree: xr.DataTree, run: Mapping[str, Any], *, pdf: bool = True, drawing: SharedDrawing | None = None
+) -> Mapping[str, bytes]:
+    """Make ``report.html``, ``report.pdf``, ``figures/*.svg`` and ``tables/*.csv``, by these paths.
+
+    The same results and run give the same bytes.
 
     Parameters
     ----------
     tree
         The content of ``results.nc``.
     run
-        The content of ``run.json``; only the section on provenance depends on it.
-    directory
-        Where the files go; it is made if it does not exist. Figures and tables of an earlier report that this one does
-        not have are removed.
+        The content of ``run.json``, with or without its checksum; only the section on provenance depends on it.
     pdf
-        Whether to write ``report.pdf``.
+        Whether to make ``report.pdf``.
     drawing
         Of the figures of these results, begun elsewhere; None draws all here.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be written.
     """
     from tradestudy import figures
     from tradestudy.figures.drawn import drawn_here
@@ -51,7 +49,6 @@ def write(
     from tradestudy.report import pdf as pdf_format
     from tradestudy.report.curve_values import curve_values
     from tradestudy.report.designs import page_designs
-    from tradestudy.results.storage import replace_file
 
     drawings = figures.build(tree)
     document = contents.compose_report(tree, run, drawings)
@@ -61,11 +58,28 @@ def write(
     pictures = drawn_here(drawings) if drawing is None else drawing.pictures(drawings)
     images = {name: picture.svg for name, picture in pictures.items()}
     made |= {f"figures/{name}.svg": svg for name, svg in images.items()}
-    with ThreadPoolExecutor() as pool:  # they wait for the typesetter, which needs no interpreter, and for the disk
+    with ThreadPoolExecutor(1) as pool:  # the typesetter needs no interpreter
         typeset = pool.submit(pdf_format.render_pdf, document, images) if pdf else None
         made["report.html"] = html.render_html(document, pictures, values, designs)
         if typeset is not None:
             made["report.pdf"] = typeset.result()
+    return made
+
+
+def place(made: Mapping[str, bytes], directory: Path) -> None:
+    """Write the files of a report into a folder, which is made if it does not exist.
+
+    Each takes its place only when it is complete, so that an interrupted call leaves no half-written file. Figures and
+    tables of an earlier report that this one does not have are removed.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written.
+    """
+    from tradestudy.results.storage import replace_file
+
+    with ThreadPoolExecutor() as pool:  # they wait for the disk
         list(pool.map(replace_file, (directory / name for name in made), made.values()))
     for old in (*directory.glob("figures/*.svg"), *directory.glob("tables/*.csv")):
         if old.relative_to(directory).as_posix() not in made:

@@ -74,25 +74,25 @@ def _is_running(process: int) -> bool:
     return True
 
 
-def write_finished(tree: xr.DataTree, run: Mapping[str, Any], directory: Path) -> dict[str, Any]:
+def encoded(tree: xr.DataTree) -> bytes:
+    """The content of ``results.nc``."""
+    return bytes(tree.to_netcdf(engine="h5netcdf"))  # in memory: HDF5 crashes the process when the disk is full
+
+
+def write_finished(content: bytes, run: Mapping[str, Any], directory: Path) -> None:
     """Write ``run.json`` with the checksum of the results, then ``results.nc``, each whole or not at all.
 
     Results come last: once they exist, the run is finished and its record exists too.
-
-    Returns
-    -------
-    dict
-        The record as it is read back, so that reports made now and later from the files are identical.
     """
-    content = tree.to_netcdf(engine="h5netcdf")  # in memory: HDF5 crashes the process when the disk is full
-    record = {**run, CHECKSUM: _checksum(content)}
-    text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
     with replacing(directory / RESULTS) as results:
         results.write_bytes(content)
-        with replacing(directory / RUN) as beside:
-            beside.write_text(text, encoding="utf-8")
-    read_back: dict[str, Any] = json.loads(text)
-    return read_back
+        replace_file(directory / RUN, _text_of({**run, CHECKSUM: _checksum(content)}).encode())
+
+
+def read_back(run: Mapping[str, Any]) -> dict[str, Any]:
+    """A record as ``run.json`` returns it, so that reports made now and later from the files are identical."""
+    record: dict[str, Any] = json.loads(_text_of(run))
+    return record
 
 
 def read_finished(directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:
@@ -121,7 +121,11 @@ def read_finished(directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:
     return _tree_of(content, path), record
 
 
-def _checksum(content: bytes | memoryview) -> str:
+def _text_of(run: Mapping[str, Any]) -> str:
+    return json.dumps(run, indent=2, ensure_ascii=False) + "\n"
+
+
+def _checksum(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 

@@ -129,7 +129,7 @@ def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
         decided.append(design_verdicts(definition, asked.designs, tables))
     steps.progress("decision", 1.0)
     if file.decision is not None:
-        decided.append(ranks_group(definition, steps.progress))
+        decided.append(ranks_group(definition, steps))
     groups["/decision"] = xr.merge(decided, combine_attrs="drop_conflicts")
     return groups
 

@@ -7,8 +7,8 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.analysis.ranks import RANK_WAYS, rank
-from tradestudy.execution.steps import Progress
+from tradestudy.analysis.ranks import RANK_WAYS, RankPoint, rank_at
+from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
@@ -16,21 +16,23 @@ from tradestudy.study.definition import StudyDefinition
 _MOST_DISTANCES: Final = 25
 
 
-def ranks_group(definition: StudyDefinition, progress: Progress) -> xr.Dataset:
+def ranks_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
     """Ranks over (pair, way, distance) for the pairs that the decision compares."""
     decision = definition.file.decision
     assert decision is not None  # the caller has checked
     pairs = decision.compare or (decision.between,)
     distance = _distances(definition.case.distance, decision.at)
     cameras = definition.case.cameras
-    found = []
-    for number, (first, second) in enumerate(pairs):
-        progress("ranks", number / len(pairs))
-        found.append([rank(cameras[first], cameras[second], distance, way) for way in RANK_WAYS])
-    progress("ranks", 1.0)
+    names = [f"{first} against {second}" for first, second in pairs]
+    points = [
+        RankPoint(first=cameras[first], second=cameras[second], distance=distance, way=way)
+        for first, second in pairs
+        for way in RANK_WAYS
+    ]
+    found = steps.map("ranks", rank_at, points, [f"{name}, {way}" for name in names for way in RANK_WAYS])
 
     def over_pairs(name: str) -> Any:
-        return np.array([[getattr(way, name) for way in pair] for pair in found])
+        return np.array([getattr(one, name) for one in found]).reshape(len(pairs), len(RANK_WAYS), -1)
 
     return dataset(
         "decision",
@@ -42,7 +44,7 @@ def ranks_group(definition: StudyDefinition, progress: Progress) -> xr.Dataset:
             "pair_second": [second for _, second in pairs],
         },
         {
-            "pair": [f"{first} against {second}" for first, second in pairs],
+            "pair": names,
             "rank_way": list(RANK_WAYS),
             "rank_distance": distance,
         },

@@ -68,10 +68,8 @@ def requirements_group(
     }
     coordinates: dict[str, Any] = {"requirement": list(requirements), "camera": cameras}
     if axes:
-        table = []
-        for number, design in enumerate(designs):
-            steps.progress("requirements", number / len(designs))
-            table.append([judge.answer(one, design.case)[0] for one in requirements.values()])
+        judge.check(requirements.values(), (design.case for design in designs), steps)
+        table = [[judge.answer(one, design.case)[0] for one in requirements.values()] for design in designs]
         shape = (*(len(axis.labels) for axis in axes), len(requirements))
 
         def shaped(of: list[list[Any]]) -> np.ndarray[Any, Any]:
