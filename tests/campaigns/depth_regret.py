@@ -293,7 +293,7 @@ HEAD = (
 
 
 NOTE = (
-    "The change is the largest of the depth uncertainty and of the ends of usable ranges, relative to the most expensive "
+    "The change is the largest of the depth uncertainty and of the ends of usable ranges, against the most expensive "
     "models. Where a range or a gap between ranges appears or vanishes, its ends part or meet, and their shift counts: "
     "half its width, or all of it at the end of the study."
 )
