@@ -215,7 +215,7 @@ class DepthVariant:
     def _weighed(self) -> WeighedPicture:
         law = self.law
         assert law is not None  # only used where the disparity error is derived
-        return WeighedPicture(geometry=self.reference.picture_geometry(self._everywhere), settings=law.settings)
+        return law.picture(self.reference, self._everywhere)
 
     def disparity_error_px(self, models: Models) -> FloatArray:
         """Lower bound of the disparity error everywhere [samples], with these models in closed form."""
