@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import pytest
@@ -25,10 +26,14 @@ class Known(Piece):
     asked = ("depth_uncertainty",)
 
     def __init__(
-        self, slots: Mapping[SlotName, Mapping[str, float]], *, wide: float = 1.0, costly: tuple[SlotName, ...] = ()
+        self,
+        slots: Mapping[SlotName, Mapping[str, float]],
+        *,
+        wide: float = 1.0,
+        costly: Mapping[SlotName, int] = MappingProxyType({}),
     ) -> None:
         self.slots = tuple(
-            Slot(name=name, models=tuple(models), costly=name in costly) for name, models in slots.items()
+            Slot(name=name, models=tuple(models), costly=costly.get(name, 0)) for name, models in slots.items()
         )
         self._of, self.wide, self.tried = slots, wide, 0
 
@@ -66,8 +71,9 @@ def test_the_simplest_models_that_fit_together_are_taken() -> None:
 
 def test_a_cheap_omission_does_not_use_up_the_tolerance_that_spares_a_costly_model() -> None:
     """With Airy's law (4 %), draws would remain necessary; with Fresnel's (0.1 %), a line (2 %) suffices instead."""
-    costly = blur_and_noise(costly=("main_lens_diffraction", "calibration"))
+    costly = blur_and_noise(costly={"main_lens_diffraction": 1, "calibration": 2})
     assert names(choose(costly, {"depth_uncertainty": 0.05}, {})) == ("fresnel", "linear")
+    assert names(choose(costly, {"depth_uncertainty": 0.0205}, {})) == ("kirchhoff", "linear"), "draws cost the most"
     assert names(choose(costly, {"depth_uncertainty": 0.06}, {})) == ("airy", "linear")
     assert names(choose(costly, {"depth_uncertainty": 1.0}, {})) == ("off", "off")
 

@@ -55,7 +55,8 @@ class Slot:
     saves_time
         Whether a simpler model is faster; if not, the most complete one is used.
     costly
-        Whether the most complete model takes far longer than all others, so that it is to be replaced first.
+        Rank of the most complete model among those that take far longer than all others, so that they are replaced
+        first, beginning with the highest rank; 0 if it does not.
     reason
         Why there is only one model; empty where there are several.
 
@@ -68,7 +69,7 @@ class Slot:
     name: SlotName
     models: tuple[str, ...]
     saves_time: bool = True
-    costly: bool = False
+    costly: int = 0
     reason: str = ""
 
     def under(self, forced: Models) -> Slot:
@@ -212,7 +213,7 @@ def choose(piece: Piece, tolerances: Mapping[Quantity, float], forced: Models) -
         raise _out_of_reach(piece, piece.changes(complete), tolerances)
     chosen = dict(complete)
     saving = [slot for slot in piece.slots if slot.saves_time]
-    for slot in (one for one in saving if one.costly):
+    for slot in sorted((one for one in saving if one.costly), key=lambda one: -one.costly):
         chosen[slot.name] = _first_that_fits(piece, slot.name, slot.models[-2:-1], chosen, tolerances)
     for slot in saving:
         simpler = slot.models[: slot.models.index(chosen[slot.name])]

@@ -32,8 +32,8 @@ MARGIN: Final = 1.1
 TRIAL_MARGIN: Final = 1.5
 _ALL: Final = 1.0 - 1e-9  # of a disparity error, which cannot become zero
 # Effects whose simpler models save time, in the order in which they are tried.
-_COSTLY: Final[tuple[SlotName, ...]] = (*LENSES, "calibration")  # Kirchhoff's integral, and draws
-_SAVING: Final[tuple[SlotName, ...]] = (*_COSTLY, "spectrum", "crosstalk")
+_SAVING: Final[tuple[SlotName, ...]] = (*LENSES, "calibration", "spectrum", "crosstalk")
+_COSTLY: Final[Mapping[SlotName, int]] = {"calibration": 2, **dict.fromkeys(LENSES, 1)}  # draws; Kirchhoff's integral
 _OTHERS: Final[tuple[SlotName, ...]] = ("defocus_blur", "pixel_integration", "vignetting", "sensor_noise")
 
 
@@ -332,7 +332,7 @@ def _slots(camera: DepthCamera, pictured: Sequence[DepthCamera], forced: Models)
         models, reason = models_of(name, "depth"), ""
         if name != "calibration" and (why or (reason := _absent(pictured, name))):
             models, reason = (OFF,), why or reason
-        slot = Slot(name=name, models=models, saves_time=name in _SAVING, costly=name in _COSTLY, reason=reason)
+        slot = Slot(name=name, models=models, saves_time=name in _SAVING, costly=_COSTLY.get(name, 0), reason=reason)
         found.append(slot if slot.reason else slot.under(own))
     return tuple(found)
 
