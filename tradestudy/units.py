@@ -422,7 +422,8 @@ def _in_si(number: str, unit: str, text: str, dimension: Dimension) -> float:
     return float(Decimal(number) * Decimal(repr(resolved.scale)) + Decimal(repr(resolved.offset)))
 
 
-# The most common units, resolved as by pint, because importing pint takes longer than reading a study.
+# The most common units and those of every dimension, resolved as by pint, because importing pint takes longer than
+# reading a study.
 _USUAL: Mapping[str, _Unit] = {
     unit: _Unit(scale=scale, offset=0.0, dimensions=frozenset({(base.removeprefix("1/"), power)} if base else ()))
     for base, units in {
@@ -437,12 +438,13 @@ _USUAL: Mapping[str, _Unit] = {
         "[data]": {"bit": 1.0, "MB": 8e6},
         "[pixel]": {"px": 1.0},
         "[electron]": {"electron": 1.0, "electrons": 1.0},
+        "[photon]": {"photon": 1.0},
         "[wave]": {"wave": 1.0, "waves": 1.0},
         "": {"percent": 0.01},
     }.items()
     for power in [-1 if base.startswith("1/") else 1]
     for unit, scale in units.items()
-}
+} | {"DN/electron": _Unit(scale=1.0, offset=0.0, dimensions=frozenset({("[digital_number]", 1), ("[electron]", -1)}))}
 _ABSOLUTE: Mapping[str, _Unit] = {"degC": _Unit(scale=1.0, offset=273.15, dimensions=frozenset({("[temperature]", 1)}))}
 
 

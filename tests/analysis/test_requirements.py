@@ -14,7 +14,8 @@ import pytest
 import tradestudy
 from tradestudy.analysis.depth import depth_uncertainty, depth_uncertainty_error, evaluate_depth
 from tradestudy.analysis.held import Held
-from tradestudy.analysis.requirements import Judge, hold, is_kept
+from tradestudy.analysis.requirements import Judge, _shift_to_decide, _unusable, hold, is_kept
+from tradestudy.analysis.usable import END_OF_STUDY, Interval
 from tradestudy.errors import StudyError
 from tradestudy.execution import Processes, Steps
 from tradestudy.run.groups.ranks import ranks_group
@@ -123,6 +124,47 @@ def test_a_range_wholly_outside_the_usable_one_names_the_limit_broken_there(over
     assert (found.met, found.unusable) == (False, 1.0)
     assert found.limit == limit
     assert ": " in found.reason
+
+
+def intervals(*ends: float, first_limit: str = "overlap") -> list[Interval]:
+    """Usable intervals from their ends, near, far, near, far …"""
+    limits = [first_limit] + ["overlap"] * len(ends)
+    return [
+        Interval(near=near, far=far, near_limit=limit, far_limit="overlap")
+        for near, far, limit in zip(ends[::2], ends[1::2], limits[::2], strict=False)
+    ]
+
+
+@pytest.mark.parametrize("ends", [(0.9, 2.5), (0.9, 1.5, 1.53, 2.5), (1.02, 2.5), (0.9, 1.98), (0.8, 0.99, 1.03, 2.2)])
+def test_ends_that_shift_by_the_stated_share_decide_whether_a_range_is_covered(ends: tuple[float, ...]) -> None:
+    """Against the covered share after every end has been shifted outwards or inwards, just enough and just not."""
+
+    def covered(shift: float) -> bool:
+        signs = np.tile([-1.0, 1.0], len(ends) // 2)
+        moved = np.array(ends) * (1.0 + shift * signs)
+        return _unusable(intervals(*moved), (1.0, 2.0))[0] == 0.0
+
+    shift = _shift_to_decide(intervals(*ends), (1.0, 2.0))
+    outwards = 1.0 if not covered(0.0) else -1.0
+    assert covered(outwards * 0.999 * shift) == covered(0.0)
+    assert covered(outwards * 1.001 * shift) != covered(0.0)
+
+
+def test_the_end_of_the_study_decides_nothing_and_nothing_usable_needs_no_small_shift() -> None:
+    at_the_end = intervals(1.0, 2.5, first_limit=END_OF_STUDY)
+    assert _shift_to_decide(at_the_end, (1.0, 2.0)) == pytest.approx(0.2)
+    assert _shift_to_decide([], (1.0, 2.0)) == math.inf
+
+
+def test_an_answer_is_marked_where_the_value_or_an_end_could_reverse_it() -> None:
+    assert held().could_be_overturned(0.12, 0.01)
+    assert not held().could_be_overturned(0.1, 0.01)
+    assert held(end_shift=0.005).could_be_overturned(0.1, 0.01)
+    narrow = held(met=False, unusable=0.02, margin=-0.02, value_margin=0.5, end_shift=0.005)
+    assert narrow.could_be_overturned(0.1, 0.01)
+    assert not narrow.could_be_overturned(0.1, 0.001)
+    assert not replace(narrow, value_margin=-0.5).could_be_overturned(0.1, 0.01), "the value misses its bound anyway"
+    assert replace(narrow, value_margin=-0.05).could_be_overturned(0.1, 0.01)
 
 
 def test_a_camera_that_is_nowhere_usable_names_the_first_limit_broken() -> None:

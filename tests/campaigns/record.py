@@ -19,8 +19,9 @@ def write(
     header: Sequence[str],
     rows: Sequence[Sequence[object]],
     folder: Path = HERE,
+    note: str = "",
 ) -> Path:
-    """Write ``NAME.md``: when, with what, and a table of counts."""
+    """Write ``NAME.md``: when, with what, and a table of counts, with a note on what is counted."""
     versions = ", ".join(f"{library} {version}" for library, version in provenance.versions().items())
     lines = [
         f"# {title}",
@@ -29,6 +30,7 @@ def write(
         f"{platform.system()} {platform.machine()}, {provenance.machine()['cores']} cores shared with other work; "
         f"code {provenance.code_hash()[:12]}; {versions}.",
         "",
+        *((note, "") if note else ()),
         f"| {' | '.join(header)} |",
         f"|{'---|' * len(header)}",
         *(f"| {' | '.join(map(str, row))} |" for row in rows),

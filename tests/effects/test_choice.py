@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -23,8 +25,16 @@ class Known(Piece):
     name, title = "known", "A known piece"
     asked = ("depth_uncertainty",)
 
-    def __init__(self, slots: Mapping[SlotName, Mapping[str, float]], *, wide: float = 1.0) -> None:
-        self.slots = tuple(Slot(name=name, models=tuple(models)) for name, models in slots.items())
+    def __init__(
+        self,
+        slots: Mapping[SlotName, Mapping[str, float]],
+        *,
+        wide: float = 1.0,
+        costly: Mapping[SlotName, int] = MappingProxyType({}),
+    ) -> None:
+        self.slots = tuple(
+            Slot(name=name, models=tuple(models), costly=costly.get(name, 0)) for name, models in slots.items()
+        )
         self._of, self.wide, self.tried = slots, wide, 0
 
     def changes(self, models: Models) -> Changes:
@@ -37,13 +47,13 @@ class Known(Piece):
         return known
 
 
-def blur_and_noise(**more: float) -> Known:
+def blur_and_noise(**more: Any) -> Known:
     return Known(
         {
             "main_lens_diffraction": {"off": 0.2, "airy": 0.04, "fresnel": 0.001, "kirchhoff": 0.0},
             "calibration": {"off": 0.5, "linear": 0.02, "exact": 0.0},
         },
-        **more,  # type: ignore[arg-type]
+        **more,
     )
 
 
@@ -57,6 +67,15 @@ def test_the_simplest_models_that_fit_together_are_taken() -> None:
     assert names(choose(blur_and_noise(), {"depth_uncertainty": 0.03}, {})) == ("fresnel", "linear")
     assert names(choose(blur_and_noise(), {"depth_uncertainty": 1.0}, {})) == ("off", "off")
     assert names(choose(blur_and_noise(), {"depth_uncertainty": 1e-4}, {})) == ("kirchhoff", "exact")
+
+
+def test_a_cheap_omission_does_not_use_up_the_tolerance_that_spares_a_costly_model() -> None:
+    """With Airy's law (4 %), draws would remain necessary; with Fresnel's (0.1 %), a line (2 %) suffices instead."""
+    costly = blur_and_noise(costly={"main_lens_diffraction": 1, "calibration": 2})
+    assert names(choose(costly, {"depth_uncertainty": 0.05}, {})) == ("fresnel", "linear")
+    assert names(choose(costly, {"depth_uncertainty": 0.0205}, {})) == ("kirchhoff", "linear"), "draws cost the most"
+    assert names(choose(costly, {"depth_uncertainty": 0.06}, {})) == ("airy", "linear")
+    assert names(choose(costly, {"depth_uncertainty": 1.0}, {})) == ("off", "off")
 
 
 def test_only_what_can_change_the_choice_is_tried() -> None:

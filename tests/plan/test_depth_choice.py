@@ -12,7 +12,7 @@ import pytest
 
 import tradestudy
 from tests.campaigns.depth_cases import base_study
-from tests.campaigns.depth_regret import run
+from tests.campaigns.depth_regret import run, shift_of_ends
 from tradestudy.accuracy import Quantity
 from tradestudy.analysis.depth import depth_uncertainty, evaluate_depth
 from tradestudy.effects.choice import Change, Changes, Piece, Slot, choose
@@ -285,6 +285,28 @@ def test_a_tolerance_that_no_line_keeps_calls_for_draws() -> None:
     plan = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", tolerance="0.0002 %").plan()
     assert {one.models["calibration"] for one in plan.pieces} == {"exact"}
     assert {one.choice.changes["depth_uncertainty"].relative for one in plan.pieces} == {0.0}
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "shift"),
+    [
+        ((0.5, 2.0), (0.5, 2.0), 0.0),
+        ((0.5, 2.0), (0.51, 2.0), 0.02),
+        ((0.4, 0.5, 0.99, 1.01), (0.4, 0.5), 0.01),  # a narrow range vanishes at 1
+        ((0.4, 0.5), (0.4, 0.5, 0.99, 1.01), 0.01),
+        ((0.4, 0.99, 1.01, 2.0), (0.4, 2.0), 0.01),  # a narrow gap closes at 1
+        ((0.4, 0.99, 1.01, 2.0), (0.4, 2.1), 0.05),
+        ((0.4, 1.0), (0.4, 0.5, 0.52, 1.0), 0.02 / 1.02),
+        ((0.1, 0.102), (), 0.02),  # only one of its ends can move
+        ((0.5, 1.5), (), 0.5),
+        ((0.1, 9.0), (), np.inf),
+        ((), (), 0.0),
+    ],
+)
+def test_a_range_vanishes_where_its_ends_meet(
+    before: tuple[float, ...], after: tuple[float, ...], shift: float
+) -> None:
+    assert shift_of_ends(before, after, (0.1, 9.0)) == pytest.approx(shift, abs=1e-12)
 
 
 @pytest.mark.slow

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from tests.campaigns.depth_cases import KINDS, base_study, random_study
+from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.effects.models import Models
 from tradestudy.errors import TradestudyError
 from tradestudy.imaging.kirchhoff import kirchhoff_transfers
 from tradestudy.imaging.transfer import airy_transfer
 from tradestudy.plan.pieces.depth import depth_pieces
 from tradestudy.plan.pieces.depth_variant import DepthVariant
+from tradestudy.study.acting import acting
 
 
 @pytest.mark.parametrize("f_number", [2.0, 3.8])
@@ -88,7 +90,7 @@ def test_aberration_stays_within_its_rule(
     tmp_path: Path, kind: str, values: dict[str, Any], forced: Models, least: float
 ) -> None:
     found = variant(kind, tmp_path, values, forced)
-    assert least < found.tried_by_exact_paths() < float(np.nanmax(sum(found.by_exact_paths)))
+    assert least < found.tried_by_exact_paths()[0] < float(np.nanmax(sum(found.by_exact_paths)))
 
 
 def test_exact_paths_of_random_cameras_stay_within_their_rule_and_it_is_not_idle(tmp_path: Path) -> None:
@@ -102,7 +104,29 @@ def test_exact_paths_of_random_cameras_stay_within_their_rule_and_it_is_not_idle
             continue
         found = piece._variants[0]
         if found.places.size:
-            ratios.append(found.tried_by_exact_paths() / float(np.nanmax(sum(found.by_exact_paths))))
+            ratios.append(found.tried_by_exact_paths()[0] / float(np.nanmax(sum(found.by_exact_paths))))
     assert len(ratios) > 5
     assert max(ratios) < 1.0
     assert max(ratios) > 0.1
+
+
+def test_a_trial_tells_the_change_of_the_uncertainty_and_not_only_of_the_noise(tmp_path: Path) -> None:
+    """Against depth by Kirchhoff's and by Fresnel's law at every place, also where calibration errors dominate."""
+    found = []
+    for number in range(0, 15, 3):
+        rng = np.random.default_rng((32, number))
+        (piece,) = depth_pieces(random_study(base_study("stereo", tmp_path), "stereo", rng), {})
+        (variant,), kirchhoff = piece._variants, piece.complete
+        if not variant.usable.any():  # where depth hardly has a far end, its uncertainty exceeds all proportion
+            continue
+        fresnel = {**kirchhoff, "main_lens_diffraction": "fresnel"}
+        while piece.try_out(fresnel):
+            pass
+        by_fresnel, exact = (
+            depth_uncertainty(acting(variant.camera, {**models, "calibration": "linear"}), variant.places)
+            for models in (fresnel, kirchhoff)
+        )
+        real = float(np.max(np.abs(by_fresnel / exact - 1.0)))
+        found.append((piece.changes(fresnel)["depth_uncertainty"].relative / real, variant.noise_share.min()))
+    assert min(share for _, share in found) < 0.5
+    assert all(1.0 < ratio < 2.0 for ratio, _ in found), found

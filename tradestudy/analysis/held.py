@@ -32,6 +32,11 @@ class Held:
         The reason, in words.
     limit
         Name of the limit of the usable range that decides the answer; empty if the value does.
+    value_margin
+        The margin of the worst value alone, usable or not; None where `margin` is that.
+    end_shift
+        The least relative shift of ends of usable ranges that decides anew whether the camera is usable everywhere;
+        infinite where no end can.
     """
 
     camera: str
@@ -44,6 +49,16 @@ class Held:
     unusable: float
     reason: str
     limit: str = ""
+    value_margin: float | None = None
+    end_shift: float = math.inf
+
+    def could_be_overturned(self, of_value: float, of_ends: float) -> bool:
+        """Whether such relative changes of the worst value and of ends of usable ranges could reverse the answer."""
+        margin = self.margin if self.value_margin is None else self.value_margin
+        by_value, by_ends = abs(margin) <= of_value, self.end_shift <= of_ends
+        if self.met or self.value_margin is None or self.unusable == 0.0:
+            return by_value or (self.met is True and by_ends)
+        return by_ends and (by_value or margin > 0.0)
 
     @property
     def margin_in_errors(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -99,6 +100,8 @@ def _hold_measured(
         unusable=unusable,
         reason=reason,
         limit=limit,
+        value_margin=margin,
+        end_shift=_shift_to_decide(intervals, required.over),
     )
 
 
@@ -241,6 +244,8 @@ def _hold_use(required: UsablePart, intervals: Sequence[Interval], case: Case, n
         unusable=unusable,
         reason=words,
         limit=limit,
+        value_margin=math.inf,
+        end_shift=_shift_to_decide(intervals, required.over),
     )
 
 
@@ -263,6 +268,27 @@ def _unusable(intervals: Sequence[Interval], over: tuple[float, ...]) -> tuple[f
             first = (reached, gap) if math.isnan(first[0]) else first
         reached = max(reached, far)
     return missing / math.log(over[1] / over[0]), first
+
+
+def _shift_to_decide(intervals: Sequence[Interval], over: tuple[float, ...]) -> float:
+    """The least relative shift of ends of usable intervals that makes a gap in a range, or closes all that it has.
+
+    A gap between two intervals closes if its ends meet, or if one of them passes the range. The ends of the study move
+    nothing, and an interval that would split cannot be told from its ends.
+    """
+    near, far = over
+    closing = []
+    for before, after in pairwise((None, *sorted(intervals, key=lambda one: one.near), None)):
+        last, first = -math.inf if before is None else before.far, math.inf if after is None else after.near
+        if min(first, far) <= max(last, near) * _MORE:
+            continue
+        alone = [far / last - 1.0] * (before is not None) + [1.0 - near / first] * (after is not None)
+        closing.append(min([*alone, (first - last) / (first + last)] if len(alone) > 1 else alone, default=math.inf))
+    if closing:
+        return max(closing)
+    whole = next(one for one in intervals if one.far >= far * _LESS)
+    ends = ((near / whole.near - 1.0, whole.near_limit), (1.0 - far / whole.far, whole.far_limit))
+    return min((shift for shift, limit in ends if limit != END_OF_STUDY), default=math.inf)
 
 
 def _limit_of(intervals: Sequence[Interval], place: float, case: Case, name: str) -> str:

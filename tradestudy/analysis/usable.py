@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -126,7 +127,8 @@ def boundaries(
     if change.size == 0:
         return ()
     ends = np.full((2, change.size), np.nan)  # margin of the condition at low and high
-    shares, columns = _even(change.size), np.arange(change.size)
+    needed = float(np.max((high - low) / low)) / to if to > 0.0 else math.inf
+    shares, columns = _even(change.size, max(2, math.ceil(min(needed, SUBDIVISIONS)))), np.arange(change.size)
     while np.any(high - low > np.maximum(2.0 * np.spacing(high), to * high)):
         points = np.vstack([low, low + shares * (high - low), high])
         found = condition(points[1:-1].ravel()).reshape(shares.shape)
@@ -152,9 +154,9 @@ def _holds(found: BoolArray | FloatArray) -> BoolArray:
     return np.asarray(found if found.dtype == np.bool_ else found >= 0.0)
 
 
-def _even(count: int) -> FloatArray:
-    """Shares that divide each of so many brackets evenly; shape (divisions, brackets)."""
-    return np.repeat(np.linspace(0.0, 1.0, SUBDIVISIONS + 1)[1:-1, np.newaxis], count, axis=1)
+def _even(count: int, divisions: int = SUBDIVISIONS) -> FloatArray:
+    """Shares that divide each of so many brackets evenly; shape (divisions − 1, brackets)."""
+    return np.repeat(np.linspace(0.0, 1.0, divisions + 1)[1:-1, np.newaxis], count, axis=1)
 
 
 def _towards_zero(at_low: FloatArray, at_high: FloatArray) -> FloatArray:

@@ -54,6 +54,9 @@ class Slot:
         The effect and its models.
     saves_time
         Whether a simpler model is faster; if not, the most complete one is used.
+    costly
+        Rank of the most complete model among those that take far longer than all others, so that they are replaced
+        first, beginning with the highest rank; 0 if it does not.
     reason
         Why there is only one model; empty where there are several.
 
@@ -66,6 +69,7 @@ class Slot:
     name: SlotName
     models: tuple[str, ...]
     saves_time: bool = True
+    costly: int = 0
     reason: str = ""
 
     def under(self, forced: Models) -> Slot:
@@ -187,7 +191,8 @@ class Choice:
 def choose(piece: Piece, tolerances: Mapping[Quantity, float], forced: Models) -> Choice:
     """Replace models by simpler ones, effect by effect, as long as all asked quantities stay within their tolerance.
 
-    Every replacement is judged together with those before it, so that omissions do not have to be added up.
+    Costly models go first, so that no other omission uses up the tolerance before. Every replacement is judged together
+    with those before it, so that omissions do not have to be added up.
 
     Parameters
     ----------
@@ -207,12 +212,20 @@ def choose(piece: Piece, tolerances: Mapping[Quantity, float], forced: Models) -
     if not _fits(piece, complete, tolerances):
         raise _out_of_reach(piece, piece.changes(complete), tolerances)
     chosen = dict(complete)
-    for slot in (one for one in piece.slots if one.saves_time):
-        for model in slot.models[:-1]:
-            if _fits(piece, {**chosen, slot.name: model}, tolerances):
-                chosen[slot.name] = model
-                break
+    saving = [slot for slot in piece.slots if slot.saves_time]
+    for slot in sorted((one for one in saving if one.costly), key=lambda one: -one.costly):
+        chosen[slot.name] = _first_that_fits(piece, slot.name, slot.models[-2:-1], chosen, tolerances)
+    for slot in saving:
+        simpler = slot.models[: slot.models.index(chosen[slot.name])]
+        chosen[slot.name] = _first_that_fits(piece, slot.name, simpler, chosen, tolerances)
     return Choice(piece=piece, models=chosen, forced=forced)
+
+
+def _first_that_fits(
+    piece: Piece, slot: SlotName, models: tuple[str, ...], chosen: Models, tolerances: Mapping[Quantity, float]
+) -> str:
+    """The first of some models of an effect that fits with the models chosen so far; the chosen one if none does."""
+    return next((model for model in models if _fits(piece, {**chosen, slot: model}, tolerances)), chosen[slot])
 
 
 def _fits(piece: Piece, models: Models, tolerances: Mapping[Quantity, float]) -> bool:

@@ -17,7 +17,7 @@ from tradestudy.imaging.optical_transfer import kirchhoff_points
 from tradestudy.imaging.picture import (
     LARGEST_ERROR_PX,
     DerivedDisparityError,
-    disparity_bound_px,
+    WeighedPicture,
     disparity_error_px,
     filled_share,
     matching_margin,
@@ -108,6 +108,10 @@ class PictureDisparityError:
         a = np.ascontiguousarray(distance, dtype=np.float64)
         return _bound_px(camera.as_pictured, self.settings, self.models, a.tobytes())
 
+    def picture(self, camera: DepthCamera, distance: FloatArray) -> WeighedPicture:
+        """The picture that `bound_px` weighs, for other models: the transfers of its lenses are computed once."""
+        return _picture(camera.as_pictured, self.settings, np.ascontiguousarray(distance).tobytes())
+
 
 def at_bound(camera: DepthCamera) -> DepthCamera:
     """The camera with a matcher at the bound; unchanged if its error is declared."""
@@ -119,9 +123,14 @@ def at_bound(camera: DepthCamera) -> DepthCamera:
 
 @lru_cache(maxsize=_REMEMBERED)
 def _bound_px(camera: DepthCamera, settings: PictureSettings, models: PictureModels, distance: bytes) -> FloatArray:
-    found = disparity_bound_px(camera.picture_geometry(np.frombuffer(distance)), settings, models)
+    found = _picture(camera, settings, distance).bound_px(models)
     found.setflags(write=False)
     return found
+
+
+@lru_cache(maxsize=4)  # megabytes each
+def _picture(camera: DepthCamera, settings: PictureSettings, distance: bytes) -> WeighedPicture:
+    return WeighedPicture(geometry=camera.picture_geometry(np.frombuffer(distance)), settings=settings)
 
 
 def kirchhoff_lattice(cameras: Iterable[DepthCamera], distance: FloatArray) -> tuple[LatticePoint, ...]:

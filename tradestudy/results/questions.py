@@ -207,7 +207,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "within_tolerance": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="whether a change of the worst value by the tolerance could overturn the answer",
+        long_name="whether a change of the worst value or of usable ranges' ends by the tolerance could overturn the "
+        "answer",
         error="exact",
     ),
     "reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="the worst value and where it lies"),

@@ -9,6 +9,7 @@ import numpy as np
 
 from tradestudy.calibration.corners.corner_file import CornerFileError, StereoCorners
 from tradestudy.calibration.corners.initial_values import first_values
+from tradestudy.calibration.corners.triangular_factor import triangular_factor
 from tradestudy.calibration.corners.view_blocks import (
     ROTATION,
     TRANSLATION,
@@ -308,7 +309,7 @@ def _damped_step(blocks: ViewBlocks, damping: float) -> tuple[FloatArray, FloatA
     free = (table - basis @ inner).reshape(-1, count + 1)
     size = np.linalg.norm(blocks.by_shared.reshape(-1, count), axis=0)
     below = np.concatenate([root * np.diag(size), np.zeros((count, 1))], axis=1)
-    triangle = np.linalg.qr(np.concatenate([free, below]))[1]
+    triangle = triangular_factor(np.concatenate([free, below]))
     scale = np.where(size > 0.0, size, 1.0)
     step = np.linalg.lstsq(triangle[:count, :count] / scale, triangle[:count, count], rcond=1e-15)[0] / scale
     right = inner[..., count] - inner[..., :count] @ step

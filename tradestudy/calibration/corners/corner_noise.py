@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.calibration.corners.triangular_factor import triangular_factor
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 FULL_WEIGHT: Final = 3.5
@@ -153,7 +154,7 @@ def _restricted(
     whitening = _whitening(board, weights, share, length)
     views, _, corners, _ = whitening.shape
     whitened = (whitening @ table.reshape(views, 2, corners, -1)).reshape(table.shape)
-    triangle = np.linalg.qr(whitened)[1]
+    triangle = triangular_factor(whitened)
     free = table.shape[-1] - 1
     count = 2 * np.count_nonzero(weights, axis=(1, 2)) - free
     deviation = np.maximum(np.abs(triangle[:, free, free]) / np.sqrt(count), _LEAST_DEVIATION)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tradestudy.calibration.corners.corner_file import StereoCorners
+from tradestudy.calibration.corners.triangular_factor import triangular_factor
 from tradestudy.calibration.corners.view_blocks import (
     motion_columns,
     pair_blocks,
@@ -182,7 +183,7 @@ def compress_views(
         by_shared = np.concatenate([by_shared, extra], axis=-1)
         shared = np.concatenate([shared, np.zeros(extra.shape[-1])])
     table = np.concatenate([by_states, by_shared, residuals[..., None]], axis=-1)
-    triangle = np.linalg.qr(table)[1]
+    triangle = triangular_factor(table)
     motion, rows = triangle[:, 6:12, 6:12], triangle[:, 6:12, 12:]
     left, gains, _ = np.linalg.svd(motion)
     back = np.swapaxes(left, -1, -2)
@@ -199,8 +200,7 @@ def compress_views(
 
 def _stacked(triangles: FloatArray) -> FloatArray:
     """Triangular factor of the rows of all these triangles."""
-    triangle: FloatArray = np.linalg.qr(triangles.reshape(-1, triangles.shape[-1]))[1]
-    return triangle
+    return triangular_factor(triangles.reshape(-1, triangles.shape[-1]))
 
 
 def settle_views(

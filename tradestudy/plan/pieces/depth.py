@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tradestudy.accuracy import Quantity
 from tradestudy.analysis.linear_depth import has_covariance
@@ -32,6 +33,7 @@ TRIAL_MARGIN: Final = 1.5
 _ALL: Final = 1.0 - 1e-9  # of a disparity error, which cannot become zero
 # Effects whose simpler models save time, in the order in which they are tried.
 _SAVING: Final[tuple[SlotName, ...]] = (*LENSES, "calibration", "spectrum", "crosstalk")
+_COSTLY: Final[Mapping[SlotName, int]] = {"calibration": 2, **dict.fromkeys(LENSES, 1)}  # draws; Kirchhoff's integral
 _OTHERS: Final[tuple[SlotName, ...]] = ("defocus_blur", "pixel_integration", "vignetting", "sensor_noise")
 
 
@@ -72,7 +74,7 @@ class DepthPiece(Piece):
             _NO_ERRORS if bare and one.name == "calibration" and not one.reason else one for one in slots
         )
         self._linear: Change | None = None
-        self._exact_paths: float | None = None
+        self._exact_paths: tuple[float, float] | None = None
 
     def changes(self, models: Models) -> Changes:
         """The largest changes over all forms of the camera, as far as they are known."""
@@ -102,7 +104,8 @@ class DepthPiece(Piece):
             return True
         if self._exact_paths is None and self._pictured and self._leaves_out_paths(models):
             worst = max(self._pictured, key=lambda one: float(np.nanmax(np.sum(one.by_exact_paths, axis=0))))
-            self._exact_paths = TRIAL_MARGIN * worst.tried_by_exact_paths()
+            of_error, of_depth = worst.tried_by_exact_paths()
+            self._exact_paths = TRIAL_MARGIN * of_error, TRIAL_MARGIN * of_depth
             return True
         return False
 
@@ -142,7 +145,9 @@ class DepthPiece(Piece):
             whole = whole if aside <= whole.relative else replace(whole, relative=aside, least=aside, at=math.nan)
         return {
             "depth_uncertainty": whole,
-            "usable_range": Change(relative=MARGIN * moved.ends, least=known.ends, evidence=evidence),
+            "usable_range": Change(
+                relative=float(_with_margin(moved.ends, known.ends)), least=known.ends, evidence=evidence
+            ),
         }
 
     def _noise(self, models: Models) -> dict[Quantity, Change]:
@@ -187,22 +192,33 @@ class DepthPiece(Piece):
         parts = [of_lens[name] for name in self._free_lenses if models[name] != "kirchhoff"]
         if not parts:
             return None
-        left_out = np.nan_to_num(np.sum(parts, axis=0), nan=0.0, posinf=1.0)
-        return np.asarray(np.minimum(left_out, _ALL if self._exact_paths is None else min(self._exact_paths, _ALL)))
+        left_out = np.minimum(np.nan_to_num(np.sum(parts, axis=0), nan=0.0, posinf=1.0), _ALL)
+        if self._exact_paths is not None:
+            of_error, of_depth = self._exact_paths
+            left_out = np.minimum(left_out, np.minimum(of_error, of_depth / variant.noise_share))
+        return np.asarray(left_out)
 
 
 def _largest(variant: DepthVariant, moved: FloatArray, known: FloatArray, evidence: Evidence, line: Change) -> Change:
     """The largest change over the places, with its margin and with the error of linear propagation."""
     if not moved.size:
         return Change(relative=line.relative, evidence=evidence)
-    place, least = int(np.argmax(np.abs(moved))), float(np.max(np.abs(known)))
-    largest = float(np.abs(moved[place]))
+    changed = _with_margin(moved, known)
+    place, least = int(np.argmax(changed)), float(np.max(np.abs(known)))
+    largest = float(changed[place])
     return Change(
-        relative=max(MARGIN * (1.0 + line.relative) * largest, least) + line.relative,
+        relative=(1.0 + line.relative) * largest + line.relative,
         least=least,
         evidence=evidence,
         at=float(variant.places[place]) if largest > 0.0 else line.at,
     )
+
+
+def _with_margin(moved: ArrayLike, known: ArrayLike) -> FloatArray:
+    """The size of a change with a margin on its computed part: what a rule or a trial adds has a margin of its own."""
+    with np.errstate(invalid="ignore"):
+        added = np.abs(moved) - np.abs(known)
+    return np.asarray(MARGIN * np.abs(known) + np.where(np.isnan(added), 0.0, np.maximum(added, 0.0)))
 
 
 _NO_ERRORS: Final = Slot(name="calibration", models=(OFF,), reason="no calibration errors are declared")
@@ -316,7 +332,7 @@ def _slots(camera: DepthCamera, pictured: Sequence[DepthCamera], forced: Models)
         models, reason = models_of(name, "depth"), ""
         if name != "calibration" and (why or (reason := _absent(pictured, name))):
             models, reason = (OFF,), why or reason
-        slot = Slot(name=name, models=models, saves_time=name in _SAVING, reason=reason)
+        slot = Slot(name=name, models=models, saves_time=name in _SAVING, costly=_COSTLY.get(name, 0), reason=reason)
         found.append(slot if slot.reason else slot.under(own))
     return tuple(found)
 

@@ -25,7 +25,7 @@ from tradestudy.plan.pieces.failed_fraction import (
     shift_without_calibration,
     verdict_changed_without_calibration,
 )
-from tradestudy.plan.pieces.kirchhoff_rule import change_by_exact_paths
+from tradestudy.plan.pieces.kirchhoff_rule import change_by_exact_paths, places_to_try, tried_change
 from tradestudy.plan.pieces.off_axis import closed_form_of, moved_off_axis
 from tradestudy.study.acting import acting, complete_in_closed_form, in_closed_form, with_models
 
@@ -36,7 +36,6 @@ _NEAR_A_STEEP_BOUND: Final = 2.0  # the same for a failed fraction, which can be
 _LARGEST_SHIFT: Final = 0.3  # of a distance; the slope does not predict larger shifts
 _FINE: Final = 10  # steps between two distances in the search for the focus
 _FIELD_DISTANCES: Final = 5
-_OTHER_BLUR: Final = 0.05  # relative difference of blurs whose transfers have little in common
 _CLEARLY: Final = 0.15  # of the half width: above most tolerances
 _MOST_ASKED: Final = 8  # distances of the study's questions at which linear propagation is compared with draws
 
@@ -55,6 +54,25 @@ class Moved:
 
     uncertainty: FloatArray
     ends: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Replaced:
+    """A camera's results by a set of models, everywhere.
+
+    Parameters
+    ----------
+    factor
+        The bound of the disparity error over the reference's.
+    beside
+        Standard deviation by calibration over that by noise of the reference.
+    half_width
+        Half widths of depth by all errors [m].
+    """
+
+    factor: FloatArray
+    beside: FloatArray
+    half_width: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,6 +108,7 @@ class DepthVariant:
     ways: tuple[str, ...] = ("both",)
     only_in: tuple[str, ...] = ()
     _errors_px: dict[PictureModels, FloatArray] = field(default_factory=dict, init=False)
+    _replaced: dict[frozenset[tuple[str, str]], Replaced] = field(default_factory=dict, init=False)
 
     @cached_property
     def reference(self) -> DepthCamera:
@@ -196,7 +215,7 @@ class DepthVariant:
     def _weighed(self) -> WeighedPicture:
         law = self.law
         assert law is not None  # only used where the disparity error is derived
-        return WeighedPicture(geometry=self.reference.picture_geometry(self._everywhere), settings=law.settings)
+        return law.picture(self.reference, self._everywhere)
 
     def disparity_error_px(self, models: Models) -> FloatArray:
         """Lower bound of the disparity error everywhere [samples], with these models in closed form."""
@@ -253,16 +272,24 @@ class DepthVariant:
         missed
             A further relative error of the uncertainty, in either direction, which moves ends of usable ranges.
         """
-        factor, off = self._factor(models), models.get("calibration") == OFF
-        beside = np.zeros(factor.shape) if off else self._calibration_over_noise
-        new = self._half_width(factor, beside)
+        replaced, off = self._with(models), models.get("calibration") == OFF
+        factor, new = replaced.factor, replaced.half_width
         if np.any(more_noise):
             factor = factor * np.where(new >= self._whole, 1.0 + more_noise, 1.0 - np.asarray(more_noise))
-            new = self._half_width(factor, beside)
+            new = self._half_width(factor, replaced.beside)
         return Moved(
             uncertainty=self._split(_relative(new, self._whole))[0],
             ends=self._shift_of_ends(factor, new, missed, off=off),
         )
+
+    def _with(self, models: Models) -> Replaced:
+        """What a set of models gives everywhere; kept, since trials change only what they add."""
+        key = frozenset(models.items())
+        if key not in self._replaced:
+            factor, off = self._factor(models), models.get("calibration") == OFF
+            beside = np.zeros(factor.shape) if off else self._calibration_over_noise
+            self._replaced[key] = Replaced(factor=factor, beside=beside, half_width=self._half_width(factor, beside))
+        return self._replaced[key]
 
     def moved_noise(self, models: Models, more_noise: float | FloatArray = 0.0) -> FloatArray:
         """Signed relative change of the uncertainty by noise alone at the places; parameters as in `moved`."""
@@ -345,30 +372,20 @@ class DepthVariant:
             self.reference.picture_geometry(self._everywhere), law.settings, law.models, self.disparity_error_px
         )
 
-    def tried_by_exact_paths(self) -> float:
-        """The largest relative change by Kirchhoff's transfer of all lenses, computed at up to three places."""
+    @cached_property
+    def noise_share(self) -> FloatArray:
+        """Share of the noise in the variance everywhere."""
+        return np.asarray(1.0 / (1.0 + self._calibration_over_noise**2))
+
+    def tried_by_exact_paths(self) -> tuple[float, float]:
+        """The largest relative changes of disparity error and uncertainty by Kirchhoff's transfer, at a few places."""
         law = self.law
         assert law is not None  # as above
-        exact = replace(law.models, main_lens_diffraction="kirchhoff")
-        if law.models.microlens_diffraction != OFF:
-            exact = replace(exact, microlens_diffraction="kirchhoff")
-        geometry = self.reference.picture_geometry(self._tried_places())
-        weighed = WeighedPicture(geometry=geometry, settings=law.settings, interpolated=False)
-        with np.errstate(invalid="ignore"):
-            return float(np.nanmax(np.abs(weighed.bound_px(exact) / weighed.bound_px(law.models) - 1.0), initial=0.0))
-
-    def _tried_places(self) -> FloatArray:
-        """The place where the rule, weighted by the share of noise in the variance, is largest, and the sharpest place.
-
-        Changes oscillate with defocus, so the place with the largest at another blur is added.
-        """
-        by_rule = np.nan_to_num(self._split(np.sum(self.by_exact_paths, axis=0))[0], posinf=1.0)
-        weight = by_rule / (1.0 + self._split(self._calibration_over_noise)[0] ** 2)
-        blur = self.reference.picture_geometry(self.places).blur_px
-        first = int(np.argmax(weight))
-        elsewhere = np.abs(blur - blur[first]) > _OTHER_BLUR * blur[first]
-        second = int(np.argmax(np.where(elsewhere, weight, -1.0)))
-        return np.asarray(self.places[np.unique([first, second, int(np.nanargmin(blur))])])
+        by_rule, share = (self._split(one)[0] for one in (np.sum(self.by_exact_paths, axis=0), self.noise_share))
+        tried = places_to_try(by_rule * share, self.reference.picture_geometry(self.places).blur_px)
+        geometry = self.reference.picture_geometry(self.places[tried])
+        change = np.nan_to_num(tried_change(geometry, law.settings, law.models))
+        return float(np.max(change)), float(np.max(change * share[tried]))
 
     def linear_error(self) -> tuple[float, float]:
         """The largest error of linear propagation against the exact distribution, and its distance [m].

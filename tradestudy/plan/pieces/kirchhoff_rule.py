@@ -1,4 +1,4 @@
-"""A closed-form estimate of how far exact paths and cosines move a disparity error derived by Fresnel's transfer."""
+"""How far exact paths and cosines move a disparity error derived by Fresnel's transfer: a closed rule, and a trial."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
-from tradestudy.effects.models import OFF, Models, SlotName
+from tradestudy.effects.models import LENSES, OFF, Models, SlotName
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.optical_transfer import is_by_rays
-from tradestudy.imaging.picture import disparity_bound_px
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px
+from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.study.acting import with_models
 
 ErrorPx = Callable[[Models], FloatArray]
@@ -22,6 +22,7 @@ ErrorPx = Callable[[Models], FloatArray]
 _MARGIN: Final = 2.0
 _TRANSFER_ERROR: Final = 2e-4  # of Kirchhoff's transfer, with which Fresnel's is compared
 _NARROWER: Final = 0.5  # width of a disc of rays per sin² θ
+_OTHER_BLUR: Final = 0.05  # relative difference of blurs whose transfers have little in common
 
 
 def change_by_exact_paths(
@@ -49,28 +50,35 @@ def change_by_exact_paths(
     tuple
         Relative changes by the main lens and by the microlenses, over distance; zero without microlenses.
     """
-    main, microlens = geometry.main_lens, geometry.microlens
-    moved = replace(geometry, main_lens=_aberrated(main, settings))
-    by_main_lens = _of_stage(main, moved, settings, models, error_px, "main_lens_diffraction")
-    if microlens is None:
+    main = _aberrated(geometry.main_lens, settings)
+    moved = replace(geometry, main_lens=main)
+    by_main_lens = _of_stage(geometry.main_lens, main, moved, settings, models, error_px, "main_lens_diffraction")
+    if geometry.microlens is None:
         return by_main_lens, np.zeros(geometry.distance.shape)
-    moved = replace(geometry, microlens=_aberrated(microlens, settings))
-    return by_main_lens, _of_stage(microlens, moved, settings, models, error_px, "microlens_diffraction")
+    micro = _aberrated(geometry.microlens, settings)
+    moved = replace(geometry, microlens=micro)
+    return by_main_lens, _of_stage(
+        geometry.microlens, micro, moved, settings, models, error_px, "microlens_diffraction"
+    )
 
 
 def _of_stage(
     stage: LensStage,
-    aberrated: PictureGeometry,
+    aberrated: LensStage,
+    moved: PictureGeometry,
     settings: PictureSettings,
     models: PictureModels,
     error_px: ErrorPx,
     slot: SlotName,
 ) -> FloatArray:
+    """The change by one lens; ``moved`` is the picture with that lens aberrated."""
     error, without_diffraction = error_px({}), error_px({slot: OFF})
+    by_paths, other = np.zeros(error.shape), np.flatnonzero(aberrated.blur_diameter != stage.blur_diameter)
     with np.errstate(invalid="ignore", divide="ignore"):
         by_diffraction = np.minimum(1.0, np.abs(without_diffraction / error - 1.0))
-        blurred = disparity_bound_px(aberrated, settings, with_models(models, {"defocus_blur": "disc"}))
-        by_paths = np.abs(blurred / error - 1.0)
+        if other.size:
+            blurred = disparity_bound_px(moved.at(other), settings, with_models(models, {"defocus_blur": "disc"}))
+            by_paths[other] = np.abs(blurred / error[other] - 1.0)
     return np.asarray(_MARGIN * (by_paths + _obliquity(stage) * by_diffraction) + _TRANSFER_ERROR)
 
 
@@ -96,3 +104,35 @@ def _obliquity(stage: LensStage) -> FloatArray:
     """sin² θ of the rays at the rim."""
     half = stage.aperture_diameter / 2.0
     return np.asarray(half**2 / (half**2 + stage.plane_distance**2))
+
+
+def places_to_try(weight: FloatArray, blur_px: FloatArray) -> IndexArray:
+    """Up to three places to try: where the rule's change of the uncertainty is largest, and the sharpest.
+
+    Changes oscillate with defocus, so the place with the largest at another blur is added.
+
+    Parameters
+    ----------
+    weight, blur_px
+        Relative change of the uncertainty by the rule, and blur [samples], over places.
+    """
+    weight = np.nan_to_num(weight, posinf=1.0)
+    first = int(np.argmax(weight))
+    elsewhere = np.abs(blur_px - blur_px[first]) > _OTHER_BLUR * blur_px[first]
+    second = int(np.argmax(np.where(elsewhere, weight, -1.0)))
+    return np.unique([first, second, int(np.nanargmin(blur_px))])
+
+
+def tried_change(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:
+    """Relative size of the change of the disparity error by Kirchhoff's law at all lenses, over distance.
+
+    In light of the mean wavelength: a spectrum would only average over the defocus, in which the tried places differ.
+    """
+    if models.spectrum != OFF:
+        wavelengths, weights = np.array(settings.spectrum).T
+        settings = replace(settings, wavelength=float(np.average(wavelengths, weights=weights)))
+    fresnel = replace(models, spectrum=OFF)
+    exact = with_models(fresnel, {name: "kirchhoff" for name in LENSES if getattr(models, name) != OFF})
+    picture = WeighedPicture(geometry=geometry, settings=settings, interpolated=False)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.abs(picture.bound_px(exact) / picture.bound_px(fresnel) - 1.0))

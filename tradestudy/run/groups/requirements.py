@@ -147,10 +147,11 @@ def _tolerance(definition: StudyDefinition, requirement: RequirementPart) -> flo
 
 
 def _near_its_bound(definition: StudyDefinition, answers: Sequence[Held]) -> list[float]:
-    """Whether each requirement's margin is within what was left out: 1 it is, 0 it is not."""
+    """Whether what was left out could reverse each answer: 1 it could, 0 it could not."""
     requirements = definition.file.requirements.values()
+    of_ends = definition.file.accuracy.asked().tolerances["usable_range"]
     pairs = zip(answers, requirements, strict=True)
-    return [float(abs(one.margin) <= _tolerance(definition, required)) for one, required in pairs]
+    return [float(one.could_be_overturned(_tolerance(definition, required), of_ends)) for one, required in pairs]
 
 
 def _verdict(held: Held) -> int:
