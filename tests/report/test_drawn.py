@@ -39,15 +39,6 @@ def test_another_interpreter_draws_the_same_bytes(
         assert shared.pictures(drawings) == expected
 
 
-def test_figures_drawn_by_two_interpreters_are_those_of_a_report(tree: xr.DataTree, written: Path) -> None:
-    drawings = figures.build(tree)
-    with drawer() as there:
-        pictures = there.begin(tree).pictures(drawings)
-    assert list(pictures) == list(drawings)
-    for name, picture in pictures.items():
-        assert picture.svg == (written / "figures" / f"{name}.svg").read_bytes()
-
-
 def test_what_could_not_be_drawn_elsewhere_is_drawn_here(
     small: xr.DataTree, drawings: Mapping[str, Drawing], monkeypatch: pytest.MonkeyPatch
 ) -> None:
