@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import os
 import pickle
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import pytest
+
+if TYPE_CHECKING:
+    from tradestudy.calibration.posteriors import InferredCalibration
+
+Made = TypeVar("Made")
 
 # Read when numpy loads. The matrices of the tests are small: threads that wait for each other on busy cores cost more
 # than they give.
@@ -20,6 +27,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Many tests start the program in a process of its own; it is compiled once for all of them, whatever the shell says.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+
+def pytest_collection_finish() -> None:
+    """Modules and tests live to the end: without this, a tenth of the time goes into looking for garbage in them."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(10_000)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -57,6 +71,19 @@ def empty_figures() -> Iterator[None]:
         yield
 
 
+def made_once(temporary: pytest.TempPathFactory, name: str, make: Callable[[Path], Made]) -> Made:
+    """What one worker makes, in a folder for all of them, and the others read: for what takes long."""
+    base = temporary.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    kept = shared / f"{name}.pickle"
+    with (shared / f"{name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not kept.exists():
+            kept.write_bytes(pickle.dumps(make(shared)))
+    made: Made = pickle.loads(kept.read_bytes())
+    return made
+
+
 @dataclass(frozen=True)
 class HeadlineRun:
     """How the run ended, and where it wrote."""
@@ -67,16 +94,27 @@ class HeadlineRun:
 
 @pytest.fixture(scope="session")
 def headline_run(tmp_path_factory: pytest.TempPathFactory) -> HeadlineRun:
-    """The headline study, run strictly by its command: it takes long, so all tests share it, on every core."""
-    base = tmp_path_factory.getbasetemp()
-    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-    folder, ended = shared / "headline", shared / "headline.pickle"
-    with (shared / "headline.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not ended.exists():
-            folder.mkdir()
-            study = Path(__file__).parents[1] / "studies" / "plenoptic_vs_stereo.yaml"
-            command = [sys.executable, "-m", "tradestudy", "run", str(study), "--strict"]
-            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=240, check=False)
-            ended.write_bytes(pickle.dumps(done))
-    return HeadlineRun(pickle.loads(ended.read_bytes()), folder / "reports" / "plenoptic-vs-stereo")
+    """The headline study, run strictly by its command, on every core."""
+
+    def run(shared: Path) -> HeadlineRun:
+        folder = shared / "headline"
+        folder.mkdir()
+        study = Path(__file__).parents[1] / "studies" / "plenoptic_vs_stereo.yaml"
+        command = [sys.executable, "-m", "tradestudy", "run", str(study), "--strict"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=240, check=False)
+        return HeadlineRun(done, folder / "reports" / "plenoptic-vs-stereo")
+
+    return made_once(tmp_path_factory, "headline", run)
+
+
+@pytest.fixture(scope="session")
+def calibrated_webcams(tmp_path_factory: pytest.TempPathFactory) -> InferredCalibration:
+    """The webcams calibrated from their corners."""
+
+    def calibrate(_shared: Path) -> InferredCalibration:
+        from tests.calibration.cameras import MEASURED, corners, webcams
+        from tradestudy.calibration.posteriors import infer
+
+        return infer(corners(webcams(), MEASURED))
+
+    return made_once(tmp_path_factory, "webcams", calibrate)

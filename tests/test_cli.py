@@ -206,7 +206,7 @@ class TestRun:
 
 
 def test_results_of_another_version_that_lack_something_are_refused(tmp_path: Path) -> None:
-    result = api.load(ROBOT, ["scene.distances.points=9", "trade_off=null"]).run()
+    result = api.load(RIGHT).run()
     for name, code in (("own", result.data.attrs["code_hash"]), ("other", "of an earlier version")):
         tree = result.data.copy()
         tree.attrs["code_hash"] = code

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tests.calibration.cameras import calibrated_webcams, stereo, webcams
+from tests.calibration.cameras import stereo, webcams
 from tradestudy.analysis.depth import depth_uncertainty, distribution
 from tradestudy.analysis.depth_map import ACROSS, DOWN, depth_map, map_places
 from tradestudy.figures.uncertainty_map import map_sentences, uncertainty_map_drawings
@@ -20,8 +20,8 @@ FISHEYE = KannalaBrandt(k1=-0.03, k2=0.012)
 
 
 @pytest.fixture(scope="module")
-def measured():
-    return replace(webcams(), calibration=calibrated_webcams().calibration)
+def measured(calibrated_webcams):
+    return replace(webcams(), calibration=calibrated_webcams.calibration)
 
 
 def test_a_rig_without_lens_models_has_no_map():

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from tests.data.simulate_corners import FILE as SIMULATED
-from tradestudy.calibration.posteriors import CornersToInfer, InferredCalibration, infer
+from tradestudy.calibration.posteriors import CornersToInfer
 from tradestudy.calibration.target.camera_target import TargetToInfer
 from tradestudy.cameras.calibration_declaration import CornersPart, TargetPart
 from tradestudy.cameras.depth_camera import DepthCamera
@@ -112,9 +111,3 @@ def corners(camera: DepthCamera, file: Path = SIMULATED, *, seed: int = 0, steps
     """A corner file for a rig."""
     part = CornersPart.model_construct(file=file.name, max_steps=steps)
     return CornersToInfer.of("rig", camera, part, file.parent, seed=seed)
-
-
-@cache
-def calibrated_webcams() -> InferredCalibration:
-    """The webcams calibrated from their corners: it takes long, so all tests share it."""
-    return infer(corners(webcams(), MEASURED))

@@ -10,7 +10,6 @@ import pytest
 import xarray as xr
 
 from tests.calibration import noisy_corners
-from tests.calibration.cameras import calibrated_webcams
 from tests.calibration.known_scales import errors_and_covariance
 from tradestudy.calibration.corners.corner_file import CornerFileError, read_corners
 from tradestudy.calibration.corners.corner_noise import equal_noise, estimate_noise, outlier_weights
@@ -22,14 +21,9 @@ from tradestudy.figures.calibration_trust import draw_trust
 from tradestudy.run.groups.calibration import calibration_group
 
 
-@pytest.fixture(scope="module")
-def measured():
-    return calibrated_webcams()
-
-
 @pytest.mark.slow
-def test_halves_of_the_measured_views_differ_as_they_claim(measured):
-    trust = measured.trust
+def test_halves_of_the_measured_views_differ_as_they_claim(calibrated_webcams):
+    trust = calibrated_webcams.trust
     assert np.all((trust.ratio[1:] > 0.8) & (trust.ratio[1:] < 1.25))
     assert trust.ratio[0] == pytest.approx(1.16, abs=0.1)  # at 0.3 m something is left
     np.testing.assert_allclose(trust.good_to, trust.claimed * np.maximum(trust.ratio, 1.0))
@@ -42,8 +36,8 @@ def test_halves_of_the_measured_views_differ_as_they_claim(measured):
         assert abs(other.depth_change[0]) < 0.3e-3
 
 
-def test_the_report_has_what_the_figure_needs(measured):
-    group = calibration_group({"webcams": measured})
+def test_the_report_has_what_the_figure_needs(calibrated_webcams):
+    group = calibration_group({"webcams": calibrated_webcams})
     values = dict(zip(group["rig_quantity"].values, group["rig_value"].values, strict=True))
     (accuracy,) = (value for name, value in values.items() if name.startswith("accuracy") and "300 mm" in name)
     assert re.fullmatch(r"\S+ [mµ]m; .* \S+ [mµ]m", accuracy)

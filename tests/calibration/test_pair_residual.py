@@ -7,7 +7,6 @@ import pytest
 from scipy.stats import chi2, multivariate_normal
 
 from tests.calibration import noisy_corners
-from tests.calibration.cameras import calibrated_webcams
 from tests.calibration.random_poses import tilted_poses
 from tests.calibration.rig_draws import depth_of_draws
 from tradestudy.calibration.corners.corner_file import StereoCorners
@@ -26,8 +25,8 @@ TRUTH = np.array([460, 462, 320, 180, 0.1, -0.2, 463, 461, 325, 182, 0.1, -0.15,
 
 
 @pytest.fixture(scope="module")
-def rig():
-    return calibrated_webcams().fit
+def rig(calibrated_webcams):
+    return calibrated_webcams.fit
 
 
 def shaken_rig(motion, noise, rng, views=25, columns=9):

@@ -7,7 +7,6 @@ import xarray
 from tests.calibration.calibration_files import write_calibration
 from tests.calibration.cameras import (
     board,
-    calibrated_webcams,
     focused,
     normal,
     shown,
@@ -32,9 +31,9 @@ def errors_of(calibration):
     return dict(zip(group.parameters, group.draw(scores)[..., None], strict=True))
 
 
-def test_a_rig_of_corners_is_loaded_bit_for_bit(tmp_path):
+def test_a_rig_of_corners_is_loaded_bit_for_bit(tmp_path, calibrated_webcams):
     """Draws, what they are about, and hence every depth."""
-    path, rig = tmp_path / "rig.nc", calibrated_webcams()
+    path, rig = tmp_path / "rig.nc", calibrated_webcams
     write_posterior(path, rig.posterior)
     loaded = posterior_of_file(path, "rig", webcams())
     assert loaded.source == "posterior"

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.calibration.cameras import calibrated_webcams
 from tests.calibration.rig_draws import depth_of_draws
 from tests.data.simulate_corners import FILE as SIMULATED
 from tradestudy.calibration.corners.corner_file import read_corners
@@ -21,37 +20,32 @@ from tradestudy.cameras.calibrated_pair import RADIAL
 
 
 @pytest.fixture(scope="module")
-def rig():
-    return calibrated_webcams().fit
-
-
-@pytest.fixture(scope="module")
-def posterior():
-    return calibrated_webcams()
+def rig(calibrated_webcams):
+    return calibrated_webcams.fit
 
 
 @pytest.mark.slow
-def test_the_posterior_converges_and_holds_at_exact_points(posterior):
-    diagnostics = posterior.sample.diagnostics
-    assert posterior.failures == ()
+def test_the_posterior_converges_and_holds_at_exact_points(calibrated_webcams):
+    diagnostics = calibrated_webcams.sample.diagnostics
+    assert calibrated_webcams.failures == ()
     assert diagnostics.lengths >= 50.0
-    assert posterior.check.efficiency > 0.975  # so no mean is off by more than 0.16 standard deviations
-    assert posterior.sample.names == posterior_names(RADIAL)
+    assert calibrated_webcams.check.efficiency > 0.975  # so no mean is off by more than 0.16 standard deviations
+    assert calibrated_webcams.sample.names == posterior_names(RADIAL)
 
 
-def test_the_posterior_is_as_wide_as_the_laplace_fit(rig, posterior):
-    draws = posterior.sample.draws[:, :18]
+def test_the_posterior_is_as_wide_as_the_laplace_fit(rig, calibrated_webcams):
+    draws = calibrated_webcams.sample.draws[:, :18]
     deviation = np.sqrt(np.diag(rig.covariance))
     # both scales are sampled, not fixed: a little wider on average, by less than a tenth
     np.testing.assert_allclose(draws.std(axis=0) / deviation, 1.0, atol=0.1)
     np.testing.assert_allclose((draws.mean(axis=0) - rig.explained.shared) / deviation, 0.0, atol=0.1)
 
 
-def test_depth_of_this_rig(rig, posterior):
+def test_depth_of_this_rig(rig, calibrated_webcams):
     """Quantiles against first-order propagation of the Laplace covariance, where that holds."""
     distances = np.array([0.3, 0.5, 1.0, 2.0, 3.0, 5.0])
     shared = rig.explained.shared
-    depths = depth_of_draws(shared, posterior.sample.thinned(4000)[:, :18], distances)
+    depths = depth_of_draws(shared, calibrated_webcams.sample.thinned(4000)[:, :18], distances)
     low, high = np.quantile(depths, [0.15865, 0.84135], axis=0)
     steps = 1e-2 * np.sqrt(np.diag(rig.covariance))
     slopes = np.array(
@@ -70,11 +64,11 @@ def test_depth_of_this_rig(rig, posterior):
     assert diagonal[2] / linear[2] > 2.0
 
 
-def test_the_check_refuses_a_wrong_marginalisation(rig, posterior):
+def test_the_check_refuses_a_wrong_marginalisation(rig, calibrated_webcams):
     """Linearised in the wrong place, the approximate posterior must fail the exact points."""
     away = rig.explained.shared + 40.0 * np.sqrt(np.diag(rig.covariance))
     views = linearised_rig(replace(rig, explained=replace(rig.explained, shared=away)))
-    check = check_marginalisation(posterior.sample.thinned(50), views, rig)
+    check = check_marginalisation(calibrated_webcams.sample.thinned(50), views, rig)
     assert not check.passed
 
 

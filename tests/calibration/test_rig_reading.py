@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.calibration.cameras import calibrated_webcams, corners, stereo
+from tests.calibration.cameras import corners, stereo
 from tests.calibration.plain_pair import depths_read
 from tests.calibration.radial_rig import SHARED_NAMES
 from tests.data.simulate_corners import true_rig
@@ -33,18 +33,13 @@ def half_width(depths):
     return (high - low) / 2.0
 
 
-@pytest.fixture(scope="module")
-def measured():
-    return calibrated_webcams()
-
-
 @pytest.mark.slow
-def test_the_measured_rig_reads_depth_as_well_as_its_saved_draws_say(measured):
+def test_the_measured_rig_reads_depth_as_well_as_its_saved_draws_say(calibrated_webcams):
     """0.59, 0.78, 3.0, 15.6 and 114 mm on the axis, by 1500 of the draws in plain numpy."""
-    assert measured.failures == ()
-    best, draws = measured.posterior.best, measured.posterior.draws
+    assert calibrated_webcams.failures == ()
+    best, draws = calibrated_webcams.posterior.best, calibrated_webcams.posterior.draws
     assert draws.shape == (2**13, 18)
-    group, reading = measured.calibration.groups[0], measured.calibration.reading
+    group, reading = calibrated_webcams.calibration.groups[0], calibrated_webcams.calibration.reading
     exact = depth_of_inverse(
         reading(DISTANCES, 0.0, dict(zip(SHARED_NAMES, group.draws.T[..., None], strict=True))).inverse_depth
     )
@@ -66,8 +61,8 @@ def rotation(vector):
     return Rotation.from_rotvec(vector).as_matrix()
 
 
-def test_a_rig_without_error_reads_its_own_points(measured):
-    read = measured.calibration.reading
+def test_a_rig_without_error_reads_its_own_points(calibrated_webcams):
+    read = calibrated_webcams.calibration.reading
     for field in (0.0, 0.6):
         found = read(DISTANCES, field, {})
         np.testing.assert_allclose(found.inverse_depth[0] * DISTANCES, 1.0, rtol=1e-12)

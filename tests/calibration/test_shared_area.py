@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from tests.calibration.cameras import calibrated_webcams
 from tradestudy.calibration.corners.shared_area import shared_area
 from tradestudy.cameras.calibrated_pair import PINHOLES, RADIAL
 
@@ -37,10 +36,10 @@ def test_a_quarter_turn_about_the_axis_shares_the_middle_square():
     np.testing.assert_allclose(shared_area(turned, PINHOLES, RADIAL, PIXELS, DISTANCES), 0.75, atol=2e-3)
 
 
-def test_the_measured_pair_shares_what_opencv_finds():
+def test_the_measured_pair_shares_what_opencv_finds(calibrated_webcams):
     """Every second pixel of both pictures, undistorted by OpenCV, placed in the plane, and projected into the other."""
     cv2 = pytest.importorskip("cv2")
-    rig, reading = calibrated_webcams().fit.explained.shared, calibrated_webcams().calibration.reading
+    rig, reading = calibrated_webcams.fit.explained.shared, calibrated_webcams.calibration.reading
     left, right, turn, shift = rig[:6], rig[6:12], cv2.Rodrigues(rig[12:15])[0], rig[15:]
     columns, rows = reading.pixels
     grid = np.stack(np.meshgrid(np.arange(0.5, columns, 2.0), np.arange(0.5, rows, 2.0)), axis=-1).reshape(-1, 1, 2)

@@ -51,15 +51,6 @@ def test_another_interpreter_writes_the_same_file(
         assert list(shared.pictures(drawings)) == list(drawings)
 
 
-def test_figures_drawn_by_two_interpreters_are_those_of_a_report(tree: xr.DataTree, written: Path) -> None:
-    drawings = figures.build(tree)
-    with drawer() as there:
-        pictures = there.begin(tree).pictures(drawings)
-    assert list(pictures) == list(drawings)
-    for name, picture in pictures.items():
-        assert picture.svg == (written / "figures" / f"{name}.svg").read_bytes()
-
-
 def test_what_could_not_be_made_elsewhere_is_made_here(
     small: xr.DataTree, drawings: Mapping[str, Drawing], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -23,6 +23,7 @@ def curves() -> dict[str, Curve]:
         left.plot([0.01, 0.05], [1.0, 2.0], label="a", gid="depth_uncertainty/a")
         left.fill_between([0.01, 0.02, 0.05], [1.0, 2.0, 3.0], [4.0, 5.0, 6.0], label="b")
         left.plot([0.01, 0.05], [3.0, 4.0])  # named by nobody
+        right.hist([0.02, 0.03], bins=2, histtype="stepfilled")  # nor is this
         right.errorbar([0.02], [0.5], yerr=[0.1], fmt="o", label="c")
         log_axis(left, "y", tick=length_tick)
         distance_axis(left, (0.01, 0.05))

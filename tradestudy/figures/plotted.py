@@ -121,7 +121,7 @@ def _written(ticks: Sequence[tuple[float, str]]) -> tuple[float, str] | None:
 
 def _curves(axes: Axes, artist: Artist, name: str, errors: Mapping[Line2D, tuple[str, Numbers]]) -> Iterator[Curve]:
     """What an artist tells; nothing where nobody has named it, or where it does not stand at data."""
-    label = str(artist.get_label())
+    label = str(artist.get_label() or "")  # histograms have None
     of_bars, bars = errors.get(artist, ("", None)) if isinstance(artist, Line2D) else ("", None)
     label = of_bars if _UNNAMED.fullmatch(label) else label
     common: dict[str, Any] = {"id": _identifier(artist), "name": name, "label": label}
