@@ -22,6 +22,7 @@ from tradestudy.optics.propagation.sampling import Limits, TargetGrid, TargetPoi
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
 
 _SHARE_OF_READING = 0.1  # of a table's tolerance, for its interpolation
+_SHARE_OF_FACTOR = 0.2  # and for its low-rank factor, of whose error two computations share the most
 _OVERSAMPLING = 1.5  # of the samples of tables of a tolerance of 1e-3 and above …
 _FINER = 0.3  # … and how much more a decade adds
 _AROUND = 32  # points of the edge of a disc whose light stands for all
@@ -285,7 +286,13 @@ def field_table(
             limit=f"{memory_limit / 1e9:.3g} GB",
             remedy="use fewer microlenses or a coarser field sampling, or raise the memory limit",
         )
-    result = fast_sum(wave.samples(nodes), wave.kernel, grid, low_rank_tolerance=tolerance, nufft_tolerance=tolerance)
+    result = fast_sum(
+        wave.samples(nodes),
+        wave.kernel,
+        grid,
+        low_rank_tolerance=_SHARE_OF_FACTOR * tolerance,
+        nufft_tolerance=tolerance,
+    )
     slow = result.field.reshape(grid.shape) * unit_phasor(-fast_phase(wave, x, y))
     return tabulated(slow, start=(start[0], start[1]), spacing=spacing, tolerance=tolerance)
 
