@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.paths import PathSum
 
@@ -63,6 +63,22 @@ class TargetPoints:
         arrays = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (self.x, self.y, self.distance)))
         x, y, z = (np.ascontiguousarray(v).ravel() for v in arrays)
         return x, y, z
+
+    def at(self, index: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """x, y, distance of some points, by their flat indices."""
+        x, y, z = self.coordinates()
+        return x[index], y[index], z[index]
+
+    def box(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Least and largest x, y and distance."""
+        x, y, z = (np.array([np.min(c), np.max(c)], dtype=float) for c in (self.x, self.y, self.distance))
+        return x, y, z
+
+    def corners(self) -> IndexArray:
+        """Flat indices of the points farthest along the four diagonals."""
+        x, y, _ = self.coordinates()
+        rising, falling = x + y, x - y
+        return np.array([np.argmin(rising), np.argmin(falling), np.argmax(falling), np.argmax(rising)])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,6 +160,20 @@ class TargetGrid:
         """Flat x, y, distance of every point, row by row."""
         x = np.tile(self.x_axis, self.y_count)
         return x, np.repeat(self.y_axis, self.x_count), np.full(x.size, self.distance)
+
+    def at(self, index: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """x, y, distance of some points, by their flat indices."""
+        row, column = np.divmod(index, self.x_count)
+        return self.x_axis[column], self.y_axis[row], np.full(index.size, self.distance)
+
+    def box(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Least and largest x, y and distance."""
+        return self.x_axis[[0, -1]], self.y_axis[[0, -1]], np.array([self.distance, self.distance])
+
+    def corners(self) -> IndexArray:
+        """Flat indices of the four corners."""
+        last = self.x_count - 1, self.x_count * (self.y_count - 1)
+        return np.array([0, last[1], last[0], last[0] + last[1]])
 
 
 Targets = TargetPoints | TargetGrid
