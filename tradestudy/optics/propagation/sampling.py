@@ -12,9 +12,11 @@ from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.paths import PathSum
+from tradestudy.optics.quadrature import gauss_legendre
 
 _BYTES_PER_NODE = 16 * 40  # complex terms of the largest low-rank factor, and the nodes themselves
 _BYTES_PER_TARGET = 16 * 40
+_WIDEST_MARGIN, _LEAST_MARGIN = 10.0, 3.0  # of `bessel_margin` at rounding errors, over the cube root, and apart
 _PAIRS_PER_SECOND = 2.0e7  # node–target pairs of the direct check on a slow core
 _TERMS_PER_SECOND = 4.0e5  # (nodes + targets) × 10 terms of the fast path on a slow core
 
@@ -218,7 +220,9 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class NodeCounts:
-    """Rings of quadrature nodes on a disc, and nodes per ring; at least one of each.
+    """Rings of quadrature nodes on a disc, and nodes on its rim; at least one of each.
+
+    Inner rings have fewer nodes, as the phase turns less often on them.
 
     Examples
     --------
@@ -236,12 +240,30 @@ class NodeCounts:
 
     @property
     def total(self) -> int:
-        """Number of nodes."""
+        """Number of nodes at most."""
         return self.radial * self.angular
+
+    @property
+    def on_rings(self) -> IndexArray:
+        """Nodes of every ring, from the innermost, shape (radial,).
+
+        Of those on the rim, `bessel_margin` is taken to be as much as the tightest tolerance makes it: the rest, which
+        is the phase that turns, shrinks faster with the radius.
+        """
+        relative = np.sqrt(gauss_legendre(self.radial)[0])
+        turns = _turns(self.angular)
+        needed = turns * relative + _WIDEST_MARGIN * np.cbrt(turns * relative) + _LEAST_MARGIN
+        return np.asarray(np.minimum(np.ceil(needed).astype(int), self.angular))
 
     def scaled(self, factor: float) -> NodeCounts:
         """Both counts times a factor, rounded up."""
         return NodeCounts(radial=math.ceil(self.radial * factor), angular=math.ceil(self.angular * factor))
+
+
+def _turns(angular: int) -> float:
+    """Highest angular frequency t that so many nodes resolve: t + margin · t^⅓ and the least margin."""
+    roots = np.roots([1.0, 0.0, _WIDEST_MARGIN, min(_LEAST_MARGIN - angular, 0.0)])
+    return float(roots.real.max() ** 3)  # of the cubic in t^⅓; the others are complex, left of zero
 
 
 def needed_nodes(

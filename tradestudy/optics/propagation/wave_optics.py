@@ -44,7 +44,7 @@ def sample_wave(wave: LensWave, counts: NodeCounts) -> ApertureSamples:
     lens = wave.lens
     nodes = lens.without_obscuration(
         lambda radius: disc_nodes(
-            radius=radius, radial_count=counts.radial, angular_count=counts.angular, centre=lens.centre
+            radius=radius, radial_count=counts.radial, angular_count=counts.on_rings, centre=lens.centre
         )
     )
     x, y = nodes.x - lens.centre[0], nodes.y - lens.centre[1]
