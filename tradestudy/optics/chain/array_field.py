@@ -128,18 +128,19 @@ class PupilWave:
         samples = ApertureSamples(nodes=disc, field=np.ones(disc.count, dtype=complex))
         return fast_sum(samples, self.kernel, targets, low_rank_tolerance=1e-7, nufft_tolerance=1e-7).field
 
-    def nodes(self, points: tuple[FloatArray, FloatArray], *, density: float) -> QuadratureNodes:
-        """Pupil nodes that resolve the net phase from the source to points of the array, and between them.
+    def nodes(
+        self, region: tuple[FloatArray, FloatArray], *, density: float, only_disc: bool = False
+    ) -> QuadratureNodes:
+        """Pupil nodes that resolve the net phase from the source to every point of a rectangle that holds the region.
 
-        Around the rim and along the radius apart: a defocused wave turns fast along the radius alone.
+        With `only_disc`, to every point of the disc within it. Around the rim and along the radius apart: a defocused
+        wave turns fast along the radius alone.
         """
         radius, z = self.path.main_lens.radius, self.path.array_distance
         # Every point of a coherent disc arrives at its own slope, which is as good as targets farther out.
         wider = z * self.coherent_radius / math.hypot(self.coherent_radius, self.source.distance)
-        x, y = (
-            np.add.outer(wider * np.array(away), at).ravel()
-            for at, away in zip(points, ((-1, -1, 1, 1), (-1, 1, -1, 1)), strict=True)
-        )
+        sides = [np.array([np.min(c) - wider, np.max(c) + wider]) for c in region]
+        x, y = _outline(sides[0], sides[1], only_disc=only_disc)
         half_range, turns = net_phase(self.wave.paths, self.kernel, radius=radius, x=x, y=y, z=np.full_like(x, z))
         return self.path.main_lens.without_obscuration(
             lambda part: tapered_disc_nodes(
@@ -275,8 +276,8 @@ def field_table(
         table = tabulated(slow, start=(start[0], start[1]), spacing=spacing, tolerance=tolerance)
         return replace(table, handed_over=hybrid.handed_over)
     # What lies beyond settles the ends of the table, for which too few nodes do as well.
-    edge_x, edge_y = _outline(low, high, only_disc=only_disc)
-    nodes = wave.nodes((chief[0] + edge_x, chief[1] + edge_y), density=node_density)
+    sides = tuple(chief[axis] + np.array([low[axis], high[axis]]) for axis in (0, 1))
+    nodes = wave.nodes((sides[0], sides[1]), density=node_density, only_disc=only_disc)
     points = counts[0] * counts[1]
     needed = 16.0 * (30 * (nodes.count + points) + 8 * points)  # rank 30 at most; a grid upsampled twice each way
     if needed > memory_limit:
@@ -297,13 +298,13 @@ def field_table(
     return tabulated(slow, start=(start[0], start[1]), spacing=spacing, tolerance=tolerance)
 
 
-def _outline(low: tuple[float, float], high: tuple[float, float], *, only_disc: bool) -> tuple[FloatArray, FloatArray]:
-    """Middle and outermost points of a rectangle, or of the disc within it."""
-    x, y, _ = outline(np.array([low[0], high[0]]), np.array([low[1], high[1]]), np.zeros(1))
+def _outline(x: FloatArray, y: FloatArray, *, only_disc: bool) -> tuple[FloatArray, FloatArray]:
+    """Middle and outermost points of a rectangle between two sides along each axis, or of the disc within it."""
     if not only_disc:
-        return x, y
+        corners_x, corners_y, _ = outline(x, y, np.zeros(1))
+        return corners_x, corners_y
     angle = 2 * math.pi * np.arange(_AROUND) / _AROUND
-    across, along = ((b - a) / 2 for a, b in zip(low, high, strict=True))
+    across, along = np.ptp(x) / 2, np.ptp(y) / 2
     return np.r_[0.0, across * np.cos(angle)] + np.mean(x), np.r_[0.0, along * np.sin(angle)] + np.mean(y)
 
 
