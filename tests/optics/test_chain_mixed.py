@@ -396,7 +396,7 @@ def test_what_the_boundary_wave_leaves_out_is_stated_and_not_refused(second: str
         for first, each in (("boundary_wave", tolerance), ("kirchhoff", min(tolerance, 1e-4)))
     )
     truth = relative(edge.pixels, area.pixels)
-    assert truth > max(5e-4, 10 * area.numerical_error)
+    assert truth > max(2e-4, 5 * area.numerical_error)
     assert truth < edge.numerical_error < 5 * truth
 
 
@@ -408,7 +408,7 @@ def test_what_the_boundary_wave_of_a_disc_leaves_out_is_stated(second: str) -> N
         for first in ("boundary_wave", "kirchhoff")
     )
     truth = relative(edge.pixels, area.pixels)
-    assert truth > max(3e-4, area.numerical_error)
+    assert truth > max(2e-4, area.numerical_error)
     assert truth < edge.numerical_error < 5 * truth
 
 

@@ -12,7 +12,7 @@ from scipy.special import j1
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.chain import ChainAccuracy, LightPath, Microlenses, PixelGrid, hexagonal_centres, square_centres
 from tradestudy.optics.chain.array_field import PupilWave, direct_field, fast_phase, field_table, leg_kernel
-from tradestudy.optics.chain.arriving_light import ray_reach, table_reader
+from tradestudy.optics.chain.arriving_light import field_spacing, ray_reach, table_reader, table_tolerance
 from tradestudy.optics.chain.detector_transfer import choose_transfer, detector_field, response
 from tradestudy.optics.chain.microlens_nodes import cell_node_count, cell_nodes
 from tradestudy.optics.chain.patch_transfer import PatchPlan, fresnel_reach, patch_fields, patch_law
@@ -147,45 +147,52 @@ def test_main_lens_field_in_focus_is_the_airy_pattern() -> None:
     np.testing.assert_allclose(value, peak * (2 * j1(v) / v) ** 2, atol=2e-4 * peak)
 
 
-def test_main_lens_field_agrees_with_direct_quadrature_and_converges() -> None:
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4, 1e-5, 1e-6])
+def test_main_lens_field_agrees_with_direct_quadrature_on_just_enough_samples(tolerance: float) -> None:
     wave = PupilWave(
         path=small_path(),
         source=PointSource(x=0.3e-3, y=0.1e-3, distance=24e-3),
         wavelength=WAVELENGTH,
         method="kirchhoff",
     )
+    accuracy = ChainAccuracy(tolerance=tolerance)
     chief = np.array(wave.path.chief_point(wave.source))
     rng = np.random.default_rng(2)
-    at = chief + rng.uniform(-25e-6, 25e-6, (30, 2))
+    at = chief + rng.uniform(-25e-6, 25e-6, (60, 2))
+    at[:20, 0] = chief[0] + 25e-6  # where the end of the table tells most
     truth = direct_field(wave, at[:, 0], at[:, 1])
+    enough = field_spacing(wave, accuracy)
     errors = []
-    for spacing in (2e-6, 1e-6, 0.5e-6):
+    for spacing in (enough, 3 * enough):
         table = field_table(
             wave,
             low=(-25e-6, -25e-6),
             high=(25e-6, 25e-6),
             spacing=spacing,
             node_density=1.0,
-            tolerance=1e-9,
+            tolerance=table_tolerance(accuracy),
             memory_limit=2e9,
         )
         value = table_reader(wave, table)(at[:, 0], at[:, 1])
         errors.append(float(np.linalg.norm(value - truth) / np.linalg.norm(truth)))
-    assert errors[-1] < 1e-5
-    order = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert 4.5 < order[-1] < 8  # a quintic spline: 6
+    assert errors[0] < tolerance
+    assert errors[1] > 0.1  # beyond Nyquist's limit
 
 
-def test_fast_phase_leaves_a_slow_field() -> None:
+def test_without_its_fast_phase_the_field_holds_no_steeper_waves_than_from_the_rim() -> None:
     wave = PupilWave(
         path=small_path(), source=PointSource(x=0.3e-3, distance=24e-3), wavelength=WAVELENGTH, method="kirchhoff"
     )
     chief = wave.path.chief_point(wave.source)
-    x = chief[0] + np.linspace(-15e-6, 15e-6, 61)
+    x = chief[0] + np.linspace(-60e-6, 60e-6, 481)
     field = direct_field(wave, x, np.full_like(x, chief[1]))
     slow = field * np.exp(-1j * fast_phase(wave, x, np.full_like(x, chief[1])))
-    assert np.max(np.abs(np.diff(np.unwrap(np.angle(slow))))) < 0.25
-    assert np.max(np.abs(np.diff(np.unwrap(np.angle(field))))) > 0.3
+    steeper = np.abs(np.fft.fftfreq(x.size, x[1] - x[0])) > 1.15 * 0.15e-3 / (wave.path.array_distance * WAVELENGTH)
+    shares = []
+    for one in (field, slow):
+        power = np.abs(np.fft.fft(one * np.blackman(x.size))) ** 2
+        shares.append(float(power[steeper].sum() / power.sum()))
+    assert shares[1] < 1e-6 < 1e-3 < shares[0]
 
 
 def test_memory_is_refused_with_the_knob_to_turn() -> None:

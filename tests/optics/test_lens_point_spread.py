@@ -108,6 +108,8 @@ def test_points_that_form_no_grid_are_refused_by_metrics() -> None:
         ({"focus_distance": 20e-3}, "focus beyond the focal length"),
         ({"tolerance": 1.0}, "tolerance"),
         ({"method": "fraunhofer"}, "method"),
+        ({"source": float("inf")}, r"source: inf .*PointSource\.at_infinity"),
+        ({"source": 0.15}, r"source: 0\.15 .*PointSource\(distance=…\)"),
     ],
 )
 def test_impossible_lenses_are_refused(change: dict[str, object], said: str) -> None:

@@ -237,6 +237,7 @@ def point_spread(
     >>> print(f"MTF {mtf.value[0]:.2f} at 100/mm, {mtf.value[1]:.2f} at 200/mm, to {mtf.error[0]:.2f}")
     MTF 0.56 at 100/mm, 0.31 at 200/mm, to 0.01
     """
+    _refuse_bare_distance(source)
     nominal = reference_focal_length(focal_length)
     _check_numbers(nominal, f_number, wavelength, window)
     focus = source.distance if focus_distance is None else focus_distance
@@ -271,6 +272,17 @@ def point_spread(
         limits=limits,
     )
     return _of_field(field, source, lens, centre, wavelength=wavelength, obliquity=obliquity, airy=airy)
+
+
+def _refuse_bare_distance(source: object) -> None:
+    """Refuse a number, such as an infinite distance, in place of a source."""
+    if not isinstance(source, PointSource):
+        raise OutOfRangeError(
+            "source",
+            value=repr(source),
+            limit="a PointSource",
+            remedy="give PointSource(distance=…) or PointSource.at_infinity()",
+        )
 
 
 def _check_numbers(focal_length: float, f_number: float, wavelength: float, window: float) -> None:

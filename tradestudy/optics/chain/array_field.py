@@ -4,28 +4,29 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
-from scipy import ndimage
 
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.microlens_nodes import plane_wave_degree, tapered_disc_nodes
 from tradestudy.optics.chain.scene import LightPath, WaveMethod
+from tradestudy.optics.chain.table_interpolation import TableKernel, fast_count
 from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, direct_sum, unit_phasor
 from tradestudy.optics.propagation.fast_sum import fast_sum
 from tradestudy.optics.propagation.hybrid import unchecked_hybrid_field
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave, PointSource
-from tradestudy.optics.propagation.paths import Array, SphericalPath
+from tradestudy.optics.propagation.paths import Array
 from tradestudy.optics.propagation.sampling import Limits, TargetGrid, TargetPoints, net_phase, outline
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
 
-_SPLINE_ORDER: Literal[5] = 5
-_END = 12  # grid points beyond each side, where the spline's end effect dies
+_SHARE_OF_READING = 0.1  # of a table's tolerance, for its interpolation
+_SHARE_OF_FACTOR = 0.2  # and for its low-rank factor, of whose error two computations share the most
+_OVERSAMPLING = 1.5  # of the samples of tables of a tolerance of 1e-3 and above …
+_FINER = 0.3  # … and how much more a decade adds
+_AROUND = 32  # points of the edge of a disc whose light stands for all
 _LOOSER = 10.0  # boundary waves err by a hundredth of their tolerance in the intensity: a tenth of the image's remains
-_LEAST_FRESNEL_NUMBER = 1.0  # of the blur on the array, from which on its spherical wave is taken out
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,18 +128,20 @@ class PupilWave:
         samples = ApertureSamples(nodes=disc, field=np.ones(disc.count, dtype=complex))
         return fast_sum(samples, self.kernel, targets, low_rank_tolerance=1e-7, nufft_tolerance=1e-7).field
 
-    def nodes(self, region: tuple[FloatArray, FloatArray], *, density: float) -> QuadratureNodes:
-        """Pupil nodes that resolve the net phase from the source to every point of a region of the array.
+    def nodes(
+        self, region: tuple[FloatArray, FloatArray], *, density: float, only_disc: bool = False
+    ) -> QuadratureNodes:
+        """Pupil nodes that resolve the net phase from the source to every point of a rectangle that holds the region.
 
-        Around the rim and along the radius apart: a defocused wave turns fast along the radius alone.
+        With `only_disc`, to every point of the disc within it. Around the rim and along the radius apart: a defocused
+        wave turns fast along the radius alone.
         """
         radius, z = self.path.main_lens.radius, self.path.array_distance
         # Every point of a coherent disc arrives at its own slope, which is as good as targets farther out.
         wider = z * self.coherent_radius / math.hypot(self.coherent_radius, self.source.distance)
-        low_x, low_y = (np.min(c) - wider for c in region)
-        high_x, high_y = (np.max(c) + wider for c in region)
-        box = outline(np.array([low_x, high_x]), np.array([low_y, high_y]), np.array([z, z]))
-        half_range, turns = net_phase(self.wave.paths, self.kernel, radius=radius, x=box[0], y=box[1], z=box[2])
+        sides = [np.array([np.min(c) - wider, np.max(c) + wider]) for c in region]
+        x, y = _outline(sides[0], sides[1], only_disc=only_disc)
+        half_range, turns = net_phase(self.wave.paths, self.kernel, radius=radius, x=x, y=y, z=np.full_like(x, z))
         return self.path.main_lens.without_obscuration(
             lambda part: tapered_disc_nodes(
                 radius=part, radial_phase=2 * density * half_range, angular_phase=density * turns
@@ -166,58 +169,44 @@ class FieldTable:
     spacing
         [m].
     coefficients
-        Spline coefficients of real and imaginary part, shape (2, rows, columns).
+        Shape (rows, columns).
+    kernel
+        Interpolates with them.
     handed_over
         Share of the grid that a boundary wave left to Kirchhoff's integral; 0 for the other methods.
     """
 
     start: tuple[float, float]
     spacing: float
-    coefficients: FloatArray
+    coefficients: ComplexArray
+    kernel: TableKernel
     handed_over: float = 0.0
 
     def slow_part(self, x: FloatArray, y: FloatArray) -> ComplexArray:
         """Field without its fast phase at points relative to the origin; zero outside the grid."""
-        at = np.stack([(y - self.start[1]) / self.spacing, (x - self.start[0]) / self.spacing])
-        real, imaginary = (
-            ndimage.map_coordinates(part, at, order=_SPLINE_ORDER, mode="constant", prefilter=False)
-            for part in self.coefficients
-        )
-        return np.asarray(real + 1j * imaginary)
+        rows, columns = ((at - start) / self.spacing for at, start in ((y, self.start[1]), (x, self.start[0])))
+        return self.kernel.interpolated(self.coefficients, rows, columns)
 
 
 def fast_phase(wave: PupilWave, x: Array, y: Array) -> FloatArray:
-    """Phase of the sphere about the main lens's image, plus that of the chief ray: what the table leaves out [rad].
+    """Phase of the path from the middle of the main lens, and that of the chief ray before it [rad].
 
-    No sphere is taken out where the array lies so near the image that the blur has less than a Fresnel zone.
+    Without it the field holds only waves whose slope is at most that from the middle of the lens to its rim.
     """
-    a, z = wave.source.distance, wave.path.array_distance
-    chief_x, chief_y = wave.path.chief_point(wave.source)
-    k = 2 * math.pi / wave.wavelength
+    a, z = wave.source.distance, np.asarray(wave.path.array_distance)
+    chief_x, chief_y = (np.asarray(c) for c in wave.path.chief_point(wave.source))
     off = math.hypot(wave.source.x, wave.source.y)
-    if wave.paraxial:
-        chief = abs(a) + off**2 / (2 * abs(a)) + z + (chief_x**2 + chief_y**2) / (2 * z)
-    else:
-        chief = math.hypot(a, off) + math.hypot(z, chief_x, chief_y)
-    sphere = _sphere(wave)
-    if sphere is None:
-        return np.full(np.broadcast(x, y).shape, k * chief)
-    # The chief ray's phase is a constant; turns of a far source would leave no digits to the sphere.
-    return np.asarray(math.fmod(k * chief, 2 * math.pi) + k * sphere.value(x - chief_x, y - chief_y))
+    before = abs(a) + off**2 / (2 * abs(a)) if wave.paraxial else math.hypot(a, off)
+    k, behind = wave.kernel.wavenumber, float(wave.kernel.path(chief_x, chief_y, z))
+    # Turns of a far source would leave no digits to the rest.
+    return np.asarray(math.fmod(k * (before + behind), 2 * math.pi) + k * (wave.kernel.path(x, y, z) - behind))
 
 
-def _sphere(wave: PupilWave) -> SphericalPath | None:
-    """Spherical path about the image, in coordinates relative to the chief ray's point."""
-    x, y, depth = wave.path.image_at_array(wave.source)
-    b = wave.path.array_distance - depth
-    blur = wave.path.main_lens.radius * abs(depth / b)
-    pupil = wave.path.main_lens.pupil
-    if pupil is not None and (pupil.aberrated or not pupil.evenly_lit):
-        return None  # light of one array point then comes from all over the pupil, or from an edge within it
-    if wave.coherent_radius > 0 or blur**2 <= _LEAST_FRESNEL_NUMBER * wave.wavelength * abs(depth):
-        return None
-    chief_x, chief_y = wave.path.chief_point(wave.source)
-    return SphericalPath(x=x - chief_x, y=y - chief_y, distance=depth)
+def reading_kernel(tolerance: float) -> TableKernel:
+    """Kernel that reads tables of this tolerance: the finer, the wider it is and the finer are the samples."""
+    return TableKernel.within(
+        _OVERSAMPLING + _FINER * max(0.0, math.log10(1e-3 / tolerance)), _SHARE_OF_READING * tolerance
+    )
 
 
 def field_table(
@@ -230,6 +219,7 @@ def field_table(
     tolerance: float,
     memory_limit: float,
     edge_tolerance: float = 0.1,
+    only_disc: bool = False,
 ) -> FieldTable:
     """Compute the field on a grid over a rectangle.
 
@@ -250,6 +240,8 @@ def field_table(
     edge_tolerance
         Tolerance of the image; nodes, poles and interpolation of the boundary wave take a tenth of it. Its difference
         from Kirchhoff's integral does not depend on sampling; the comparison of images covers it.
+    only_disc
+        Only the disc within the rectangle is read: beyond it, the field may be wrong.
 
     Raises
     ------
@@ -259,8 +251,9 @@ def field_table(
         If Kirchhoff's integral misses the tolerance where it replaces the boundary wave.
     """
     chief = wave.path.chief_point(wave.source)
-    start = tuple(c - _END * spacing for c in low)
-    counts = tuple(math.ceil((b - a) / spacing) + 1 + 2 * _END for a, b in zip(low, high, strict=True))
+    end = reading_kernel(tolerance).end_effect
+    start = tuple(c - end * spacing for c in low)
+    counts = tuple(fast_count((b - a) / spacing + 1 + 2 * end) for a, b in zip(low, high, strict=True))
     grid = TargetGrid(
         x_start=chief[0] + start[0],
         y_start=chief[1] + start[1],
@@ -279,14 +272,12 @@ def field_table(
             tolerance=looser_for_edges(edge_tolerance),
             limits=Limits(memory_bytes=memory_limit),
         )
-        return FieldTable(
-            start=(start[0], start[1]),
-            spacing=spacing,
-            coefficients=_spline(hybrid.field * unit_phasor(-fast_phase(wave, x, y))),
-            handed_over=hybrid.handed_over,
-        )
-    edge_x, edge_y = grid.x_axis[[0, -1, 0, -1]], grid.y_axis[[0, -1, -1, 0]]
-    nodes = wave.nodes((edge_x, edge_y), density=node_density)
+        slow = hybrid.field * unit_phasor(-fast_phase(wave, x, y))
+        table = tabulated(slow, start=(start[0], start[1]), spacing=spacing, tolerance=tolerance)
+        return replace(table, handed_over=hybrid.handed_over)
+    # What lies beyond settles the ends of the table, for which too few nodes do as well.
+    sides = tuple(chief[axis] + np.array([low[axis], high[axis]]) for axis in (0, 1))
+    nodes = wave.nodes((sides[0], sides[1]), density=node_density, only_disc=only_disc)
     points = counts[0] * counts[1]
     needed = 16.0 * (30 * (nodes.count + points) + 8 * points)  # rank 30 at most; a grid upsampled twice each way
     if needed > memory_limit:
@@ -296,9 +287,31 @@ def field_table(
             limit=f"{memory_limit / 1e9:.3g} GB",
             remedy="use fewer microlenses or a coarser field sampling, or raise the memory limit",
         )
-    result = fast_sum(wave.samples(nodes), wave.kernel, grid, low_rank_tolerance=tolerance, nufft_tolerance=tolerance)
+    result = fast_sum(
+        wave.samples(nodes),
+        wave.kernel,
+        grid,
+        low_rank_tolerance=_SHARE_OF_FACTOR * tolerance,
+        nufft_tolerance=tolerance,
+    )
     slow = result.field.reshape(grid.shape) * unit_phasor(-fast_phase(wave, x, y))
-    return FieldTable(start=(start[0], start[1]), spacing=spacing, coefficients=_spline(slow))
+    return tabulated(slow, start=(start[0], start[1]), spacing=spacing, tolerance=tolerance)
+
+
+def _outline(x: FloatArray, y: FloatArray, *, only_disc: bool) -> tuple[FloatArray, FloatArray]:
+    """Middle and outermost points of a rectangle between two sides along each axis, or of the disc within it."""
+    if not only_disc:
+        corners_x, corners_y, _ = outline(x, y, np.zeros(1))
+        return corners_x, corners_y
+    angle = 2 * math.pi * np.arange(_AROUND) / _AROUND
+    across, along = np.ptp(x) / 2, np.ptp(y) / 2
+    return np.r_[0.0, across * np.cos(angle)] + np.mean(x), np.r_[0.0, along * np.sin(angle)] + np.mean(y)
+
+
+def tabulated(slow: ComplexArray, *, start: tuple[float, float], spacing: float, tolerance: float) -> FieldTable:
+    """Table of a field without its fast phase."""
+    kernel = reading_kernel(tolerance)
+    return FieldTable(start=start, spacing=spacing, coefficients=kernel.coefficients(slow), kernel=kernel)
 
 
 def looser_for_edges(tolerance: float) -> float:
@@ -309,10 +322,12 @@ def looser_for_edges(tolerance: float) -> float:
 def blended(tables: list[FieldTable], weights: FloatArray) -> FieldTable:
     """Weighted sum of tables on one grid: interpolation over the source position."""
     first = tables[0]
-    coefficients = sum(w * table.coefficients for w, table in zip(weights, tables, strict=True))
+    total = np.zeros_like(first.coefficients)
+    for weight, table in zip(weights, tables, strict=True):
+        total += weight.astype(total.real.dtype) * table.coefficients
     return replace(
         first,
-        coefficients=np.asarray(coefficients),
+        coefficients=total,
         handed_over=max(table.handed_over for table in tables),
     )
 
@@ -321,8 +336,3 @@ def direct_field(wave: PupilWave, x: FloatArray, y: FloatArray) -> ComplexArray:
     """Field at a few points by direct summation over more nodes than the fast path uses, as a reference."""
     nodes = wave.nodes((x, y), density=1.5)
     return direct_sum(wave.samples(nodes), wave.kernel, x, y, np.full_like(x, wave.path.array_distance))
-
-
-def _spline(field: ComplexArray) -> FloatArray:
-    """Spline coefficients of real and imaginary part."""
-    return np.stack([ndimage.spline_filter(part, order=_SPLINE_ORDER) for part in (field.real, field.imag)])

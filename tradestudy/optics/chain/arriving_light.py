@@ -11,7 +11,7 @@ import numpy as np
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
-from tradestudy.optics.chain.array_field import FieldTable, PupilWave, fast_phase, field_table
+from tradestudy.optics.chain.array_field import FieldTable, PupilWave, fast_phase, field_table, reading_kernel
 from tradestudy.optics.chain.regions import Disc
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
@@ -218,7 +218,7 @@ def arriving_light(wave: PupilWave | RayWave, accuracy: ChainAccuracy) -> Arrivi
     table = array_table(wave, accuracy)
     return ArrivingLight(
         read=table_reader(wave, table),
-        samples=table.coefficients[0].size,
+        samples=table.coefficients.size,
         handed_over=table.handed_over,
     )
 
@@ -234,7 +234,7 @@ def array_table(wave: PupilWave, accuracy: ChainAccuracy) -> FieldTable:
         high=(float(high[0]), float(high[1])),
         spacing=field_spacing(wave, accuracy),
         node_density=accuracy.pupil_nodes,
-        tolerance=accuracy.tolerance / 4,
+        tolerance=table_tolerance(accuracy),
         memory_limit=accuracy.memory_limit,
         edge_tolerance=accuracy.tolerance,
     )
@@ -250,17 +250,12 @@ def table_reader(wave: PupilWave, table: FieldTable) -> ArrayField:
     return read
 
 
-def field_spacing(wave: PupilWave, accuracy: ChainAccuracy) -> float:
-    """Spacing that samples the field of the whole pupil 2.5 times as finely as needed at a tolerance of 1e-4.
+def table_tolerance(accuracy: ChainAccuracy) -> float:
+    """Tolerance of a table of the main lens's field."""
+    return min(accuracy.tolerance / 4, 1e-3)
 
-    Beside the sphere that is taken out, the wave from the opposite rim oscillates twice as fast; it matters where the
-    blur has few Fresnel zones.
-    """
-    path = wave.path
-    far = float(np.max(np.linalg.norm(path.microlenses.centres - path.chief_point(wave.source), axis=1)))
-    sine = (path.main_lens.radius + far) / math.hypot(path.main_lens.radius + far, path.array_distance)
-    depth = abs(path.image_at_array(wave.source)[2])
-    zones = blur_radius(path, wave.source) ** 2 / (wave.wavelength * depth) if depth > 0 else 0.0
-    rim = 1 + (min(1.0, 2 / zones) if zones > 1 else 0.0)
-    finer = 2.5 * rim * math.pow(1e-4 / accuracy.tolerance, 1 / 6)
-    return wave.wavelength / (2 * sine * max(finer, 1.2) * accuracy.field_sampling)
+
+def field_spacing(wave: PupilWave, accuracy: ChainAccuracy) -> float:
+    """Spacing that samples light from the rim of the pupil as finely as the kernel needs that reads the table."""
+    finer = reading_kernel(table_tolerance(accuracy)).oversampling * accuracy.field_sampling
+    return wave.wavelength * wave.path.array_distance / (2 * wave.path.main_lens.radius * finer)

@@ -26,6 +26,7 @@ from tradestudy.optics.chain.microlens_plane import (
 from tradestudy.optics.chain.pixels import MARGIN, light_on_pixels
 from tradestudy.optics.chain.scene import LegMethod
 from tradestudy.optics.propagation.direct import ComplexArray
+from tradestudy.optics.propagation.result import squared_magnitude
 
 _SAFETY_OF_EDGES = 3.0  # the coarser Kirchhoff of a boundary wave may err to the same side as the wave
 _SAFETY = 2.0  # the two computations share some of their error: measured by tests/benchmarks/chain_audit.py
@@ -214,7 +215,7 @@ def compute_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: C
         handed_over = 1.0 - carried / spheres.power
     pixels = np.zeros(whole.shape)
     pixels[point.rows, point.columns], pixel_error = light_on_pixels(
-        np.abs(samples) ** 2, wave.path.pixels, per_pixel=plan.per_pixel
+        squared_magnitude(samples), wave.path.pixels, per_pixel=plan.per_pixel
     )
     return PointComputation(
         plan=point,

@@ -11,10 +11,11 @@ import numpy as np
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
-from tradestudy.optics.chain.array_field import FieldTable, PupilWave, blended, fast_phase, field_table
-from tradestudy.optics.chain.arriving_light import field_spacing
+from tradestudy.optics.chain.array_field import FieldTable, PupilWave, blended, fast_phase, field_table, tabulated
+from tradestudy.optics.chain.arriving_light import field_spacing, table_tolerance
 from tradestudy.optics.chain.scene import LightPath, WaveMethod
 from tradestudy.optics.chain.sources import DiscSource
+from tradestudy.optics.chain.table_interpolation import fast_count
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.lens import PointSource
 
@@ -96,7 +97,7 @@ class SourceTables:
     @property
     def samples(self) -> int:
         """Grid points of all tables."""
-        return sum(table.coefficients[0].size for table in self.tables)
+        return sum(table.coefficients.size for table in self.tables)
 
     @property
     def handed_over(self) -> float:
@@ -177,9 +178,10 @@ def source_tables(
             high=(half, half),
             spacing=spacing,
             node_density=accuracy.pupil_nodes,
-            tolerance=min(accuracy.tolerance / 4, 1e-3),
+            tolerance=table_tolerance(accuracy),
             memory_limit=accuracy.memory_limit,
             edge_tolerance=accuracy.tolerance,
+            only_disc=True,
         )
         for wave in waves
     ]
@@ -203,8 +205,9 @@ def blank_tables(
     middle = PointSource(x=sum(distances) / 2, distance=source.distance)
     wave = PupilWave(path=path, source=middle, wavelength=wavelength, method=method)
     spacing = field_spacing(wave, accuracy)
-    count = math.ceil(2 * half / spacing) + 1
-    table = FieldTable(start=(-half, -half), spacing=spacing, coefficients=np.ones((2, count, count)))
+    count = fast_count(2 * half / spacing + 1)
+    ones = np.ones((count, count), dtype=np.complex128)
+    table = tabulated(ones, start=(-half, -half), spacing=spacing, tolerance=table_tolerance(accuracy))
     return SourceTables(
         path=path,
         distance=source.distance,

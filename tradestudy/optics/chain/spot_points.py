@@ -39,6 +39,7 @@ from tradestudy.optics.chain.source_tables import Place, SourceTables, blank_tab
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes
 from tradestudy.optics.propagation.direct import ComplexArray
 from tradestudy.optics.propagation.lens import PointSource
+from tradestudy.optics.propagation.result import squared_magnitude
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,7 +186,7 @@ def point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
         if rest.any():
             far += _add_light(spot, spot.law, canvas, reach, replace(group, field=rest))
     return PointLight(
-        intensity=np.asarray(np.abs(canvas) ** 2 / wave.power()),
+        intensity=squared_magnitude(canvas) / wave.power(),
         far=far / wave.power(),
         handed_over=1.0 - carried / power if power > 0.0 else 0.0,
     )
@@ -225,7 +226,7 @@ def _light_of_all(
     if spheres is not None and spheres.power > 0.0:
         handed_over = 1.0 - _add_edges(spot, canvas, wave, spheres, reach) / spheres.power
     return PointLight(
-        intensity=np.asarray(np.abs(canvas) ** 2 / wave.power()),
+        intensity=squared_magnitude(canvas) / wave.power(),
         far=np.zeros(spot.path.pixels.shape),
         handed_over=handed_over,
     )
@@ -303,8 +304,8 @@ def _add_light(spot: Spot, law: PatchLaw, canvas: ComplexArray, reach: RayReach,
         tolerance=spot.accuracy.tolerance / 20,
     )
     _add_patches(canvas, patches, nearest - law.plan.half)
-    sent = np.sum(np.abs(lit.field) ** 2 * lit.cell.weights, axis=-1)
-    held = np.sum(np.abs(patches) ** 2, axis=(1, 2), dtype=np.float64) * spot.spacing**2
+    sent = np.sum(squared_magnitude(lit.field) * lit.cell.weights, axis=-1)
+    held = np.sum(squared_magnitude(patches), axis=(1, 2), dtype=np.float64) * spot.spacing**2
     half = law.plan.side * spot.spacing / 2
     # The law around a disc of rays assumes a round edge; square apertures use the law of a focus, their mean far away.
     round_edge = spot.path.microlenses.aperture == "circular"
@@ -338,10 +339,11 @@ def lights_of(spot: Spot, places: FloatArray) -> Iterator[PointLight]:
 
 def mean_on_pixels(spot: Spot, part: Iterable[tuple[int, PointLight]]) -> tuple[FloatArray, float]:
     """Weighted mean of points on the pixels, and the error of integrating over them."""
-    points, intensity, far = 0, np.zeros(1), np.zeros(spot.path.pixels.shape)
+    rows, columns = (n * spot.per_pixel + 2 * MARGIN for n in spot.path.pixels.shape)
+    points, intensity, far = 0, np.zeros((rows, columns)), np.zeros(spot.path.pixels.shape)
     for n, light in part:
         points += n
-        intensity = intensity + n * light.intensity
+        intensity += n * light.intensity
         far += n * light.far
     pixels, error = light_on_pixels(intensity / points, spot.path.pixels, per_pixel=spot.per_pixel)
     return pixels + far / points, error

@@ -212,7 +212,7 @@ def aperture_field(
             remedy="use method 'kirchhoff' or 'fresnel'",
         )
     wave = lens_wave(source=source, lens=lens, wavelength=wavelength, paraxial=method == "fresnel", obliquity=obliquity)
-    nearest = float(targets.coordinates()[2].min())
+    nearest = float(targets.box()[2][0])
     refuse_near_zone(width=2 * lens.radius, nearest=nearest, wavelength=wavelength)
     exact = KirchhoffKernel(wavelength=wavelength, obliquity=obliquity)
     if method == "geometric":

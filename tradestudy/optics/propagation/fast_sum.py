@@ -299,7 +299,7 @@ def _node_side(
     here = np.zeros(1)
     along_x, along_y, _ = kernel.slope_at_target(u, v, *base)
     centre_x, centre_y, _ = kernel.slope_at_target(here, here, *base)
-    carrier = strength * unit_phasor(kernel.wavenumber * to_base)
+    carrier = -1j / kernel.wavelength * strength * unit_phasor(kernel.wavenumber * to_base)
     return np.ascontiguousarray(factor.node.T * carrier), (along_x - centre_x, along_y - centre_y)
 
 

@@ -59,9 +59,9 @@ class KirchhoffKernel:
 
     def path_from_node(self, u: Array, v: Array, x: Array, y: Array, z: Array) -> Array:
         """Path from a node minus the path from the centre [m], without cancellation."""
-        a, b = x - u, y - v
-        s = np.sqrt(a * a + b * b + z * z)
-        return np.asarray((u * (u - 2 * x) + v * (v - 2 * y)) / (s + np.sqrt(x * x + y * y + z * z)))
+        squared = x * x + y * y + z * z
+        change = u * (u - 2 * x) + v * (v - 2 * y)
+        return np.asarray(change / (np.sqrt(squared + change) + np.sqrt(squared)))
 
     def slope_at_target(self, u: Array, v: Array, x: float, y: float, z: float) -> tuple[Array, Array, Array]:
         """Gradient of the path with respect to the target: the direction cosines from the node."""
@@ -86,19 +86,23 @@ class KirchhoffKernel:
         return np.asarray((squared - along * change) / (s + t) + c / s * dz)
 
     def amplitude(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """Everything but the phase: obliquity/(iλ s) [1/m²].
+        """Everything but the phase: obliquity/(iλ s) [1/m²]; arguments as for `spreading`."""
+        return np.asarray(-1j / self.wavelength * self.spreading(u, v, cosine, x, y, z))
+
+    def spreading(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
+        """Obliquity/s [1/m], real but for Rayleigh and Sommerfeld.
 
         `cosine` is the axial cosine of the wave that arrives at the node, which only the textbook obliquity uses.
         """
         a, b = x - u, y - v
         s2 = a * a + b * b + z * z
         if self.obliquity == "paper":
-            return np.asarray(z / s2 * (-1j / self.wavelength))
+            return np.asarray(z / s2)
         s = np.sqrt(s2)
         if self.obliquity == "textbook":
             assert cosine is not None  # guaranteed by ApertureSamples
-            return np.asarray((cosine / s + z / s2) * (-0.5j / self.wavelength))
-        return np.asarray(z / s2 * (1 + 1j / (self.wavenumber * s)) * (-1j / self.wavelength))
+            return np.asarray((cosine / s + z / s2) / 2)
+        return np.asarray(z / s2 * (1 + 1j / (self.wavenumber * s)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,9 +155,13 @@ class FresnelKernel:
 
     def amplitude(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
         """Everything but the phase: 1/(iλ z) [1/m²]; it depends only on the distance."""
+        return np.asarray(-1j / self.wavelength * self.spreading(u, v, cosine, x, y, z))
+
+    def spreading(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
+        """1/z [1/m]."""
         del cosine  # one signature for all kernels
         shape = np.broadcast_shapes(np.shape(u), np.shape(v), np.shape(x), np.shape(y), np.shape(z))
-        return np.broadcast_to(-1j / (self.wavelength * z), shape)
+        return np.broadcast_to(1 / z, shape)
 
 
 Kernel = KirchhoffKernel | FresnelKernel

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, unit_phasor
+from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, scaled_phasor
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.paths import Array
 from tradestudy.optics.propagation.upsampling import apply_along_rows, chebyshev_points, lagrange
@@ -93,7 +93,7 @@ def _slow(
     rows: Array | slice,
     targets: tuple[FloatArray, ...],
 ) -> ComplexArray:
-    """exp(i k (rest(q, P) − rest(centre, P))) · amplitude(q, P) between some nodes and some targets."""
+    """iλ exp(i k (rest(q, P) − rest(centre, P))) · amplitude(q, P) between some nodes and some targets."""
     nodes = problem.samples.nodes
     u, v = (nodes.x[rows] - nodes.centre[0])[:, None], (nodes.y[rows] - nodes.centre[1])[:, None]
     x, y, z = targets
@@ -102,7 +102,7 @@ def _slow(
     centre = np.zeros((1, 1))
     away = (x - base[0], y - base[1], z - base[2])
     rest = kernel.path_beyond_linear(u, v, base, *away) - kernel.path_beyond_linear(centre, centre, base, *away)
-    return np.asarray(unit_phasor(kernel.wavenumber * rest) * kernel.amplitude(u, v, cosine, x, y, z))
+    return scaled_phasor(kernel.wavenumber * rest, kernel.spreading(u, v, cosine, x, y, z))
 
 
 def _refuse_wide(

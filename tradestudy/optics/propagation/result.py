@@ -61,7 +61,7 @@ class Effort:
     nodes
         Quadrature nodes on the aperture (on its edge for the boundary wave, unless all targets are handed over).
     radial_nodes, angular_nodes
-        Rings and nodes per ring.
+        Rings, and nodes on the outermost.
     rank
         Terms of the low-rank factor; 0 if everything was summed directly.
     tiles
@@ -240,23 +240,26 @@ def choose_check_targets(
 
     With `doubt`, the squared errors expected of the field up to a factor, in proportion to intensity times doubt.
     """
-    x, y, z = targets.coordinates()
-    if x.size <= count:
-        index, weight, corner = np.arange(x.size), np.ones(x.size), np.zeros(x.size, dtype=bool)
+    size = field.size
+    if size <= count:
+        index, weight, corner = np.arange(size), np.ones(size), np.zeros(size, dtype=bool)
     else:
-        intensity = squared_magnitude(field)
-        even = np.full(x.size, 1.0 / x.size)
-        favour = intensity if doubt is None else intensity * doubt
-        total = float(favour.sum())
-        chance = even if total == 0.0 else _UNIFORM_SHARE * even + (1 - _UNIFORM_SHARE) * favour / total
-        upto = np.cumsum(chance)
-        index = np.searchsorted(upto, upto[-1] * np.random.default_rng(seed).random(count), side="right")
-        rising, falling = x + y, x - y
-        corners = [np.argmin(rising), np.argmin(falling), np.argmax(falling), np.argmax(rising)]
-        corner = np.arange(count + len(corners)) >= count
-        index = np.concatenate([index, corners])
-        weight = np.where(corner, 0.0, even[index] / chance[index])
-    return CheckTargets(index=index, weight=weight, corner=corner, x=x[index], y=y[index], z=z[index])
+        favour = squared_magnitude(field)
+        if doubt is not None:
+            favour *= doubt
+        upto = np.cumsum(favour)
+        total = float(upto[-1])
+        favoured = (1 - _UNIFORM_SHARE) / total if total > 0.0 else 0.0
+        uniform = (_UNIFORM_SHARE if total > 0.0 else 1.0) / size
+        upto *= favoured
+        upto += uniform * np.arange(1, size + 1)
+        drawn = np.searchsorted(upto, upto[-1] * np.random.default_rng(seed).random(count), side="right")
+        corners = targets.corners()
+        corner = np.arange(count + corners.size) >= count
+        index = np.concatenate([drawn, corners])
+        weight = np.where(corner, 0.0, 1.0 / size / (uniform + favoured * favour[index]))
+    x, y, z = targets.at(index)
+    return CheckTargets(index=index, weight=weight, corner=corner, x=x, y=y, z=z)
 
 
 def stated_error(

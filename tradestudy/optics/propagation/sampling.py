@@ -9,12 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.paths import PathSum
+from tradestudy.optics.quadrature import gauss_legendre
 
 _BYTES_PER_NODE = 16 * 40  # complex terms of the largest low-rank factor, and the nodes themselves
 _BYTES_PER_TARGET = 16 * 40
+_WIDEST_MARGIN, _LEAST_MARGIN = 10.0, 3.0  # of `bessel_margin` at rounding errors, over the cube root, and apart
 _PAIRS_PER_SECOND = 2.0e7  # node–target pairs of the direct check on a slow core
 _TERMS_PER_SECOND = 4.0e5  # (nodes + targets) × 10 terms of the fast path on a slow core
 
@@ -63,6 +65,22 @@ class TargetPoints:
         arrays = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (self.x, self.y, self.distance)))
         x, y, z = (np.ascontiguousarray(v).ravel() for v in arrays)
         return x, y, z
+
+    def at(self, index: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """x, y, distance of some points, by their flat indices."""
+        x, y, z = self.coordinates()
+        return x[index], y[index], z[index]
+
+    def box(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Least and largest x, y and distance."""
+        x, y, z = (np.array([np.min(c), np.max(c)], dtype=float) for c in (self.x, self.y, self.distance))
+        return x, y, z
+
+    def corners(self) -> IndexArray:
+        """Flat indices of the points farthest along the four diagonals."""
+        x, y, _ = self.coordinates()
+        rising, falling = x + y, x - y
+        return np.array([np.argmin(rising), np.argmin(falling), np.argmax(falling), np.argmax(rising)])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,6 +163,20 @@ class TargetGrid:
         x = np.tile(self.x_axis, self.y_count)
         return x, np.repeat(self.y_axis, self.x_count), np.full(x.size, self.distance)
 
+    def at(self, index: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """x, y, distance of some points, by their flat indices."""
+        row, column = np.divmod(index, self.x_count)
+        return self.x_axis[column], self.y_axis[row], np.full(index.size, self.distance)
+
+    def box(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Least and largest x, y and distance."""
+        return self.x_axis[[0, -1]], self.y_axis[[0, -1]], np.array([self.distance, self.distance])
+
+    def corners(self) -> IndexArray:
+        """Flat indices of the four corners."""
+        last = self.x_count - 1, self.x_count * (self.y_count - 1)
+        return np.array([0, last[1], last[0], last[0] + last[1]])
+
 
 Targets = TargetPoints | TargetGrid
 
@@ -188,7 +220,9 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class NodeCounts:
-    """Rings of quadrature nodes on a disc, and nodes per ring; at least one of each.
+    """Rings of quadrature nodes on a disc, and nodes on its rim; at least one of each.
+
+    Inner rings have fewer nodes, as the phase turns less often on them.
 
     Examples
     --------
@@ -206,12 +240,30 @@ class NodeCounts:
 
     @property
     def total(self) -> int:
-        """Number of nodes."""
+        """Number of nodes at most."""
         return self.radial * self.angular
+
+    @property
+    def on_rings(self) -> IndexArray:
+        """Nodes of every ring, from the innermost, shape (radial,).
+
+        Of those on the rim, `bessel_margin` is taken to be as much as the tightest tolerance makes it: the rest, which
+        is the phase that turns, shrinks faster with the radius.
+        """
+        relative = np.sqrt(gauss_legendre(self.radial)[0])
+        turns = _turns(self.angular)
+        needed = turns * relative + _WIDEST_MARGIN * np.cbrt(turns * relative) + _LEAST_MARGIN
+        return np.asarray(np.minimum(np.ceil(needed).astype(int), self.angular))
 
     def scaled(self, factor: float) -> NodeCounts:
         """Both counts times a factor, rounded up."""
         return NodeCounts(radial=math.ceil(self.radial * factor), angular=math.ceil(self.angular * factor))
+
+
+def _turns(angular: int) -> float:
+    """Highest angular frequency t that so many nodes resolve: t + margin · t^⅓ and the least margin."""
+    roots = np.roots([1.0, 0.0, _WIDEST_MARGIN, min(_LEAST_MARGIN - angular, 0.0)])
+    return float(roots.real.max() ** 3)  # of the cubic in t^⅓; the others are complex, left of zero
 
 
 def needed_nodes(

@@ -44,7 +44,7 @@ def sample_wave(wave: LensWave, counts: NodeCounts) -> ApertureSamples:
     lens = wave.lens
     nodes = lens.without_obscuration(
         lambda radius: disc_nodes(
-            radius=radius, radial_count=counts.radial, angular_count=counts.angular, centre=lens.centre
+            radius=radius, radial_count=counts.radial, angular_count=counts.on_rings, centre=lens.centre
         )
     )
     x, y = nodes.x - lens.centre[0], nodes.y - lens.centre[1]
@@ -54,7 +54,7 @@ def sample_wave(wave: LensWave, counts: NodeCounts) -> ApertureSamples:
 
 def nodes_for(wave: LensWave, kernel: Kernel, targets: Targets, accuracy: FieldAccuracy) -> NodeCounts:
     """Node counts for the wave behind a lens and the outline of the targets."""
-    x, y, z = targets.coordinates()
+    x, y, z = targets.box()
     x, y, z = outline(x - wave.lens.centre[0], y - wave.lens.centre[1], z)
     return needed_nodes(
         wave.paths,
@@ -170,7 +170,7 @@ def propagate_samples(
     >>> print(f"{field.intensity:.6f}")
     4.000000
     """
-    nearest = float(targets.coordinates()[2].min())
+    nearest = float(targets.box()[2][0])
     refuse_near_zone(width=2 * samples.nodes.half_extent, nearest=nearest, wavelength=kernel.wavelength)
     counts = NodeCounts(radial=1, angular=samples.nodes.count)
     summed = _refined(
@@ -354,7 +354,7 @@ def _check(
 
 def rounding_error(samples: ApertureSamples, kernel: Kernel, targets: Targets) -> float:
     """Rounding of the phases over the aperture, relative to the field that all nodes would give in phase."""
-    nearest = float(targets.coordinates()[2].min())
+    nearest = float(targets.box()[2][0])
     turns = kernel.wavenumber * samples.nodes.half_extent**2 / nearest
     return float(np.finfo(np.float64).eps * (10.0 + 2.0 * turns))
 
@@ -362,7 +362,7 @@ def rounding_error(samples: ApertureSamples, kernel: Kernel, targets: Targets) -
 def largest_field(samples: ApertureSamples, kernel: Kernel, targets: Targets) -> float:
     """Field that the nodes would give if all were in phase."""
     u, v, strength = samples.local()
-    x, y, z = (np.asarray([float(np.mean(c))]) for c in targets.coordinates())
+    x, y, z = (np.asarray([float(np.mean(c))]) for c in targets.box())
     amplitude = kernel.amplitude(
         u, v, samples.axial_cosine, x - samples.nodes.centre[0], y - samples.nodes.centre[1], z
     )
