@@ -37,7 +37,7 @@ def compose(
     tree
         The content of ``results.nc``.
     run
-        The content of ``run.json``, with or without its checksum; only the section on provenance depends on it.
+        The content of ``run.json``; only the section on provenance depends on it.
     pdf
         Whether to make ``report.pdf``.
     drawing

@@ -12,6 +12,7 @@ import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Callout, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import in_words, or_dash
+from tradestudy.results.storage import CHECKSUM
 from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
 from tradestudy.units import significant
 
@@ -302,8 +303,11 @@ def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def describe_provenance(run: Mapping[str, Any]) -> Iterator[Block]:
-    """Write the content of ``run.json`` as a table, without the inputs, which earlier sections show."""
-    rows = tuple(_recorded({key: value for key, value in run.items() if key != "inputs"}))
+    """Write the content of ``run.json`` as a table.
+
+    Without the inputs, which earlier sections show, and the checksum, which is made while the report is.
+    """
+    rows = tuple(_recorded({key: value for key, value in run.items() if key not in ("inputs", CHECKSUM)}))
     if rows:
         yield Heading(text="Provenance", anchor="provenance")
         yield Table(
