@@ -122,7 +122,7 @@ def whole_pictures(
             exposure=exposure,
             scene=scene,
             recording=recording,
-            samples=image.samples,
+            samples=image.samples or taken.camera.rays_per_pixel,
             seed=definition.file.propagation.seed,
             rows=(0, exposure.sensor.rows),
             columns=(0, exposure.sensor.columns),

@@ -41,6 +41,8 @@ class Camera(ABC):
     """Whether corners of a board in its pictures can calibrate it as a pair of cameras."""
     lens_count: ClassVar[int] = 1
     """Number of equal lenses that take a picture at the same time."""
+    rays_per_pixel: ClassVar[int] = 8
+    """Rays for each pixel and lens that leave a sampling error below 0.5 % in pictures by rays."""
 
     sensor: Sensor
 

@@ -29,6 +29,7 @@ from tradestudy.study.schema.scene_image import SceneImagePart
 
 STEP: Final = "rendering"
 _BYTES_PER_PIXEL: Final = 16  # values and depth, in tiles and assembled
+_COMPRESSION: Final = 1  # of PNG files: noise hardly compresses, and more takes seven times as long
 _BYTES_PER_SAMPLE: Final = 24  # of a texture while it is generated
 
 
@@ -196,7 +197,7 @@ def _write_picture(one: TakenPicture, folder: Path, depth_format: str) -> Path:
     path = folder / f"{one.name}.{'png' if digital else 'tiff'}"
     with replacing(path) as part:
         if digital:
-            Image.fromarray(values).save(part, format="PNG")
+            Image.fromarray(values).save(part, format="PNG", compress_level=_COMPRESSION)
         else:
             Image.fromarray(values).save(part, format="TIFF", description="electrons")
     with replacing(folder / f"{one.name}_depth.{depth_format}") as part:
@@ -260,7 +261,7 @@ def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any
             "of": "the point that the middle of a pixel's brightest cone of light comes from, along the axis of the "
             "camera; infinite where it meets nothing, NaN where the pupil sends no light",
         },
-        "scene": {"nearest": near, "farthest": far, "samples": image.samples},
+        "scene": {"nearest": near, "farthest": far, "samples": image.samples or taken.camera.rays_per_pixel},
         "sampling_error": "relative difference (root mean square) from pictures with 16 times the samples, at places "
         "across each picture, without noise; by waves, also from twice as many computed spreads along each axis",
         "model_error": "by rays: relative change of pixel intensities (L2) that diffraction would make, from a trial; "

@@ -167,9 +167,10 @@ class SceneImagePart(Part):
     )
     black_level: NonNegativeElectrons = Field(default=0.0, description="Electrons added before digitising.")
     mosaic: MosaicPart | None = Field(default=None, description="Colour filters; default: none.")
-    samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
-        default=12,
-        description="Rays for each pixel and lens, half as many where a lens is barely lit; camera.json has the error.",
+    samples: Annotated[int, Field(strict=True, ge=4, le=4096)] | None = Field(
+        default=None,
+        description="Rays for each pixel and lens, half as many where a lens is barely lit; camera.json has the error. "
+        "Default: 12 for unfocused plenoptic cameras, 8 for others.",
     )
     depth_maps: bool = Field(
         default=False,
