@@ -24,6 +24,16 @@ def test_a_table_is_read_to_the_tolerance_of_its_kernel_up_to_its_band(oversampl
         assert np.max(np.abs(read - np.exp(1j * (wave[0] * at[0] + wave[1] * at[1])))) < 10 * tolerance
 
 
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])
+@pytest.mark.parametrize("oversampling", [1.2, 1.5, 2.5])
+def test_the_smallest_table_can_be_read(tolerance: float, oversampling: float) -> None:
+    kernel = TableKernel.within(oversampling, tolerance)
+    count = fast_count(1.0)
+    coefficients = kernel.coefficients(np.ones((count, count), dtype=complex))
+    middle = np.array([(count - 1) / 2])
+    np.testing.assert_allclose(kernel.interpolated(coefficients, middle, middle), 1.0, atol=10 * tolerance)
+
+
 def test_a_table_is_dark_outside() -> None:
     kernel = TableKernel.within(2.0, 1e-4)
     coefficients = kernel.coefficients(np.ones((33, 41), dtype=complex))

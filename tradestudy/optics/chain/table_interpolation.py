@@ -77,8 +77,11 @@ class TableKernel:
 
 
 def fast_count(least: float) -> int:
-    """Samples along a side of a table, no fewer than these, from which the coefficients are quickly found."""
-    return int(scipy.fft.next_fast_len(math.ceil(least) - 1, real=True)) + 1
+    """Samples along a side of a table, no fewer than these, from which the coefficients are quickly found.
+
+    At least those of two of the widest kernels, without which no place can be read.
+    """
+    return int(scipy.fft.next_fast_len(max(math.ceil(least) - 1, 2 * _WIDEST), real=True)) + 1
 
 
 def _summed(kernel: TableKernel, coefficients: ComplexArray, y: FloatArray, x: FloatArray) -> ComplexArray:
