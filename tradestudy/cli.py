@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130
 UNEXPECTED = 1
+_NEEDED_BY_WORKERS = ("tradestudy.analysis.requirements", "tradestudy.analysis.ranks", "scipy.stats")
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -383,7 +384,7 @@ def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Ite
     from tradestudy.execution import DaskCluster, Processes, Threads
 
     if jobs is not None:
-        with closing(Processes(jobs)) as executor:
+        with closing(Processes(jobs, preload=_NEEDED_BY_WORKERS)) as executor:
             yield executor
         return
     if threads is not None:

@@ -148,7 +148,7 @@ class Result:
         target = Path(directory)
         drawing = None if drawer is None else drawer.begin(self.data, filed=True)
         try:
-            made = renderer.compose(self.data, storage.read_back(self.run_record), pdf=pdf, drawing=drawing)
+            made = renderer.compose_files(self.data, storage.read_back(self.run_record), pdf=pdf, drawing=drawing)
         finally:  # a report that cannot be made costs no results
             content = storage.encoded(self.data) if drawing is None else drawing.file()
             storage.remove_abandoned(target)

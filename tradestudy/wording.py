@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from tradestudy.units import LENGTH, pretty, significant
 
-_MOST_DIGITS = 6
+_MOST_DIGITS: Final = 6
 
 
 def counted(number: int, word: str, words: str = "") -> str:
@@ -21,6 +21,11 @@ def listed(items: Sequence[str]) -> str:
     return " and ".join(part for part in (", ".join(items[:-1]), *items[-1:]) if part)
 
 
+def fewest_digits(tells_apart: Callable[[int], bool]) -> int:
+    """From three to six significant digits, the fewest that tell values apart; six where none do."""
+    return next((digits for digits in range(3, _MOST_DIGITS) if tells_apart(digits)), _MOST_DIGITS)
+
+
 def distance(value: float, digits: int = 3) -> str:
     """Write a distance [m] in metres, below 0.1 m in millimetres, with a no-break space before the unit."""
     if 0.1 <= abs(value) < math.inf:
@@ -30,16 +35,16 @@ def distance(value: float, digits: int = 3) -> str:
 
 def span(start: float, end: float) -> str:
     """Write a range of distances [m], both ends in one unit and with enough digits to tell them apart."""
-    for digits in range(3, _MOST_DIGITS + 1):
-        if 0.1 <= end < math.inf:
-            first, last = significant(start, digits), distance(end, digits)
-            same = last.startswith(f"{first}\N{NO-BREAK SPACE}")
-        else:
-            first, last = distance(start, digits), distance(end, digits)
-            same = first == last
-        if not same:
-            break
-    return f"{first} to {last}"
+    in_metres = 0.1 <= end < math.inf
+
+    def written(digits: int) -> tuple[str, str]:
+        return significant(start, digits) if in_metres else distance(start, digits), distance(end, digits)
+
+    def differ(digits: int) -> bool:
+        first, last = written(digits)
+        return not last.startswith(f"{first}\N{NO-BREAK SPACE}") if in_metres else first != last
+
+    return " to ".join(written(fewest_digits(differ)))
 
 
 def plain_span(start: float, end: float) -> str:

@@ -31,7 +31,7 @@ from tradestudy.study.schema.requirements import (
     UsablePart,
 )
 from tradestudy.units import FRACTION, LENGTH, Dimension, pretty
-from tradestudy.wording import limit_words, plain_span
+from tradestudy.wording import fewest_digits, limit_words, plain_span
 
 ANY: Final = "any"
 ALL: Final = "all"
@@ -207,9 +207,9 @@ def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: Flo
 
 
 def _unlike(bound: float, value: float, dimension: Dimension) -> str:
-    """A value with as many digits, from three to six, as tell it from its bound."""
-    written = [pretty(value, dimension, digits) for digits in range(3, 7)]
-    return next((words for words in written if words != pretty(bound, dimension, 6)), written[0])
+    """A value with the digits that tell it from its bound."""
+    limit = pretty(bound, dimension, 6)
+    return pretty(value, dimension, fewest_digits(lambda digits: pretty(value, dimension, digits) != limit))
 
 
 def _nearness(held: Held, *, above: bool) -> tuple[bool, float, float]:

@@ -12,7 +12,7 @@ import xarray as xr
 from tradestudy.results.views.depth import field_words
 from tradestudy.results.views.designs import path_words
 from tradestudy.units import ANGLE, ELECTRONS, LENGTH, NUMBER, PIXELS, Dimension, pretty, significant
-from tradestudy.wording import distance
+from tradestudy.wording import distance, fewest_digits
 
 _BY_UNIT: Final[Mapping[str, Dimension]] = {
     "m": LENGTH, "rad": ANGLE, "px": PIXELS, "1": NUMBER, "electrons": ELECTRONS,
@@ -26,7 +26,6 @@ _LABELS: Final[Mapping[tuple[str, str], str]] = {
 }
 _UNNAMED_GROUPS: Final = ("depth", "depth_at_places", "disparity_causes")
 _MOST_PERCENT: Final = 1000.0
-_MOST_DIGITS: Final = 6
 
 
 def result_words(variable: str) -> str:
@@ -47,12 +46,11 @@ def known_dimension(array: xr.DataArray) -> Dimension | None:
 def values_in_words(values: Sequence[float], dimension: Dimension | None) -> tuple[str, ...]:
     """Values with their unit and the digits that tell different ones apart; "none" for NaN."""
     different = len({value for value in values if not math.isnan(value)}) + any(map(math.isnan, values))
-    written: tuple[str, ...] = ()
-    for digits in range(3, _MOST_DIGITS + 1):
-        written = tuple(_written(value, dimension, digits) for value in values)
-        if len(set(written)) >= different:
-            break
-    return written
+
+    def written(digits: int) -> tuple[str, ...]:
+        return tuple(_written(value, dimension, digits) for value in values)
+
+    return written(fewest_digits(lambda digits: len(set(written(digits))) >= different))
 
 
 def _written(value: float, dimension: Dimension | None, digits: int) -> str:

@@ -133,12 +133,8 @@ class LengthOrPixelsDistribution(DistributionPart[LengthOrPixels, PositiveLength
 
     def in_lengths(self, pixel_pitch: float) -> LengthDistribution:
         """The same distribution for a pixel pitch [m], with no value in pixels."""
-        lengths = {
-            name: value.pixels * pixel_pitch
-            for name in self.model_fields_set
-            if isinstance(value := getattr(self, name), InPixels)
-        }
         given = {name: getattr(self, name) for name in self.model_fields_set}
+        lengths = {name: one.pixels * pixel_pitch for name, one in given.items() if isinstance(one, InPixels)}
         return LengthDistribution.model_construct(**(given | lengths))
 
 

@@ -31,10 +31,9 @@ MOST_DEATHS: Final = 3
 """Workers that may die over one point before the run gives up on it."""
 _BEGINNING: Final = -1  # index of no point: the worker is starting
 _NO_COMPLAINT: Final = "ignore:resource_tracker"
-# Workers are forked from a process without threads that has loaded what most points take, once for all of them. A fork
-# of this process would copy locks that its threads hold; on macOS no fork is safe.
+# Workers are forked from a process without threads. A fork of this process would copy locks that its threads hold; on
+# macOS no fork is safe.
 _FORKING: Final = sys.platform == "linux"
-_LOADED: Final = ("tradestudy.analysis.requirements", "tradestudy.analysis.ranks", "scipy.stats")
 
 
 @dataclass(frozen=True)
@@ -67,16 +66,19 @@ class Processes:
     ----------
     count
         Number of processes, 1 or more.
+    preload
+        Modules that most points need. On Linux, they are loaded once for all workers of this program.
     """
 
     count: int
+    preload: Sequence[str] = ()
     _idle: list[_Worker] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         refuse_fewer_than_one(self.count, "number of worker processes")
         if _FORKING:
             with _started_quietly():
-                multiprocessing.set_forkserver_preload(list(_LOADED))
+                multiprocessing.set_forkserver_preload(list(self.preload))
                 forkserver.ensure_running()
 
     def map_unordered(

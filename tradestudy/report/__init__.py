@@ -21,11 +21,11 @@ def write(
     pdf: bool = True,
     drawing: SharedDrawing | None = None,
 ) -> None:
-    """Write the files of `compose` of a finished run; see there for the parameters, and `place` for the directory."""
-    place(compose(tree, run, pdf=pdf, drawing=drawing), directory)
+    """Write what `compose_files` makes of a finished run; see there for the parameters, `place` for the directory."""
+    place(compose_files(tree, run, pdf=pdf, drawing=drawing), directory)
 
 
-def compose(
+def compose_files(
     tree: xr.DataTree, run: Mapping[str, Any], *, pdf: bool = True, drawing: SharedDrawing | None = None
 ) -> Mapping[str, bytes]:
     """Make ``report.html``, ``report.pdf``, ``figures/*.svg`` and ``tables/*.csv``, by these paths.

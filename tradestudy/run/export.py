@@ -142,7 +142,7 @@ def _without(camera: ImportedCamera, names: Sequence[str]) -> ImportedCamera:
 def _largest_shift(camera: ImportedCamera, smaller: ImportedCamera) -> float:
     """Largest distance between the images of one direction with all coefficients and with fewer [px].
 
-    Over the picture or, where its size is unknown, over twice the distance from its corner to the principal point.
+    Where the size of the picture is unknown, the principal point is taken as its centre.
     """
     size, focal, centre = (np.array(one) for one in (camera.pixels, camera.focal_lengths, camera.centre))
     last = size - 1.0 if camera.pixels is not None else 2.0 * centre

@@ -54,9 +54,9 @@ def nodes(count: int) -> Nodes:
     With a share of 1/n the filters of neighbouring nodes would hardly touch; with three times that, the picture of a
     texture is closest to one with many nodes.
 
-    Few nodes are the centre and a ring on both areas, which the one passes several times while the other passes it
-    once, so that a ring remains wherever the scene lies between the sharp and the most blurred. From 6 to 16 nodes that
-    errs less than a spiral, by a third with 12. More nodes, or a number for which there are no such rings, follow a
+    Few nodes are the centre and a ring on both areas. One area's ring is passed several times while the other's is
+    passed once, so that their sum remains a ring at every amount of blur. From 6 to 16 nodes, this errs less than a
+    spiral: by a third with 12. More nodes, or a number for which there are no such rings, follow a
     spiral on the disc and the R₃ sequence.
 
     Raises
