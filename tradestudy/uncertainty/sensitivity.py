@@ -100,8 +100,8 @@ def _require_weak_correlation(group: Group) -> None:
     i, j = np.unravel_index(int(np.argmax(np.abs(correlation))), correlation.shape)
     if abs(correlation[i, j]) > LARGEST_CORRELATION:
         raise OutOfRangeError(
-            f"a tornado by parameter would mislead in {group.name}",
-            value=f"{group.parameters[i]} and {group.parameters[j]} correlated by {correlation[i, j]:+.3f}",
+            "parameters are too strongly correlated for a bar each",
+            value=f"{group.parameters[i]} and {group.parameters[j]} by {correlation[i, j]:+.3f}",
             limit=f"magnitudes up to {LARGEST_CORRELATION}",
             remedy="use the bar of the whole group, which moves them together",
         )
