@@ -181,6 +181,20 @@ def test_declared_errors_have_no_causes(tree: xr.DataTree) -> None:
         assert not any("What counts most" in text for text in bullets(blocks))
 
 
+@pytest.mark.parametrize(("used", "told"), [(1.0, False), (1.1, True), (np.nan, False)])
+def test_errors_that_depth_uses_are_compared_only_where_both_exist(found: xr.Dataset, used: float, told: bool) -> None:
+    found = found.sel(camera=["pair-f9.8"]).copy(deep=True)
+    found["disparity_error_px"][:, 0] = np.nan
+    found["disparity_error_px_changed"][:, 0] = np.nan
+    depth = used * found[["disparity_error_px"]]
+    cameras = cameras_group(load_definition(STUDY, QUICK))
+    tree = xr.DataTree.from_dict(
+        {"/cameras": cameras, "/disparity_causes": found, "/depth": depth, "/depth_at_places": depth}
+    )
+    words = [plain(block.text) for block in section_of(tree) if isinstance(block, Paragraph)]
+    assert any("px instead of" in text for text in words) == told
+
+
 def test_a_camera_alone_is_compared_with_none(found: xr.Dataset) -> None:
     found = found.sel(camera=["pair-f5.6"]).copy(deep=True)
     found["brightest_camera"][:] = ""

@@ -63,7 +63,10 @@ def _in_use(tree: xr.DataTree, found: xr.Dataset, titles: Mapping[str, str]) -> 
         own = used.sel(camera=key, distance=found["distance"])
         with np.errstate(invalid="ignore", divide="ignore"):  # no texture left to match, or no picture
             apart = np.abs(np.log(own.values / whole.values))
-        place = int(np.nan_to_num(apart, posinf=0.0).argmax())
+        compared = np.flatnonzero(np.isfinite(apart))
+        if not compared.size:
+            continue
+        place = compared[apart[compared].argmax()]
         with_all, without = significant(float(whole[place])), significant(float(own[place]))
         if with_all != without:
             told.append(
