@@ -186,7 +186,7 @@ def test_assumed_values_come_first_with_the_cameras_they_belong_to(tree: xr.Data
         ["Assumed (1)"],
         ["Raytrix R5, Keplerian", "microlenses › gap", "0.568 mm", "f-number matching"],
         ["Paper (1)"],
-        ["Stereo 100 mm, f = 30.5 mm, Stereo 100 mm, 65.24° across", "calibration › errors › yaw", "0.2°", ""],
+        ["Stereo 100 mm, f = 30.5 mm; Stereo 100 mm, 65.24° across", "calibration › errors › yaw", "0.2°", ""],
     ]
 
 

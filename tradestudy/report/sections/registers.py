@@ -126,7 +126,7 @@ def _shared(owners: list[str], tree: xr.DataTree) -> str:
         if len(members) > 2 and set(members) <= set(left):
             parts.append(f"all {family} cameras")
             left = [key for key in left if key not in members]
-    return ", ".join([*(titles.get(key, key) for key in left), *parts])
+    return "; ".join([*(titles.get(key, key) for key in left), *parts])  # titles may contain commas
 
 
 def describe_contradictions(tree: xr.DataTree) -> Iterator[Block]:
