@@ -131,7 +131,7 @@ class SpectralLinePart(Part):
     """A wavelength and its weight."""
 
     wavelength: PositiveWavelength = Field(description="Wavelength of this line.")
-    weight: PositiveNumber = Field(description="Share of the light in this line, relative to the others.")
+    weight: PositiveNumber = Field(description="Light in this line, relative to the others.")
 
 
 class PicturePart(Part):

@@ -38,7 +38,7 @@ class PlanePart(Part):
     shape: Literal["plane"]
     distance: ObjectDistance = Field(description="Distance of its centre along the axis.")
     centre: Place = Field(default=(0.0, 0.0), description="Offsets to the right of the axis and below it.")
-    size: tuple[DetailSize, DetailSize] | None = Field(default=None, description="Width and height; default: endless.")
+    size: tuple[DetailSize, DetailSize] | None = Field(default=None, description="Width and height; default: infinite.")
     tilt_x: Tilt = Field(default=0.0, description="Slope along x: farther away to the right.")
     tilt_y: Tilt = Field(default=0.0, description="Slope along y: farther away downwards.")
 
@@ -51,9 +51,9 @@ class StairsPart(Part):
     far: ObjectDistance = Field(description="Distance of the farthest tread.")
     treads: Annotated[int, Field(strict=True, ge=2, le=MOST_STEPS)] = Field(default=2, description="Number of treads.")
     tread_width: DetailSize | None = Field(
-        default=None, description="Width of each tread but the first and the last, which are endless; a step has none."
+        default=None, description="Width of each tread but the first and the last, which are infinite; a step has none."
     )
-    edge: Length = Field(default=0.0, description="Middle of all edges, to the right of the axis.")
+    edge: Length = Field(default=0.0, description="Centre of all edges, to the right of the axis.")
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
