@@ -360,7 +360,7 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
         columns=(
             Column(title="At", align="right"),
             Column(title="Better usable"),
-            Column(title="Flips under", weight=1),
+            Column(title="Changes under", weight=1),
             Column(title="More certain"),
             Column(title="by a factor", align="right"),
         ),
