@@ -130,7 +130,7 @@ class Study:
             (0 if file.light_spot is None else 1, "light spot"),
         ]
         words = ", ".join(counted(count, word) for count, word in sizes if count)
-        return f"{self.name}: {words or 'in order'}{ends}"
+        return f"{self.name}: {words or 'no mistakes'}{ends}"
 
     def check(self) -> str:
         """Refuse a study that no run could answer, as `plan` does; return in one line what the study would compute.
@@ -181,7 +181,7 @@ class Study:
         Parameters
         ----------
         progress
-            Called with the step and its completed share, 0 … 1.
+            Called with the step and the fraction of it that is done, 0 … 1.
         budget
             Wall time for all measurements [s]; what does not fit is left out and listed.
         executor, checkpoints
@@ -480,7 +480,7 @@ def cost(
     Returns
     -------
     list of str
-        A sentence for each problem of the study, and the path of the figure.
+        A sentence for each camera and picture of the study, and the path of the figure.
     """
     from xarray import DataTree
 
