@@ -105,8 +105,8 @@ def _ranks(tree: xr.DataTree) -> Drawing:
         name="rank-probability",
         caption="Probability that the depth error of the first camera is smaller than that of the second. Calibration "
         "alone: over rigs, sessions and calibrations, with the noise averaged away. Single measurements: noise as "
-        "well. "
-        "Shaded: 2 Monte Carlo standard errors. Errors common to both cameras (temperature, pressure) are drawn once.",
+        "well. Shaded: 2 Monte Carlo standard errors. Errors common to both cameras (temperature, pressure) are drawn "
+        "once.",
         alt="Probability against distance, one chart for each pair of cameras. Calibration alone: "
         + "".join(sentences),
         draw=partial(ranks.draw_rank_probability, tree),

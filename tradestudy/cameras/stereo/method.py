@@ -27,6 +27,5 @@ METHOD: Final = Method(
     ),
     baseline_note="The reference rig has parallel axes. Converging axes with a baseline *B* measure as well as "
     "parallel ones with *B* (1 + *x*²/*c*²)/(1 + *B*²/4*Z*²), where *x* is half the disparity: where the axes meet, "
-    "*x* = 0, "
-    "that is less than *B*, because the lines of sight are longer than the distance *Z*.",
+    "*x* = 0, that is less than *B*, because the lines of sight are longer than the distance *Z*.",
 )

@@ -30,8 +30,7 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
             "plane fitted to a flat target; calibration errors shift and tilt the whole plane, so only noise remains. "
             "*Fill rate*: the fraction that both views, or enough microlenses, see, times one minus the failed "
             "fraction; 0 where the camera is unusable. *Field*: sensor size times distance over the distance from "
-            "lens to "
-            "sensor.{matching}",
+            "lens to sensor.{matching}",
             matching=_of_matching(tree),
         )
     )

@@ -190,7 +190,7 @@ def _step(nearer: float, farther: float) -> str:
 
 
 def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Write the verdict on the headline pair under every reading, and where the two are equally uncertain."""
+    """Write the verdict on the main pair under every reading, and where the two are equally uncertain."""
     if not has(tree, "decision", "uncertainty_ratio", "certainty_flips", "reading_says"):
         return
     decision, titles = group(tree, "decision"), camera_titles(tree)

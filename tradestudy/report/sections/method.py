@@ -66,11 +66,10 @@ def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
     yield Paragraph(
         "This is the error of a declared matcher: k is its noise over the bound, f a floor that remains however much "
         "light there is, A the amplitude of its pixel locking. Pixel locking is a bias that is periodic in the "
-        "disparity. Its phase is "
-        "unknown for one measurement, so its rms of A/√2 adds like noise, but it does not average out at one "
-        "distance. A false match measures nothing: if a fraction m of the matches is false and a fraction f of the "
-        "others ends beyond infinity, 1 − (1 − f)(1 − m) of all measurements fail, and the depth uncertainty is that "
-        "of the true matches."
+        "disparity. Its phase is unknown for one measurement, so its rms of A/√2 adds like noise, but it does not "
+        "average out at one distance. A false match measures nothing: if a fraction m of the matches is false and a "
+        "fraction f of the others ends beyond infinity, 1 − (1 − f)(1 − m) of all measurements fail, and the depth "
+        "uncertainty is that of the true matches."
     )
 
 
@@ -101,8 +100,7 @@ def _uncertainty() -> Iterator[Block]:
             say(
                 "**Quantiles, not standard deviations.** Depth is the inverse of a quantity that can reach zero, so "
                 "its variance may not exist. Errors are propagated to inverse depth; quantiles are taken there and "
-                "mapped "
-                "back. An inverse depth of zero or below is a depth of ∞ and stays in the quantiles."
+                "mapped back. An inverse depth of zero or below is a depth of ∞ and stays in the quantiles."
             ),
             say(
                 "**What decides it**: the error source with the largest share of the variance of inverse depth. "

@@ -177,8 +177,7 @@ def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
         name="lens-model-table",
         caption="Lens models compared: by how much more likely views, each left out in turn, are than under the "
         "model in use (log likelihood ± standard error over views), and what the model changes in depth midway "
-        "between the "
-        "cameras (mm ± standard error by the jackknife over views).",
+        "between the cameras (mm ± standard error by the jackknife over views).",
         columns=(
             Column(title="Rig", weight=1),
             Column(title="Lens model", weight=2),
