@@ -191,7 +191,9 @@ def export(
         list[str] | None,
         typer.Option("--format", metavar="NAME", help="opencv, ros, kalibr, mrcal or posterior; repeatable."),
     ] = None,
-    lossy: Annotated[bool, typer.Option("--lossy", help="Leave out what a format cannot hold, and list it.")] = False,
+    lossy: Annotated[
+        bool, typer.Option("--lossy", help="Leave out what a format cannot represent, and list it.")
+    ] = False,
     debug: DebugOption = False,
 ) -> None:
     """Write a declared or fitted camera as calibration files of other programs and as a posterior."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -86,3 +88,14 @@ def test_defines_every_variable_of_every_group() -> None:
     for group, variables in GROUPS.items():
         section = page.partition(f"\n## /{group}\n")[2].partition("\n(group-")[0]
         assert terms(section) == ([] if group == "depth_at_places" else list(variables))
+
+
+def test_properties_begin_with_no_colon() -> None:
+    """Napoleon takes the text of a property before a colon in its first line for its type."""
+    for owner in (tradestudy, tradestudy.optics, tradestudy.uncertainty):
+        for offered in (getattr(owner, name) for name in owner.__all__):
+            members = vars(offered) if isinstance(offered, type) else {}
+            for name, member in members.items():
+                if isinstance(member, property | cached_property) and not name.startswith("_"):
+                    first = re.sub(r"``.*?``", "", (member.__doc__ or "").split("\n")[0])
+                    assert ": " not in first, f"{offered.__name__}.{name}"

@@ -41,8 +41,8 @@ MTF at 200/mm: 0.308 ± 0.008 along x, 0.437 ± 0.008 along y
 >>> spot = optics.microlens_image(
 ...     camera, optics.PointSource(distance=0.5), wavelength=550e-9, tolerance=1e-2
 ... )
->>> print(f"{spot.pixels.sum():.2f} of the light on {spot.pixels.shape} pixels, to 1 %: {spot.within_tolerance}")
-0.97 of the light on (28, 28) pixels, to 1 %: True
+>>> print(f"{spot.pixels.sum():.2f} of the light on {spot.pixels.shape} pixels, within 1 %: {spot.within_tolerance}")
+0.97 of the light on (28, 28) pixels, within 1 %: True
 """
 
 from __future__ import annotations
