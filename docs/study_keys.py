@@ -179,7 +179,9 @@ class Reference:
         if (owner, key) in self.examples:
             return f"`{key}: {self.examples[owner, key]}`"
         if key in _EXAMPLES:
-            return f"`{key}: {_EXAMPLES[key]}`"
+            value = YAML(typ="safe", pure=True).load(_EXAMPLES[key])
+            if any(not name and _fits(value, one) for name, one in self.alternatives(schema)):
+                return f"`{key}: {_EXAMPLES[key]}`"
         for name, one in self.alternatives(schema):
             text = self._made_part(name) if name else self._made(one)
             if text:
@@ -300,6 +302,8 @@ def _fits(value: Any, schema: Schema) -> bool:
         )
     if isinstance(value, list):
         return schema.get("type") == "array"
+    if isinstance(value, str) and not re.search(schema.get("pattern", ""), value):
+        return False
     return schema.get("type") not in ("array", "object") and schema.get("const", value) == value
 
 

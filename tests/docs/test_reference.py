@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import pytest
 import typer.main
 from ruamel.yaml import YAML
@@ -61,6 +62,22 @@ def test_examples_are_yaml(pages: dict[str, str]) -> None:
             example = line.partition("*Example:* `")[2].rpartition("`")[0]
             if example:
                 assert len(reader.load(example)) == 1
+
+
+def test_examples_are_valid_for_their_keys(pages: dict[str, str]) -> None:
+    reader: Any = YAML(typ="safe", pure=True)
+    schema = tradestudy.schema()
+    parts = {f"(part-{name.lower()})=": one for name, one in schema["$defs"].items()} | {"## Top level": schema}
+    checked = 0
+    for page in pages.values():
+        keys: dict[str, Any] = {}
+        for line in page.splitlines():
+            keys = parts[line]["properties"] if line in parts else keys
+            if example := line.partition("*Example:* `")[2].rpartition("`")[0]:
+                ((key, value),) = reader.load(example).items()
+                jsonschema.Draft202012Validator({"$defs": schema["$defs"], **keys[key]}).validate(value)
+                checked += 1
+    assert checked > 400
 
 
 def test_links_of_keys_lead_to_parts(pages: dict[str, str]) -> None:

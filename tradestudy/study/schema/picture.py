@@ -65,7 +65,7 @@ PictureWindow = Annotated[
     WithJsonSchema(
         {
             "type": "string",
-            "description": "pixels, or a length on the object",
+            "title": "a number of pixels, or a length on the object",
             "examples": ["9 px", "1 mm"],
             "pattern": r"^[+]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*[A-Za-zµμÅ].*$",
         }
