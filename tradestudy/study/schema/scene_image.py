@@ -143,9 +143,9 @@ class MosaicPart(Part):
 class SceneImagePart(Part):
     """Surfaces that `render` makes pictures of, and how it does so.
 
-    Texture, light, noise, fill and stops are those of scene.picture; its window, matcher, field angle, spectrum and
-    lens phase belong to derived errors alone: pictures show the whole field, by rays or, where diffraction shows and
-    under effects (main_lens_diffraction, microlens_diffraction: fresnel), by waves of the scene's wavelength.
+    Texture, light, noise, fill factor and stops are those of scene.picture; its window, matcher, field angle, spectrum
+    and lens phase apply to derived errors alone. Pictures show the whole field. Rays make them, or waves of the scene's
+    wavelength where diffraction matters or effects force it (main_lens_diffraction, microlens_diffraction: fresnel).
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(
@@ -159,11 +159,12 @@ class SceneImagePart(Part):
     )
     rig: Rig = Field(
         default="as-designed",
-        description="Cameras without errors (as-designed), or each with errors drawn once from its calibration.",
+        description="as-designed: cameras without errors; drawn: each with errors drawn once from its calibration.",
     )
     noise: SensorNoiseModel = Field(
         default="shot+read+quantisation",
-        description="Noise; quantised pictures are 16-bit PNG in digital numbers, others TIFF floats in electrons.",
+        description="Noise of the pictures; quantised ones are 16-bit PNG in digital numbers, others TIFF floats in "
+        "electrons.",
     )
     black_level: NonNegativeElectrons = Field(default=0.0, description="Electrons added before digitising.")
     mosaic: MosaicPart | None = Field(default=None, description="Colour filters; default: none.")
