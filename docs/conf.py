@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -33,7 +34,7 @@ html_show_copyright = False
 
 
 def write_generated(_app: Sphinx) -> None:
-    """Write the pages that are made from the program; leave alone those that would not change, remove those of old."""
+    """Write the pages that are made from the program; leave unchanged ones alone, and remove obsolete ones."""
     pages = {f"study/{name}": text for name, text in study_keys.study_pages(HERE.parent).items()}
     pages |= {"command-line": declared.command_line_page(), "results": declared.results_page()}
     folder = HERE / "reference" / "generated"
@@ -51,7 +52,13 @@ def keep_bars(_app: Sphinx, _what: str, _name: str, _obj: object, _options: obje
     lines[:] = [line if line.lstrip().startswith((">>>", "...")) else line.replace("|", r"\|") for line in lines]
 
 
+def keep_initials(_app: Sphinx, _what: str, _name: str, _obj: object, _options: object, lines: list[str]) -> None:
+    """Take "M. Born" for a name, which reStructuredText would take for the thirteenth item of a list."""
+    lines[:] = [re.sub(r"^(\s*[A-Z])\. ", r"\1\\. ", line) for line in lines]
+
+
 def setup(app: Sphinx) -> None:
-    """Have the generated pages written before Sphinx looks for sources, and docstrings read as they are meant."""
+    """Write the generated pages before Sphinx looks for sources, and have docstrings read as they are meant."""
     app.connect("builder-inited", write_generated)
     app.connect("autodoc-process-docstring", keep_bars)
+    app.connect("autodoc-process-docstring", keep_initials)

@@ -12,24 +12,24 @@ from tradestudy.results import GROUPS, Variable
 
 _GROUPS: Final = {
     "cameras": "Every camera: what it is, how it measures, and what follows from its inputs.",
-    "depth": "Every camera that measures depth, over distance.",
-    "depth_at_places": "As `/depth`, at the distances that `decision.at` names.",
-    "depth_field": "Depth uncertainty off the axis, at the places that `propagation.field_places` names.",
+    "depth": "Every camera that measures depth, against distance.",
+    "depth_at_places": "The variables of `/depth`, at the distances of `decision.at`.",
+    "depth_field": "Depth uncertainty off the axis, at the field positions of `propagation.field_places`.",
     "depth_map": "Depth uncertainty over the picture of each rig whose lenses have a distortion model.",
     "disparity_causes": "Why a derived disparity error is what it is.",
-    "depth_loop": "Depth measured in rendered pictures of planes, against what is predicted.",
+    "depth_loop": "Depth measured in rendered pictures of planes, compared with the prediction.",
     "depth_of_field": "Where each camera is sharp, by each criterion of sharpness.",
-    "criteria": "What cameras are weighed by besides curves, and their ranks over all possible weights.",
+    "criteria": "Criteria that compare cameras besides the curves, and the ranks of cameras over all possible weights.",
     "decision": "Which camera is best at which distance, under which reading, and where that changes.",
     "calibration": "Calibrations fitted to corners or inferred from targets, and how far they can be trusted.",
     "sensitivity": "Which input decides the depth uncertainty.",
-    "fresnel_validity": "From which f-number Fresnel may stand for Kirchhoff.",
+    "fresnel_validity": "From which f-number Fresnel may replace Kirchhoff.",
     "images": "One light spot through both lenses, by each method.",
     "point_spread": "The image of a point over distance.",
     "hard_cases": "Cases in which textbook formulas lose their digits, and what this program computes there.",
     "effects": "Which models were chosen for which effect, and what the others would have changed.",
-    "cost": "Error against seconds of the sets of models that can answer.",
-    "claims": "Published statements, each held against the results.",
+    "cost": "Error and computing time of each set of models that can answer.",
+    "claims": "Published statements, each compared with the results.",
     "datasheet": "The numbers that data sheets of depth cameras state.",
     "pictures": "Pictures of the scene, and depth measured in them.",
     "requirements": "What the study requires, and whether it is met.",
@@ -109,22 +109,22 @@ def _sentence(text: str) -> str:
 
 
 _COMMAND_LINE: Final = """
-`tradestudy COMMAND` and `python -m tradestudy COMMAND` are the same program. `--help` after a command prints what
-stands here, and `python -m tradestudy --version` the version.
+`tradestudy COMMAND` and `python -m tradestudy COMMAND` do the same. `--help` after a command prints what this page
+says of it, and `python -m tradestudy --version` prints the version.
 
 | exit status | means |
 |---|---|
 | 0 | done |
-| 1 | anything not listed here, with one line on what happened and a log file |
+| 1 | any other error: one line says what happened and names a log file |
 | 2 | the input is wrong, or asks for an accuracy that cannot be reached |
-| 3 | `--strict` was given, and a requirement that must hold is not met or cannot be decided |
-| 130 | interrupted; what is finished is kept |
+| 3 | with `--strict`, a requirement that must hold is not met or undecided |
+| 130 | interrupted; finished parts are kept |
 """
 
 _RESULTS: Final = """
-A run writes `results.nc`, a netCDF4 file whose groups are listed here. It holds `/cameras` and the groups that its
-study asks for. Units are SI; `units`, `long_name`, `symbol`, `reference` and `error` stand in the attributes of each
-variable. A variable also has one dimension for every parameter that the study sweeps, before those listed.
+A run writes `results.nc`, a netCDF4 file. This page lists its groups; a file contains `/cameras` and those that its
+study needs. Units are SI. The attributes of each variable are `units`, `long_name`, `symbol`, `reference` and `error`.
+In a sweep, each variable also has one dimension for every parameter that varies, before those listed.
 
 `tradestudy.open_result(folder).data` is the whole file as an xarray `DataTree`, and `.table(name)` one table of it as a
 pandas data frame; see [](/how-to/python.md).

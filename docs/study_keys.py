@@ -59,6 +59,7 @@ _EXAMPLES: Final = {
     "tolerance_reason": "printed as one digit",
     "vary": "stereo-75mm.calibration.errors.yaw.standard_deviation",
 }
+_SPELLED: Final = {"[Kk]annala brandt": "Kannala–Brandt", "Psf": "PSF", r"\b([Ff]) number": r"\1-number"}
 _DIMENSIONS: Final = sorted(
     (one for one in vars(units).values() if isinstance(one, units.Dimension)), key=lambda one: -len(one.name)
 )
@@ -170,7 +171,7 @@ class Reference:
             return f"a mapping with {' and '.join(f'`{key}`' for key in schema['properties'])}"
         if isinstance(schema["type"], list):
             return "a number"
-        plain = {"boolean": "`true` or `false`", "integer": "a whole number", "number": "a number", "string": "a text"}
+        plain = {"boolean": "`true` or `false`", "integer": "a whole number", "number": "a number", "string": "text"}
         return plain[schema["type"]] + _limits(schema)
 
     def example(self, owner: str, key: str, schema: Schema) -> str:
@@ -178,7 +179,9 @@ class Reference:
         if (owner, key) in self.examples:
             return f"`{key}: {self.examples[owner, key]}`"
         if key in _EXAMPLES:
-            return f"`{key}: {_EXAMPLES[key]}`"
+            value = YAML(typ="safe", pure=True).load(_EXAMPLES[key])
+            if any(not name and _fits(value, one) for name, one in self.alternatives(schema)):
+                return f"`{key}: {_EXAMPLES[key]}`"
         for name, one in self.alternatives(schema):
             text = self._made_part(name) if name else self._made(one)
             if text:
@@ -299,6 +302,8 @@ def _fits(value: Any, schema: Schema) -> bool:
         )
     if isinstance(value, list):
         return schema.get("type") == "array"
+    if isinstance(value, str) and not re.search(schema.get("pattern", ""), value):
+        return False
     return schema.get("type") not in ("array", "object") and schema.get("const", value) == value
 
 
@@ -340,7 +345,10 @@ def _flow(value: Any) -> str:
 def _spoken(name: str) -> str:
     """``LengthDistribution`` as "Length distribution"."""
     words = re.findall(r"[A-Z][a-z]*", name.removesuffix("Part").removesuffix("Declaration"))
-    return " ".join([words[0], *(word.lower() for word in words[1:])]).replace("Kannala brandt", "Kannala–Brandt")
+    text = " ".join([words[0], *(word.lower() for word in words[1:])])
+    for pattern, spelled in _SPELLED.items():
+        text = re.sub(pattern, spelled, text)
+    return text
 
 
 def _prose(text: str) -> str:
@@ -407,10 +415,10 @@ def _owners(reference: Reference) -> tuple[dict[str, str], list[tuple[Part, str]
 
 
 _INDEX = """
-A study is one YAML file. Its keys are listed here with what may stand at each, the default and an example. `python -m
-tradestudy schema` prints the JSON Schema from which these pages are made; editors complete keys with it.
+A study is one YAML file. These pages list its keys, each with the values it accepts, its default and an example. They
+are made from the JSON Schema that `python -m tradestudy schema` prints; editors complete keys with it.
 
 Every value may carry its basis: `{value: 12.5 mm, basis: datasheet, note: where it comes from}`, where `basis` is
-`paper`, `datasheet`, `measured`, `assumed` or `derived`. Every quantity that has a unit needs it. `null` takes back a
-value that a shared camera file declares. A study of format 1 is told, key by key, what to write instead.
+`paper`, `datasheet`, `measured`, `assumed` or `derived`. A quantity with a unit must be written with it. `null` removes
+a value that a shared camera file declares. For a study of format 1, `check` says key by key what to write instead.
 """

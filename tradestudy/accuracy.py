@@ -14,7 +14,7 @@ QUANTITIES: Final[tuple[Quantity, ...]] = get_args(Quantity)
 IN_WORDS: Final[Mapping[Quantity, str]] = {
     "depth_uncertainty": "depth uncertainty",
     "usable_range": "ends of the usable range",
-    "depth_noise": "depth uncertainty by noise alone",
+    "depth_noise": "depth uncertainty from noise alone",
     "depth_of_field": "ends of the depth of field",
     "pixel_intensity": "pixel intensity (relative L2 over the picture)",
     "psf_width": "width of a point's image",

@@ -93,7 +93,7 @@ class Study:
 
     @property
     def folder_name(self) -> str:
-        """Folder name of the run: the study's name and the values set for this run, so that variants stay apart."""
+        """Folder name of the run, from the study's name and the values set for this run, one for each variant."""
         document, tolerance = self.definition.document, self.definition.tolerance
         said = sorted(f"{'.'.join(map(str, one.path))}={one.text or 'none'}" for one in document.overrides)
         said += [] if tolerance is None else [f"tolerance={tolerance}"]
@@ -118,7 +118,7 @@ class Study:
         return provenance.study_hash(says if tolerance is None else {**says, "tolerance": tolerance})
 
     def check_summary(self) -> str:
-        """What the study would compute, in one line."""
+        """What the study will compute, in one line."""
         file, case = self.file, self.definition.case
         ends = f"; {case.distance[0]:g} to {case.distance[-1]:g} m" if case.distance.size else ""
         sizes = [
@@ -130,10 +130,10 @@ class Study:
             (0 if file.light_spot is None else 1, "light spot"),
         ]
         words = ", ".join(counted(count, word) for count, word in sizes if count)
-        return f"{self.name}: {words or 'in order'}{ends}"
+        return f"{self.name}: {words or 'no mistakes'}{ends}"
 
     def check(self) -> str:
-        """Refuse a study that no run could answer, as `plan` does; return in one line what the study would compute.
+        """Refuse a study that no run could answer, as `plan` does; return in one line what the study will compute.
 
         Models are chosen only if the study declares an accuracy or forces effects other than calibration, which every
         camera that measures depth has. The time of the run is not predicted.
@@ -181,7 +181,7 @@ class Study:
         Parameters
         ----------
         progress
-            Called with the step and its completed share, 0 … 1.
+            Called with the step and the fraction of it that is done, 0 … 1.
         budget
             Wall time for all measurements [s]; what does not fit is left out and listed.
         executor, checkpoints
@@ -202,12 +202,12 @@ class Study:
         planned: Callable[[Plan], None] = lambda _plan: None,
         pictures: Path | None = None,
     ) -> Result:
-        """Compute everything that the study asks for.
+        """Compute the study.
 
         Parameters
         ----------
         progress
-            Called with the step and its completed share, 0 … 1.
+            Called with the step and the fraction of it that is done, 0 … 1.
         executor
             Where independent points are computed: one of `tradestudy.execution`; None is serial. The results are
             identical to the last bit.
@@ -346,7 +346,7 @@ class RenderedScene:
     pictures
         Files of the pictures; beside each is its true depth, and for each camera ``camera.json`` and its depth map.
     depths
-        Comparison of each camera's depth map with the true depth; empty if depth was not asked for.
+        Comparison of each camera's depth map with the true depth; empty unless depth was requested.
     """
 
     pictures: Sequence[Path]
@@ -417,7 +417,7 @@ def export(
     formats
         Any of opencv, ros, kalibr, mrcal and posterior; empty means all.
     lossy
-        Whether to leave out what a format cannot hold, instead of refusing.
+        Whether to leave out what a format cannot represent, instead of refusing.
 
     Returns
     -------
@@ -427,7 +427,7 @@ def export(
     Raises
     ------
     TradestudyError
-        If there is no such camera, a format cannot hold it, or its calibration cannot be inferred.
+        If there is no such camera, a format cannot represent it, or its calibration cannot be inferred.
     """
     from tradestudy.run.export import export, write_export
 
@@ -480,7 +480,7 @@ def cost(
     Returns
     -------
     list of str
-        A sentence for each problem of the study, and the path of the figure.
+        A sentence for each camera and picture of the study, and the path of the figure.
     """
     from xarray import DataTree
 

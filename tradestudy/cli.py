@@ -94,7 +94,7 @@ def program(
         bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    """Compare cameras that measure depth: what each one knows, how sure it is, and what it costs to find out."""
+    """Compare cameras that measure depth: how precise each one is at every distance, and what limits it."""
 
 
 @app.command()
@@ -109,7 +109,7 @@ def run(
     fresh: FreshOption = False,
     no_pdf: Annotated[bool, typer.Option("--no-pdf", help="Do not write report.pdf.")] = False,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with status 3 if a 'must' requirement is not met or undecided.")
+        bool, typer.Option("--strict", help="Exit with status 3 if a 'must' requirement is missed or undecided.")
     ] = False,
     with_cost: Annotated[
         bool, typer.Option("--with-cost", help="Also measure what accuracy costs and show it in the report.")
@@ -192,7 +192,9 @@ def export(
         list[str] | None,
         typer.Option("--format", metavar="NAME", help="opencv, ros, kalibr, mrcal or posterior; repeatable."),
     ] = None,
-    lossy: Annotated[bool, typer.Option("--lossy", help="Leave out what a format cannot hold, and list it.")] = False,
+    lossy: Annotated[
+        bool, typer.Option("--lossy", help="Leave out what a format cannot represent, and list it.")
+    ] = False,
     debug: DebugOption = False,
 ) -> None:
     """Write a declared or fitted camera as calibration files of other programs and as a posterior."""
@@ -355,7 +357,7 @@ def _line(said: str) -> str:
     """``a.b=value`` as YAML of one line: ``a: {b: value}``."""
     key, sign, value = said.partition("=")
     if not sign or not key.strip():
-        raise _InputError("this does not read as key=value", value=said, remedy="write, for example, length_unit=mm")
+        raise _InputError("this is not of the form key=value", value=said, remedy="write, for example, length_unit=mm")
     *outer, last = key.strip().split(".")
     line = f"{last}: {value.strip()}"
     for name in reversed(outer):
@@ -457,7 +459,7 @@ def _answering(*, debug: bool) -> Iterator[None]:
 
 
 def _unexpected(error: Exception) -> typer.Exit:
-    """Report an error that the program did not foresee, and where its details are."""
+    """Report an unexpected error, and where its details are."""
     text = " ".join(str(error).split())
     typer.echo(f"unexpected {type(error).__name__}{f': {text}' if text else ''}; {_logged()}", err=True)
     return typer.Exit(UNEXPECTED)

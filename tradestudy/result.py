@@ -69,8 +69,8 @@ class Result:
         - ``best``: for each range of distance ``near``, ``far`` [m] and ``cameras`` (titles; empty where none is
           usable).
         - ``requirements``: ``name``, ``says``, ``priority``, ``met`` (null where undecided), ``camera``, ``margin``
-          (share by which the worst value could be worse), ``place`` [m], ``conformity``, ``reason``, ``rests_on``,
-          ``probability`` (share of the combinations of unknown values that meet it; null if the study declares no
+          (fraction by which the worst value could be worse), ``place`` [m], ``conformity``, ``reason``, ``rests_on``,
+          ``probability`` (fraction of the combinations of unknown values that meet it; null if the study declares no
           unknown values); in a sweep ``designs_met`` and ``designs``; for one swept number ``met_with``:
           ``parameter``, ``from``, ``to``, ``error``, ``camera``. If a matcher is declared, ``bound_alone``: ``met``,
           ``camera`` and ``reason`` if matching reached its bound.
@@ -78,14 +78,14 @@ class Result:
           ``values`` by path and least ``margin``.
         - ``questions``: the inverse questions with ``name``, ``says``, ``answer`` in words, first ``value`` with
           ``error`` in ``units`` (null where there is none) and the number of ``solutions``.
-        - ``trade_off``: by ``camera`` the share of the possible weights that rank it ``first``, and its ``error``.
+        - ``trade_off``: by ``camera`` the fraction of the possible weights that rank it ``first``, and its ``error``.
         - ``measured``: depth that each ``camera`` measured in pictures ``of`` the ``scene`` or of a ``plane`` (at its
           ``distance`` [m], ``contrast`` and ``electrons``): ``spread`` and ``bias`` with the standard errors
-          ``spread_error`` and ``bias_error``, the ``predicted`` spread [m], and the share ``filled`` of the points that
-          it could measure.
+          ``spread_error`` and ``bias_error``, the ``predicted`` spread [m], and the fraction ``filled`` of the points
+          that it could measure.
         - ``rests_on``: the limits and inputs that decide the answers, in words.
         - ``measure_first``: what to measure next, in words, or empty; ``assumptions``: the value of knowing each, the
-          most valuable first: ``assumption``, ``between``, ``worth`` and its standard ``error`` (shares of the
+          most valuable first: ``assumption``, ``between``, ``worth`` and its standard ``error`` (fractions of the
           distance).
         - ``report``: path of the report.
         """
@@ -109,7 +109,7 @@ class Result:
 
     @property
     def table_names(self) -> list[str]:
-        """Names that `table` takes; those of the files in ``tables/``."""
+        """Valid names for `table`, those of the files in ``tables/``."""
         from tradestudy.results.views.tables import tables_of
 
         return list(tables_of(self.data))
@@ -131,7 +131,7 @@ class Result:
         return replace(self, data=self.data.assign({"cost": type(self.data)(cost)}))
 
     def write(self, directory: str | Path, *, pdf: bool = True, drawer: Drawer | None = None) -> Path:
-        """Write results, record, tables, figures and report; every file whole or not at all.
+        """Write results, record, tables, figures and report, each file completely or not at all.
 
         Parameters
         ----------

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import sys
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import pytest
 import typer.main
 from ruamel.yaml import YAML
@@ -61,6 +64,22 @@ def test_examples_are_yaml(pages: dict[str, str]) -> None:
                 assert len(reader.load(example)) == 1
 
 
+def test_examples_are_valid_for_their_keys(pages: dict[str, str]) -> None:
+    reader: Any = YAML(typ="safe", pure=True)
+    schema = tradestudy.schema()
+    parts = {f"(part-{name.lower()})=": one for name, one in schema["$defs"].items()} | {"## Top level": schema}
+    checked = 0
+    for page in pages.values():
+        keys: dict[str, Any] = {}
+        for line in page.splitlines():
+            keys = parts[line]["properties"] if line in parts else keys
+            if example := line.partition("*Example:* `")[2].rpartition("`")[0]:
+                ((key, value),) = reader.load(example).items()
+                jsonschema.Draft202012Validator({"$defs": schema["$defs"], **keys[key]}).validate(value)
+                checked += 1
+    assert checked > 400
+
+
 def test_links_of_keys_lead_to_parts(pages: dict[str, str]) -> None:
     whole = "\n".join(pages.values())
     targets = {line[1:-2] for line in whole.splitlines() if line.startswith("(part-")}
@@ -86,3 +105,14 @@ def test_defines_every_variable_of_every_group() -> None:
     for group, variables in GROUPS.items():
         section = page.partition(f"\n## /{group}\n")[2].partition("\n(group-")[0]
         assert terms(section) == ([] if group == "depth_at_places" else list(variables))
+
+
+def test_properties_begin_with_no_colon() -> None:
+    """Napoleon takes the text of a property before a colon in its first line for its type."""
+    for owner in (tradestudy, tradestudy.optics, tradestudy.uncertainty):
+        for offered in (getattr(owner, name) for name in owner.__all__):
+            members = vars(offered) if isinstance(offered, type) else {}
+            for name, member in members.items():
+                if isinstance(member, property | cached_property) and not name.startswith("_"):
+                    first = re.sub(r"``.*?``", "", (member.__doc__ or "").split("\n")[0])
+                    assert ": " not in first, f"{offered.__name__}.{name}"

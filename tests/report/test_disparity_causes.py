@@ -92,7 +92,7 @@ def test_the_disparity_errors_that_depth_uses_are_told_from_those_with_every_eff
     )
     whole = float(found["disparity_error_px"][0, 2])
     title = load_definition(STUDY, QUICK).file.cameras["pair-f9.8"].title
-    assert told.endswith(f"rests on {0.8 * whole:.3g} px instead of {whole:.3g} px for {title} at 58 mm.")
+    assert told.endswith(f"{0.8 * whole:.3g} px instead of {whole:.3g} px for {title} at 58 mm.")
 
 
 # ---- the numbers ----------------------------------------------------------------------------------------------------

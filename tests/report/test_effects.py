@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 import tradestudy
+from tradestudy.accuracy import IN_WORDS
 from tradestudy.plan.plan import Plan
 from tradestudy.report.document import Paragraph, Table, Text, spans
 from tradestudy.report.sections.effects import describe_effects, list_decisions
@@ -79,4 +80,4 @@ def test_what_all_omissions_change_stands_beside_what_is_allowed(plan: Plan) -> 
     allowed = plan.accuracy.tolerances["depth_uncertainty"]
     told = f"by up to {pretty(worst, FRACTION, digits=2)}; the tolerance is {pretty(allowed, FRACTION, digits=2)}."
     assert told in text
-    assert ("by noise alone has no tolerance" in text) == ("depth_noise" not in plan.accuracy.tolerances)
+    assert (f"{IN_WORDS['depth_noise']} has no tolerance" in text) == ("depth_noise" not in plan.accuracy.tolerances)

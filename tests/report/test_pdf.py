@@ -88,7 +88,7 @@ def test_the_curve_of_every_camera_is_on_the_page(
     tree: xr.DataTree, printed: bytes, pages: list[str], name: str
 ) -> None:
     """Each camera's colour runs across the plotting area of the figure, also in the page as printed."""
-    caption = figures.build(tree)[name].caption[:60].rstrip()
+    caption = " ".join(figures.build(tree)[name].caption.split())[:60].rstrip()  # plain spaces, as in `texts`
     number = next(i for i, text in enumerate(pages) if caption in text)
     image = pixels(printed, number, scale=3.0)
     for camera in traces(tree):

@@ -300,8 +300,8 @@ class TestValuesFromOutside:
                 "eye.lens.power=",
                 "16: cameras.eye.lens.power: an empty value is not a quantity; a fraction is expected, such as 2 %",
             ),
-            ("title", "1: 'title' does not read as path=value, such as scene.wavelength=550 nm"),
-            ("=3", "1: '=3' does not read as path=value, such as scene.wavelength=550 nm"),
+            ("title", "1: 'title' is not of the form path=value, such as scene.wavelength=550 nm"),
+            ("=3", "1: '=3' is not of the form path=value, such as scene.wavelength=550 nm"),
             (
                 "title=[",
                 "8: title: this is not valid YAML: expected the node content, but found '<stream end>' "
@@ -383,8 +383,8 @@ class TestHostileFiles:
 
     def test_anchors_inside_themselves(self, write: Write) -> None:
         said = in_time(write("title: &a [*a]\ncameras: &b {x: {y: *b}}\n"))
-        assert any("'*a' stands inside '&a'" in one for one in said)
-        assert any("'*b' stands inside '&b'" in one for one in said)
+        assert any(re.search(r"'\*a' .*'&a'", one) for one in said)
+        assert any(re.search(r"'\*b' .*'&b'", one) for one in said)
 
     def test_cameras_that_multiply(self, write: Write) -> None:
         big = "  big: {x: [" + "1, " * 20_000 + "]}\n"

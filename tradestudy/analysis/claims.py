@@ -32,6 +32,7 @@ from tradestudy.units import FRACTION, LENGTH, Dimension, parse, pretty
 # Enough for a smooth curve over two decades; the ends of ranges are always included.
 _POINTS = 401
 _NEAREST, _FARTHEST = 1e-3, 1e5
+_FROM = {"noise": "noise alone", "calibration": "calibration errors alone", "both": "noise and calibration errors"}
 
 
 def claim_quantity(claim: ClaimPart) -> str:
@@ -42,14 +43,15 @@ def claim_quantity(claim: ClaimPart) -> str:
         case UncertaintyRatioClaim():
             span = " to ".join(pretty(end, LENGTH) for end in claim.over)
             ratio = f"uncertainty of {claim.camera} relative to that of {claim.against}"
-            return f"largest {ratio}, {span} ({claim.errors})"
+            return f"largest {ratio}, {span}, {_FROM[claim.errors]}"
         case ShareBetterClaim():
             span = " to ".join(pretty(end, LENGTH) for end in claim.over)
             other = f"{claim.against} is not, or is less certain"
-            return f"share of {span} (log scale) where {claim.camera} is usable and {other}"
+            return f"fraction of {span} (log scale) where {claim.camera} is usable and {other}"
         case RelativeUncertaintyDistanceClaim():
             share = pretty(claim.threshold, FRACTION)
-            return f"distance where the uncertainty of {claim.camera} reaches {share} of the distance ({claim.errors})"
+            reached = f"reaches {share} of the distance"
+            return f"distance where the uncertainty of {claim.camera} {reached}, {_FROM[claim.errors]}"
         case DepthOfFieldClaim():
             return depth_of_field_words(claim)
         case DepthOfFieldRatioClaim():

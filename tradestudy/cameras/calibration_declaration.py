@@ -57,10 +57,10 @@ class CalibratedAtPart(Part):
 class StabilityPart(Part):
     """Changes since the calibration; by default, none."""
 
-    temperature: TemperatureDistribution | None = Field(default=None, description="Change since the calibration.")
-    pressure: PressureDistribution | None = Field(default=None, description="Change since the calibration.")
+    temperature: TemperatureDistribution | None = Field(default=None, description="Change of air temperature.")
+    pressure: PressureDistribution | None = Field(default=None, description="Change of air pressure.")
     color: LengthDistribution | None = Field(
-        default=None, description="Focal length in the color of the object minus that in the color of the target."
+        default=None, description="Focal length in the colour of the object minus that in the colour of the target."
     )
     ageing: ErrorsPart = Field(
         default_factory=ErrorsPart, description="Errors of parameters added since the calibration."
@@ -117,10 +117,11 @@ class CornersPart(Part):
         default=None, description="Lens model of both cameras; left out: radial distortion with k1 and k2."
     )
     compared_with: Annotated[tuple[FittedLensModel, ...], Field(max_length=10)] = Field(
-        default=(), description="Other lens models to fit, to see if the corners support them and how depth changes."
+        default=(),
+        description="Other lens models to fit; the report says whether the corners support them and how depth changes.",
     )
     square_size_uncertainty: SquareSizeUncertainty = Field(
-        default=0.0, description="Relative standard deviation of the size of the squares, which no corner reveals."
+        default=0.0, description="Relative standard deviation of the size of the squares, which corners cannot reveal."
     )
     max_steps: MostSteps = Field(default=20_000, description="Largest number of steps of each posterior sampler.")
 

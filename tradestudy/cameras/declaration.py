@@ -51,7 +51,7 @@ class LensPart(Part):
     """How many of focal length and field of view a lens may give."""
 
     focal_length: FocalLengthOrPixels | None = Field(
-        default=None, description="Focal length f; in px, as calibrations give it, it counts pixel pitches."
+        default=None, description="Focal length f; in px, as calibrations give it, its unit is the pixel pitch."
     )
     field_of_view: PositiveAngle | None = Field(
         default=None, description="Full angle when focused at infinity, instead of a focal length."
@@ -91,7 +91,7 @@ class SensorPart(Part):
     """A pixel array."""
 
     pixels: tuple[PixelCount, PixelCount] = Field(description="Columns and rows.")
-    pixel_pitch: PixelPitch = Field(description="Distance of neighbouring pixel centres.")
+    pixel_pitch: PixelPitch = Field(description="Distance between neighbouring pixel centres.")
     quantum_efficiency: QuantumEfficiency | None = Field(
         default=None, description="Electrons per photon (EMVA 1288: η); scene.picture.light.photons needs it."
     )
@@ -127,7 +127,8 @@ class DisparityPart(Part):
     )
     error_of: Literal["disparity", "coordinate"] = Field(
         default="disparity",
-        description="Whether the error is that of the disparity or of each image coordinate (disparity: × √2).",
+        description="Whether the error is that of the disparity or of each image coordinate, where the disparity's "
+        "is √2 times larger.",
     )
     discrimination_step: PositivePixels = Field(
         default="0.1 px", validate_default=True, description="Disparity step of the depth discrimination."
@@ -180,7 +181,7 @@ class DisparityPart(Part):
 
 
 class AttributesPart(Part):
-    """Attributes that decide a trade beside curves; those left out are derived where possible."""
+    """Attributes that count in a comparison besides the curves; those left out are derived where possible."""
 
     moving_parts: Count | None = Field(
         default=None, description="Number of moving parts; default: one for each lens with a focus mechanism."

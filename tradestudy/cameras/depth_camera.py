@@ -52,7 +52,7 @@ class UsableCriteria:
     disparity_step_px
         The disparity [px] by which the distance must at least differ from infinity.
     failed_fraction
-        Largest share of measurements that end beyond infinity or are false matches.
+        Largest fraction of measurements that end beyond infinity or are false matches.
     relative_uncertainty
         Largest depth uncertainty over distance.
     """

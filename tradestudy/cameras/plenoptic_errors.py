@@ -12,7 +12,7 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "focal_length": ErrorParameter(unit="m", part=INTERIOR, meaning="Focal length of the main lens."),
     "microlens_gap": ErrorParameter(unit="m", part=INTERIOR, meaning="Distance from the array to the sensor."),
     "microlens_pitch": ErrorParameter(
-        unit="m", part="array", meaning="Mean distance of neighbouring microlens centres."
+        unit="m", part="array", meaning="Mean distance between neighbouring microlens centres."
     ),
     "array_rotation": ErrorParameter(
         unit="rad", part="array", meaning="Rotation of the array against the pixel rows, about the optical axis."
@@ -59,18 +59,18 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "distortion_k1": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Radial distortion of the main lens with the square of the slope.",
+        meaning="Radial distortion coefficient of the main lens, for the square of the slope.",
     ),
     "distortion_k2": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Radial distortion of the main lens with the fourth power of the slope.",
+        meaning="Radial distortion coefficient of the main lens, for the fourth power of the slope.",
     ),
     "microlens_center_scatter": ErrorParameter(
         unit="m",
         part="microlens centres",
-        meaning="One coordinate of the centre of one microlens, the origin of coordinates in its micro-image; the "
-        "disparity of two lenses is off by √2 of it.",
+        meaning="One coordinate of a microlens centre, the origin of coordinates in its micro-image; it enters the "
+        "disparity of two microlenses √2 times.",
         error_class=ErrorClass.ELEMENT,
     ),
     PIXEL_NOISE: NOISE_PARAMETER,

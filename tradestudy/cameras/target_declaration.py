@@ -70,10 +70,10 @@ class TargetPart(Part):
     rows: Annotated[int, Field(ge=2, le=100, strict=True)] = Field(
         description="Inner corners of the board along its columns."
     )
-    spacing: PositiveLength = Field(description="Distance of neighbouring corners.")
+    spacing: PositiveLength = Field(description="Distance between neighbouring corners.")
     distances: Span | None = Field(default=None, description="Nearest and farthest distance of the board.")
     half_field_angle: HalfFieldAngle | None = Field(
-        default=None, description="Largest angle of the board's middle from the optical axis."
+        default=None, description="Largest angle of the board's centre from the optical axis."
     )
     tilt: PositiveAngle | None = Field(
         default=None, description="Standard deviation of each component of the board's rotation."

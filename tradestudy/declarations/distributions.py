@@ -57,21 +57,25 @@ class DistributionPart(Part, Generic[Signed, Positive]):
 
     spreads: ClassVar[tuple[str, ...]] = tuple(dict.fromkeys(key for keys in _NEEDS.values() for key in keys))
 
-    shape: Shape | None = Field(default=None, description="Default: normal or uniform, by the spread that is given.")
+    shape: Shape | None = Field(default=None, description="Default: normal or uniform, depending on the spread given.")
     mean: Signed | None = Field(default=None, description="Expectation of the error, or its median; default: 0.")
-    standard_deviation: Positive | None = Field(default=None, description="Of a normal error.")
+    standard_deviation: Positive | None = Field(default=None, description="Standard deviation of a normal error.")
     half_width: Positive | None = Field(
-        default=None, description="Of a uniform, triangular, arcsine or curvilinear-trapezoid error."
+        default=None, description="Half-width of a uniform, triangular, arcsine or curvilinear-trapezoid error."
     )
     inexactness: Positive | None = Field(
-        default=None, description="Half width of the uncertainty of a curvilinear trapezoid's half width."
+        default=None, description="Half-width of the uncertainty of a curvilinear trapezoid's half-width."
     )
-    scale: Positive | None = Field(default=None, description="Of student-t: s/√n for n readings of deviation s.")
-    degrees_of_freedom: PositiveNumber | None = Field(default=None, description="Of student-t: n - 1.")
+    scale: Positive | None = Field(
+        default=None, description="Scale of student-t: s/√n for n measurements of deviation s."
+    )
+    degrees_of_freedom: PositiveNumber | None = Field(
+        default=None, description="Degrees of freedom of student-t: n - 1."
+    )
     file: Text | None = Field(
-        default=None, description="Of empirical: CSV of draws in SI units; the first line names the columns."
+        default=None, description="Draws of an empirical error: CSV in SI units; the first line names the columns."
     )
-    column: Text | None = Field(default=None, description="Of empirical.")
+    column: Text | None = Field(default=None, description="Column of file.")
 
     @model_validator(mode="after")
     def _fits_its_shape(self) -> Self:

@@ -38,7 +38,7 @@ class LensModelPart(Part):
 
 
 class FittedLensModelPart(Part):
-    """A lens model that a fit finds; coefficients that are given and not fitted stay as they are given."""
+    """A lens model for a fit; coefficients that are given but not fitted stay fixed."""
 
     family: ClassVar[type[LensModel]]
     model: str
@@ -75,7 +75,10 @@ def _fitted_part_of(family: type[LensModel]) -> type[FittedLensModelPart]:
     }
     for name in names:
         unit = units.ANGLE if name in ANGLES else units.NUMBER
-        what = Field(default=None, description="Where the fit starts, or what stays where it is not fitted.")
+        what = Field(
+            default=None,
+            description="Starting value of the fit, or the fixed value of a coefficient that is not fitted.",
+        )
         fields[name] = (Annotated[float, *quantity(unit)] | None, what)
     made = create_model(
         f"Fitted{family.__name__}Part", __base__=FittedLensModelPart, __doc__=FittedLensModelPart.__doc__, **fields

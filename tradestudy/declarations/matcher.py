@@ -20,9 +20,10 @@ FalseShare = Annotated[Share, Field(lt=1.0)]
 class MatcherPart(Part):
     """What a real matcher adds to the bound of a derived disparity error; what is left out adds nothing."""
 
-    factor: NoiseFactor | None = Field(default=None, description="Noise that is achieved over the bound, 1 or more.")
+    factor: NoiseFactor | None = Field(default=None, description="Achieved noise over the bound, 1 or more.")
     floor: NoiseFloor | None = Field(
-        default=None, description="Noise that no light removes, as a standard deviation; it adds in quadrature."
+        default=None,
+        description="Standard deviation of the noise that remains however much light there is; it adds in quadrature.",
     )
     pixel_locking: LockingAmplitude | None = Field(
         default=None,
@@ -30,7 +31,7 @@ class MatcherPart(Part):
         "in quadrature; it does not average out within one distance.",
     )
     false_matches: FalseShare | None = Field(
-        default=None, description="Share of the matches that are false; they count as failed measurements."
+        default=None, description="Fraction of the matches that are false; they count as failed measurements."
     )
 
     @model_validator(mode="after")

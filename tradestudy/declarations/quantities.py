@@ -137,10 +137,11 @@ def _or_pixels(
             return as_length(value)
         return InPixels(pixels=as_pixels(value))
 
+    schema = length[1].json_schema or {}
     return (
         PlainValidator(read),
         PlainSerializer(lambda one: f"{one.pixels!r} px" if isinstance(one, InPixels) else one),
-        WithJsonSchema({**(length[1].json_schema or {}), "examples": list(examples)}),
+        WithJsonSchema({**schema, "title": f"{schema['title']}, or a number of pixels", "examples": list(examples)}),
     )
 
 

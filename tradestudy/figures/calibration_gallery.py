@@ -104,8 +104,9 @@ def _ranks(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="rank-probability",
         caption="Probability that the depth error of the first camera is smaller than that of the second. Calibration "
-        "alone: over rigs, sessions and calibrations, with the noise averaged away. Single readings: noise as well. "
-        "Shaded: 2 Monte Carlo standard errors. Errors common to both cameras (temperature, pressure) are drawn once.",
+        "alone: over rigs, sessions and calibrations, with the noise averaged away. Single measurements: noise as "
+        "well. Shaded: 2 Monte Carlo standard errors. Errors common to both cameras (temperature, pressure) are drawn "
+        "once.",
         alt="Probability against distance, one chart for each pair of cameras. Calibration alone: "
         + "".join(sentences),
         draw=partial(ranks.draw_rank_probability, tree),
@@ -120,8 +121,8 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
     which = f"the {len(shown)} most strongly correlated of {count} parameters" if len(shown) < count else "all of them"
     yield Drawing(
         name=f"corner-{name}",
-        caption=f"Posterior of {titles[name]}: {which}, in standard deviations from the mean. Contours hold 39 and 86 "
-        "% of the draws, like one and two standard deviations of a bivariate normal; dashed: the Laplace fit.",
+        caption=f"Posterior of {titles[name]}: {which}, in standard deviations from the mean. Contours contain 39 "
+        f"and 86 % of the draws, like one and two standard deviations of a bivariate normal; dashed: the Laplace fit.",
         alt=f"Corner plot of the posterior draws of {titles[name]}: {', '.join(n.replace('_', ' ') for n in shown)}. "
         + _tie_words(tree, name),
         draw=partial(posterior.draw_corner, tree, name),

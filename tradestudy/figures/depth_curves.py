@@ -50,7 +50,7 @@ _GUIDES: Final = ((1e-4, "0.01 %"), (1e-3, "0.1 %"), (1e-2, "1 % of distance"), 
 
 @styled()
 def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -> StudyFigure:
-    """Two panels over distances from `near` to `far` [m]: discriminating power and uncertainty, in millimetres."""
+    """Two panels over distances from `near` to `far` [m]: discrimination and uncertainty, in millimetres."""
     depth, shown = where_measured(nominal(tree)), traces(tree)
     figure = new_figure(4.1)
     upper, lower = figure.subplots(2, 1, sharex=True, sharey=True)
@@ -64,7 +64,7 @@ def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: flo
     )
     uncertainty = [of_camera(view, "depth_uncertainty", camera.key) for camera in shown]
     limits = depth_limits([*nearer, *uncertainty], view["distance"].values, near, far)
-    for axes, title in ((upper, "Discriminating power"), (lower, "Uncertainty (68 %)")):
+    for axes, title in ((upper, "Discrimination"), (lower, "Uncertainty (68 %)")):
         log_axis(axes, "y", tick=length_tick)
         axes.set(xlim=(near, far), ylim=limits, title=title, ylabel="depth")
         axes.xaxis.set_major_formatter(FuncFormatter(distance_tick(far)))

@@ -32,8 +32,8 @@ _MARGIN = 1.1  # by which the axis reaches beyond the planes
 _LARGEST_MARK = 6.5  # points
 _PANELS = {
     "Spread of depth": "of distance [%]",
-    "Spread over that by noise": "ratio",
-    "Standard deviation over that of the fitted matcher": "ratio",
+    "Spread relative to that from noise": "ratio",
+    "Standard deviation relative to the fitted matcher's": "ratio",
     "Bias of the disparity": "bias [px]",
 }
 
@@ -51,8 +51,9 @@ def depth_loop_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         "predicted curve. Second: spread relative to the error that noise causes in each window, given its texture. "
         "Third: standard deviation relative to that of the matcher fitted at the distances with filled dots; "
         "grey: 10 % to either side. Fourth: bias as an error of disparity; grey: 0.05 px.",
-        alt=f"For {names}, from {span(float(distance[0]), float(distance[-1]))}: achieved against predicted spread, "
-        f"the same over noise and over the fitted matcher, and bias. Spread over that by noise: {_noise_words(tree)}.",
+        alt=f"For {names}, from {span(float(distance[0]), float(distance[-1]))}: achieved and predicted spread, the "
+        f"spread relative to noise and to the fitted matcher, and bias. Spread relative to that from noise: "
+        f"{_noise_words(tree)}.",
         draw=lambda: draw_loop(tree),
     )
 

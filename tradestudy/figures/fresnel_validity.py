@@ -31,7 +31,7 @@ from tradestudy.results.views.wave_optics import element_title, middle_window, p
 from tradestudy.units import FRACTION, LENGTH, NUMBER, pretty, significant
 
 _ROOM = 1.4  # times beyond the largest and the least error
-_ZEROS = {"first": "smaller zero", "second": "bigger zero"}  # of eq. 27
+_ZEROS = {"first": "smaller zero", "second": "larger zero"}  # of eq. 27
 _F_NUMBERS = (1, 1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22, 32, 45, 64)
 _PERCENT = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 300, 1000, 3000, 10000)
 
@@ -46,7 +46,7 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         aside = (
             f" Below: the object point {np.degrees(data.attrs['field_angle']):.2g}° off the axis, "
             f"{pretty(data.attrs['field_wavelength'], LENGTH)}; the fixed elements then have coma and distortion, "
-            "which Fresnel does not know."
+            f"which Fresnel's approximation ignores."
         )
     yield Drawing(
         name="fresnel_error",
@@ -58,11 +58,11 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     )
     yield Drawing(
         name="fresnel_criteria",
-        caption="Least f-number at which Fresnel should be good enough: closed-form criteria, each over the "
+        caption="Minimum f-number at which Fresnel should be good enough: closed-form criteria, each over the "
         f"wavelengths of the study, and the f-number from which the measured error (as above, parabolic phase) stays "
         f"below {pretty(data.attrs['error_limit'], FRACTION)}. Diamonds: as printed in the paper. Dotted: the "
         "camera's f-number.",
-        alt="Bar chart of least f-numbers, one panel per lens, one row per criterion. " + _criteria_words(data),
+        alt="Bar chart of minimum f-numbers, one panel per lens, one row per criterion. " + _criteria_words(data),
         draw=partial(draw_fresnel_criteria, tree),
         values=partial(_criteria_tables, data),
     )
@@ -70,8 +70,8 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         name="paper_eq27",
         caption="Why the printed criterion (eq. 27) cannot be trusted: both of its zeros while object and image "
         "distance together grow by a quarter of a wavelength, a fraction of a micrometre; then the picture repeats. "
-        f"Lines: {waves}. Dashed: the f-number printed in the paper, which takes the bigger zero.",
-        alt="Charts of minimal f-number against extra path within one quarter wave. The first zero falls from "
+        f"Lines: {waves}. Dashed: the f-number printed in the paper, which takes the larger zero.",
+        alt="Charts of minimum f-number against extra path within one quarter wave. The first zero falls from "
         "infinity, the second one drifts by a fifth and jumps back. " + _sweep_words(data),
         draw=partial(draw_paper_eq27, tree),
         values=partial(_zero_tables, data),
@@ -203,7 +203,7 @@ def _criteria(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, boo
     zeros = [of("paper_eq27_sweep", zero=zero) for zero in ("first", "second")]
     found = [
         ("eq. 27, smaller zero", zeros[0].ravel(), False),
-        ("eq. 27, bigger zero", zeros[1].ravel(), False),
+        ("eq. 27, larger zero", zeros[1].ravel(), False),
         ("one radian a leg (Goodman)", of("goodman_f_number"), False),
         *(
             (f"{plain_number(float(waves))} waves of path", of("path_error_f_number", path_error=waves), False)
@@ -266,7 +266,7 @@ def _criteria_tables(data: xr.Dataset) -> Tables:
     every = [_criteria(data, element) for element in elements]
     rows = [(found[0][0], *(_ends_words(values) for _, values, _ in found)) for found in zip(*every, strict=True)]
     columns = ("Criterion", *(element_title(data, element) for element in elements))
-    return (ValueTable(caption="Least f-numbers over the wavelengths", columns=columns, rows=tuple(rows)),)
+    return (ValueTable(caption="Minimum f-numbers over the wavelengths", columns=columns, rows=tuple(rows)),)
 
 
 def _zero_tables(data: xr.Dataset) -> Tables:
@@ -278,7 +278,7 @@ def _zero_tables(data: xr.Dataset) -> Tables:
             ends = [_ends_words(np.asarray(there.sel(element=element).values, dtype=float)) for element in elements]
             rows.append((f"{name}, {pretty(float(wave), LENGTH)}", *ends))
     columns = ("Zero", *(element_title(data, element) for element in elements))
-    return (ValueTable(caption="Least f-numbers of eq. 27 within a quarter wave", columns=columns, rows=tuple(rows)),)
+    return (ValueTable(caption="Minimum f-numbers of eq. 27 within a quarter wave", columns=columns, rows=tuple(rows)),)
 
 
 def _ends_words(values: FloatArray) -> str:
@@ -342,7 +342,7 @@ def draw_paper_eq27(tree: xr.DataTree) -> StudyFigure:
             xlabel="longer path, in quarter waves",
         )
         name_ends(axes, drawn)
-    panels[0].set_ylabel("minimal f-number of eq. 27")
+    panels[0].set_ylabel("minimum f-number of eq. 27")
     return figure
 
 
@@ -353,7 +353,7 @@ def _sweep_words(data: xr.Dataset) -> str:
         first = data["paper_eq27_f_number"].sel(element=element, zero="first")
         title = element_title(data, element)
         sentences.append(
-            f"{title}: the bigger zero lies between {significant(float(second.min()))} and "
+            f"{title}: the larger zero lies between {significant(float(second.min()))} and "
             f"{significant(float(second.max()))}; the smaller one, at the declared lengths, between "
             f"{significant(float(first.min()))} and {significant(float(first.max()))}. "
         )

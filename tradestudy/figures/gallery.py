@@ -86,7 +86,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
     depth, shown = nominal(tree), traces(tree)
     caption = (
         "Depth uncertainty (half the central 68.27 % interval of one measurement), bold where the camera is usable. "
-        "Grey lines: equal shares of the distance. Bars: usable distances."
+        "Grey lines: constant fractions of the distance. Bars: usable distances."
     )
     caption += _design_words(tree)
     if has_winners(tree):
@@ -148,11 +148,11 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Dr
     where = span(near, far)
     return Drawing(
         name=name,
-        caption=f"Depth discriminating power and depth uncertainty from {where}. Discrimination is the "
+        caption=f"Depth discrimination and depth uncertainty from {where}. Discrimination is the "
         "change of depth that moves the disparity by its declared step, without noise or calibration errors; "
         "uncertainty includes both." + _design_words(tree),
-        alt=f"Two charts against distance from {where}, depth on a logarithmic axis: discriminating "
-        f"power and uncertainty. Uncertainty {_values_at(tree, shown, far)}.",
+        alt=f"Two charts against distance from {where}, depth on a logarithmic axis: discrimination and uncertainty. "
+        f"Uncertainty {_values_at(tree, shown, far)}.",
         draw=partial(depth_curves.draw_discrimination_and_uncertainty, tree, near, far),
     )
 
@@ -175,7 +175,7 @@ def _shares(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="variance_shares",
         caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: they "
-        "sum to 100 %, for correlated errors too). Grey: measurement noise, which averaging reduces; coloured: error "
+        "sum to 100 %, for correlated errors too). Grey: matching noise, which averaging reduces; coloured: error "
         "sources that averaging does not reduce; pale: not usable."
         + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
         + _design_words(tree),
@@ -245,7 +245,7 @@ def _readings(tree: xr.DataTree) -> Drawing:
             )
     return Drawing(
         name="readings",
-        caption=f"Which assumption flips the verdict: uncertainty of {numerator} over that of {denominator}, under "
+        caption=f"Which assumption reverses the verdict: uncertainty of {numerator} over that of {denominator}, under "
         f"every reading of the open questions. Left of 1 (shaded) {numerator} is better, right of it "
         f"{denominator}; open marks: the verdict differs from that as declared."
         + (f" {listed(signs)} at the edge: one of the two uncertainties has no bound." if signs else ""),

@@ -67,7 +67,7 @@ def light_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         yield Drawing(
             name="point_spread",
             caption="Spread of a point behind each lens, one quantity varied at a time: radii about the thin-lens "
-            "image that hold half and 80 % of the light, root-mean-square distance within "
+            "image that contain 50 % and 80 % of the light, root-mean-square distance within "
             f"{plain_number(float(spread.attrs['rms_radius']))} Airy radii, full width at half maximum. Defocus "
             "is in waves at the rim of the pupil. Solid: "
             "Kirchhoff; pale and dotted: Fresnel. Grey: one pixel.",

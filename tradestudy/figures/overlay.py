@@ -63,7 +63,7 @@ def overlay_drawing(
         name="overlay",
         caption="Depth uncertainty (half the central 68.27 % interval of one measurement, noise and calibration "
         f"together) in each run: {_line_words(labels)}. Bold where the camera is usable, thin elsewhere. Grey lines: "
-        f"equal shares of the distance.{_design_words(trees[0], design)}{rest}",
+        f"constant fractions of the distance.{_design_words(trees[0], design)}{rest}",
         alt=f"Log-log chart of depth uncertainty against distance, one colour for each camera and one line style for "
         f"each run. {said}.",
         draw=partial(draw_overlay, trees, labels, drawn, design),

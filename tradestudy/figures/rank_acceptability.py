@@ -1,4 +1,4 @@
-"""Share of the possible weights under which each candidate takes each rank."""
+"""Fraction of the possible weights under which each candidate takes each rank."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def rank_drawing(tree: xr.DataTree) -> Drawing | None:
     told = "; ".join(f"{one.title} {pretty(one.ranks[0], FRACTION, 2)}" for one in found)
     return Drawing(
         name="rank_acceptability",
-        caption="Share of the possible weights under which each candidate takes each rank, the first rank darkest.",
-        alt=f"Share of the possible weights that rank each candidate first: {told}.",
+        caption="Fraction of the possible weights under which each candidate takes each rank, the first rank darkest.",
+        alt=f"Fraction of the possible weights that rank each candidate first: {told}.",
         draw=lambda: draw_ranks(tree),
         values=lambda: rank_tables(tree),
     )
@@ -57,5 +57,5 @@ def draw_ranks(tree: xr.DataTree) -> StudyFigure:
     axes.set_yticks(places, [shortened(one.title, _LONGEST) for one in found])
     axes.set_xlim(0.0, 100.0)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g} %"))
-    axes.set_xlabel("share of the possible weights")
+    axes.set_xlabel("fraction of the possible weights")
     return figure

@@ -1,4 +1,4 @@
-"""Which camera errs less: probabilities of the ranks of pairs of cameras against distance."""
+"""Which camera has the smaller error: probabilities of the ranks of pairs of cameras against distance."""
 
 from __future__ import annotations
 

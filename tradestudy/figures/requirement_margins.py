@@ -54,8 +54,8 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
     return Drawing(
         name="requirement_margins",
         caption=f"{shown} against the {names}: met above 0. {met} all must requirements. Dashed: "
-        "the study as declared. Where no camera is usable throughout, the margin is at most minus the missing share of "
-        "the range.",
+        "the study as declared. Where no camera is usable throughout, the margin is at most minus the fraction of "
+        "the range that is not usable.",
         alt=f"Margins against the {names}. {told}.",
         draw=lambda: draw_requirement_margins(tree),
         values=lambda: _tables(tree, data, dims) if len(dims) == 2 else (),

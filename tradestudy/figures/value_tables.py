@@ -87,11 +87,11 @@ def _where(one: xr.Dataset, name: str) -> str:
 
 
 def rank_tables(tree: xr.DataTree) -> Tables:
-    """The share of the possible weights under which each candidate takes each rank."""
+    """The fraction of the possible weights under which each candidate takes each rank."""
     found = candidates_by_rank(tree)
     columns = ["Candidate", *(f"rank {rank + 1}" for rank in range(len(found[0].ranks)))]
     ranks = np.array([one.ranks for one in found])
-    return (grid("Share of the possible weights", columns, [one.title for one in found], ranks, FRACTION),)
+    return (grid("Fraction of the possible weights", columns, [one.title for one in found], ranks, FRACTION),)
 
 
 def light_tables(tree: xr.DataTree) -> Tables:

@@ -53,5 +53,5 @@ def draw_worths(tree: xr.DataTree) -> StudyFigure:
     axes.set_yticks(places, [printable(shortened(one.says, _LONGEST)) for one in found])
     axes.set_ylim(-0.6, len(found) - 0.4)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g} %"))
-    axes.set_xlabel("worth, as a share of the distance")
+    axes.set_xlabel("worth, as a fraction of the distance")
     return figure

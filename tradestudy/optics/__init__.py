@@ -23,8 +23,8 @@ microlens array:
 >>> from tradestudy import optics
 >>> coma = optics.Pupil.from_waves({8: 0.1}, wavelength=550e-9)
 >>> psf = optics.point_spread(focal_length=12.5e-3, f_number=2.8, wavelength=550e-9, pupil=coma)
->>> print(f"Strehl ratio {psf.strehl_ratio().value:.3f}, right to 1e-5: {psf.strehl_ratio().error < 1e-5}")
-Strehl ratio 0.670, right to 1e-5: True
+>>> print(f"Strehl ratio {psf.strehl_ratio().value:.3f}, error below 1e-5: {psf.strehl_ratio().error < 1e-5}")
+Strehl ratio 0.670, error below 1e-5: True
 >>> along_x, along_y = (psf.modulation_transfer(200e3, angle=angle) for angle in (0.0, 1.5708))
 >>> print(f"MTF at 200/mm: {along_x} along x, {along_y} along y")
 MTF at 200/mm: 0.308 ± 0.008 along x, 0.437 ± 0.008 along y
@@ -41,8 +41,8 @@ MTF at 200/mm: 0.308 ± 0.008 along x, 0.437 ± 0.008 along y
 >>> spot = optics.microlens_image(
 ...     camera, optics.PointSource(distance=0.5), wavelength=550e-9, tolerance=1e-2
 ... )
->>> print(f"{spot.pixels.sum():.2f} of the light on {spot.pixels.shape} pixels, right to 1 %: {spot.within_tolerance}")
-0.97 of the light on (28, 28) pixels, right to 1 %: True
+>>> print(f"{spot.pixels.sum():.2f} of the light on {spot.pixels.shape} pixels, within 1 %: {spot.within_tolerance}")
+0.97 of the light on (28, 28) pixels, within 1 %: True
 """
 
 from __future__ import annotations

@@ -51,8 +51,8 @@ _ON_AXIS_AT_INFINITY = PointSource.at_infinity()
 class LensPointSpread(PointSpread):
     """Result of `point_spread`: the samples of a `PointSpread` with the data of the lens.
 
-    The intensity is the share of the light through the pupil per area [1/m²], so `pupil_power` is 1. Every number that
-    a method returns carries its error.
+    The intensity is the fraction of the light through the pupil per area [1/m²], so `pupil_power` is 1. Every number
+    that a method returns carries its error.
 
     Attributes
     ----------
@@ -71,8 +71,8 @@ class LensPointSpread(PointSpread):
     --------
     >>> from tradestudy import optics
     >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=4)
-    >>> print(f"{psf.width().value * 1e6:.3f} µm at half maximum; samples right to 1e-6: {psf.relative_error < 1e-6}")
-    4.535 µm at half maximum; samples right to 1e-6: True
+    >>> print(f"{psf.width().value * 1e6:.3f} µm at half maximum; error below 1e-6: {psf.relative_error < 1e-6}")
+    4.535 µm at half maximum; error below 1e-6: True
     """
 
     centre: tuple[float, float]
@@ -90,14 +90,14 @@ class LensPointSpread(PointSpread):
         return np.asarray(self.intensity / self.reference_peak)
 
     def width(self, *, angle: float = 0.0) -> Measured:
-        """Full width at half maximum about the brightest place along a direction [m], by `full_width_at_half_maximum`.
+        """Full width at half maximum about the brightest point along a direction [m], by `full_width_at_half_maximum`.
 
         Far out of focus that is one of many fringes: `radius_of` gives the size of the whole spot.
 
         Raises
         ------
         OutOfRangeError
-            If the window holds less than half of the light, so that the spot is wider than what is sampled.
+            If the window contains less than half of the light: the spot is wider than the sampled window.
         """
         if (held := window_share(self).value) < _LEAST_SHARE:
             raise OutOfRangeError(
@@ -109,11 +109,11 @@ class LensPointSpread(PointSpread):
         return full_width_at_half_maximum(self, angle=angle)
 
     def encircled_energy(self, radius: npt.ArrayLike) -> Measured:
-        """Share of the light within circles about the chief ray, by `encircled_energy`; radii in [m]."""
+        """Fraction of the light within circles about the chief ray, by `encircled_energy`; radii in [m]."""
         return encircled_energy(self, centre=self.centre, radius=np.asarray(radius, dtype=np.float64))
 
     def radius_of(self, share: float) -> Measured:
-        """Radius of the circle about the chief ray that holds a share [m], by `encircled_energy_radius`."""
+        """Radius of the circle about the chief ray with a fraction of the light [m]: `encircled_energy_radius`."""
         return encircled_energy_radius(self, centre=self.centre, share=share)
 
     def strehl_ratio(self) -> Measured:
@@ -123,7 +123,8 @@ class LensPointSpread(PointSpread):
     def modulation_transfer(self, frequency: npt.ArrayLike, *, angle: float = 0.0) -> Measured:
         """MTF at frequencies [cycles/m] along a direction [rad], by `modulation_transfer`.
 
-        At frequency 0 the value is the share of the light in the window, within its error of 1.
+        At frequency 0 the value is the fraction of the light in the window, which differs from 1 by less than its
+        error.
 
         Raises
         ------
@@ -231,8 +232,8 @@ def point_spread(
     ...     pupil=optics.Pupil.from_waves({8: 0.1}, wavelength=550e-9),
     ... )
     >>> strehl = psf.strehl_ratio()
-    >>> print(f"Strehl ratio {strehl.value:.4f}, right to 1e-6: {strehl.error < 1e-6}")
-    Strehl ratio 0.6704, right to 1e-6: True
+    >>> print(f"Strehl ratio {strehl.value:.4f}, error below 1e-6: {strehl.error < 1e-6}")
+    Strehl ratio 0.6704, error below 1e-6: True
     >>> mtf = psf.modulation_transfer([100e3, 200e3])
     >>> print(f"MTF {mtf.value[0]:.2f} at 100/mm, {mtf.value[1]:.2f} at 200/mm, to {mtf.error[0]:.2f}")
     MTF 0.56 at 100/mm, 0.31 at 200/mm, to 0.01

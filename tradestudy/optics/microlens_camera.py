@@ -258,7 +258,7 @@ def microlens_image(
     Returns
     -------
     ChainImage
-        Share of the pupil's power on each pixel, with a stated error within the tolerance.
+        Fraction of the pupil's power on each pixel, with a stated error within the tolerance.
 
     Raises
     ------
@@ -287,8 +287,8 @@ def microlens_image(
     ...     pupil=optics.Pupil.from_waves({8: 0.1}, wavelength=550e-9),
     ... )
     >>> image = optics.microlens_image(camera, optics.PointSource(distance=20e-3), wavelength=550e-9, tolerance=1e-2)
-    >>> print(f"{image.pixels.sum():.2f} of the light on {image.pixels.shape}, right to 1 %: {image.within_tolerance}")
-    0.88 of the light on (22, 22), right to 1 %: True
+    >>> print(f"{image.pixels.sum():.2f} of the light on {image.pixels.shape}, within 1 %: {image.within_tolerance}")
+    0.88 of the light on (22, 22), within 1 %: True
     """
     wavelengths = np.atleast_1d(np.asarray(wavelength, dtype=np.float64))
     shares = spectral_shares(wavelengths, np.ones_like(wavelengths) if weights is None else weights)

@@ -72,7 +72,7 @@ class PointSpread:
     intensity
         I [W/m²], shape (len(y), len(x)).
     pupil_power
-        Power that passed the pupil [W]; energies are shares of it.
+        Power that passed the pupil [W]; energies are fractions of it.
     relative_error
         Stated relative L2 error of the samples, included in the error of every number computed from them; 0 for samples
         of a closed form.
@@ -159,13 +159,13 @@ class PointSpread:
 
     @property
     def intensity_error(self) -> float:
-        """Stated error of the intensity in L2 over the window [W/m]: ε √(∫∫ I² dA)."""
+        """Stated error of the intensity in L2 over the window, ε √(∫∫ I² dA) [W/m]."""
         dx, dy = self.spacings
         return self.relative_error * float(np.linalg.norm(self.intensity)) * float(np.sqrt(dx * dy))
 
     @property
     def sample_error(self) -> float:
-        """Largest possible error of a single sample [W/m²]: the whole stated error falls on it."""
+        """Largest possible error of a single sample [W/m²], if the whole stated error falls on it."""
         return self.relative_error * float(np.linalg.norm(self.intensity))
 
     @cached_property

@@ -48,8 +48,8 @@ def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
     >>> from tradestudy import optics
     >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=4)
     >>> width = optics.full_width_at_half_maximum(psf, angle=0.0)
-    >>> print(f"{width.value / (550e-9 * 8):.3f} λ N, right to 1e-5: {width.error < 1e-5 * width.value}")
-    1.031 λ N, right to 1e-5: True
+    >>> print(f"{width.value / (550e-9 * 8):.3f} λ N, error below 1e-5: {width.error < 1e-5 * width.value}")
+    1.031 λ N, error below 1e-5: True
     """
     psf = as_point_spread(field)
     direction = (float(np.cos(angle)), float(np.sin(angle)))
@@ -99,7 +99,7 @@ def _distance_to_rim(psf: PointSpread, start: tuple[float, float], direction: tu
 
 
 def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius: FloatArray) -> Measured:
-    """Share of the pupil's power inside circles: ∫∫ I dA / P.
+    """Fraction of the pupil's power inside circles: ∫∫ I dA / P.
 
     Parameters
     ----------
@@ -131,8 +131,8 @@ def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius:
     >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=4)
     >>> dark_ring = 1.2197 * 550e-9 * 8
     >>> share = optics.encircled_energy(psf, centre=(0.0, 0.0), radius=np.array(dark_ring))
-    >>> print(f"{share.value:.3f}, right to 1e-5: {share.error < 1e-5}")
-    0.837, right to 1e-5: True
+    >>> print(f"{share.value:.3f}, error below 1e-5: {share.error < 1e-5}")
+    0.837, error below 1e-5: True
     """
     psf = as_point_spread(field)
     radii = np.asarray(radius, dtype=np.float64)
@@ -146,7 +146,7 @@ def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius:
 
 
 def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], share: float) -> Measured:
-    """Radius of the circle that holds a share of the pupil's power [m].
+    """Radius of the circle that contains a given fraction of the pupil's power [m].
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
     Raises
     ------
     OutOfRangeError
-        If the largest circle that fits into the window holds a smaller share.
+        If the largest circle that fits into the window contains a smaller fraction.
 
     References
     ----------
@@ -176,8 +176,8 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
     >>> from tradestudy import optics
     >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=4)
     >>> radius = optics.encircled_energy_radius(psf, centre=(0.0, 0.0), share=0.5)
-    >>> print(f"{radius.value / (550e-9 * 8):.3f} λ N, right to 1e-5: {radius.error < 1e-5 * radius.value}")
-    0.536 λ N, right to 1e-5: True
+    >>> print(f"{radius.value / (550e-9 * 8):.3f} λ N, error below 1e-5: {radius.error < 1e-5 * radius.value}")
+    0.536 λ N, error below 1e-5: True
     """
     if not 0 < share < 1:
         raise OutOfRangeError("encircled share", value=f"{share:g}", limit="in (0, 1)")
@@ -228,7 +228,7 @@ def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float)
     Raises
     ------
     OutOfRangeError
-        If the circle leaves the window, or the window holds no light.
+        If the circle leaves the window, or the window contains no light.
 
     References
     ----------
@@ -239,8 +239,8 @@ def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float)
     >>> from tradestudy import optics
     >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=4)
     >>> width = optics.rms_width(psf, centre=(0.0, 0.0), radius=15e-6)
-    >>> print(f"{width.value * 1e6:.3f} µm, right to 0.1 nm: {width.error < 1e-10}")
-    3.700 µm, right to 0.1 nm: True
+    >>> print(f"{width.value * 1e6:.3f} µm, error below 0.1 nm: {width.error < 1e-10}")
+    3.700 µm, error below 0.1 nm: True
     """
     psf = as_point_spread(field)
     _require_inside(psf, centre, radius)

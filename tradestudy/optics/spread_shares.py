@@ -19,10 +19,10 @@ from tradestudy.optics.spread_metrics import encircled_energy
 def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequency_y: FloatArray) -> Measured:
     """MTF: |∫∫ I e^{−2πi (f_x x + f_y y)} dx dy| / P.
 
-    P is the power that passed the pupil. The light outside the window is missing from the integral, and its share is
-    part of the error. At frequency 0, where the MTF is 1 by definition, the value is therefore the share inside, such
-    as 0.992 ± 0.008. It is not divided by that share: far light varies slowly, so that it is missing at the lowest
-    frequencies alone, and dividing would raise the MTF at all others.
+    P is the power that passed the pupil. The light outside the window is missing from the integral; this missing
+    fraction is part of the error. At frequency 0, where the MTF is 1 by definition, the value is therefore the
+    fraction inside, such as 0.992 ± 0.008. It is not divided by that fraction: light far from the centre varies
+    slowly, so it is missing only at the lowest frequencies, and dividing would raise the MTF at all others.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
 
 
 def window_share(field: SpreadField) -> Measured:
-    """Share of the pupil's power that the sampled window holds: ∫∫ I dA / P.
+    """Fraction of the pupil's power in the sampled window: ∫∫ I dA / P.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def window_share(field: SpreadField) -> Measured:
 
     References
     ----------
-    The share of Airy's pattern outside a circle of radius r is 2 λ N/(π² r); Born and Wolf, section 8.5.2.
+    The fraction of Airy's pattern outside a circle of radius r is 2 λ N/(π² r); Born and Wolf, section 8.5.2.
 
     Examples
     --------
@@ -119,7 +119,7 @@ def window_share(field: SpreadField) -> Measured:
 
 
 def share_outside_disc(field: SpreadField, *, centre: tuple[float, float], radius: float) -> Measured:
-    """Share of the pupil's power outside a disc, such as the geometric footprint: 1 − ∫∫ I dA / P.
+    """Fraction of the pupil's power outside a disc, such as the geometric footprint: 1 − ∫∫ I dA / P.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def share_outside_disc(field: SpreadField, *, centre: tuple[float, float], radiu
 
 
 def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float], shape: tuple[int, int]) -> Measured:
-    """Share of the pupil's power on each pixel: the intensity integrated over its square.
+    """Fraction of the pupil's power on each pixel: the intensity integrated over its square.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
 
 
 def share_on_neighbouring_pixels(field: SpreadField, *, pitch: float, centre: tuple[float, float]) -> Measured:
-    """Share of the pupil's power on the eight neighbours of the pixel centred at a point.
+    """Fraction of the pupil's power on the eight neighbours of the pixel centred at a point.
 
     Parameters
     ----------

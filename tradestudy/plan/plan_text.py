@@ -113,7 +113,7 @@ def _decisions(one: Chosen) -> Iterator[str]:
         yield f"all omissions: {IN_WORDS[quantity]}, {_share(quantity, total)}; {pretty(tolerance, FRACTION)} allowed"
     for quantity, total in one.choice.changes.items():
         if quantity not in one.asked:
-            yield f"not required: {IN_WORDS[quantity]}, {_share(quantity, total)}"
+            yield f"no tolerance: {IN_WORDS[quantity]}, {_share(quantity, total)}"
     stated: set[str] = set()
     yield "● used, ○ compared; each with the change that it alone would cause"
     for decision in one.choice.decisions:

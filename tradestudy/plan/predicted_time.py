@@ -282,8 +282,7 @@ class _Prediction:
             seconds=_TABLES_OF_A_VERDICT * pairs_of_cases
             + _TRIALS_OF_A_ROOT * (len(file.solve) * self.design + _TABLES_OF_A_TRIAL * tables if file.solve else 0.0)
             + (self.all_tables if file.sweep else 0.0),
-            work=f"{counted(len(cases), 'verdict')} on the headline pair, "
-            f"{counted(len(file.solve), 'inverse question')}",
+            work=f"{counted(len(cases), 'verdict')} on the main pair, {counted(len(file.solve), 'inverse question')}",
         )
         if file.decision is not None:
             pairs = file.decision.compare or (file.decision.between,)

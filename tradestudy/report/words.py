@@ -19,7 +19,7 @@ def in_words(name: str) -> str:
 
 
 _PARTS: Final[Mapping[str, str]] = {
-    "noise": "measurement noise",
+    "noise": "matching noise",
     "interior orientation": "focal length and principal point",
     "array": "microlens positions",
     "ageing": "changes since calibration",

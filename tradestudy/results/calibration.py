@@ -25,12 +25,12 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
         symbol="N/τ",
     ),
     "posterior_acceptance": Variable(
-        dims=("posterior", "ensemble"), units="1", long_name="share of accepted proposals"
+        dims=("posterior", "ensemble"), units="1", long_name="fraction of accepted proposals"
     ),
     "posterior_marginal_efficiency": Variable(
         dims=("posterior",),
         units="1",
-        long_name="effective share of draws after reweighting to poses fitted again at each draw",
+        long_name="effective fraction of draws after reweighting to poses fitted again at each draw",
     ),
     "posterior_evaluations": Variable(dims=("posterior",), units="1", long_name="evaluations of the log posterior"),
     "posterior_seconds": Variable(dims=("posterior",), units="s", long_name="time of sampling"),

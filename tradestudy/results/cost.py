@@ -16,7 +16,7 @@ def _words(dims: tuple[str, ...], long_name: str) -> Variable:
 
 
 COST: Final[Mapping[str, Variable]] = {
-    "piece_of": _words(_ENTRY, "problem that is solved: a camera or light path, by its name in piece"),
+    "piece_of": _words(_ENTRY, "camera or light path, by its name in piece"),
     "models": _words(_ENTRY, "models and settings, in words"),
     "relative_error": Variable(
         dims=_ENTRY,

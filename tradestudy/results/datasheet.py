@@ -13,7 +13,8 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "z_accuracy": Variable(
         dims=_OVER,
         units="m",
-        long_name="half the central 68.27 % interval of depth from calibration errors alone, which averaging keeps",
+        long_name="half the central 68.27 % interval of depth from calibration errors alone, which averaging does "
+        "not reduce",
         error=SEE_ERROR,
     ),
     "temporal_noise": Variable(
@@ -39,8 +40,8 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "fill_rate": Variable(
         dims=_OVER,
         units="1",
-        long_name="share of the picture with a depth: the share common to the views or microlenses, times one minus "
-        "the failed fraction; 0 where the camera is not usable",
+        long_name="fraction of the picture with a depth: the fraction common to the views or microlenses, times one "
+        "minus the failed fraction; 0 where the camera is not usable",
         error="that of the failed fraction",
     ),
     "field_width": Variable(

@@ -75,7 +75,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "failed_fraction": Variable(
         dims=("camera", "distance", "way"),
         units="1",
-        long_name="share of measurements that fail: disparity beyond that of infinity, or a declared share of false "
+        long_name="fraction of measurements that fail: disparity beyond that of infinity, or a declared fraction of "
+        "false "
         f"matches; {_UNSEEN}",
         symbol="P(a = ∞)",
         error="failed_fraction_error",
@@ -287,7 +288,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "false_matches": Variable(
         dims=("camera",),
         units="1",
-        long_name="declared share of false matches, included in failed_fraction in all groups",
+        long_name="declared fraction of false matches, included in failed_fraction in all groups",
         error="declared",
     ),
     "brightest_camera": Variable(

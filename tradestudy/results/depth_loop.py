@@ -46,7 +46,7 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     ),
     "matcher_floor_error": Variable(dims=_CAMERA, units="px", long_name="error of matcher_floor", error=_FIT),
     "matcher_false_matches": Variable(
-        dims=_CAMERA, units="1", long_name="share of false matches", error="see matcher_false_matches_error"
+        dims=_CAMERA, units="1", long_name="fraction of false matches", error="see matcher_false_matches_error"
     ),
     "matcher_false_matches_error": Variable(
         dims=_CAMERA, units="1", long_name="error of matcher_false_matches", error=_FIT

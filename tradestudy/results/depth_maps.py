@@ -18,7 +18,7 @@ _ESTIMATES: Final = {
     "predicted": ("m", "median of the camera's depth uncertainty at the true distances; NaN where none is predicted"),
     "relative_bias": ("1", "median of the errors, each over the prediction at its distance"),
     "relative_spread": ("1", "half the central 68.27 % interval of the errors, each over its prediction"),
-    "within": ("1", "share of the errors within three predicted standard deviations"),
+    "within": ("1", "fraction of the errors within three predicted standard deviations"),
     "filled": ("1", "fill rate: points with a depth over points that appear in two of the compared pictures"),
     "available": ("1", "points that appear in two of the compared pictures over all points that show a surface"),
     "bias_px": ("px", "median error of the disparity"),
@@ -57,8 +57,8 @@ def score_variables(dims: tuple[str, ...]) -> dict[str, Variable]:
     found["predicted_availability"] = Variable(
         dims=dims,
         units="1",
-        long_name="predicted share of object points on the axis that appear in two of the compared pictures; NaN where "
-        "none is predicted",
+        long_name="predicted fraction of object points on the axis that appear in two of the compared pictures; NaN "
+        "where none is predicted",
         error="closed form",
     )
     return found
@@ -83,7 +83,7 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "map_hidden": Variable(
         dims=_MAP,
         units="1",
-        long_name="share of a block's points that show a surface but appear in no second picture",
+        long_name="fraction of a block's points that show a surface but appear in no second picture",
         error="exact",
     ),
     "map_sharp": Variable(

@@ -57,7 +57,7 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     ),
     "extent": _length(("camera", "sharp"), "total length of all sharp ranges; infinite where a far limit is"),
     "scene_share": Variable(
-        dims=("camera", "sharp"), units="1", long_name="share of the scene that is sharp", error=ROUNDING
+        dims=("camera", "sharp"), units="1", long_name="fraction of the scene that is sharp", error=ROUNDING
     ),
     "images": Variable(
         dims=("camera", "sharp"),
@@ -111,7 +111,7 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "resolved_scene_share": Variable(
         dims=("camera",),
         units="1",
-        long_name="share of the scene resolved at the study's equal resolution",
+        long_name="fraction of the scene resolved at the study's equal resolution",
         error=ROUNDING,
     ),
     "resolved_reason": Variable(

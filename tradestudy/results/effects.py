@@ -18,7 +18,7 @@ def _words(dims: tuple[str, ...], long_name: str) -> Variable:
 
 
 EFFECTS: Final[Mapping[str, Variable]] = {
-    "situation": _words(_DECISION, "problem (camera, lens or light path) that the model belongs to, as in piece"),
+    "situation": _words(_DECISION, "camera, lens or light path that the model belongs to, as in piece"),
     "slot": _words(_DECISION, "effect"),
     "model": _words(_DECISION, "model of the effect; off leaves the effect out"),
     "chosen": Variable(dims=_DECISION, units="1", long_name="whether the model is applied", error="exact"),
@@ -28,7 +28,7 @@ EFFECTS: Final[Mapping[str, Variable]] = {
         dims=_CHANGE,
         units="1",
         long_name="relative change of a quantity due to this model alone, with the most complete models of all other "
-        "effects; NaN for quantities that the problem does not have, infinite where the change is unknown",
+        "effects; NaN for quantities that it does not have, infinite where the change is unknown",
         error=_KNOWN_AS,
     ),
     "evidence": _words(_CHANGE, f"how the change is known: {_HOW}"),
@@ -42,7 +42,7 @@ EFFECTS: Final[Mapping[str, Variable]] = {
         dims=_TOGETHER,
         units="1",
         long_name="relative change of a quantity due to everything that the applied models leave out together; "
-        "NaN for quantities that the problem does not have, infinite where the change is unknown",
+        "NaN for quantities that it does not have, infinite where the change is unknown",
         error=_KNOWN_AS,
     ),
     "joint_evidence": _words(_TOGETHER, f"how the joint change is known: {_HOW}"),

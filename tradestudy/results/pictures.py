@@ -48,8 +48,8 @@ PICTURES: Final[Mapping[str, Variable]] = {
     "model_error": Variable(
         dims=_OF,
         units="1",
-        long_name="by rays, relative change (L2) due to leaving out diffraction; by waves, share of the light that is "
-        "diffracted farther than it is followed",
+        long_name="by rays, relative change (L2) due to leaving out diffraction; by waves, fraction of the light "
+        "that is diffracted farther than it is followed",
         error="an estimate of an error: by rays from places all over the picture, with a margin of 30 %",
     ),
 }

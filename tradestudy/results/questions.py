@@ -17,24 +17,24 @@ DECISION: Final[Mapping[str, Variable]] = {
     "winner": Variable(
         dims=("reading", "place", "way"),
         units="",
-        long_name="usable camera of the headline pair with the lower depth uncertainty; empty where neither is usable",
+        long_name="usable camera of the main pair with the lower depth uncertainty; empty where neither is usable",
     ),
     "more_certain": Variable(
         dims=("reading", "place", "way"),
         units="",
-        long_name="camera of the headline pair with the lower depth uncertainty, usable or not",
+        long_name="camera of the main pair with the lower depth uncertainty, usable or not",
     ),
     "uncertainty_ratio": Variable(
         dims=("reading", "place", "way"),
         units="1",
-        long_name="depth uncertainty of the first camera of the headline pair over that of the second; "
+        long_name="depth uncertainty of the first camera of the main pair over that of the second; "
         "infinite where only the first has no far end, NaN where both have none",
         error=SEE_ERROR,
     ),
     "within_tolerance": Variable(
         dims=("reading", "place", "way"),
         units="1",
-        long_name="whether the uncertainties of the headline pair differ by no more than the tolerance, so that the "
+        long_name="whether the uncertainties of the main pair differ by no more than the tolerance, so that the "
         "omitted effects could reverse which is lower",
         error="exact",
     ),
@@ -52,7 +52,7 @@ DECISION: Final[Mapping[str, Variable]] = {
     "change_distance": Variable(
         dims=("reading", "way", "change"),
         units="m",
-        long_name="distance where the winner of the headline pair switches; NaN where there is none",
+        long_name="distance where the winner of the main pair switches; NaN where there is none",
         error="change_error; its range over readings is beside it",
     ),
     "change_error": Variable(
@@ -67,7 +67,7 @@ DECISION: Final[Mapping[str, Variable]] = {
     "crossover_distance": Variable(
         dims=("reading", "way", "crossing"),
         units="m",
-        long_name="distance where the cameras of the headline pair are equally uncertain; NaN where there is none",
+        long_name="distance where the cameras of the main pair are equally uncertain; NaN where there is none",
         error="crossover_error; its range over readings is beside it",
     ),
     "crossover_error": Variable(
@@ -91,7 +91,7 @@ DECISION: Final[Mapping[str, Variable]] = {
     "design_crossover_distance": Variable(
         dims=("design_crossing",),
         units="m",
-        long_name="distance where the headline pair is equally uncertain in each design, interpolated from its curves",
+        long_name="distance where the main pair is equally uncertain in each design, interpolated from its curves",
         error="design_crossover_error",
     ),
     "design_crossover_error": Variable(
@@ -188,8 +188,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "margin_percent": Variable(
         dims=_OF_REQUIREMENT,
         units="percent",
-        long_name="share by which the worst value keeps its bound; negative when missed, and then at least as large as "
-        "the share of the distances, on a logarithmic scale, where the camera is not usable",
+        long_name="fraction by which the worst value could worsen within its bound; negative when missed, and then "
+        "at least as large as the fraction of the distances, on a logarithmic scale, where the camera is not usable",
         error="as that of the value",
     ),
     "margin_sigma": Variable(

@@ -22,8 +22,8 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     ),
     "weighed_units": Variable(dims=("weighed",), units="", long_name="SI unit of a criterion"),
     "weighed_says": Variable(dims=("weighed",), units="", long_name="what the criterion is"),
-    "worst": Variable(dims=("weighed",), units="mixed", long_name="value that is worth 0", error="declared"),
-    "best": Variable(dims=("weighed",), units="mixed", long_name="value that is worth 1", error="declared"),
+    "worst": Variable(dims=("weighed",), units="mixed", long_name="value that scores 0", error="declared"),
+    "best": Variable(dims=("weighed",), units="mixed", long_name="value that scores 1", error="declared"),
     "worth": Variable(
         dims=_BOTH,
         units="1",
@@ -47,7 +47,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         units="1",
         symbol="b_i^r",
         reference=_SMAA,
-        long_name="share of the possible weights and errors of the values that give a candidate a rank",
+        long_name="fraction of the possible weights and errors of the values that give a candidate a rank",
         error="rank_acceptability_error",
     ),
     "rank_acceptability_error": Variable(

@@ -7,7 +7,7 @@ from typing import Final
 
 from tradestudy.results.variable import Variable
 
-_DRAWS: Final = "that of the draws, as of a share"
+_DRAWS: Final = "that of the draws, as of a fraction"
 
 VALUE_OF_INFORMATION: Final[Mapping[str, Variable]] = {
     "worth": Variable(
@@ -41,19 +41,19 @@ VALUE_OF_INFORMATION: Final[Mapping[str, Variable]] = {
     "best_overall": Variable(
         dims=("candidate",),
         units="1",
-        long_name="share of draws in which the camera has the best utility",
+        long_name="fraction of draws in which the camera has the best utility",
         error=_DRAWS,
     ),
     "best_probability": Variable(
         dims=("candidate", "place"),
         units="1",
-        long_name="share of draws in which the camera is usable and has the lowest uncertainty at a distance",
+        long_name="fraction of draws in which the camera is usable and has the lowest uncertainty at a distance",
         error=_DRAWS,
     ),
     "requirement_probability": Variable(
         dims=("requirement",),
         units="1",
-        long_name="share of draws in which the requirement holds at all its distances jointly",
+        long_name="fraction of draws in which the requirement holds at all its distances jointly",
         error=_DRAWS,
     ),
 }

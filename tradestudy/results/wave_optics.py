@@ -30,7 +30,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         dims=("element",), units="1", long_name="published error there; NaN for none", error="as read off by its source"
     ),
     "published_minimum": _f_number(
-        ("element",), "published least f-number for Fresnel; NaN for none", f"{PAPER}, section 5.3", "as printed"
+        ("element",), "published minimum f-number for Fresnel; NaN for none", f"{PAPER}, section 5.3", "as printed"
     ),
     "psf_error": Variable(
         dims=("element", "lens_phase", "wavelength", "f_number", "metric", "window"),
@@ -98,8 +98,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "limit_f_number": _f_number(
         ("element", "lens_phase", "wavelength", "metric", "window"),
-        "least f-number from which on the error on axis stays below the study's limit; 0 where it does over the whole "
-        "compared range, infinite where it exceeds the limit at the end of the range",
+        "minimum f-number from which on the error on axis stays below the study's limit; 0 where it does over the "
+        "whole compared range, infinite where it exceeds the limit at the end of the range",
         _MEASURED,
         "root to 1e-4 relative; the error of psf_error over its slope",
     ),
@@ -121,16 +121,16 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "path_error_f_number": _f_number(
         (*_ELEMENT, "path_error"),
-        "least f-number at which the omitted path stays within its bound",
+        "minimum f-number at which the omitted path stays within its bound",
         "(f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼; the next term is smaller by r²/(2 b²)",
     ),
     "goodman_f_number": _f_number(
-        _ELEMENT, "least f-number at which each leg alone omits at most 1 rad", "Goodman 2005, section 4.2.2"
+        _ELEMENT, "minimum f-number at which each leg alone omits at most 1 rad", "Goodman 2005, section 4.2.2"
     ),
     "southwell_f_number": _f_number(
         _ELEMENT,
-        "least f-number at which, for a plane wave behind an empty aperture of that size, the error on the axis at the "
-        "image distance is at most the study's limit",
+        "minimum f-number at which, for a plane wave behind an empty aperture of that size, the error on the axis at "
+        "the image distance is at most the study's limit",
         "the question of Southwell 1981",
     ),
 }
@@ -139,7 +139,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "image": Variable(
         dims=("propagator", "row", "column"),
         units="1",
-        long_name="share of the power in the main pupil that falls on a pixel",
+        long_name="fraction of the power in the main pupil that falls on a pixel",
         reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
         error="see numerical_error",
     ),
@@ -152,7 +152,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "power": Variable(
         dims=("propagator",),
         units="1",
-        long_name="share of the power in the main pupil that falls on the detector",
+        long_name="fraction of the power in the main pupil that falls on the detector",
         error="at most numerical_error relative",
     ),
     "lit_pixels": Variable(
@@ -164,7 +164,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "outside_geometric": Variable(
         dims=("propagator",),
         units="1",
-        long_name="share of the light on the detector that falls on pixels that rays leave dark",
+        long_name="fraction of the light on the detector that falls on pixels that rays leave dark",
         error="at most numerical_error",
     ),
     "difference": Variable(
@@ -180,12 +180,12 @@ IMAGES: Final[Mapping[str, Variable]] = {
         error="at most the numerical errors of both images together; less where they share it",
     ),
     "chosen": Variable(
-        dims=("propagator",), units="1", long_name="1 for the laws that the tolerance calls for", error="a choice"
+        dims=("propagator",), units="1", long_name="1 for the methods that the tolerance requires", error="a choice"
     ),
     "chosen_image": Variable(
         dims=("row", "column"),
         units="1",
-        long_name="image by the models that the tolerance calls for, named in the attributes",
+        long_name="image by the models chosen for the tolerance, named in the attributes",
         reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
         error="see chosen_error, and the bounds of the omitted effects",
     ),
@@ -196,7 +196,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
         error="an estimate itself",
     ),
     "spectral_share": Variable(
-        dims=("wavelength",), units="1", long_name="share of the light at a wavelength", error="declared"
+        dims=("wavelength",), units="1", long_name="fraction of the light at a wavelength", error="declared"
     ),
     "microlens_x": Variable(
         dims=("microlens",), units="m", long_name="centre of a microlens, along a row", error=ROUNDING
@@ -247,7 +247,7 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
         error="declared",
     ),
     "chosen": Variable(
-        dims=("propagator",), units="1", long_name="1 for the law that the tolerance calls for", error="a choice"
+        dims=("propagator",), units="1", long_name="1 for the method that the tolerance requires", error="a choice"
     ),
     "varied_units": Variable(dims=("varied",), units="", long_name="SI unit of the value"),
     "standing": Variable(
@@ -264,8 +264,8 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
     **_spread(
         "outside_geometric",
         "1",
-        "share of the pupil's power outside the disc filled by paraxial rays; all of it in focus, where that is a "
+        "fraction of the pupil's power outside the disc filled by paraxial rays; all of it in focus, where that is a "
         "point",
     ),
-    **_spread("neighbour_share", "1", "share of the pupil's power on the eight pixels around the central one"),
+    **_spread("neighbour_share", "1", "fraction of the pupil's power on the eight pixels around the central one"),
 }

@@ -114,7 +114,7 @@ def _overridden(document: Document, override: str, number: int) -> Document:
     place = Place(OUTSIDE.file, number, 1)
     if not sign or not path.strip():
         return document.with_problems(
-            place.problem((), f"'{override}' does not read as path=value, such as scene.wavelength=550 nm")
+            place.problem((), f"'{override}' is not of the form path=value, such as scene.wavelength=550 nm")
         )
     written = text.lstrip()
     value_place = Place(OUTSIDE.file, number, len(override) - len(written) + 1)

@@ -47,7 +47,7 @@ _INSTEAD: Final = {
     "calibration.seed": "format 2: propagation.seed",
     "calibration.distances": "remove this; answers are for scene.distances, sensitivity for sensitivity.at",
     "calibration.edge": "format 2: propagation.field_places, a list: [70 %]",
-    "calibration.accuracy": "format 2: accuracy.depth_uncertainty, the tighter of the two where both stand",
+    "calibration.accuracy": "format 2: accuracy.depth_uncertainty, the tighter of the two where both are given",
     "calibration.budget": "format 2: propagation.max_draws",
     "calibration.compare": "format 2: decision.compare",
     "calibration.questions": "format 2: solve; parameter is the path in vary, sought between low and high; way is "
@@ -73,7 +73,7 @@ _PATTERNS: Final = {
     **{tuple(old.split(".")): message for old, message in _INSTEAD.items()},
 }
 _UNDER_ERRORS: Final = "format 2: calibration errors belong under calibration.errors"
-_FORMAT: Final = "this is a study of format 1; change everything listed here, and write format: 2"
+_FORMAT: Final = "this is a study of format 1; change everything listed here, then write format: 2"
 _REFOCUSED: Final = "format 1 called this every-object; format 2: autofocus"
 
 

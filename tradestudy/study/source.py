@@ -242,9 +242,9 @@ class _Composer:
         """Insert an anchored entry again."""
         entry: Entry = ScalarEntry(place=place, value=None, text="")
         if name not in self.anchors:
-            self.note(place, f"nothing is anchored as '&{name}'{nearest_name(name, self.anchors)}")
+            self.note(place, f"there is no anchor '&{name}'{nearest_name(name, self.anchors)}")
         elif (anchored := self.anchors[name]) is None:
-            self.note(place, f"'*{name}' stands inside '&{name}' and would repeat without end")
+            self.note(place, f"'*{name}' is inside '&{name}' and would refer to itself without end")
         else:
             entry, count, height = anchored
             self.count_values(place, count)

@@ -174,14 +174,14 @@ class Triangular:
 
 @dataclass(frozen=True, kw_only=True)
 class StudentT:
-    """Scaled and shifted Student t distribution: the uncertainty of a mean from few repeated readings.
+    """Scaled and shifted Student t distribution: the uncertainty of a mean from a few repeated measurements.
 
     Parameters
     ----------
     location : float
         Median [unit of the error].
     scale : float
-        Scale [unit of the error], >= 0. For n readings with sample deviation s: s/√n.
+        Scale [unit of the error], >= 0. For n measurements with sample standard deviation s: s/√n.
     degrees_of_freedom : float
         > 0. The mean exists above 1, the standard deviation above 2; below, they are None.
 

@@ -29,7 +29,7 @@ from tradestudy.optics.depth_of_field import object_distance_of_magnification, o
 class ReferenceScalePart(Part):
     """A focus setting from a data sheet, which locates the principal plane behind the front of the lens."""
 
-    working_distance: ObjectDistance = Field(description="From the front of the lens.")
+    working_distance: ObjectDistance = Field(description="Distance from the object to the front of the lens.")
     image_scale: DetailSize = Field(description="Size that one pixel covers on the object.")
 
 
@@ -38,7 +38,7 @@ class FocusStackPart(Part):
 
     start: ObjectDistance = Field(alias="from", description="Nearest distance to cover.")
     stop: ObjectDistanceOrInfinity = Field(alias="to", description="Farthest distance to cover; may be infinity.")
-    images: PositiveCount = Field(description="The most images of one stack.")
+    images: PositiveCount = Field(description="Largest number of images in one stack.")
     time_per_image: PositiveDuration | None = Field(
         default=None, description="Time from one image to the next, including refocusing."
     )
@@ -54,13 +54,13 @@ class ConventionalFocusPart(Part):
     """Where a conventional camera is focused: by distance, by image scale, or by a working distance of a data sheet."""
 
     distance: ObjectDistanceOrInfinity | None = Field(
-        default=None, description="Object to the principal plane of the lens."
+        default=None, description="Distance from the object to the principal plane of the lens."
     )
     image_scale: DetailSize | None = Field(
         default=None, description="Size that one pixel covers on the object in focus."
     )
     working_distance: ObjectDistance | None = Field(
-        default=None, description="Object to the front of the lens; needs a reference."
+        default=None, description="Distance from the object to the front of the lens; needs a reference."
     )
     reference: ReferenceScalePart | None = None
     stack: FocusStackPart | None = Field(default=None, description="A focus stack instead of a single image.")
@@ -100,7 +100,7 @@ class ConventionalLensPart(LensPart):
 
 
 class ConventionalDeclaration(CameraDeclaration):
-    """A conventional camera of fixed focus, or with a mechanism that takes a focus stack; it measures no depth."""
+    """A conventional camera with fixed focus, or with a mechanism that takes a focus stack; it measures no depth."""
 
     camera: ClassVar[type[ConventionalCamera]] = ConventionalCamera
     reader: ClassVar[DepthReaderOfKind | None] = FocusStackReader

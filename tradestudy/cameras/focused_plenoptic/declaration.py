@@ -70,7 +70,7 @@ class FocusPart(Part):
     )
     relay: Literal["keplerian", "galilean"] | None = Field(
         default=None,
-        description="Image of the main lens before (keplerian) or behind (galilean) the array.",
+        description="Whether the main lens forms its image in front of (keplerian) or behind (galilean) the array.",
     )
 
     @model_validator(mode="after")
@@ -105,7 +105,7 @@ else:
 
 
 class FocusedPlenopticDeclaration(DepthCameraDeclaration):
-    """A focused plenoptic camera (plenoptic II), of one or of several microlens types."""
+    """A focused plenoptic camera (plenoptic II) with one or several microlens types."""
 
     camera: ClassVar[type[FocusedPlenoptic]] = FocusedPlenoptic
     reader: ClassVar[DepthReaderOfKind | None] = RawPictureReader

@@ -21,8 +21,8 @@ METHOD: Final = Method(
             "two microlens centres over the difference of the two micro-image coordinates.",
             reference="paper, eq. 8",
         ),
-        "It is evaluated through the focus shift *s* = *f*~M~²/(*a*~M~ − *f*~M~), an inverse depth that keeps "
-        "its digits at large distances. An error of the virtual depth and errors of *z* and *f*~M~ move depth by",
+        "The program evaluates it through the focus shift *s* = *f*~M~²/(*a*~M~ − *f*~M~), an inverse depth that "
+        "loses no digits at large distances. An error of the virtual depth and errors of *z* and *f*~M~ move depth by",
         Formula(
             typst="sigma_(a_M) = ((a_M - f_M) / f_M)^2 b_L sigma_v, quad"
             " (partial a_M) / (partial z) = -((a_M - f_M) / f_M)^2, quad"
@@ -31,10 +31,10 @@ METHOD: Final = Method(
             "standard deviation of v. The derivative of a M with respect to z is minus the square of a M minus f M "
             "over f M; with respect to f M it is the square of a M over f M.",
         ),
-        "The last two have opposite signs: what matters is *z* − *f*~M~, and with it the correlation of the "
-        "two errors. How the error of one disparity becomes that of *v* depends on the declared estimator: it "
+        "The last two have opposite signs: what matters is *z* − *f*~M~, and so the correlation of the two errors. "
+        "How the error of one disparity becomes that of *v* depends on the declared estimator: it "
         "grows with *v*² for an adjacent pair (of any lenses, or of the same type), with *v* for the widest pair, "
-        "and stays flat for all lenses in least squares.",
+        "and is constant for least squares over all lenses.",
         "A derived disparity error compares two micro-images of diameter *n* on the sensor in the part of the object "
         "that both show. With the textures aligned, micro-images of microlenses a distance *D* apart lie *d* apart, "
         "and the largest square in both has the side *w*:",

@@ -86,8 +86,8 @@ class StereoDeclaration(DepthCameraDeclaration):
     )
     principal_distance: Literal["focal_length", "focused"] = Field(
         default="focal_length",
-        description="Lens to sensor, which converts disparity into depth: the focal length (from a calibration in "
-        "pixels, or focused at infinity), or the image distance of focus_distance.",
+        description="Distance from lens to sensor, which converts disparity to depth: the focal length (from a "
+        "calibration in pixels, or focused at infinity), or the image distance of focus_distance.",
     )
     depth: StereoDepthPart = Field(default_factory=StereoDepthPart)
     distortion: AnyLensModel | None = Field(

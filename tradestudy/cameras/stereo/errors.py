@@ -10,7 +10,7 @@ from tradestudy.cameras.stereo.pair import SIDES
 
 _OF_BOTH: Final[ErrorVocabulary] = {
     "baseline": ErrorParameter(
-        unit="m", part="relative position", meaning="Distance of the two centres of projection."
+        unit="m", part="relative position", meaning="Distance between the two centres of projection."
     ),
     "baseline_direction_y": ErrorParameter(
         unit="rad", part="relative position", meaning="Angle by which the right camera lies below the left one."
@@ -73,7 +73,7 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
             ErrorParameter(
                 unit="1",
                 part=INTERIOR,
-                meaning=f"Radial distortion of the {side} lens with the {power} of the slope to its axis.",
+                meaning=f"Radial distortion coefficient of the {side} lens, for the {power} of the slope to its axis.",
             ),
         )
 

@@ -25,7 +25,7 @@ METHOD: Final = Method(
         "the image distance of a thin lens focused at *a*, *c* = *f* *a*/(*a*\u00a0−\u00a0*f*). The table of the "
         "cameras states *c* beside that image distance, which exceeds *f* by the fraction *f*/(*a* − *f*).",
     ),
-    baseline_note="The rig of reference has parallel axes. Converging ones at a baseline *B* measure as well as "
-    "parallel ones at *B* (1 + *x*²/*c*²)/(1 + *B*²/4*Z*²), with *x* half the disparity: where the axes meet, *x* = 0, "
-    "that is less than *B*, because the lines of sight are longer than the distance *Z*.",
+    baseline_note="The reference rig has parallel axes. Converging axes with a baseline *B* measure as well as "
+    "parallel ones with *B* (1 + *x*²/*c*²)/(1 + *B*²/4*Z*²), where *x* is half the disparity: where the axes meet, "
+    "*x* = 0, that is less than *B*, because the lines of sight are longer than the distance *Z*.",
 )

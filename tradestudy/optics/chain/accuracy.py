@@ -78,7 +78,7 @@ class ChainAccuracy:
 
     @property
     def fresnel_lengths(self) -> float:
-        """Distance from the landing of the rays up to which diffracted light is followed, in Fresnel lengths √(λ z)."""
+        """Distance from where the rays land up to which diffracted light is followed, in Fresnel lengths √(λ z)."""
         return 1.2 * math.pow(self.tolerance, -1 / 6) * self.diffraction_reach
 
     def compared(self) -> ChainAccuracy:
@@ -117,7 +117,7 @@ class ChainImage:
     Attributes
     ----------
     pixels
-        Share of the power through the main pupil that falls on each pixel, shape (rows, columns); an extended source
+        Fraction of the power through the main pupil that falls on each pixel, shape (rows, columns); an extended source
         is averaged over its area.
     numerical_error
         Relative L2 error over the pixels: the change against a coarser computation, or the sum of `error_terms`.
@@ -128,11 +128,11 @@ class ChainImage:
         mean square, for the field on the array and for the intensity on the detector. The latter is not integrated over
         pixels and so exceeds the error of the pixels.
     microlens_share
-        Share of the pupil's power that passes the microlens plane; NaN where it was not computed.
+        Fraction of the pupil's power that passes the microlens plane; NaN where it was not computed.
     effort
         Counts of nodes, samples and source points that the computation took.
     handed_over
-        Share of the points that a boundary wave left to Kirchhoff's integral; 0 for the other methods.
+        Fraction of the points that a boundary wave left to Kirchhoff's integral; 0 for the other methods.
     tolerance
         Tolerance requested; infinite if none was.
 

@@ -69,15 +69,16 @@ def chain_image(
     rng
         Draws the targets that are checked against direct quadrature.
     done
-        Called with the completed share of an incoherent disc's points while their waves propagate behind the array.
+        Called with the fraction of an incoherent disc's points that is done, while their waves propagate behind the
+        array.
     compute
         Computes groups of those points, on workers if desired; the image does not depend on it.
 
     Returns
     -------
     ChainImage
-        Share of the pupil's power on each pixel, with its numerical error. An image whose error exceeds the tolerance
-        is returned with `ChainImage.within_tolerance` False; `microlens_image` refines it or refuses.
+        Fraction of the pupil's power on each pixel, with its numerical error. An image whose error exceeds the
+        tolerance is returned with `ChainImage.within_tolerance` False; `microlens_image` refines it or refuses.
 
     Raises
     ------

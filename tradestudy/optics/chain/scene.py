@@ -185,7 +185,7 @@ class Microlenses:
 
     @property
     def fill_factor(self) -> float:
-        """Share of a cell's area that the aperture fills."""
+        """Fraction of a cell's area that the aperture fills."""
         area = self.aperture_width**2 * (math.pi / 4 if self.aperture == "circular" else 1.0)
         return area / (self.pitch**2 * (1.0 if self.layout == "square" else math.sqrt(3) / 2))
 

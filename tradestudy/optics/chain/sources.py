@@ -56,7 +56,7 @@ class DiscSource:
 
     @property
     def centre(self) -> PointSource:
-        """Middle of the disc."""
+        """Centre of the disc."""
         return PointSource(x=self.x, y=self.y, distance=self.distance)
 
 

@@ -190,8 +190,8 @@ def aperture_field(
     ...     method="kirchhoff",
     ...     accuracy=optics.FieldAccuracy(tolerance=1e-6),
     ... )
-    >>> print(f"{field.intensity.max() / field.pupil_power:.3g} 1/m², right to 1e-6: {field.error.intensity <= 1e-6}")
-    5.1e+10 1/m², right to 1e-6: True
+    >>> print(f"{field.intensity.max() / field.pupil_power:.3g} 1/m², to 1e-6: {field.error.intensity <= 1e-6}")
+    5.1e+10 1/m², to 1e-6: True
     """
     if method not in METHODS:
         raise OutOfRangeError("method", value=repr(method), limit=" | ".join(METHODS))

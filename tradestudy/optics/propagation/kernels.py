@@ -22,9 +22,9 @@ class KirchhoffKernel:
 
     The textbook law takes the direction of the wave behind the lens; only for it is the boundary-diffracted wave exact.
     In focus behind an f/3.8 microlens, the intensity then differs from the paper's by 1e-5 (textbook) and 1e-7
-    (Rayleigh–Sommerfeld) in the L2 norm; a quarter of the distance farther, by 5e-4 and 2e-7. The Rayleigh–Sommerfeld
-    field is turned by the phase 1/(k s), 2e-4 there. With the direction before the lens, the textbook intensity in
-    focus would be 0.4 % above the paper's.
+    (Rayleigh–Sommerfeld) in the L2 norm; a quarter of the distance farther, by 5e-4 and 2e-7. The phase of the
+    Rayleigh–Sommerfeld field differs by 1/(k s), 2e-4 there. With the direction before the lens, the textbook intensity
+    in focus would be 0.4 % above the paper's.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class KirchhoffKernel:
         return np.asarray(-1j / self.wavelength * self.spreading(u, v, cosine, x, y, z))
 
     def spreading(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """Obliquity/s [1/m], real but for Rayleigh and Sommerfeld.
+        """Obliquity/s [1/m], real except for Rayleigh–Sommerfeld.
 
         `cosine` is the axial cosine of the wave that arrives at the node, which only the textbook obliquity uses.
         """

@@ -65,6 +65,12 @@ class Pupil:
     The wave is multiplied by t exp(i k W); a positive W delays it. Positions are relative to the radius R of the
     aperture, (x/R, y/R), along the axes of source and targets.
 
+    Arrays have shape (n, n), n ≥ 6, and cover the square around the aperture: row i lies at y/R = −1 + 2 i/(n − 1),
+    column j at x/R likewise. A quintic spline interpolates them, so they must continue smoothly beyond the rim.
+    Functions must be smooth: with a step inside the aperture, quadrature converges slowly and may miss the tolerance.
+    Model a dark centre as an `obscuration`, which costs no accuracy. Rays and boundary waves need derivatives
+    everywhere; they accept only Zernike coefficients.
+
     Parameters
     ----------
     zernikes
@@ -75,13 +81,6 @@ class Pupil:
         t [1]: a function or an array, like the path. Default: 1.
     obscuration
         Radius of a central dark disc over R, in [0, 1); for main lenses only.
-
-    Arrays have shape (n, n), n ≥ 6, and cover the square around the aperture: row i lies at y/R = −1 + 2 i/(n − 1),
-    column j at x/R likewise. A quintic spline interpolates them, so they must continue smoothly beyond the rim.
-    Functions must be smooth: with a step inside the aperture, quadrature converges slowly and may miss the tolerance.
-    Model a dark centre as an `obscuration`, which costs no accuracy.
-
-    Rays and boundary waves need derivatives everywhere; they accept only Zernike coefficients.
 
     Raises
     ------
@@ -162,7 +161,7 @@ class Pupil:
 
     @property
     def round(self) -> bool:
-        """Whether the pupil is rotationally symmetric: only Zernike coefficients of azimuthal order 0."""
+        """Whether the pupil is rotationally symmetric, with only Zernike coefficients of azimuthal order 0."""
         even = all(noll_order(index)[1] == 0 for index, coefficient in self.zernikes.items() if coefficient)
         return even and self.path is None and self.amplitude is None
 

@@ -106,9 +106,9 @@ class ApertureField:
     targets
         Where the field was computed.
     pupil_power
-        ∫ |U|² over the aperture, in the unit of the intensity times m²; energies are shares of it.
+        ∫ |U|² over the aperture, in the unit of the intensity times m²; energies are fractions of it.
     handed_over
-        Share of the targets that the boundary wave left to Kirchhoff's integral; 0 for the other methods.
+        Fraction of the targets that the boundary wave left to Kirchhoff's integral; 0 for the other methods.
 
     Examples
     --------

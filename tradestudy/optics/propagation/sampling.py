@@ -145,7 +145,7 @@ class TargetGrid:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of the results: rows (y), columns (x)."""
+        """Shape of the results, rows (y) by columns (x)."""
         return self.y_count, self.x_count
 
     @property
@@ -222,7 +222,7 @@ class Limits:
 class NodeCounts:
     """Rings of quadrature nodes on a disc, and nodes on its rim; at least one of each.
 
-    Inner rings have fewer nodes, as the phase turns less often on them.
+    Inner rings have fewer nodes, because the phase completes fewer turns on them.
 
     Examples
     --------

@@ -290,7 +290,7 @@ def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:
 
 
 def _changes(tree: xr.DataTree) -> Iterator[Spans]:
-    """Where the preferred camera of the headline pair switches, and how far other readings move that."""
+    """Where the preferred camera of the main pair switches, and how far other readings move that."""
     if not has(tree, "decision", "change_distance"):
         return
     decision, titles = group(tree, "decision").sel(way="both"), camera_titles(tree)
@@ -348,7 +348,7 @@ def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], 
 
 
 def _stability(tree: xr.DataTree) -> Iterator[Block]:
-    """How the verdict on the headline pair fares under the other readings, at each declared distance."""
+    """How the verdict on the main pair fares under the other readings, at each declared distance."""
     found = tuple(flips(tree))
     if not found:
         return
@@ -360,7 +360,7 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
         columns=(
             Column(title="At", align="right"),
             Column(title="Better usable"),
-            Column(title="Flips under", weight=1),
+            Column(title="Changes under", weight=1),
             Column(title="More certain"),
             Column(title="by a factor", align="right"),
         ),

@@ -29,14 +29,14 @@ def describe_calibration(tree: xr.DataTree, run: Mapping[str, Any], drawings: Ma
     yield Heading(text="Calibration", anchor="calibration")
     yield _sources(tree, inputs if isinstance(inputs, Mapping) else {})
     yield from describe_posteriors(tree, drawings)
-    yield Heading(text="What one reading is worth", anchor="averaging", level=2)
+    yield Heading(text="How far averaging helps", anchor="averaging", level=2)
     yield _averaging(tree)
     if has(tree, "sensitivity", "source_uncertainty"):
         yield Heading(text="What drives depth", anchor="sensitivity", level=2)
         yield from pictures_of(drawings, "tornado", "sobol-indices")
         yield from _refusals(tree)
     if has(tree, "decision", "rank_first"):
-        yield Heading(text="Which camera errs less", anchor="ranks", level=2)
+        yield Heading(text="Which camera has the smaller error", anchor="ranks", level=2)
         yield from describe_ranks(tree)
         yield from pictures_of(drawings, "rank-probability")
 
@@ -104,8 +104,8 @@ def _averaging(tree: xr.DataTree) -> Table:
 
     return Table(
         name="averaging-table",
-        caption="Readings of one point worth averaging: with this number, noise equals calibration, "
-        "n = (u noise / u calibration)². More readings gain little, because calibration errors do not average out.",
+        caption="Number of measurements of one point whose mean has as much noise as calibration error, n = (u noise "
+        "/ u calibration)². Averaging more gains little, because calibration errors do not average out.",
         columns=(
             Column(title="Camera", weight=1),
             *(Column(title=distance(float(place)), align="right") for place in places),
@@ -114,8 +114,8 @@ def _averaging(tree: xr.DataTree) -> Table:
             (title, *(cell(key, float(place)) for place in places)) for key, title in titles_in(tree, "depth").items()
         ),
         notes=(
-            "< 1: noise of one reading is already below calibration. ∞: calibration does not affect depth there, or "
-            "was left out within the tolerance.",
+            "< 1: the noise of one measurement is already below the calibration error. ∞: calibration errors do not "
+            "affect depth there, or were left out within the tolerance.",
         ),
     )
 

@@ -24,7 +24,7 @@ def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterato
 
 
 def answers(cost: xr.Dataset) -> Iterator[Spans]:
-    """Time and error of every problem of a study, and the cost of one more digit."""
+    """Time and error for every camera and picture of a study, and the cost of one more digit."""
     for name in cost["piece"].values:
         rows = cost.isel(entry=cost["piece_of"].values == name)
         yield _answer(cost.sel(piece=name), rows.drop_dims("piece").to_dataframe().to_dict("records"))

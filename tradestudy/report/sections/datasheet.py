@@ -12,7 +12,7 @@ from tradestudy.report.words import length, or_dash, share
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, declared_matchers
 from tradestudy.units import ANGLE, pretty, significant
-from tradestudy.wording import distance
+from tradestudy.wording import distance, span
 
 
 def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
@@ -28,16 +28,16 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
             "errors alone, which remain after averaging many pictures. *Temporal noise*: the same from noise alone. "
             "*Sub-pixel RMS*: standard deviation of one disparity, as depth uses it. *Plane-fit RMS*: residual of a "
             "plane fitted to a flat target; calibration errors shift and tilt the whole plane, so only noise remains. "
-            "*Fill rate*: the share that both views, or enough microlenses, see, times one minus the failed fraction; "
-            "0 where the camera is unusable. *Field*: sensor size times distance over the distance from lens to "
-            "sensor.{matching}",
+            "*Fill rate*: the fraction that both views, or enough microlenses, see, times one minus the failed "
+            "fraction; 0 where the camera is unusable. *Field*: sensor size times distance over the distance from "
+            "lens to sensor.{matching}",
             matching=_of_matching(tree),
         )
     )
     places = [float(place) for place in data["sheet_distance"].values]
     for name in data["camera"].values:
         one = data.sel(camera=name)
-        usable = f"usable from {_limit(one, 'near_limit')} to {_limit(one, 'far_limit')}"
+        usable = f"usable {_usable(*(float(one[name]) for name in ('near_limit', 'far_limit')))}"
         across, down = (pretty(float(one[f"{way}_field_of_view"]), ANGLE) for way in ("horizontal", "vertical"))
         yield Table(
             name=f"datasheet-{name}",
@@ -81,5 +81,5 @@ def _lengths(one: xr.Dataset, name: str) -> Iterator[str]:
             yield "—" if math.isnan(float(value)) else "unbounded"
 
 
-def _limit(one: xr.Dataset, name: str) -> str:
-    return or_dash(float(one[name]), distance)
+def _usable(near: float, far: float) -> str:
+    return "nowhere" if math.isnan(near) else f"from {span(near, far)}"

@@ -27,13 +27,15 @@ def describe_depth_loop(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield Heading(text="From pictures to depth and back", anchor="depth-loop")
     yield Paragraph(
         "The program rendered planes across the axis, each with its own texture and noise, and measured their depth "
-        "with each camera as designed. The search for the disparity started near the true one, so distant false "
+        "with each camera free of errors. The search for the disparity started near the true one, so distant false "
         "matches do not occur."
     )
     yield from pictures_of(drawings, "depth_loop")
     for k, name in enumerate(data["camera"].values):
         yield Paragraph(_told(data.isel(camera=k), titles[str(name)]))
-    yield Paragraph("The file matchers.yaml beside this report holds the fitted matchers, ready for a study's cameras.")
+    yield Paragraph(
+        "The file matchers.yaml beside this report contains the fitted matchers, ready for the cameras of a study."
+    )
     yield from score_tables(name="depth-loop", first=_first_columns(data), rows=list(_rows(data, titles)))
 
 

@@ -23,8 +23,8 @@ def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     data, titles = group(tree, "pictures"), camera_titles(tree)
     yield Heading(text="Depth measured in the pictures", anchor="depth-maps", level=2)
     yield Paragraph(
-        "Each camera measures depth in its pictures as designed, with its own estimator. Points hidden from the "
-        "estimator do not count as failures; points without depth, or with a false one, do."
+        "Each camera measures depth in its pictures as if it had no errors, with its own estimator. Points hidden "
+        "from the estimator do not count as failures; points without depth, or with a false one, do."
     )
     yield from pictures_of(drawings, "depth_maps", "depth_achieved")
     rows = [data.isel(mapped_camera=k) for k in range(data.sizes["mapped_camera"])]
@@ -54,9 +54,10 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
         rows=tuple(cells if one is None else (*cells, *_of_depth(one)) for cells, one in rows),
         notes=(
             "Bias and spread: median of the errors, and half their central 68.27 % interval. Predicted: the depth "
-            "uncertainty at these distances. Filled: share of points with a depth, of those that the estimator has two "
-            "pictures of. Paired: share of all points on a surface that have two such pictures; the prediction counts "
-            "points of the object, but a raw picture counts those in several micro-images several times.",
+            "uncertainty at these distances. Filled: fraction of points with a depth, among those that appear in two "
+            "of the estimator's pictures. Paired: fraction of all points on a surface that appear in two such "
+            "pictures; the prediction counts points of the object, whereas a raw picture counts a point once in "
+            "every micro-image that shows it.",
         ),
     )
     yield Table(
@@ -69,7 +70,7 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
         rows=tuple(cells if one is None else (*cells, *_of_disparity(one)) for cells, one in rows),
         notes=(
             "Bias and spread in pixels. Over noise: spread of the errors relative to the first-order error that noise "
-            "causes in each window, given its texture. Neighbours, a window apart: correlation of the errors of "
+            "causes in each window, given its texture. Neighbours and A window apart: correlation of the errors of "
             "adjacent points, and of points one window apart. Windows: number of non-overlapping windows measured.",
         ),
     )

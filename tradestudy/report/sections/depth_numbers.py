@@ -56,7 +56,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
             )
     return Table(
         name="depth-table",
-        caption="Depth discrimination and uncertainty at the distances that the study asks about.",
+        caption="Depth discrimination and uncertainty at the distances that the study declares.",
         columns=(
             Column(title="Camera", weight=1),
             Column(title="Usable"),
@@ -116,7 +116,8 @@ def _decisive_parts(tree: xr.DataTree) -> Table:
 
     return Table(
         name="parts-table",
-        caption="What decides the uncertainty: the part with the largest share of the variance of inverse depth.",
+        caption="What decides the uncertainty: the error source with the largest share of the variance of inverse "
+        "depth.",
         columns=(
             Column(title="Camera", weight=1),
             *(Column(title=distance(float(place)), weight=1) for place in places),
@@ -161,7 +162,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
     yield table(
         "failed-table",
         "failed_fraction",
-        "Share of measurements that end beyond infinity"
+        "Fraction of measurements that end beyond infinity"
         f"{' or are false matches' * false_matches_declared(tree)}, noise and calibration together.",
         lambda value: share(value) if value >= _NEGLIGIBLE_SHARE else "< 1 ppm",
     )
@@ -189,7 +190,7 @@ def _step(nearer: float, farther: float) -> str:
 
 
 def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Write the verdict on the headline pair under every reading, and where the two are equally uncertain."""
+    """Write the verdict on the main pair under every reading, and where the two are equally uncertain."""
     if not has(tree, "decision", "uncertainty_ratio", "certainty_flips", "reading_says"):
         return
     decision, titles = group(tree, "decision"), camera_titles(tree)
@@ -197,7 +198,7 @@ def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
     yield Heading(text="The decision under every reading", anchor="decision")
     yield Paragraph(
         say(
-            "{open} The pair compared is {first} and {second}.",
+            "{open} The two cameras compared are {first} and {second}.",
             open="The sources leave questions open. Each reading answers one of them differently from the study as "
             "declared and changes nothing else."
             if decision.sizes["reading"] > 1
@@ -234,7 +235,8 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
             for reading in decision["reading"].values
         ),
         notes=(
-            f"Below 1 {pair['first']} is more certain, above 1 {pair['second']}, whether or not they are usable there.",
+            f"Below 1, {pair['first']} is more certain; above 1, {pair['second']}, whether or not they are usable "
+            f"there.",
         ),
     )
 

@@ -322,7 +322,7 @@ def _coverage(tree: xr.DataTree) -> Iterator[Block]:
         yield Table(
             name="coverage-table",
             caption="Mean number of microlenses that see a point at the ends of the scene; beyond the total covering "
-            "plane, where the absolute virtual depth is 2, two or more see every point.",
+            "plane, where the absolute virtual depth is 2, at least two see every point.",
             columns=(
                 Column(title="Camera", weight=2),
                 Column(title="Total covering plane", align="right", weight=1),

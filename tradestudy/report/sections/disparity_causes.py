@@ -40,8 +40,8 @@ def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="What the disparity error is made of", anchor="disparity-causes", level=2)
     yield Paragraph(
         say(
-            "For disparity errors derived from the picture, the same bound is computed again with one cause removed: "
-            "defocus blur, the diffraction of all lenses, or the lack of light relative to the brightest of "
+            "For disparity errors derived from the picture, the program computes the bound again with one cause "
+            "removed: defocus blur, the diffraction of all lenses, or the lack of light relative to the brightest of "
             "these cameras. [](#disparity-causes-table) has the values; at {place}:",
             place=distance(float(found["distance"][middle])),
         )
@@ -75,8 +75,8 @@ def _in_use(tree: xr.DataTree, found: xr.Dataset, titles: Mapping[str, str]) -> 
     if told:
         yield Paragraph(
             say(
-                "These errors include every effect, because a cause that is left out would seem to have none. Depth "
-                "leaves effects out where that changes it by less than the tolerance, and so rests on {told}.",
+                "These errors include every effect: a cause that is left out would seem to have no influence. Depth "
+                "leaves effects out where that changes it by less than the tolerance, and so uses {told}.",
                 told=listed(told),
             )
         )
@@ -208,8 +208,7 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
             if real
             else "Derived disparity error in pixels with every effect, and"
         )
-        + " with one cause removed; in brackets, the factor "
-        "by which it becomes smaller.",
+        + " with one cause removed; in brackets, the factor by which that reduces it.",
         columns=(
             Column(title="Camera", weight=7),
             Column(title="Electrons", align="right"),
@@ -224,13 +223,13 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
         notes=(
             "Electrons: mean of a pixel. "
             + (
-                "Window: side of the matching window, as declared or the largest that both pictures share. "
+                "Window: side of the matching window, the declared one or the largest that both pictures share. "
                 if windows
                 else ""
             )
-            + "A number in brackets below 1: the error would be larger, since blur also "
-            "removes texture that is too fine for the pixels. The causes interact: their factors need not multiply "
-            "to the whole. Tenfold light, as if no pixel saturated, makes the error about 3.2 times smaller where "
+            + "A factor below 1 means that the error would be larger, since blur also removes texture that is too "
+            "fine for the pixels. The causes interact, so their factors need not multiply to the whole. Tenfold "
+            "light, as if no pixel saturated, makes the error about 3.2 times smaller where "
             "texture exceeds shot noise; more where the sensor adds noise or noise hides the texture, less where "
             "aliased texture is the noise. Where a camera is not usable, a matcher may miss these bounds."
             + (" Brightest light: that of the unsaturated camera with the most electrons." if compared else "")

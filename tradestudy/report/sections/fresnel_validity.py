@@ -198,7 +198,7 @@ def _limit_table(data: xr.Dataset) -> Table:
                 rows.append((f"{phase}, {length(float(wave))}", *cells))
     return Table(
         name="fresnel-limits",
-        caption=f"Least f-number from which the error on the axis stays below {limit}, windows of "
+        caption=f"Minimum f-number from which the error on the axis stays below {limit}, windows of "
         f"{significant(window)} Airy radii.",
         columns=(
             Column(title="Lens phase and light", weight=1),
@@ -224,7 +224,7 @@ def _criteria_table(data: xr.Dataset) -> Table:
         rows.append((f"{element_title(data, str(element))}{stated}",))
         named: list[tuple[str, xr.DataArray]] = [
             ("eq. 27, smaller zero", one["paper_eq27_f_number"].sel(zero="first")),
-            ("eq. 27, bigger zero", one["paper_eq27_f_number"].sel(zero="second")),
+            ("eq. 27, larger zero", one["paper_eq27_f_number"].sel(zero="second")),
             ("one radian per leg (Goodman)", one["goodman_f_number"]),
             *(
                 (f"{significant(float(e))} waves of neglected path", one["path_error_f_number"].sel(path_error=e))
@@ -235,7 +235,7 @@ def _criteria_table(data: xr.Dataset) -> Table:
         rows += [(name, *(significant(float(values.sel(wavelength=w))) for w in waves)) for name, values in named]
     return Table(
         name="fresnel-criteria-table",
-        caption="Least f-number for Fresnel by closed-form criteria.",
+        caption="Minimum f-number for Fresnel by closed-form criteria.",
         columns=(
             Column(title="Criterion", weight=1),
             *(Column(title=length(float(w)), align="right") for w in waves),
@@ -268,9 +268,9 @@ def _printed_criterion(data: xr.Dataset, drawings: Mapping[str, Drawing]) -> Ite
     yield Paragraph(
         say(
             "Lengths are in wavelengths, and *l* is an integer next to 4 (α + β). So the numerator is twice the "
-            "fractional part of 4 (α + β), plus 2 for the bigger zero: it depends on how many quarter "
-            "waves fit between object and image. At all wavelengths of the study, the bigger zero "
-            "lies within {spans}; the smaller zero takes any value above its minimum. The fractional part magnifies a "
+            "fractional part of 4 (α + β), plus 2 for the larger zero: it depends on how many quarter waves fit "
+            "between object and image. At all wavelengths of the study, the larger zero lies within {spans}; the "
+            "smaller zero takes any value above its minimum. The fractional part magnifies a "
             "relative change of a length up to {condition} times. So no reproducible reading "
             "gives the printed numbers, and nothing was tuned towards them. The bounded criterion, at most ε waves of "
             "neglected path, is smooth and monotone:",

@@ -43,7 +43,7 @@ def _verdict(rows: list[dict[str, Any]]) -> Spans:
     beyond = sum(not row["naive_error"] <= row["bound"] for row in numbers)
     wrong = [str(row["case"]) for row in rows if not row["met"]]
     return say(
-        "**The program meets {met} of {all} hard cases.** Of the {numbers} with a number as the answer, the usual "
+        "**The program meets {met} of {all} hard cases.** Of the {numbers} whose answer is a number, the usual "
         "formula misses the same bound in {beyond}.{wrong}",
         met=str(len(rows) - len(wrong)),
         all=str(len(rows)),
@@ -60,7 +60,7 @@ def _family(rows: list[dict[str, Any]], family: str) -> Iterator[Block]:
     if numbers:
         yield Table(
             name=f"hard-cases-{family}-numbers",
-            caption=f"{title}: relative errors of the usual formula and of ours.",
+            caption=f"{title}: relative errors of the usual formula and of this program.",
             columns=(
                 Column(title="Case", weight=3),
                 Column(title="Law", weight=3),

@@ -169,9 +169,8 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
     return Table(
         name="light-spot-table",
         caption="The images in numbers: time here and as published, stated numerical error (relative L2 over pixels; "
-        "marked if above the tolerance), "
-        "differences from the reference, lit pixels (above 1 % of the brightest), light where rays leave it dark, and "
-        "share of the pupil's light on the detector.",
+        "marked if above the tolerance), differences from the reference, lit pixels (above 1 % of the brightest), "
+        "light where rays leave the detector dark, and fraction of the pupil's light on the detector.",
         columns=(
             Column(title="Method", weight=3),
             Column(title="Time here", align="right"),
@@ -291,9 +290,10 @@ def _spread_table(data: xr.Dataset, element: str) -> Table:
         ),
         rows=tuple(rows),
         notes=(
-            "50 %, 80 %: radii that hold these shares of the pupil's light. MTF: at half the Nyquist frequency of the "
-            "pixels, along the field angle. Outside rays: share of the light outside the disc that paraxial rays fill, "
-            "which in focus is a point. Neighbours: share on the eight pixels around the one centred on the image. "
+            "50 %, 80 %: radii that contain these fractions of the pupil's light. MTF: at half the Nyquist frequency "
+            "of the pixels, along the field angle. Outside rays: fraction of the light outside the disc that paraxial "
+            "rays fill, which in focus is a point. Neighbours: fraction on the eight pixels around the one centred on "
+            "the image. "
             "Defocus in waves of path at the rim of the pupil, positive for a nearer object. —: not within the window.",
         ),
     )

@@ -31,9 +31,9 @@ def describe_method(tree: xr.DataTree) -> Iterator[Block]:
 def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
     yield Heading(text="Disparity errors derived from the picture", anchor="method-derived", level=2)
     yield Paragraph(
-        "A derived disparity error is the Cramér–Rao bound of matching two windows of the camera's picture: "
-        "a random texture of the declared contrast and correlation length, blurred by defocus, diffraction and pixels, "
-        "with shot, read and quantisation noise; aliased texture counts as noise."
+        "A derived disparity error is the Cramér–Rao bound of matching two windows of the camera's pictures. They "
+        "show a random texture of the declared contrast and correlation length, blurred by defocus, diffraction and "
+        "pixels, with shot, read and quantisation noise; aliased texture counts as noise."
     )
     yield Equation(
         typst="1 / sigma_d^2 = W^2 integral.double (2 pi nu_x)^2 gamma^2 / (1 - gamma^2) dif^2 nu, quad "
@@ -45,8 +45,8 @@ def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
         "S is the spectrum of the texture in the picture, H the transfer of lenses and pixels, N the noise, W the side "
         "of the window: the declared one, or the overlap of the compared pictures on an object if that is smaller. "
         "A good matcher reaches the bound where the error is small compared with a pixel and the "
-        f"window large compared with blur and texture: this requires {needs}. Elsewhere the distance is not usable, "
-        "limit “matching”, which depends on the declared window as much as on the camera. If the window is too small, "
+        f"window large compared with blur and texture: this requires {needs}. Elsewhere the limit “matching” makes a "
+        f"distance unusable; it depends on the declared window as much as on the camera. If the window is too small, "
         "declare a larger one, or an estimator that uses nearer microlenses."
     )
     yield Paragraph(
@@ -64,11 +64,12 @@ def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
         alt="sigma squared equals k sigma d squared, plus f squared, plus half of A squared",
     )
     yield Paragraph(
-        "This is the error of a declared matcher: k is its noise over the bound, f a floor that no light removes, A "
-        "the amplitude of its pixel locking. Pixel locking is a bias that is periodic in the disparity. Its phase is "
-        "unknown for one measurement, so its rms of A/√2 adds like noise, but it does not average out at one "
-        "distance. A false match measures nothing: with a share m of them and a share f of the others beyond infinity, "
-        "1 − (1 − f)(1 − m) of all measurements fail, and the depth uncertainty is that of the true matches."
+        "This is the error of a declared matcher: k is its noise over the bound, f a floor that remains however much "
+        "light there is, A the amplitude of its pixel locking. Pixel locking is a bias that is periodic in the "
+        "disparity. Its phase is unknown for one measurement, so its rms of A/√2 adds like noise, but it does not "
+        "average out at one distance. A false match measures nothing: if a fraction m of the matches is false and a "
+        "fraction f of the others ends beyond infinity, 1 − (1 − f)(1 − m) of all measurements fail, and the depth "
+        "uncertainty is that of the true matches."
     )
 
 
@@ -89,17 +90,17 @@ def _uncertainty() -> Iterator[Block]:
             say(
                 "**Depth discrimination**: the change of true depth that moves the disparity of the declared "
                 "estimator by the declared step, nearer and farther. It includes neither noise nor calibration "
-                "errors, and the step farther can be infinite."
+                "errors. The change to a farther distance can be infinite."
             ),
             say(
                 "**Depth uncertainty**: half the central 68.27 % interval of the depth from one measurement by a "
-                "rig drawn from its calibration. It is stated for pixel noise only, calibration only, and "
+                "rig drawn from its calibration. It is stated for matching noise only, calibration errors only, and "
                 "both."
             ),
             say(
-                "**Quantiles, not standard deviations.** Depth is one over something that can reach zero, so its "
-                "variance may not exist. Errors are propagated to inverse depth; quantiles are taken there and mapped "
-                "back. An inverse depth of zero or below is a depth of ∞ and stays in the quantiles."
+                "**Quantiles, not standard deviations.** Depth is the inverse of a quantity that can reach zero, so "
+                "its variance may not exist. Errors are propagated to inverse depth; quantiles are taken there and "
+                "mapped back. An inverse depth of zero or below is a depth of ∞ and stays in the quantiles."
             ),
             say(
                 "**What decides it**: the error source with the largest share of the variance of inverse depth. "
@@ -123,42 +124,46 @@ def _uncertainty() -> Iterator[Block]:
             "**Linear** propagation takes the covariance of all errors through the slopes of that model at each "
             "distance, and its error is measured against draws. **Exact** propagation sends eight independently "
             "scrambled Sobol sequences of draws through the model itself; all distances and designs share them. A "
-            "result is *converged* when the 95 % t-interval over the eight of every half width that is reported is "
-            "within the tolerance of that half width; where an interval has no far end, the share of failed "
-            "measurements is judged instead. The plan takes linear propagation where it keeps the tolerance."
+            "result is *converged* when every reported half-width has a 95 % t-interval, over the eight sequences, "
+            "within the tolerance of that half-width; where an interval has no far end, the fraction of failed "
+            "measurements is judged instead. The plan uses linear propagation where it keeps the tolerance."
         )
     )
     yield Paragraph(
-        "A calibration error is one draw per rig, pixel noise one draw per measurement: averaging many measurements "
-        "shrinks the second, never the first."
+        "A calibration error is drawn once per rig, matching noise once per measurement: averaging many measurements "
+        "reduces the noise, never the calibration error."
     )
 
 
 def _ranges(*, derived: bool) -> Iterator[Block]:
     yield Heading(text="Where a camera counts as usable", anchor="method-usable", level=2)
     yield Paragraph(
-        "A distance is usable where every limit that the study declares holds. At each end of the range the limit that "
-        "binds is named."
+        "A distance is usable where every limit that the study declares holds. The report names the limit that sets "
+        "each end of the range."
     )
     yield Bullets(
         (
-            say("**Overlap**: the share of each stereo picture that the other camera also sees."),
+            say("**Overlap**: the fraction of each stereo picture that the other camera also sees."),
             say(
                 "**Total covering plane**: the image of the main lens lies at least that virtual depth from the array."
             ),
-            say("**Availability**: the share of points that two of the estimator's microlenses see."),
+            say("**Availability**: the fraction of points that two of the estimator's microlenses see."),
             say("**Focus**: the geometric blur of the sharpest picture that the estimator needs, on the sensor."),
             say("**Last disparity step**: the disparity still differs from that of infinity by more than one step."),
             say(
-                "**Failed measurements**: the share that noise and calibration put beyond infinity"
+                "**Failed measurements**: the fraction that noise and calibration errors put beyond infinity"
                 + (", and false matches where the study declares some." if derived else ".")
             ),
-            say("**Relative uncertainty**: the depth uncertainty as a share of the distance."),
+            say("**Relative uncertainty**: the depth uncertainty as a fraction of the distance."),
             *(
                 (
-                    say("**Saturation**: the brightest texture, three deviations above the mean, fits the pixels."),
                     say(
-                        "**Matching**: a matcher can reach the bound on the disparity error, which is at most 0.25 px."
+                        "**Saturation**: the brightest texture, three standard deviations above the mean, does not "
+                        "saturate the pixels."
+                    ),
+                    say(
+                        "**Matching**: a matcher can reach the bound on the disparity error, and that bound is at "
+                        "most 0.25 px."
                     ),
                 )
                 if derived

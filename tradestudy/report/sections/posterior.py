@@ -25,8 +25,8 @@ def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield Heading(text="Calibration as inference", anchor="posterior", level=2)
     yield Paragraph(
         say(
-            "The parameters are inferred from what the camera sees of a board, with the poses of the board "
-            "marginalised view by view and the declared errors as priors. emcee runs four independent ensembles; a "
+            "The parameters are inferred from pictures of a board, with the poses of the board marginalised view by "
+            "view and the declared errors as priors. emcee runs four independent ensembles; a "
             "result counts as converged if it meets every limit below. The spread of the draws about their mean "
             "is propagated to depth, jointly."
         )
@@ -83,8 +83,8 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         ),
         rows=tuple(rows),
         notes=(
-            "Limits: N/τ ≥ 50, R-hat ≤ 1.01, effective sizes ≥ 400, acceptance 0.2 to 0.5; poses: share of the draws "
-            "that survives reweighting to poses solved again at each draw, at least 0.9. With a finite number of "
+            "Limits: N/τ ≥ 50, R-hat ≤ 1.01, effective sizes ≥ 400, acceptance 0.2 to 0.5; poses: effective fraction "
+            "of the draws after reweighting to poses solved again at each draw, at least 0.9. With a finite number of "
             "draws, a standard deviation, and a depth uncertainty based on it, is uncertain by 1/√(2 ESS): at most "
             f"{share(1.0 / np.sqrt(2.0 * np.nanmin(data['posterior_tail_size'].values)))} here.",
         ),
@@ -141,7 +141,8 @@ def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
     return Table(
         name="rig-table",
         caption="Fits to the corners of the real rig: each camera alone, the pair with one relative pose, and the "
-        "pair with a small left–right motion of the board in each view, which opposite view means suggest.",
+        "pair with a small left–right motion of the board in each view, which view means of opposite sign in the two "
+        "cameras suggest.",
         columns=(
             Column(title="Rig", weight=1),
             Column(title="Quantity", weight=2),
@@ -174,9 +175,9 @@ def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
         ]
     yield Table(
         name="lens-model-table",
-        caption="Lens models compared: by how much views, each left out in turn, are likelier than under the model in "
-        "use (log likelihood ± standard error over views), and what the model changes in depth midway between the "
-        "cameras (mm ± standard error by the jackknife over views).",
+        caption="Lens models compared: by how much more likely views, each left out in turn, are than under the "
+        "model in use (log likelihood ± standard error over views), and what the model changes in depth midway "
+        "between the cameras (mm ± standard error by the jackknife over views).",
         columns=(
             Column(title="Rig", weight=1),
             Column(title="Lens model", weight=2),

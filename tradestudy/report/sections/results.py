@@ -71,7 +71,8 @@ def _usable_range(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="Where each camera is usable", anchor="usable-range", level=2)
     yield Table(
         name="usable-range-table",
-        caption="Usable distances, and the limit that sets each end.",
+        caption="Usable distances, and the limit that sets each end. For a camera that is usable nowhere, the limits "
+        "that it misses where it misses fewest.",
         columns=(
             Column(title="Camera", weight=3),
             Column(title="From", align="right"),

@@ -26,8 +26,8 @@ def describe_trade_off(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> It
     clipped, outside = bool((data["clipped"].values > 0.0).any()), not all(one.is_feasible for one in found)
     yield Table(
         name="trade-off-table",
-        caption="Candidates by the share of the possible weights that rank them first, with its standard error, and "
-        f"the mean of those weights. Weights: {weight_words(tree)}."
+        caption="Candidates by the fraction of the possible weights that rank them first, with its standard error, "
+        f"and the mean of those weights. Weights: {weight_words(tree)}."
         + (f" The first {_MOST_ROWS} of {len(found)}." if len(found) > _MOST_ROWS else ""),
         columns=(
             Column(title="Camera", weight=3),
@@ -47,7 +47,7 @@ def describe_trade_off(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> It
             for one in found[:_MOST_ROWS]
         ),
         notes=(
-            *(("*: beyond the declared worst or best value, and valued like it.",) if clipped else ()),
+            *(("*: beyond the declared worst or best value, and scored like it.",) if clipped else ()),
             *(("†: does not meet every must requirement.",) if outside else ()),
         ),
     )
@@ -62,7 +62,7 @@ def _front(tree: xr.DataTree) -> Iterator[Block]:
     if not front.designs:
         yield Paragraph("No design of the sweep meets every must requirement.")
         return
-    told = f" The {_MOST_ROWS} of {front.count} that are worth most at the mean of the weights."
+    told = f" The {_MOST_ROWS} of {front.count} that score highest at the mean of the weights."
     yield Table(
         name="pareto-front",
         caption="Pareto-optimal designs: they meet every must requirement, and no other such design is at least as "

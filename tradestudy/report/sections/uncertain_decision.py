@@ -26,8 +26,9 @@ def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
 
     yield Paragraph(
         say(
-            "For one rig of each, **{first}** errs less than {second} with a probability of **{rig}** if all noise is "
-            "averaged out, and of **{reading}** in a single reading, from {near} to {far}.",
+            "For one rig of each, **{first}** has the smaller depth error than {second} with a probability of "
+            "**{rig}** if all noise is averaged out, and of **{reading}** in a single measurement, from {near} to "
+            "{far}.",
             first=first,
             second=second,
             rig=between("calibration"),
@@ -53,7 +54,7 @@ def _rank_table(tree: xr.DataTree) -> Table:
 
     rows: list[tuple[Text, ...]] = []
     for way in data["rank_way"].values:
-        rows.append(("Calibration alone" if way == "calibration" else "Single readings, noise and calibration",))
+        rows.append(("Calibration alone" if way == "calibration" else "Single measurements, noise and calibration",))
         for pair in data["pair"].values:
             there = data.sel(pair=pair, rank_way=way)
             names = [titles[str(there[name].item())] for name in ("pair_first", "pair_second")]

@@ -54,7 +54,7 @@ def describe_value_of_information(tree: xr.DataTree, drawings: Mapping[str, Draw
     yield from pictures_of(drawings, "assumption_worths")
     yield Table(
         name="best-probability",
-        caption="Share of the combinations in which each candidate is usable and has the lowest depth uncertainty.",
+        caption="Fraction of the combinations in which each candidate is usable and has the lowest depth uncertainty.",
         columns=(
             Column(title="Camera", weight=3),
             *(Column(title=f"At {distance(float(place))}", align="right") for place in data["place"].values),
@@ -73,7 +73,7 @@ def describe_value_of_information(tree: xr.DataTree, drawings: Mapping[str, Draw
         says = group(tree, "requirements")["says"]
         yield Table(
             name="requirement-probability",
-            caption="Share of the combinations in which each requirement holds at all its distances at once.",
+            caption="Fraction of the combinations in which each requirement is met at all its distances at once.",
             columns=(Column(title="Requirement", weight=4), Column(title="Probability", align="right")),
             rows=tuple(
                 (

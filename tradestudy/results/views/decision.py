@@ -120,7 +120,7 @@ def _exact_ends(tree: xr.DataTree) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class Flips:
-    """The verdict on the headline pair at one declared distance, and the readings that change it.
+    """The verdict on the main pair at one declared distance, and the readings that change it.
 
     Parameters
     ----------

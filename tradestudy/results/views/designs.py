@@ -338,7 +338,7 @@ def _favoured(titles: dict[str, str], data: xr.Dataset, axes: list[str], names: 
 
 
 def crossover_words(tree: xr.DataTree) -> str:
-    """How far the crossover of the headline pair moves over the designs, without a full stop; empty without a pair."""
+    """How far the crossover of the main pair moves over the designs, without a full stop; empty without a pair."""
     if not has(tree, "decision", "design_crossover_distance"):
         return ""
     data, titles = group(tree, "decision"), camera_titles(tree)

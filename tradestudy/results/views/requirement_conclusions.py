@@ -78,7 +78,7 @@ class RequirementConclusion:
     camera
         Title of the camera with the largest margin; of a requirement on all cameras, the one with the smallest.
     margin
-        Share by which the worst value could worsen within its bound; negative where it breaks the bound.
+        Fraction by which the worst value could worsen within its bound; negative where it breaks the bound.
     place
         Distance [m] of the worst value.
     conformity

@@ -31,7 +31,7 @@ class Ranked:
     values
         Value of each criterion in words, with an asterisk if it is clipped.
     ranks
-        Share of the possible weights that give the candidate each rank.
+        Fraction of the possible weights that give the candidate each rank.
     first_error
         Standard error of its share of first ranks.
     central
@@ -79,7 +79,7 @@ def candidates_by_rank(tree: xr.DataTree) -> tuple[Ranked, ...]:
 
 
 def trade_off_conclusion(tree: xr.DataTree) -> str:
-    """The candidate that ranks first, and for which share of the possible weights; empty without a trade-off."""
+    """The candidate that ranks first, and for which fraction of the possible weights; empty without a trade-off."""
     if not (found := candidates_by_rank(tree)):
         return ""
     data = group(tree, "criteria")

@@ -81,7 +81,7 @@ def _stereo_pair(top: Located, cameras: dict[str, Located]) -> tuple[str, str]:
     if left is not None and right is not None and {left.text(), right.text()} <= cameras.keys():
         return left.text(), right.text()
     raise top.fail(
-        f"the file names no stereo pair; give pair: [left socket, right socket], in quotes, out of {', '.join(cameras)}"
+        f"the file names no stereo pair; give pair: [left socket, right socket], in quotes, from {', '.join(cameras)}"
     )
 
 

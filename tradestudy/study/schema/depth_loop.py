@@ -16,7 +16,7 @@ _MOST = 50
 
 
 class DepthLoopPart(Part):
-    """Planes across the axis, rendered and measured, each with its own texture and noise.
+    """Planes across the axis, rendered and measured, each with a texture and noise of its own.
 
     Texture, light, noise and window are those of scene.picture. The matcher is fitted to the errors at some distances
     and tested on the errors at all others.

@@ -65,7 +65,7 @@ PictureWindow = Annotated[
     WithJsonSchema(
         {
             "type": "string",
-            "description": "pixels, or a length on the object",
+            "title": "a number of pixels, or a length on the object",
             "examples": ["9 px", "1 mm"],
             "pattern": r"^[+]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*[A-Za-zµμÅ].*$",
         }
@@ -131,7 +131,7 @@ class SpectralLinePart(Part):
     """A wavelength and its weight."""
 
     wavelength: PositiveWavelength = Field(description="Wavelength of this line.")
-    weight: PositiveNumber = Field(description="Share of the light in this line, relative to the others.")
+    weight: PositiveNumber = Field(description="Light in this line, relative to the others.")
 
 
 class PicturePart(Part):

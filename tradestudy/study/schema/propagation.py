@@ -26,10 +26,11 @@ class PropagationPart(Part):
         "sensor.",
     )
     max_draws: Annotated[int, Field(ge=2**12, le=2**26, strict=True)] = Field(
-        default=2**16, description="Most draws for each camera, field position and kind of error."
+        default=2**16, description="Largest number of draws for each camera, field position and kind of error."
     )
     coverage: Annotated[tuple[Coverage, ...], Field(max_length=10), AfterValidator(distinct)] = Field(
-        default=(0.6827, 0.95), description="Probabilities of the central intervals to state; 68.27 % is always stated."
+        default=(0.6827, 0.95),
+        description="Coverage probabilities of the intervals to report; 68.27 % is always reported.",
     )
 
     @property
@@ -44,7 +45,7 @@ class PropagationPart(Part):
 
 
 class SensitivityPart(Part):
-    """Sensitivity of each camera to each of its errors."""
+    """Sensitivity of each camera's depth to each of its errors."""
 
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=50), AfterValidator(distinct)] = Field(
         description="Distances at which the sensitivities are computed."

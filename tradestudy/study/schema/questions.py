@@ -31,24 +31,24 @@ class UsableRangePart(Part):
     """Limits of the usable range; a limit that is left out does not apply."""
 
     overlap: Share | None = Field(
-        default=None, description="Smallest overlap of the two stereo views; more than none if left out."
+        default=None, description="Smallest overlap of the two stereo views; default: any above 0 %."
     )
     availability: Share | None = Field(
         default=None,
-        description="Smallest share of points that two microlenses of the estimator see; more than none if left out.",
+        description="Smallest fraction of points that two microlenses of the estimator see; default: any above 0 %.",
     )
     virtual_depth: PositiveNumber | None = Field(
         default=None, description="Smallest |virtual depth|; 2 is the total covering plane."
     )
     blur: PositivePixels | None = Field(default=None, description="Largest geometric blur.")
     disparity_step: PositivePixels | None = Field(
-        default=None, description="Disparity step that must still separate a distance from infinity."
+        default=None, description="Smallest difference between the disparity at a usable distance and that at infinity."
     )
     failed_fraction: Share | None = Field(
-        default=None, description="Largest share of measurements that end beyond infinity or are false matches."
+        default=None, description="Largest fraction of measurements that end beyond infinity or are false matches."
     )
     relative_uncertainty: PositiveFraction | None = Field(
-        default=None, description="Largest depth uncertainty / distance."
+        default=None, description="Largest depth uncertainty, relative to the distance."
     )
 
     def criteria(self) -> UsableCriteria:
@@ -65,9 +65,9 @@ class UsableRangePart(Part):
 
 
 class DecisionPart(Part):
-    """The headline pair, and the distances at which the best camera is named."""
+    """The two cameras of the main question, and the distances at which the best camera is named."""
 
-    between: Pair = Field(description="The two cameras of the headline question.")
+    between: Pair = Field(description="The two cameras of the main question.")
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] = Field(
         description="Distances at which the best camera is named."
     )
@@ -87,16 +87,16 @@ class DecisionPart(Part):
 
 
 class ReadingPart(Part):
-    """One other reading of the assumptions: values that replace those of the study."""
+    """Another reading of the assumptions: values that replace those of the study."""
 
     says: Text = Field(description="What this reading assumes, in words.")
     set: Annotated[dict[str, Scalar], Field(min_length=1)] = Field(
-        description="Values that replace those of the study, by their paths."
+        description="Values that replace those of the study, by path."
     )
 
 
 class SolvePart(Part):
-    """An inverse question: the values that make cameras equally certain, one certain enough, or meet a requirement."""
+    """The values that make two cameras equally certain, make one certain enough, or meet a requirement."""
 
     says: Text = Field(description="The question in words.")
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
@@ -106,14 +106,23 @@ class SolvePart(Part):
     high: QuantityText = Field(description="Largest value to try.")
     equal: Pair | None = Field(default=None, description="Two cameras that must be equally certain.")
     camera: CameraName | None = Field(
-        default=None, description="Instead of equal: the camera that must reach relative or uncertainty."
+        default=None,
+        description="Instead of equal: the camera that must reach the depth uncertainty stated by "
+        "relative or uncertainty.",
     )
-    relative: PositiveFraction | None = Field(default=None, description="Its depth uncertainty over the distance.")
-    uncertainty: PositiveLength | None = Field(default=None, description="Its depth uncertainty, instead of relative.")
+    relative: PositiveFraction | None = Field(
+        default=None, description="Depth uncertainty of camera, relative to the distance."
+    )
+    uncertainty: PositiveLength | None = Field(
+        default=None, description="Instead of relative: depth uncertainty of camera."
+    )
     requirement: CameraName | None = Field(
         default=None, description="Instead of equal: the requirement to meet, on any quantity."
     )
-    at: ObjectDistance | None = Field(default=None, description="Distance of the question; not for a requirement.")
+    at: ObjectDistance | None = Field(
+        default=None,
+        description="Distance at which cameras are compared, or one must reach an uncertainty; not for a requirement.",
+    )
     errors: ErrorSources = Field(default="both", description="Error sources to include.")
 
     @model_validator(mode="after")
@@ -178,7 +187,7 @@ class _ClaimPart(Part):
 
 
 class LimitDistanceClaim(_ClaimPart):
-    """Where one limit of the usable range begins or ceases to hold, whatever the others do."""
+    """Distance at which one limit of the usable range begins or ceases to hold, regardless of the others."""
 
     quantity: Literal["limit_distance"]
     camera: CameraName = Field(description="Camera that the claim is about.")
@@ -200,7 +209,7 @@ class UncertaintyRatioClaim(_ClaimPart):
 
 
 class ShareBetterClaim(_ClaimPart):
-    """Share of a range, on a log scale, where one camera is usable and the other is unusable or less certain."""
+    """Fraction of a range, on a log scale, where one camera is usable and the other is unusable or less certain."""
 
     quantity: Literal["share_better"]
     camera: CameraName = Field(description="Camera claimed to be more certain.")
@@ -210,7 +219,7 @@ class ShareBetterClaim(_ClaimPart):
 
 
 class RelativeUncertaintyDistanceClaim(_ClaimPart):
-    """The distance beyond which depth uncertainty stays above a share of the distance."""
+    """The distance beyond which depth uncertainty stays above a given fraction of the distance."""
 
     quantity: Literal["relative_uncertainty_distance"]
     camera: CameraName = Field(description="Camera that the claim is about.")
@@ -219,7 +228,7 @@ class RelativeUncertaintyDistanceClaim(_ClaimPart):
 
 
 class DepthOfFieldClaim(_ClaimPart, BlurPart):
-    """Total depth of field of a camera: all its sharp stretches together."""
+    """Total depth of field of a camera: the sum of all ranges in which it is sharp."""
 
     quantity: Literal["depth_of_field"]
     camera: CameraName = Field(description="Camera that the claim is about.")
@@ -236,7 +245,7 @@ class DepthOfFieldRatioClaim(_ClaimPart):
         default=None, description="Measure of the diffraction spot, with blur only; default: none."
     )
     resolution: PositiveLength | None = Field(
-        default=None, description="Instead of blur: size of detail on the object that both must resolve, geometrically."
+        default=None, description="Instead of blur: size of detail on the object that geometrical optics must resolve."
     )
     over: Span | None = Field(default=None, description="Distances that count; default: all.")
 
@@ -262,7 +271,7 @@ class PsfErrorClaim(_ClaimPart):
 
 
 class FresnelFNumberClaim(_ClaimPart):
-    """The least f-number from which Fresnel's point-spread function on axis errs by no more than a limit."""
+    """The minimum f-number from which Fresnel's point-spread function on axis errs by no more than a limit."""
 
     quantity: Literal["fresnel_f_number"]
     element: ElementName = Field(description="Lens of fresnel_validity that the claim is about.")
@@ -276,7 +285,7 @@ class FresnelFNumberClaim(_ClaimPart):
 
 
 class CriterionFNumberClaim(_ClaimPart):
-    """The least f-number for Fresnel by one of the closed-form criteria."""
+    """The minimum f-number for Fresnel by one of the closed-form criteria."""
 
     quantity: Literal["criterion_f_number"]
     element: ElementName = Field(description="Lens of fresnel_validity that the claim is about.")
@@ -302,12 +311,14 @@ class ImageDifferenceClaim(_ClaimPart):
 
 
 class LitPixelsClaim(_ClaimPart):
-    """How many times more pixels one method lights than another, above a share of the brightest pixel's light."""
+    """Ratio of the numbers of pixels that two methods light, above a given fraction of the brightest pixel."""
 
     quantity: Literal["lit_pixels_ratio"]
     method: MethodName = Field(description="Method whose lit pixels are the numerator.")
     reference: MethodName = Field(description="Method whose lit pixels are the denominator.")
-    above: PositiveFraction = Field(description="Share of the brightest pixel above which a pixel counts as lit.")
+    above: PositiveFraction = Field(
+        description="Fraction of the brightest pixel's light above which a pixel counts as lit."
+    )
 
 
 ClaimPart = Annotated[

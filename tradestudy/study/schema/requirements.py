@@ -18,7 +18,7 @@ class BoundOverPart(Part):
     """An upper bound of the depth uncertainty, absolute or relative to the distance, over a range of distances."""
 
     below: PositiveLength | None = Field(default=None, description="Absolute bound.")
-    below_relative: PositiveFraction | None = Field(default=None, description="Bound as a share of the distance.")
+    below_relative: PositiveFraction | None = Field(default=None, description="Bound as a fraction of the distance.")
     over: Span = Field(description="Distances at which it must hold: from, to.")
 
     @model_validator(mode="after")
@@ -45,31 +45,33 @@ class UsablePart(Part):
 
 
 class ShareAbovePart(Part):
-    """A least share, over a range of distances."""
+    """A lower bound of a fraction, over a range of distances."""
 
-    above: Share = Field(description="Smallest share that meets the requirement.")
+    above: Share = Field(description="Smallest fraction that meets the requirement.")
     over: Span = Field(description="Distances at which it must hold: from, to.")
 
 
 class ShareBelowPart(Part):
-    """A largest share, over a range of distances."""
+    """An upper bound of a fraction, over a range of distances."""
 
-    below: PositiveFraction = Field(description="Largest share that meets the requirement.")
+    below: PositiveFraction = Field(description="Largest fraction that meets the requirement.")
     over: Span = Field(description="Distances at which it must hold: from, to.")
 
 
 class LengthBelowPart(Part):
-    """A largest length, over a range of distances."""
+    """An upper bound of a length, over a range of distances."""
 
     below: PositiveLength = Field(description="Largest length that meets the requirement.")
     over: Span = Field(description="Distances at which it must hold: from, to.")
 
 
 class SharpPart(Part):
-    """The range that the depth of field must cover, or its least total depth."""
+    """The range that must be sharp, or the smallest total depth of field."""
 
     over: Span | None = Field(default=None, description="Distances that must all be sharp: from, to.")
-    above: PositiveLength | None = Field(default=None, description="Instead of over: the least total depth of field.")
+    above: PositiveLength | None = Field(
+        default=None, description="Instead of over: the smallest total depth of field."
+    )
     criterion: Text | None = Field(
         default=None, description="Blur criterion: one of depth_of_field.criteria; default: the first."
     )
@@ -77,7 +79,9 @@ class SharpPart(Part):
     @model_validator(mode="after")
     def _one_way(self) -> Self:
         if (self.over is None) == (self.above is None):
-            raise MistakeAt((), "give exactly one of over (a range that must be sharp) and above (a least depth)")
+            raise MistakeAt(
+                (), "give exactly one of over (a range that must be sharp) and above (a smallest depth of field)"
+            )
         return self
 
 
@@ -86,7 +90,7 @@ class CriterionPart(Part):
 
     name: Text = Field(description="Name of the criterion, as in a camera's attributes.")
     below: QuantityText | None = Field(default=None, description="Upper bound, such as 500 g.")
-    above: QuantityText | None = Field(default=None, description="Lower bound, which itself meets the requirement.")
+    above: QuantityText | None = Field(default=None, description="Lower bound; the bound itself meets the requirement.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -146,7 +150,7 @@ class RequirementPart(Part):
     says: Text = Field(description="The requirement in words.")
     camera: CameraName = Field(description="Name of a camera, any or all.")
     priority: Literal["must", "should"] = Field(
-        default="must", description="must: --strict fails where it is not met; should: desirable."
+        default="must", description="must: with --strict, a run fails if it is not met; should: desirable."
     )
     depth_uncertainty: BoundOverPart | None = None
     usable: UsablePart | None = Field(default=None, description="Distances over which the camera must be usable.")
@@ -155,7 +159,7 @@ class RequirementPart(Part):
         default=None, description="Size of detail on the object that blur and samples still resolve."
     )
     failed_fraction: ShareBelowPart | None = Field(
-        default=None, description="Share of measurements that end beyond infinity or are false matches."
+        default=None, description="Fraction of measurements that end beyond infinity or are false matches."
     )
     depth_of_field: SharpPart | None = Field(
         default=None, description="Depth of field of any camera, whether it measures depth or not."

@@ -27,7 +27,7 @@ class ScenePart(Part):
     )
 
     image: SceneImagePart | None = Field(
-        default=None, description="Surfaces with depth, which `tradestudy render` makes pictures of."
+        default=None, description="Surfaces at different depths, of which `tradestudy render` makes pictures."
     )
 
     @model_validator(mode="after")

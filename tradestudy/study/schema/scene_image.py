@@ -38,7 +38,7 @@ class PlanePart(Part):
     shape: Literal["plane"]
     distance: ObjectDistance = Field(description="Distance of its centre along the axis.")
     centre: Place = Field(default=(0.0, 0.0), description="Offsets to the right of the axis and below it.")
-    size: tuple[DetailSize, DetailSize] | None = Field(default=None, description="Width and height; default: endless.")
+    size: tuple[DetailSize, DetailSize] | None = Field(default=None, description="Width and height; default: infinite.")
     tilt_x: Tilt = Field(default=0.0, description="Slope along x: farther away to the right.")
     tilt_y: Tilt = Field(default=0.0, description="Slope along y: farther away downwards.")
 
@@ -51,9 +51,9 @@ class StairsPart(Part):
     far: ObjectDistance = Field(description="Distance of the farthest tread.")
     treads: Annotated[int, Field(strict=True, ge=2, le=MOST_STEPS)] = Field(default=2, description="Number of treads.")
     tread_width: DetailSize | None = Field(
-        default=None, description="Width of each tread but the first and the last, which are endless; a step has none."
+        default=None, description="Width of each tread but the first and the last, which are infinite; a step has none."
     )
-    edge: Length = Field(default=0.0, description="Middle of all edges, to the right of the axis.")
+    edge: Length = Field(default=0.0, description="Centre of all edges, to the right of the axis.")
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -143,9 +143,9 @@ class MosaicPart(Part):
 class SceneImagePart(Part):
     """Surfaces that `render` makes pictures of, and how it does so.
 
-    Texture, light, noise, fill and stops are those of scene.picture; its window, matcher, field angle, spectrum and
-    lens phase belong to derived errors alone: pictures show the whole field, by rays or, where diffraction shows and
-    under effects (main_lens_diffraction, microlens_diffraction: fresnel), by waves of the scene's wavelength.
+    Texture, light, noise, fill factor and stops are those of scene.picture; its window, matcher, field angle, spectrum
+    and lens phase apply to derived errors alone. Pictures show the whole field. Rays make them, or waves of the scene's
+    wavelength where diffraction matters or effects force it (main_lens_diffraction, microlens_diffraction: fresnel).
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(
@@ -159,11 +159,12 @@ class SceneImagePart(Part):
     )
     rig: Rig = Field(
         default="as-designed",
-        description="Cameras without errors (as-designed), or each with errors drawn once from its calibration.",
+        description="as-designed: cameras without errors; drawn: each with errors drawn once from its calibration.",
     )
     noise: SensorNoiseModel = Field(
         default="shot+read+quantisation",
-        description="Noise; quantised pictures are 16-bit PNG in digital numbers, others TIFF floats in electrons.",
+        description="Noise of the pictures; quantised ones are 16-bit PNG in digital numbers, others TIFF floats in "
+        "electrons.",
     )
     black_level: NonNegativeElectrons = Field(default=0.0, description="Electrons added before digitising.")
     mosaic: MosaicPart | None = Field(default=None, description="Colour filters; default: none.")

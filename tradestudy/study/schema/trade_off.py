@@ -21,10 +21,12 @@ class WeighedPart(Part):
         default=None, description="Computed quantity; default: the declared or derived criterion of this name."
     )
     at: ObjectDistance | None = Field(default=None, description="Distance at which depth uncertainty counts.")
-    worst: QuantityText = Field(description="Value that is worth 0, as is every worse one.")
-    best: QuantityText = Field(description="Value that is worth 1, as is every better one; worth is linear in between.")
+    worst: QuantityText = Field(description="Value that scores 0, as does every worse one.")
+    best: QuantityText = Field(
+        description="Value that scores 1, as does every better one; scores are linear in between."
+    )
     weight: Share | tuple[Share, Share] | None = Field(
-        default=None, description="Weight as a share of 1, or its range; default: unknown."
+        default=None, description="Weight as a fraction of all weights, or its range; default: unknown."
     )
 
     @model_validator(mode="after")

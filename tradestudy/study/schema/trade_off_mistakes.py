@@ -74,6 +74,6 @@ def _ends(name: str, one: WeighedPart, attributes: Mapping[str, AttributesPart])
             yield MistakeAt((key,), str(error))
             continue
         if abs(ends[key]) == float("inf"):
-            yield MistakeAt((key,), "a finite value is expected, since worth is linear between worst and best")
+            yield MistakeAt((key,), "a finite value is expected, since scores are linear between worst and best")
     if len(ends) == 2 and ends["worst"] == ends["best"]:
-        yield MistakeAt(("best",), "must differ from worst, since worth is linear between them")
+        yield MistakeAt(("best",), "must differ from worst, since scores are linear between them")

@@ -39,9 +39,9 @@ class AssumptionPart(Part):
 
 
 class ValueOfInformationPart(Part):
-    """How much knowing each assumption improves the choice among the candidates.
+    """How much knowing each assumption would improve the choice among the candidates.
 
-    The loss of a choice is its depth uncertainty over distance, averaged over the distances.
+    The loss of a choice is its depth uncertainty relative to the distance, averaged over the distances.
     """
 
     assumptions: Annotated[dict[str, AssumptionPart], Field(min_length=1, max_length=40)] = Field(

@@ -71,13 +71,13 @@ class PublishedErrorPart(Part):
 class ElementPart(Part):
     """One lens and the object it images, in focus."""
 
-    title: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="What reports call this lens.")
+    title: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="Name of this lens in reports.")
     focal_length: FocalLength = Field(description="Focal length of the lens.")
     object_distance: ObjectDistance = Field(description="Distance from the lens to the point source.")
     f_number: FNumber = Field(description="F-number at which the camera uses the lens.")
     published_error: PublishedErrorPart | None = Field(default=None, description="A published point to compare with.")
     published_minimum_f_number: PositiveNumber | None = Field(
-        default=None, description="A published least f-number for Fresnel to compare with."
+        default=None, description="A published minimum f-number for Fresnel to compare with."
     )
 
     @model_validator(mode="after")
