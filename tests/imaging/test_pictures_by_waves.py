@@ -84,11 +84,11 @@ def test_a_plane_is_what_direct_integration_of_all_its_points_makes_of_it() -> N
 def test_the_spread_of_a_lens_has_the_transfer_of_its_defocused_pupil(waves: float) -> None:
     """The spread is cut off at 32 λN, beyond which lies 1 % of its light."""
     lens, n = TwoApertures(wavelength=WAVELENGTH, radius=1e-3), 10.0
-    place, density = lens.spread(0.0, float(lens.curvature(np.asarray(waves))))
-    for axis in (0, 1):
-        line = density.sum(axis=axis)
+    spread = lens.spread(0.0, float(lens.curvature(np.asarray(waves))))
+    every = spread.columns(np.arange(spread.count))
+    for line in (*spread.sums, every.sum(axis=0) / every.sum(), every.sum(axis=1) / every.sum()):
         for share in (0.1, 0.3, 0.6):
-            found = float(np.sum(line * np.cos(2 * np.pi * place * 2e-3 * share)))
+            found = float(np.sum(line * np.cos(2 * np.pi * spread.place * 2e-3 * share)))
             blur = 8.0 * WAVELENGTH * n * waves
             assert found == pytest.approx(fresnel_transfer(share / (WAVELENGTH * n), WAVELENGTH, n, blur), abs=0.012)
 
@@ -114,13 +114,13 @@ def test_a_stop_that_cuts_sends_light_where_its_rays_go() -> None:
     stop = Stop(scale=-10.9, reach=14.2e-3, radius=1.64e-3)
     lens = TwoApertures(wavelength=100e-9, radius=63e-6, stop=stop)
     curvature = 1.3 * lens.focused_curvature
-    place, density = lens.spread(1.9e-3, curvature)
+    spread = lens.spread(1.9e-3, curvature)
     eta = 63e-6 * np.linspace(-1, 1, 1001)
     x, y = np.meshgrid(eta, eta)
     lit = (np.hypot(x, y) < 63e-6) & (np.hypot(stop.scale * x - 1.9e-3, stop.scale * y) < stop.radius)
     expected = lens.rays_slope(curvature) * x[lit].mean() / lens.wavelength
     # The tail is heavy: half of the light to either side.
-    median = float(np.interp(0.5, np.cumsum(density.sum(axis=0)), place))
+    median = float(np.interp(0.5, np.cumsum(spread.sums[0]), spread.place))
     assert median == pytest.approx(expected, rel=0.1)
     with pytest.raises(OutOfRangeError, match="no light passes"):
         lens.spread(9e-3, curvature)

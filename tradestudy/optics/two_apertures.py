@@ -56,6 +56,66 @@ class Stop:
     radius: float
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Spread:
+    """Density of light |U|² over the object, of sum 1, on even places that are the same along x and y.
+
+    Few of its columns are ever asked for, so each is transformed on demand; the sums follow from Parseval's theorem
+    without any. The places reach 16 over the radius of the lit part beyond the rays; what lies farther is folded in.
+
+    Parameters
+    ----------
+    light
+        Light in the plane of the aperture, y ≥ 0 along the rows; the other half is its mirror image.
+    step
+        Distance of its samples [m].
+    count
+        Number n of places along each axis, which is even.
+    """
+
+    light: NDArray[np.complex64]
+    step: float
+    count: int
+
+    @cached_property
+    def place(self) -> FloatArray:
+        """Places x/(λβ) along either axis [1/m], shape (n,)."""
+        return np.asarray((np.arange(self.count) - self.count // 2) / (self.count * self.step))
+
+    @cached_property
+    def sums(self) -> FloatArray:
+        """Sums of the density over y, by place along x, and over x, by place along y; shape (2, n)."""
+        from scipy import fft
+
+        twice = np.full(len(self.light), 2.0)
+        twice[0] = 1.0  # the middle row is its own mirror image
+        over_y = twice @ _square(self._by_row)
+        over_x = _square(fft.fft(self._both_halves(self.light), n=self.count, axis=0)).sum(axis=1, dtype=np.float64)
+        return np.stack([fft.fftshift(one / one.sum()) for one in (over_y, over_x)])
+
+    def columns(self, numbers: NDArray[np.intp]) -> FloatArray:
+        """The density along y in some columns, over a common factor; shape (columns, n)."""
+        from scipy import fft
+
+        half = self.count // 2
+        rows = self._both_halves(self._by_row[:, (numbers + half) % self.count]).T
+        return fft.fftshift(_square(fft.fft(rows, n=self.count, axis=1)), axes=1)
+
+    @cached_property
+    def _by_row(self) -> NDArray[np.complex64]:
+        """The rows transformed along x."""
+        from scipy import fft
+
+        return np.asarray(fft.fft(self.light, n=self.count, axis=1))
+
+    def _both_halves(self, rows: NDArray[np.complex64]) -> NDArray[np.complex64]:
+        return np.concatenate([rows[:0:-1], rows])
+
+
+def _square(field: NDArray[np.complex64]) -> FloatArray:
+    return np.asarray(np.square(field.real) + np.square(field.imag))
+
+
 @dataclass(frozen=True, kw_only=True)
 class TwoApertures:
     """A lens that a point lights evenly, and perhaps a stop behind it; scalar, paraxial, of one wavelength.
@@ -188,8 +248,8 @@ class TwoApertures:
         # Farther away there is next to nothing.
         return lambda distance: np.where(distance <= far, cubic(np.minimum(distance, far)), 0.0)
 
-    def spread(self, offset: float, curvature: float) -> tuple[FloatArray, FloatArray]:
-        """Density of light over the object, the stop's centre lying so far along x from the middle of the shadow [m].
+    def spread(self, offset: float, curvature: float) -> Spread:
+        """Light over the object, the stop's centre lying so far along x from the middle of the shadow [m].
 
         Parameters
         ----------
@@ -197,12 +257,6 @@ class TwoApertures:
             [m]; 0 without a stop.
         curvature
             g [1/m].
-
-        Returns
-        -------
-        tuple
-            Places x/(λβ) along either axis [1/m], shape (n,), and |U|², shape (n, n), y along the rows, of sum 1; n
-            samples reach 16 over the radius of the lit part beyond the rays, and what lies farther is folded in.
 
         Raises
         ------
@@ -219,26 +273,20 @@ class TwoApertures:
         columns, rows = math.ceil((high - low) / step) + 3, math.ceil(half / step) + 2
         p_x = (low + high) / 2.0 + step * (np.arange(columns) - (columns - 1) / 2.0)
         p_y = step * np.arange(rows)  # on one side of the middle row; the other is its mirror image
-        square = np.square(p_x) + np.square(p_y)[:, None]
-        phase = math.pi * curvature / self.wavelength * square
-        distance = np.sqrt(square)
+        distance = np.sqrt(np.square(p_x) + np.square(p_y)[:, None])
         if self.stop is None:
-            light = _edge(self.radius - distance, step) * np.exp(1j * phase)
+            light = _edge(self.radius - distance, step).astype(np.complex128)
         else:
             passed = _edge(self.stop.radius - np.hypot(p_x - offset, p_y[:, None]), step)
             if self.is_sharp:
                 passed = passed * _edge(self._half_window - distance, step)
                 distance = np.minimum(distance, self._half_window)
-            light = passed * self._shadow(distance) * np.exp(1j * phase)
-        from scipy import fft
-
-        # Rows without light stay out of the first transform; single precision is finer than the edges are.
-        by_row = fft.fft(light.astype(np.complex64), n=count, axis=1)
-        spectrum = fft.fft(np.concatenate([by_row[:0:-1], by_row]), n=count, axis=0, overwrite_x=True)
-        density = np.square(spectrum.real)
-        density += np.square(spectrum.imag)
-        density /= density.sum()
-        return fft.fftshift(fft.fftfreq(count, step)), fft.fftshift(density)
+            light = passed * self._shadow(distance)
+        bend = 1j * math.pi * curvature / self.wavelength
+        light *= np.exp(bend * np.square(p_x))
+        light *= np.exp(bend * np.square(p_y))[:, None]
+        # Single precision is finer than the edges are.
+        return Spread(light=light.astype(np.complex64), step=step, count=count)
 
     def _window(self, offset: float) -> tuple[float, float, float]:
         """Along x from where to where light passes, and half of it along y [m]."""

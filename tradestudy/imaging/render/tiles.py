@@ -146,11 +146,19 @@ def _blocks(shape: tuple[int, int]) -> Iterator[tuple[slice, slice]]:
 
 def _block(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
     """Electrons and depths of a few pixels."""
+    rows, columns = np.mgrid[slice(*tile.rows), slice(*tile.columns)]
+    electrons, depth = electrons_at(tile, rows.ravel(), columns.ravel())
+    return electrons.reshape(rows.shape), depth.reshape(rows.shape)
+
+
+def electrons_at(
+    tile: Tile, rows: NDArray[np.intp], columns: NDArray[np.intp]
+) -> tuple[FloatArray, NDArray[np.float32]]:
+    """Mean electrons of single pixels of a picture, and their depths; all their rays are in memory at once."""
     exposure, recording = tile.exposure, tile.recording
     sensor = exposure.sensor
-    rows, columns = (grid.ravel() for grid in np.mgrid[slice(*tile.rows), slice(*tile.columns)])
-    x = (columns + 0.5 - sensor.columns / 2.0) * sensor.pixel_pitch
-    y = (rows + 0.5 - sensor.rows / 2.0) * sensor.pixel_pitch
+    x = (columns.astype(float) + 0.5 - sensor.columns / 2.0) * sensor.pixel_pitch
+    y = (rows.astype(float) + 0.5 - sensor.rows / 2.0) * sensor.pixel_pitch
     waves = tile.waves
     cones = exposure.cones(x, y, 0.0 if waves is None else waves.beyond)
     width = sensor.pixel_pitch * recording.pixel_fill
@@ -181,5 +189,4 @@ def _block(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
     depth = np.full(x.size, np.nan, np.float32)
     winner = (lit > 0.0) & (lit >= brightest[cones.pixel])
     depth[cones.pixel[winner]] = seen_at[winner]
-    shape = (tile.rows[1] - tile.rows[0], tile.columns[1] - tile.columns[0])
-    return np.asarray(gain * light).reshape(shape), depth.reshape(shape)
+    return np.asarray(gain * light), depth

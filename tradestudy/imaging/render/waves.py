@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from tradestudy.cameras.light_cones import LightCones
 from tradestudy.imaging.render.nodes import fewer, nodes
-from tradestudy.imaging.render.transport import carried, disc_quantiles, filter_width
+from tradestudy.imaging.render.transport import carried, disc_quantiles, filter_width, transfer
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.two_apertures import TwoApertures
 
@@ -309,12 +309,13 @@ def _tables(waves: Waves, samples: int) -> Mapping[int, Tables]:
         # At the very end no light is left to be spread.
         for i, offset in enumerate(np.minimum(np.linspace(0.0, lens.farthest, offsets), _END * lens.farthest)):
             for j, curvature in enumerate(lens.apertures.curvature(knots[k])):
-                place, density = lens.apertures.spread(float(offset), float(curvature))
+                spread = lens.apertures.spread(float(offset), float(curvature))
+                band = 2.0 * lens.apertures.lit_radius
+                whole = transfer(spread, band)
                 for count in counts:
-                    found = carried(place, density, *shares[count])
+                    found = carried(spread, *shares[count])
                     places[count][:, :, k, i, j] = found
-                    band = 2.0 * lens.apertures.lit_radius
-                    widths[count][k, i, j] = filter_width(place, density, found[:count], band)
+                    widths[count][k, i, j] = filter_width(whole, found[:count], band)
     passed = np.asarray([one.shares for one in lenses], np.float32)
     return {
         count: Tables(

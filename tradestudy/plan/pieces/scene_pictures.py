@@ -9,6 +9,7 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tradestudy.accuracy import Quantity
 from tradestudy.analysis.scene_pictures import declared_image, recording_of, set_up, whole_pictures
@@ -16,7 +17,7 @@ from tradestudy.effects.choice import Change, Changes, Piece, Slot
 from tradestudy.effects.models import LENSES, OFF, Models, models_of
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution.fingerprint import fingerprint
-from tradestudy.imaging.render.tiles import Tile, expected_electrons
+from tradestudy.imaging.render.tiles import Tile, electrons_at
 from tradestudy.imaging.render.wave_set_up import waves_of
 from tradestudy.study.definition import StudyDefinition
 
@@ -148,17 +149,13 @@ def _changed(trial: _Trial) -> tuple[float, float]:
     """Sums of squares over patches: of the change by rays, and of the picture by waves [electrons²]."""
     tile = replace(trial.tile, samples=_SAMPLES)
     waves = waves_of(tile.exposure, tile.scene, trial.line)
-    changed = own = 0.0
-    for rows in _patches(tile.rows[1]):
-        for columns in _patches(tile.columns[1]):
-            patch = replace(tile, rows=rows, columns=columns)
-            rays, whole = (expected_electrons(replace(patch, waves=one))[0] for one in (None, waves))
-            changed += float(np.sum(np.square(rays - whole)))
-            own += float(np.sum(np.square(whole)))
-    return changed, own
+    down, across = (_patches(end) for end in (tile.rows[1], tile.columns[1]))
+    rows, columns = (grid.ravel() for grid in np.meshgrid(down, across, indexing="ij"))
+    rays, whole = (electrons_at(replace(tile, waves=one), rows, columns)[0] for one in (None, waves))
+    return float(np.sum(np.square(rays - whole))), float(np.sum(np.square(whole)))
 
 
-def _patches(size: int) -> list[tuple[int, int]]:
-    """First and end pixel of patches, each centred in one of `_PATCHES` equal parts."""
+def _patches(size: int) -> NDArray[np.intp]:
+    """Pixels of patches along an axis, each centred in one of `_PATCHES` equal parts."""
     middles = [(2 * k + 1) * size // (2 * _PATCHES) for k in range(_PATCHES)]
-    return [(max(0, middle - _SIDE // 2), min(size, middle + _SIDE // 2)) for middle in middles]
+    return np.concatenate([np.arange(max(0, one - _SIDE // 2), min(size, one + _SIDE // 2)) for one in middles])
