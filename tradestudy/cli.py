@@ -220,6 +220,7 @@ def plan(
     debug: DebugOption = False,
 ) -> None:
     """Say which effects a run will simulate, which it leaves out and why, and how long it will take."""
+    _stay_on_one_core()
     with _answering(debug=debug):
         from tradestudy import api
 
@@ -254,6 +255,7 @@ def cost(
 @app.command()
 def check(study: StudyArgument, set_: SetOption = None, debug: DebugOption = False) -> None:
     """Check a study and report every mistake in it; compute nothing."""
+    _stay_on_one_core()
     with _answering(debug=debug):
         from tradestudy import api
 
@@ -363,6 +365,11 @@ def _line(said: str) -> str:
     for name in reversed(outer):
         line = f"{name}: {{{line}}}"
     return line
+
+
+def _stay_on_one_core() -> None:
+    """Let OpenBLAS, which reads this once when NumPy loads it, start no threads: for small matrices they only wait."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def _warned(study: Study) -> Study:

@@ -118,6 +118,38 @@ def test_compressed_likelihood_equals_a_dense_normal_density():
     np.testing.assert_allclose(found - found[0], expected - expected[0], rtol=1e-5, atol=1e-3)
 
 
+def test_restricted_likelihood_of_scales_equals_a_dense_one():
+    """Harville's: one normal density with poses and shared parameters as regressors, up to the same constant."""
+    rng = np.random.default_rng(5)
+    corners = shaken_rig(8e-4, 0.15, rng, views=5, columns=4)
+    poses = tilted_poses(5, (0.35, 0.6), 0.15, 0.35, np.random.default_rng(5))
+    states = ViewStates(poses=poses, motions=np.zeros((5, 6)))
+    lever = gyration_radius(corners)
+    compressed = compress_views(TRUTH, states, corners, lever)
+    blocks = pair_blocks(TRUTH, poses, corners)
+    motion = motion_columns(TRUTH, poses, corners, lever)
+    _, rows, _ = blocks.by_pose.shape
+    regressors, moved = np.zeros((5 * rows, 30 + TRUTH.size)), np.zeros((5 * rows, 30))
+    for view in range(5):
+        own = slice(view * rows, (view + 1) * rows)
+        regressors[own, 6 * view : 6 * view + 6], regressors[own, 30:] = blocks.by_pose[view], blocks.by_shared[view]
+        moved[own, 6 * view : 6 * view + 6] = motion[view]
+    residuals = blocks.residuals.ravel()
+
+    def dense(noise, scale, stretch):
+        columns = moved * scale / np.tile([stretch] * 3 + [1.0] * 3, 5)
+        covariance = noise**2 * np.eye(residuals.size) + columns @ columns.T
+        information = regressors.T @ np.linalg.solve(covariance, regressors)
+        best = np.linalg.solve(information, regressors.T @ np.linalg.solve(covariance, residuals))
+        left = residuals - regressors @ best
+        volume = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(information)[1]
+        return -0.5 * (volume + left @ np.linalg.solve(covariance, left))
+
+    places = [(0.15, 8e-4, 1.0), (0.2, 3e-4, 1.0), (0.1, 2e-3, 0.5), (0.15, 8e-4, 2.0), (0.15, 0.0, 1.0)]
+    found = np.array([compressed.restricted_log_likelihood(*place) for place in places])
+    np.testing.assert_allclose(found - found[0], [dense(*one) - dense(*places[0]) for one in places], atol=1e-5)
+
+
 def test_exact_likelihood_meets_the_compressed_one_near_the_fit(rig):
     fit = rig.explained
     compressed = compress_views(fit.shared, fit.states, rig.corners, fit.lever)

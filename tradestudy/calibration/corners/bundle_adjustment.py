@@ -114,6 +114,7 @@ def fit_camera(
     present: BoolArray,
     weights: FloatArray | None = None,
     lens: FreeLens = RADIAL_LENS,
+    start: tuple[FloatArray, FloatArray] | None = None,
 ) -> CameraFit:
     """Fit one camera to a flat board seen in several poses.
 
@@ -127,6 +128,8 @@ def fit_camera(
         Weights of the corners, small for outliers; None: all equal.
     lens
         The lens model to fit.
+    start
+        Intrinsics (4 + n,) and poses (V, 6) to start from; None: `first_values`.
 
     Returns
     -------
@@ -141,9 +144,9 @@ def fit_camera(
         The residuals exceed ``RESIDUAL_LIMIT_PX``.
     """
     roots = present if weights is None else np.sqrt(weights)
-    start, poses = first_values(board, image, present, lens)
+    first, poses = first_values(board, image, present, lens) if start is None else start
     intrinsics, poses, blocks = _minimise(
-        lambda shared, poses: camera_blocks(shared, poses, board, image, roots, lens), start, poses
+        lambda shared, poses: camera_blocks(shared, poses, board, image, roots, lens), first, poses
     )
     corner_rms, noise = _residual_sizes(blocks, int(np.count_nonzero(roots)))
     return CameraFit(

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.calibration.corners.triangular_factor import triangular_factor
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 
 FULL_WEIGHT: Final = 3.5
 """Robust standard deviations up to which a corner counts fully."""
@@ -115,11 +115,12 @@ def estimate_noise(residuals: FloatArray, by_view: FloatArray, board: FloatArray
 
     some = np.unique(np.linspace(0, len(board) - 1, min(len(board), _MOST_VIEWS)).astype(int))
     spacing = _spacing(board, weights)
+    layouts = _Layouts.of(board[some], weights[some])
     table = np.concatenate([by_view, residuals[..., None]], axis=-1)
 
     def cost(place: FloatArray) -> float:
         share, length = _share_and_length(place, spacing)
-        return -_restricted(table[some], board[some], weights[some], share, length)[0]
+        return -_restricted(table[some], weights[some], layouts.whitening(share, length))[0]
 
     simplex = np.array([[0.0, np.log(1.5)], [1.5, np.log(1.5)], [0.0, np.log(3.0)]])
     found = minimize(
@@ -129,7 +130,7 @@ def estimate_noise(residuals: FloatArray, by_view: FloatArray, board: FloatArray
         options={"initial_simplex": simplex, "xatol": 0.03, "fatol": 0.1, "maxiter": 100},
     )
     share, length = _share_and_length(found.x, spacing)
-    _, deviation = _restricted(table, board, weights, share, length)
+    _, deviation = _restricted(table, weights, _Layouts.of(board, weights).whitening(share, length))
     return _noise(board, weights, share=share, length=length, deviation=deviation)
 
 
@@ -147,11 +148,8 @@ def _spacing(board: FloatArray, weights: FloatArray) -> float:
     return float(np.median(apart.min(axis=1)))
 
 
-def _restricted(
-    table: FloatArray, board: FloatArray, weights: FloatArray, share: float, length: float
-) -> tuple[float, FloatArray]:
+def _restricted(table: FloatArray, weights: FloatArray, whitening: FloatArray) -> tuple[float, FloatArray]:
     """Restricted log likelihood, maximised over the deviations of the views, and these deviations (V,) [px]."""
-    whitening = _whitening(board, weights, share, length)
     views, _, corners, _ = whitening.shape
     whitened = (whitening @ table.reshape(views, 2, corners, -1)).reshape(table.shape)
     triangle = triangular_factor(whitened)
@@ -163,16 +161,46 @@ def _restricted(
     return float(determinants - volumes - np.sum(count * np.log(deviation))), deviation
 
 
-def _whitening(board: FloatArray, weights: FloatArray, share: float, length: float) -> FloatArray:
-    """Inverse Cholesky factors for unit deviation, shape (V, 2, N, N); identity where a corner is absent."""
-    square = np.sum((board[:, :, None] - board[:, None]) ** 2, axis=-1)
-    there = weights > 0.0
-    both = there[..., :, None] & there[..., None, :]
-    matrix = np.where(both, share / (1.0 + square / length**2)[:, None], 0.0)
-    own = np.where(there, (1.0 - share) / np.where(there, weights, 1.0), 1.0)
-    corners = np.arange(board.shape[1])
-    matrix[..., corners, corners] += own
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(matrix)))
+@dataclass(frozen=True, kw_only=True)
+class _Layouts:
+    """The different pictures of a board, by its corners and their weights; most views see all corners equally well.
+
+    Parameters
+    ----------
+    square : array (L, N, N)
+        Squared distances of the corners on the board [m²].
+    weights : array (L, N)
+        Of the corners; zero where absent.
+    number : int array (V, 2)
+        The layout of every view in both cameras.
+    """
+
+    square: FloatArray
+    weights: FloatArray
+    number: IndexArray
+
+    @classmethod
+    def of(cls, board: FloatArray, weights: FloatArray) -> _Layouts:
+        """Of boards (V, N, 2) [m] and weights (V, 2, N)."""
+        views, _, corners = weights.shape
+        seen = np.concatenate([np.repeat(board.reshape(views, 1, -1), 2, axis=1), weights], axis=-1)
+        found, number = np.unique(seen.reshape(2 * views, -1), axis=0, return_inverse=True)
+        own = found[:, : 2 * corners].reshape(-1, corners, 2)
+        return cls(
+            square=np.sum((own[:, :, None] - own[:, None]) ** 2, axis=-1),
+            weights=found[:, 2 * corners :],
+            number=number.reshape(views, 2),
+        )
+
+    def whitening(self, share: float, length: float) -> FloatArray:
+        """Inverse Cholesky factors for unit deviation, shape (V, 2, N, N); identity where a corner is absent."""
+        there = self.weights > 0.0
+        both = there[:, :, None] & there[:, None]
+        matrix = np.where(both, share / (1.0 + self.square / length**2), 0.0)
+        own = np.where(there, (1.0 - share) / np.where(there, self.weights, 1.0), 1.0)
+        corners = np.arange(there.shape[1])
+        matrix[:, corners, corners] += own
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(matrix))[self.number])
 
 
 def _noise(
@@ -184,5 +212,5 @@ def _noise(
         length=length,
         deviation=deviation,
         weights=weights,
-        whitening=_whitening(board, weights, share, length) * typical[:, None, None, None],
+        whitening=_Layouts.of(board, weights).whitening(share, length) * typical[:, None, None, None],
     )

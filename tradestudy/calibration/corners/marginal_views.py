@@ -119,6 +119,25 @@ class CompressedViews:
         total: FloatArray = -0.5 * (seen + rest) - self.rest_count * np.log(noise_px)
         return total
 
+    def restricted_log_likelihood(self, noise_px: float, motion_scale: float, stretch: float = 1.0) -> float:
+        """Log likelihood of the scales, the shared parameters integrated out under a flat prior, up to a constant.
+
+        Parameters
+        ----------
+        noise_px, motion_scale : float
+            Standard deviations of a coordinate [px] and of the motion [m]; a motion of zero switches the term off.
+        stretch : float
+            Factor on the lever: at the same motion scale, a longer one rotates the views less.
+        """
+        columns = self.motion_columns * (motion_scale / np.array([*[stretch] * 3, *[1.0] * 3]))
+        covariance = columns @ np.swapaxes(columns, -1, -2) + noise_px**2 * np.eye(6)
+        factor = np.linalg.cholesky(covariance)
+        rows = np.linalg.solve(factor, self.motion_rows).reshape(-1, self.rest.shape[-1])
+        # The triangle of all rows for unit noise: its diagonal ends with the residual that no parameter can remove.
+        *pivots, left = np.abs(np.diagonal(triangular_factor(np.concatenate([rows, self.rest / noise_px]))))
+        volume = np.log(pivots).sum() + np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum()
+        return float(-volume - 0.5 * left**2 - self.rest_count * np.log(noise_px))
+
     def information(self, noise_px: float, motion_scale: float) -> tuple[FloatArray, FloatArray]:
         """Information matrix of the shared parameters, and its product with their step to the optimum.
 

@@ -131,7 +131,7 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
     shared = fit.shared
     states = ViewStates(poses=fit.poses, motions=np.zeros_like(fit.poses))
     compressed = compress_views(shared, states, corners, lever)
-    without = restricted_log_likelihood(compressed, fit.noise_px, 0.0)
+    without = compressed.restricted_log_likelihood(fit.noise_px, 0.0)
     # Start at the motion scale that would explain the rows that depend on motion.
     scale = float(np.sqrt(np.mean(compressed.motion_rows[..., -1] ** 2 / compressed.motion_gains)))
     noise = fit.noise_px
@@ -185,20 +185,12 @@ def _result(
         motion_scale=scale,
         lever=lever,
         states=states,
-        log_likelihood_gain=restricted_log_likelihood(compressed, noise, scale) - without,
+        log_likelihood_gain=compressed.restricted_log_likelihood(noise, scale) - without,
         left_rms_px=float(np.sqrt(np.sum(left**2) / corners.corner_count)),
         right_rms_px=float(np.sqrt(np.sum(right**2) / corners.corner_count)),
         overconfidence=np.sqrt(np.diag(covariance) / np.diag(fit.covariance)),
         seconds=time.perf_counter() - begin,
     )
-
-
-def restricted_log_likelihood(compressed: CompressedViews, noise_px: float, motion_scale: float) -> float:
-    """Log likelihood of the scales with the shared parameters integrated out under a flat prior."""
-    information, gradient = compressed.information(noise_px, motion_scale)
-    best = compressed.centre + np.linalg.solve(information, gradient)
-    peak = compressed.log_likelihood(best, np.asarray(noise_px), np.asarray(motion_scale))
-    return float(peak) - 0.5 * float(np.linalg.slogdet(information)[1])
 
 
 def _best_scales(
@@ -213,8 +205,7 @@ def _best_scales(
     def cost(logs: FloatArray) -> float:
         noise, scale, factor = np.exp(logs)
         unusual = (np.log(stretch) + logs[2]) / _LEVER_DEVIATION
-        likelihood = restricted_log_likelihood(compressed.with_lever(factor), float(noise), float(scale))
-        return 0.5 * float(unusual**2) - likelihood
+        return 0.5 * float(unusual**2) - compressed.restricted_log_likelihood(noise, scale, factor)
 
     start = np.array([np.log(noise_px), np.log(motion_scale), 0.0])
     found = minimize(

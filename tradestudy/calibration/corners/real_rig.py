@@ -17,6 +17,7 @@ from tradestudy.calibration.corners.bundle_adjustment import (
 )
 from tradestudy.calibration.corners.corner_file import MINIMUM_CORNERS, CornerFileError, StereoCorners
 from tradestudy.calibration.corners.corner_noise import CornerNoise, equal_noise, estimate_noise, outlier_weights
+from tradestudy.calibration.corners.initial_values import first_values
 from tradestudy.calibration.corners.pair_residual import (
     PairResidualFit,
     ViewMeans,
@@ -186,10 +187,10 @@ def fit_rig(corners: StereoCorners) -> RigFit:
         The views do not determine the parameters, or noise and warp do not settle.
     """
     check_warp_shown(corners)
-    left = fit_camera(corners.board, corners.left, corners.present, lens=corners.lens)
-    right = fit_camera(corners.board, corners.right, corners.present, lens=corners.lens)
+    sides = [_Side.of(corners, image) for image in (corners.left, corners.right)]
+    left, right = (side.fit() for side in sides)
     _check_columns(corners, left, right)
-    left, right, weights = _weighted(corners, left, right)
+    left, right, weights = _weighted(sides, left, right)
     present, corners = corners.present, _without_outliers(corners, weights)
     pair = fit_pair(corners, left, right)
     check_rig(pair)
@@ -255,16 +256,35 @@ def _noise_of(corners: StereoCorners, fit: PairResidualFit, weights: FloatArray)
     return estimate_noise(blocks.residuals, free, corners.board, weights * corners.present[:, None])
 
 
-def _weighted(corners: StereoCorners, left: CameraFit, right: CameraFit) -> tuple[CameraFit, CameraFit, FloatArray]:
+@dataclass(frozen=True, kw_only=True)
+class _Side:
+    """What one camera saw, and the values from which its fits start."""
+
+    corners: StereoCorners
+    image: FloatArray
+    start: tuple[FloatArray, FloatArray]
+
+    @classmethod
+    def of(cls, corners: StereoCorners, image: FloatArray) -> _Side:
+        start = first_values(corners.board, image, corners.present, corners.lens)
+        return cls(corners=corners, image=image, start=start)
+
+    def fit(self, weights: FloatArray | None = None) -> CameraFit:
+        """The camera, with weights (V, N) of its corners."""
+        corners = self.corners
+        return fit_camera(corners.board, self.image, corners.present, weights, corners.lens, self.start)
+
+
+def _weighted(sides: Sequence[_Side], left: CameraFit, right: CameraFit) -> tuple[CameraFit, CameraFit, FloatArray]:
     """Both cameras, refitted until the weights of the corners, shape (V, 2, N), converge."""
-    weights = np.repeat(corners.present[:, None].astype(np.float64), 2, axis=1)
+    present = sides[0].corners.present
+    weights = np.repeat(present[:, None].astype(np.float64), 2, axis=1)
     for _ in range(_MOST_WEIGHTINGS):
-        found = np.stack([outlier_weights(fit.residuals_px, corners.present) for fit in (left, right)], axis=1)
+        found = np.stack([outlier_weights(fit.residuals_px, present) for fit in (left, right)], axis=1)
         if np.max(np.abs(found - weights)) < _WEIGHTS_SETTLED:
             break
         weights = found
-        left = fit_camera(corners.board, corners.left, corners.present, weights[:, 0], corners.lens)
-        right = fit_camera(corners.board, corners.right, corners.present, weights[:, 1], corners.lens)
+        left, right = (side.fit(weights[:, k]) for k, side in enumerate(sides))
     return left, right, weights
 
 

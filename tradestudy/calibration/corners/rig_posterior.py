@@ -8,7 +8,7 @@ import numpy as np
 
 from tradestudy.calibration.corners.board_warp import WARP_NAMES, views_with_warp, warped
 from tradestudy.calibration.corners.marginal_views import CompressedViews, exact_log_likelihood
-from tradestudy.calibration.corners.pair_residual import PairResidualFit, restricted_log_likelihood
+from tradestudy.calibration.corners.pair_residual import PairResidualFit
 from tradestudy.calibration.corners.real_rig import RigFit
 from tradestudy.calibration.corners.view_blocks import shared_names
 from tradestudy.calibration.posterior.laplace import (
@@ -138,10 +138,10 @@ def _motion_deviation(fit: PairResidualFit, views: CompressedViews) -> float:
     """Distance above the best motion scale at which the restricted log likelihood is lower by a half [m]."""
     from scipy.optimize import brentq
 
-    best = restricted_log_likelihood(views, fit.noise_px, fit.motion_scale)
+    best = views.restricted_log_likelihood(fit.noise_px, fit.motion_scale)
 
     def excess(step: float) -> float:
-        return best - 0.5 - restricted_log_likelihood(views, fit.noise_px, fit.motion_scale + step)
+        return best - 0.5 - views.restricted_log_likelihood(fit.noise_px, fit.motion_scale + step)
 
     far = fit.motion_scale / np.sqrt(12.0 * len(fit.states.poses))
     while excess(far) < 0.0 and far < fit.lever:
