@@ -31,7 +31,6 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.two_apertures import TwoApertures
 
 _STEP: Final = 0.5  # of defocus between computed spreads [waves] near focus, less than linear beyond a wave
-_OFFSET_STEP: Final = 1.0  # between places of the stop, in widths of the edge of the shadow
 _MARGIN: Final = 2.0  # beyond the reach of rays to which light is followed, in such widths
 _END: Final = 0.99
 _SHARES: Final = 257
@@ -112,12 +111,15 @@ class Waves:
     beyond
         Argument of `Exposure.cones` [m].
     fineness
-        Factor on the number of computed spreads.
+        Factor on the number of computed spreads along each axis of their tables.
+    offset_step
+        Distance between computed places of the stop, in widths of the edge of the shadow and over the fineness.
     """
 
     lenses: tuple[LensWaves, ...]
     beyond: float
     fineness: int = 1
+    offset_step: float = 1.0
 
     @property
     def bent_farther(self) -> float:
@@ -299,7 +301,7 @@ def _tables(waves: Waves, samples: int) -> Mapping[int, Tables]:
     offsets = 1
     if lenses[0].apertures.stop is not None:
         edges = max(one.farthest / one.apertures.blur for one in lenses)
-        offsets = math.ceil(fine * edges / _OFFSET_STEP) + 1
+        offsets = math.ceil(fine * edges / waves.offset_step) + 1
     counts = sorted({samples, fewer(samples)})
     shares = {count: _shares(count) for count in counts}
     shape = (len(lenses), offsets, defoci)

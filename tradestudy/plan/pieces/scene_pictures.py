@@ -24,6 +24,7 @@ from tradestudy.study.definition import StudyDefinition
 _PATCHES: Final = 3  # along each side of a picture; both models render them
 _SIDE: Final = 24  # pixels along a patch
 _SAMPLES: Final = 16  # enough that the models, and not the samples, make the difference
+_OFFSET_STEP: Final = 2.0  # twice that of pictures, which moves the change by rays by a hundredth of it
 TRIAL_TEXTURE: Final = 1024
 """Samples after which the texture of a trial repeats; patches are too few to show the repetition."""
 _MARGIN: Final = 1.3  # on the trial, since a few patches do not represent the whole picture
@@ -148,7 +149,7 @@ class _Trial:
 def _changed(trial: _Trial) -> tuple[float, float]:
     """Sums of squares over patches: of the change by rays, and of the picture by waves [electrons²]."""
     tile = replace(trial.tile, samples=_SAMPLES)
-    waves = waves_of(tile.exposure, tile.scene, trial.line)
+    waves = replace(waves_of(tile.exposure, tile.scene, trial.line), offset_step=_OFFSET_STEP)
     down, across = (_patches(end) for end in (tile.rows[1], tile.columns[1]))
     rows, columns = (grid.ravel() for grid in np.meshgrid(down, across, indexing="ij"))
     rays, whole = (electrons_at(replace(tile, waves=one), rows, columns)[0] for one in (None, waves))
