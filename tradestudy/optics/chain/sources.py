@@ -171,14 +171,15 @@ def moved_image(pixels: FloatArray, symmetry: Symmetry) -> FloatArray:
 def orbits(nodes: SourceNodes, ring: int, group: list[Symmetry]) -> Iterator[tuple[int, int]]:
     """One node of each set that the symmetries carry into one another, and the size of the set."""
     at = nodes.rings[ring]
-    images = np.stack([moved(at, one) for one in group])
     scale = 1e-6 * float(np.ptp(at[:, 0]) + np.ptp(at[:, 1]))
-    keys = [{(round(x / scale), round(y / scale)) for x, y in images[:, i]} for i in range(at.shape[0])]
+    places = np.rint(np.stack([moved(at, one) for one in group], axis=1) / scale).astype(np.int64)
     seen: set[tuple[int, int]] = set()
-    for index, (x, y) in enumerate(at):
-        if (round(x / scale), round(y / scale)) not in seen:
-            seen |= keys[index]
-            yield index, len(keys[index])
+    for index, images in enumerate(places.tolist()):
+        own, *_ = copies = [(x, y) for x, y in images]  # the identity comes first
+        if own not in seen:
+            orbit = set(copies)
+            seen |= orbit
+            yield index, len(orbit)
 
 
 def lens_orbits(centres: FloatArray, group: list[Symmetry]) -> Iterator[tuple[int, list[Symmetry]]]:
