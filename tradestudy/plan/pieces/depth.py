@@ -177,7 +177,12 @@ class DepthPiece(Piece):
 
     def _try_line(self) -> None:
         """Find the largest error of linear propagation, and the forms that need draws although the study does not."""
-        found = {one: one.linear_error() for one in self._variants if one.camera.calibration.groups}
+        found: dict[DepthVariant, tuple[float, float]] = {}
+        for one in self._variants:
+            if one.camera.calibration.groups:
+                found[one] = one.linear_error()
+                if math.isinf(found[one][0]) and not one.only_in:
+                    break  # no other form could make it worse
         beyond = frozenset(one for one, (error, _) in found.items() if error > self._drawn_above)
         if all(one.only_in for one in beyond) and self._is_free("calibration"):
             self._drawn = beyond
