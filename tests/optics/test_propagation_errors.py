@@ -31,7 +31,7 @@ from tradestudy.optics.propagation import (
     propagate_wave,
     sample_wave,
 )
-from tradestudy.optics.propagation.direct import unit_phasor
+from tradestudy.optics.propagation.phasors import unit_phasor
 from tradestudy.optics.quadrature import disc_nodes
 
 MAIN = CircularLens(radius=12.5e-3 / 7.6, focal_length=12.5e-3, lens_phase="parabolic")
