@@ -30,10 +30,10 @@ import numpy as np
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:  # the package of methods imports this one
+    from tradestudy.optics.phasors import ComplexArray
     from tradestudy.optics.propagation.kernels import KirchhoffKernel
     from tradestudy.optics.propagation.lens import LensWave
     from tradestudy.optics.propagation.paths import Array
-    from tradestudy.optics.propagation.phasors import ComplexArray
     from tradestudy.optics.propagation.rays import Rays
 
 _PAIRS_AT_ONCE = 12_000  # a dozen arrays of this size stay in the second-level cache

@@ -30,8 +30,8 @@ from tradestudy.optics.chain.patch_transfer import PatchPlan, fresnel_reach
 from tradestudy.optics.chain.pixels import MARGIN, samples_per_pixel
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes
+from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.lens import PointSource
-from tradestudy.optics.propagation.phasors import ComplexArray
 
 _UPSAMPLING = 4.0  # memory of a nonuniform FFT over that of its modes
 POINTS_AT_ONCE = 2  # source points that are followed side by side; each uses one thread of its own

@@ -22,11 +22,11 @@ from tradestudy.optics.chain.microlens_nodes import CellNodes, lit_share
 from tradestudy.optics.chain.pixels import MARGIN
 from tradestudy.optics.chain.regions import Disc
 from tradestudy.optics.chain.scene import LightPath, Microlenses
+from tradestudy.optics.phasors import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.hybrid import LEAST_ZONES, unchecked_hybrid_field
 from tradestudy.optics.propagation.kernels import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.paths import Array, SphericalPath
-from tradestudy.optics.propagation.phasors import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.rays import one_ray_per_target
 from tradestudy.optics.propagation.sampling import Limits, TargetGrid
 

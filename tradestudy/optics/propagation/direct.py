@@ -8,8 +8,8 @@ import numpy as np
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.phasors import ComplexArray, phasor_sum
 from tradestudy.optics.propagation.kernels import Kernel, KirchhoffKernel
-from tradestudy.optics.propagation.phasors import ComplexArray, phasor_sum
 from tradestudy.optics.quadrature import QuadratureNodes
 
 _PAIRS_AT_ONCE = 16_000  # node–target pairs per block: a few blocks of this size stay in the cache

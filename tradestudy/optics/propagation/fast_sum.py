@@ -18,11 +18,11 @@ import finufft
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.phasors import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.direct import ApertureSamples, check_cosine, direct_sum
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.low_rank import SlowFactor, SumProblem, TooWide, slow_factor
 from tradestudy.optics.propagation.paths import Array
-from tradestudy.optics.propagation.phasors import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.sampling import TargetGrid, Targets
 from tradestudy.optics.propagation.upsampling import (
     Upsampling,

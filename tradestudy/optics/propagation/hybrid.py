@@ -11,10 +11,10 @@ import numpy as np
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.boundary_wave import edge_field, pole_reach
+from tradestudy.optics.phasors import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.direct import direct_sum
 from tradestudy.optics.propagation.kernels import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave
-from tradestudy.optics.propagation.phasors import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.rays import (
     Rays,
     fewest_zones,

@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.phasors import unit_phasor
 from tradestudy.optics.propagation.paths import Array, ParabolicPath, PathSum, PathTerm, SphericalPath
-from tradestudy.optics.propagation.phasors import unit_phasor
 from tradestudy.optics.propagation.pupil import Pupil, checked_map
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
 

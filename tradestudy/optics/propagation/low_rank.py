@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.phasors import ComplexArray, scaled_phasor
 from tradestudy.optics.propagation.direct import ApertureSamples
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.paths import Array
-from tradestudy.optics.propagation.phasors import ComplexArray, scaled_phasor
 from tradestudy.optics.propagation.upsampling import apply_along_rows, chebyshev_points, lagrange
 
 _MAX_RANK = 30  # a larger factor means that the targets are better split in two

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.phasors import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.paths import Array, PathSum, SphericalPath
-from tradestudy.optics.propagation.phasors import ComplexArray, unit_phasor
 
 _MAX_STEPS = 60
 _STARTS_PER_RING = (1, 8, 16)

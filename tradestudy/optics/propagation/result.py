@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.propagation.phasors import ComplexArray
+from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.sampling import TargetGrid, Targets
 
 Method = Literal["geometric", "boundary_wave", "fresnel", "kirchhoff"]

@@ -14,11 +14,10 @@ import numpy as np
 import scipy.special
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.phasors import ComplexArray
+from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.sampling import TargetGrid, bessel_margin
 
 _UNTHREADED = 250_000  # multiplications in one product that BLAS does on one thread
-_ROWS_AT_ONCE = 16  # fine samples between few coarse ones: most of the products of all samples are with zero
 _LEAST_OVERSAMPLING = 1.7  # of the coarse samples; nearer to 1 the window gets wide
 _FEWEST_ANGLES = 12
 _TAIL = 3.0  # times the tolerance: the last harmonics of the ring that has most of them, where all rings count
@@ -47,13 +46,15 @@ class Upsampling:
 
     def apply(self, values: ComplexArray) -> ComplexArray:
         """Fine from coarse samples, along the rows of `values`; each fine sample has few coarse ones beside it."""
+        plain = np.ascontiguousarray(values).view(np.float64)
         fine, overhang = self.matrix.shape[0], -2 * self.first // self.step
-        result = np.empty((fine, values.shape[1]), dtype=np.complex128)
-        for start in range(0, fine, _ROWS_AT_ONCE):
-            rows = slice(start, min(start + _ROWS_AT_ONCE, fine))
+        result = np.empty((fine, plain.shape[1]))
+        most = max(1, min(4 * self.step, _UNTHREADED // ((overhang + 5) * plain.shape[1])))
+        for start in range(0, fine, most):
+            rows = slice(start, min(start + most, fine))
             near = slice(start // self.step, (rows.stop - 1) // self.step + overhang + 1)
-            result[rows] = apply_along_rows(self.matrix[rows, near], values[near])
-        return result
+            np.matmul(self.matrix[rows, near], plain[near], out=result[rows])
+        return np.asarray(result.view(np.complex128))
 
 
 @lru_cache(maxsize=16)  # both axes of a square grid, and every wave on the same grid, share one

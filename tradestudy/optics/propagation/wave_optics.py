@@ -11,11 +11,11 @@ import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.direct import ApertureSamples, direct_sum
 from tradestudy.optics.propagation.fast_sum import fast_sum
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel
 from tradestudy.optics.propagation.lens import LensWave
-from tradestudy.optics.propagation.phasors import ComplexArray
 from tradestudy.optics.propagation.result import (
     ApertureField,
     CheckErrors,

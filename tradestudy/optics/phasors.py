@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.paths import Array
 
 ComplexArray = npt.NDArray[np.complex128]
 
 
-def phasor_sum(phase: FloatArray, size: Array, strength: ComplexArray) -> ComplexArray:
+def phasor_sum(phase: FloatArray, size: npt.NDArray[Any], strength: ComplexArray) -> ComplexArray:
     """Σ_j size_ij exp(i phase_ij) strength_j; real sizes are summed by parts, without a complex array of pairs."""
     if np.iscomplexobj(size):
         return np.asarray(np.einsum("ij,j->i", scaled_phasor(phase, size), strength))
@@ -21,10 +22,10 @@ def phasor_sum(phase: FloatArray, size: Array, strength: ComplexArray) -> Comple
     return by_cosine[:, 0] - by_sine[:, 1] + 1j * (by_cosine[:, 1] + by_sine[:, 0])
 
 
-def scaled_phasor(phase: FloatArray, size: Array) -> ComplexArray:
+def scaled_phasor(phase: FloatArray, size: npt.NDArray[Any]) -> ComplexArray:
     """Size times exp(i phase); quickest for real sizes."""
     if np.iscomplexobj(size):
-        return unit_phasor(phase) * size
+        return np.asarray(unit_phasor(phase) * size)
     return _joined(*_parts(phase, size))
 
 
