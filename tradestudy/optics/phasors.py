@@ -35,19 +35,18 @@ def unit_phasor(phase: FloatArray) -> ComplexArray:
 
 
 def _parts(phase: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Size times cosine and sine of the phase, from t = tan(phase/2): (1 − t²)/(1 + t²) and 2 t/(1 + t²).
+    """Size times cosine and sine of the phase, from t = tan(phase/2): 2/(1 + t²) − 1 and 2 t/(1 + t²).
 
     One tangent takes a third to an eighth of the time of cosine and sine. No float is an odd multiple of π/2, so that t
     stays finite: at most 1e16 or so.
     """
     t = np.asarray(np.tan(0.5 * phase))
-    squared = np.asarray(t * t)
-    share = size / (1.0 + squared)
-    t *= 2.0
-    t *= share
-    np.subtract(1.0, squared, out=squared)
-    squared *= share
-    return squared, t
+    twice = np.asarray(t * t)
+    twice += 1.0
+    np.divide(2.0 * size, twice, out=twice)
+    t *= twice
+    twice -= size
+    return twice, t
 
 
 def _joined(real: FloatArray, imaginary: FloatArray) -> ComplexArray:

@@ -111,5 +111,6 @@ def direct_sum(samples: ApertureSamples, kernel: Kernel, x: FloatArray, y: Float
             part = slice(j, j + columns)
             cosine = None if samples.axial_cosine is None else samples.axial_cosine[part]
             path, spreading = kernel.path_and_spreading(u[part], v[part], cosine, x[at, None], y[at, None], z[at, None])
-            field[at] += phasor_sum(kernel.wavenumber * path, spreading, strength[part])
+            path *= kernel.wavenumber
+            field[at] += phasor_sum(path, spreading, strength[part])
     return field * (-1j / kernel.wavelength * np.exp(1j * kernel.wavenumber * kernel.path(x, y, z)))

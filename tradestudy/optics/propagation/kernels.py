@@ -178,7 +178,10 @@ class FresnelKernel:
         self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array
     ) -> tuple[Array, Array]:
         """Path from a node minus the path from the centre [m], and `spreading`."""
-        return (u * (u - 2 * x) + v * (v - 2 * y)) / (2 * z), self.spreading(u, v, cosine, x, y, z)
+        change = np.asarray(u * (u - 2 * x))
+        change += v * (v - 2 * y)
+        change /= 2 * z
+        return change, self.spreading(u, v, cosine, x, y, z)
 
     def beyond_linear(
         self,

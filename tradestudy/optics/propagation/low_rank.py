@@ -74,13 +74,13 @@ def slow_factor(
     if columns.size > _MAX_RANK:
         raise TooWide
     chosen = tuple(m[columns] for m in mesh)
-    apart = _slow(problem, base, held, chosen) @ apply_along_rows(onto.T, mixing.T).T
-    apart -= _slow(problem, base, held, probes)
     node = np.empty((count, columns.size), dtype=np.complex128)
     rows = max(1, _PAIRS_AT_ONCE // columns.size)
     for start in range(0, count, rows):
         part = slice(start, start + rows)
         node[part] = _slow(problem, base, part, chosen)
+    apart = node[held] @ apply_along_rows(onto.T, mixing.T).T
+    apart -= _slow(problem, base, held, probes)
     return SlowFactor(
         node=node,
         coefficients=mixing.reshape(columns.size, *counts),
