@@ -32,8 +32,8 @@ def test_the_texture_has_its_contrast_and_its_correlation_length() -> None:
         [
             RandomPattern(texture=PATTERN.texture, sample=1e-4, side=512, seed=seed)
             .build()
-            .values[0, : 512 * 512]
-            .reshape(512, 512)
+            .values[0, : 513 * 513]
+            .reshape(513, 513)[:512, :512]
             - 1.0
             for seed in range(4)
         ]

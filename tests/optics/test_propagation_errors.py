@@ -14,6 +14,7 @@ import pytest
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError, UnaffordableError
 from tradestudy.optics.chain.accuracy import relative_change
+from tradestudy.optics.phasors import unit_phasor
 from tradestudy.optics.propagation import (
     ApertureSamples,
     CircularLens,
@@ -31,7 +32,6 @@ from tradestudy.optics.propagation import (
     propagate_wave,
     sample_wave,
 )
-from tradestudy.optics.propagation.direct import unit_phasor
 from tradestudy.optics.quadrature import disc_nodes
 
 MAIN = CircularLens(radius=12.5e-3 / 7.6, focal_length=12.5e-3, lens_phase="parabolic")

@@ -30,7 +30,7 @@ import numpy as np
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:  # the package of methods imports this one
-    from tradestudy.optics.propagation.direct import ComplexArray
+    from tradestudy.optics.phasors import ComplexArray
     from tradestudy.optics.propagation.kernels import KirchhoffKernel
     from tradestudy.optics.propagation.lens import LensWave
     from tradestudy.optics.propagation.paths import Array

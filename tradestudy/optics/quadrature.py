@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.phasors import unit_phasor
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,10 +106,10 @@ def disc_nodes(
     t, w = gauss_legendre(radial_count)
     counts = np.broadcast_to(angular_count, t.shape)
     ring = np.repeat(radius * np.sqrt(t), counts)
-    angle = ring_angles(counts)
+    direction = unit_phasor(ring_angles(counts))
     return QuadratureNodes(
-        x=centre[0] + ring * np.cos(angle),
-        y=centre[1] + ring * np.sin(angle),
+        x=centre[0] + ring * direction.real,
+        y=centre[1] + ring * direction.imag,
         weights=np.repeat(np.pi * radius**2 * w / counts, counts),
         centre=centre,
         half_extent=radius,

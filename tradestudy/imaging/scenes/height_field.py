@@ -54,10 +54,14 @@ class HeightField:
     pattern: PatternSource
     pattern_in_samples: bool = False
     steepest: float = field(init=False)
+    padded: NDArray[np.float32] = field(init=False, repr=False)
     range: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "range", (float(self.depths.min()), float(self.depths.max())))
+        # Each sample then has one beyond it at a fixed place.
+        beyond = np.pad(self.depths, (0, 1), mode="wrap" if self.repeats else "edge")
+        object.__setattr__(self, "padded", beyond)
         # In a cell both differences are between those of its edges.
         across, down = np.abs(np.diff(self.depths, axis=1)), np.abs(np.diff(self.depths, axis=0))
         steepest = np.hypot(np.maximum(across[1:], across[:-1]), np.maximum(down[:, 1:], down[:, :-1]))
@@ -147,21 +151,21 @@ class HeightField:
         if not self.repeats:
             i, j = np.clip(i, 0, columns - 1), np.clip(j, 0, rows - 1)
         left, top = np.floor(i), np.floor(j)
-        across, down = i - left, j - top
-        first, upper = left.astype(np.intp), top.astype(np.intp)
+        i -= left
+        j -= top
+        first, row = left.astype(np.intp), top.astype(np.intp)
         if self.repeats:
-            first, upper = first & (columns - 1), upper & (rows - 1)
-        second, lower = first + 1, upper + 1
-        if self.repeats:
-            second, lower = second & (columns - 1), lower & (rows - 1)
-        else:
-            second, lower = np.minimum(second, columns - 1), np.minimum(lower, rows - 1)
-        values = self.depths.reshape(-1)
-        upper, lower = upper * columns, lower * columns
-        a, c = values.take(upper + first, mode="clip"), values.take(lower + first, mode="clip")
-        a += across * (values.take(upper + second, mode="clip") - a)
-        c += across * (values.take(lower + second, mode="clip") - c)
-        return np.asarray(a + down * (c - a) - z)
+            first &= columns - 1
+            row &= rows - 1
+        row *= columns + 1
+        first += row
+        values = self.padded.reshape(-1)
+        a, b = values.take(first, mode="clip"), values.take(first + 1, mode="clip")
+        first += columns + 1
+        c, d = values.take(first, mode="clip"), values.take(first + 1, mode="clip")
+        a += i * (b - a)
+        c += i * (d - c)
+        return np.asarray(a + j * (c - a) - z)
 
     def _march(
         self, start: FloatArray, slope: FloatArray, begin: FloatArray, margin: float
@@ -171,26 +175,32 @@ class HeightField:
         far = self.extent[1]
         speed = self._speed(start, slope)
         end = kind(far * (1.0 + 1e-6))
-        found, safe = np.full(begin.size, math.inf, begin.dtype), begin.copy()
-        ray = np.arange(begin.size)
+        safe, ray = begin.copy(), np.arange(begin.size)
         z, gap = begin, self._gap(start, slope, begin)
         close = gap <= margin
+        passed = []
+        here = start, slope
         while ray.size:
             # Nearby rays matter only up to where the first of them may meet the surface.
             reach = np.where(close, gap, gap - kind(margin)) / (kind(1) + kind(self.steepest) * speed)
             following = np.minimum(z + np.maximum(reach, kind(1) / speed), end)
-            next_gap = self._gap(start, slope, following)
+            next_gap = self._gap(*here, following)
             met = next_gap <= 0
             if np.any(met):
-                found[ray[met]] = self._between(
-                    start[:, met], slope[:, met], z[met], gap[met], following[met], next_gap[met]
-                )
+                passed.append([one[met] for one in (ray, z, gap, following, next_gap)])
             close |= next_gap <= margin
             going = ~close
             safe[ray[going]] = following[going]
             on = np.flatnonzero(~met & (following < end))
-            ray, z, gap, close, speed = ray[on], following[on], next_gap[on], close[on], speed[on]
-            start, slope = start[:, on], slope[:, on]
+            if on.size < ray.size:
+                ray, close, speed = ray.take(on), close.take(on), speed.take(on)
+                following, next_gap = following.take(on), next_gap.take(on)
+                here = here[0].take(on, axis=1), here[1].take(on, axis=1)
+            z, gap = following, next_gap
+        found = np.full(begin.size, math.inf, begin.dtype)
+        if passed:
+            met, *bracket = (np.concatenate(parts) for parts in zip(*passed, strict=True))
+            found[met] = self._between(start.take(met, axis=1), slope.take(met, axis=1), *bracket)
         return found, safe
 
     def _between(

@@ -101,6 +101,7 @@ class Pattern:
     ----------
     values
         All levels concatenated for each colour, shape (colours, samples): grey alone, or red, green, blue and grey.
+        Each level repeats its first row and column after its last, so that every sample has one beyond it.
     columns, rows
         Size of the finest level; powers of two.
     sample
@@ -147,25 +148,30 @@ class Pattern:
         """Interpolate bilinearly between the samples of one level, whose centres are half a sample from the origin."""
         x, y = x - np.float32(0.5), y - np.float32(0.5)
         left, top = np.floor(x), np.floor(y)
-        right_share, lower_share = x - left, y - top
-        columns, rows = (self.columns >> level), (self.rows >> level)
-        i, j = left.astype(np.intp) & (columns - 1), top.astype(np.intp) & (rows - 1)
-        i_next = (i + 1) & (columns - 1)
-        first = _starts(self.columns, self.rows)[level] + start
-        upper = first + j * columns
-        lower = first + ((j + 1) & (rows - 1)) * columns
+        x -= left
+        y -= top
+        columns = self.columns >> level
+        first, row = left.astype(np.intp), top.astype(np.intp)
+        first &= columns - 1
+        row &= (self.rows >> level) - 1
+        columns += 1
+        row *= columns
+        first += row
+        first += _starts(self.columns, self.rows)[level]
+        first += start
         values = self.values.reshape(-1)
-        a, b = values.take(upper + i, mode="clip"), values.take(upper + i_next, mode="clip")
-        a += right_share * (b - a)
-        c, d = values.take(lower + i, mode="clip"), values.take(lower + i_next, mode="clip")
-        c += right_share * (d - c)
-        return np.asarray(a + lower_share * (c - a))
+        a, b = values.take(first, mode="clip"), values.take(first + 1, mode="clip")
+        first += columns
+        c, d = values.take(first, mode="clip"), values.take(first + 1, mode="clip")
+        a += x * (b - a)
+        c += x * (d - c)
+        return np.asarray(a + y * (c - a))
 
 
 @lru_cache(maxsize=64)
 def _starts(columns: int, rows: int) -> NDArray[np.intp]:
     """Start index of each level."""
-    sizes = [(columns >> k) * (rows >> k) for k in range(int(math.log2(min(columns, rows))) + 1)]
+    sizes = [((columns >> k) + 1) * ((rows >> k) + 1) for k in range(int(math.log2(min(columns, rows))) + 1)]
     return np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.intp)
 
 
@@ -177,7 +183,8 @@ def pattern_of(finest: FloatArray, sample: float) -> Pattern:
         levels.append(
             (last[:, ::2, ::2] + last[:, 1::2, ::2] + last[:, ::2, 1::2] + last[:, 1::2, 1::2]) / np.float32(4)
         )
-    values = np.concatenate([level.reshape(level.shape[0], -1) for level in levels], axis=1)
+    padded = [np.pad(level, ((0, 0), (0, 1), (0, 1)), mode="wrap") for level in levels]
+    values = np.concatenate([level.reshape(level.shape[0], -1) for level in padded], axis=1)
     return Pattern(values=values, columns=finest.shape[2], rows=finest.shape[1], sample=sample)
 
 

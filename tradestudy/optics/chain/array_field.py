@@ -12,7 +12,8 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.microlens_nodes import plane_wave_degree, tapered_disc_nodes
 from tradestudy.optics.chain.scene import LightPath, WaveMethod
 from tradestudy.optics.chain.table_interpolation import TableKernel, fast_count
-from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, direct_sum, unit_phasor
+from tradestudy.optics.phasors import ComplexArray, unit_phasor
+from tradestudy.optics.propagation.direct import ApertureSamples, direct_sum
 from tradestudy.optics.propagation.fast_sum import fast_sum
 from tradestudy.optics.propagation.hybrid import unchecked_hybrid_field
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel

@@ -14,7 +14,7 @@ from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave, fast_phase, field_table, reading_kernel
 from tradestudy.optics.chain.regions import Disc
 from tradestudy.optics.chain.scene import Legs, LightPath
-from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
+from tradestudy.optics.phasors import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.lens import PointSource
 from tradestudy.optics.propagation.paths import ParabolicPath, SphericalPath
 

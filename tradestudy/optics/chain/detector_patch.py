@@ -30,7 +30,7 @@ from tradestudy.optics.chain.patch_transfer import PatchPlan, fresnel_reach
 from tradestudy.optics.chain.pixels import MARGIN, samples_per_pixel
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes
-from tradestudy.optics.propagation.direct import ComplexArray
+from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.lens import PointSource
 
 _UPSAMPLING = 4.0  # memory of a nonuniform FFT over that of its modes

@@ -17,7 +17,7 @@ import scipy.fft
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
+from tradestudy.optics.phasors import ComplexArray, unit_phasor
 
 _FINEST = 1e-4  # tolerance from which on light fades out over no greater length
 _STEEPEST = 0.98  # sine up to which the period follows the light

@@ -22,7 +22,7 @@ from tradestudy.optics.chain.microlens_nodes import CellNodes, lit_share
 from tradestudy.optics.chain.pixels import MARGIN
 from tradestudy.optics.chain.regions import Disc
 from tradestudy.optics.chain.scene import LightPath, Microlenses
-from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
+from tradestudy.optics.phasors import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.hybrid import LEAST_ZONES, unchecked_hybrid_field
 from tradestudy.optics.propagation.kernels import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave

@@ -12,7 +12,8 @@ from tradestudy.optics.chain.arriving_light import RayReach
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes, lit_nodes, lit_share, padded
 from tradestudy.optics.chain.regions import Disc
 from tradestudy.optics.chain.scene import LightPath, Microlenses
-from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, direct_sum, unit_phasor
+from tradestudy.optics.phasors import ComplexArray, unit_phasor
+from tradestudy.optics.propagation.direct import ApertureSamples, direct_sum
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.lens import PointSource, lens_paths
 from tradestudy.optics.propagation.paths import ParabolicPath, SphericalPath

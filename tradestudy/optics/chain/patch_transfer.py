@@ -20,7 +20,7 @@ import scipy.fft
 
 from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.chain.detector_transfer import decades, fading, fading_length, real_type
-from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
+from tradestudy.optics.phasors import ComplexArray, unit_phasor
 
 _DIRECTIONS = 2 * math.pi * np.arange(16) / 16
 _MIDDLES = 5  # distances of a patch from its microlens that are tried

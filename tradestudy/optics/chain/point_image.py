@@ -25,7 +25,7 @@ from tradestudy.optics.chain.microlens_plane import (
 )
 from tradestudy.optics.chain.pixels import MARGIN, light_on_pixels
 from tradestudy.optics.chain.scene import LegMethod
-from tradestudy.optics.propagation.direct import ComplexArray
+from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.result import squared_magnitude
 
 _SAFETY_OF_EDGES = 3.0  # the coarser Kirchhoff of a boundary wave may err to the same side as the wave

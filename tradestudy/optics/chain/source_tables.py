@@ -16,7 +16,7 @@ from tradestudy.optics.chain.arriving_light import field_spacing, table_toleranc
 from tradestudy.optics.chain.scene import LightPath, WaveMethod
 from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.chain.table_interpolation import fast_count
-from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
+from tradestudy.optics.phasors import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.lens import PointSource
 
 Place = tuple[float, float]  # of a source point [m]

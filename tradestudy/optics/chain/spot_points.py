@@ -37,7 +37,7 @@ from tradestudy.optics.chain.pixels import MARGIN, far_light, light_on_pixels
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.chain.source_tables import Place, SourceTables, blank_tables, source_tables
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes
-from tradestudy.optics.propagation.direct import ComplexArray
+from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.lens import PointSource
 from tradestudy.optics.propagation.result import squared_magnitude
 

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.fft
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.direct import ComplexArray
+from tradestudy.optics.phasors import ComplexArray
 
 _WIDEST = 16  # no kernel is wider on either side [samples]
 _FINEST, _COARSEST = 1e-7, 1e-3

@@ -12,18 +12,14 @@ of the node and a function of the target, found by a pivoted factorisation on Ch
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import finufft
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.direct import (
-    ApertureSamples,
-    ComplexArray,
-    check_cosine,
-    direct_sum,
-    unit_phasor,
-)
+from tradestudy.optics.phasors import ComplexArray, unit_phasor
+from tradestudy.optics.propagation.direct import ApertureSamples, check_cosine, direct_sum
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.low_rank import SlowFactor, SumProblem, TooWide, slow_factor
 from tradestudy.optics.propagation.paths import Array
@@ -165,7 +161,10 @@ def _grid(problem: SumProblem, grid: TargetGrid) -> FastField:
     """One grid: NUFFT of type 1, nodes to regular targets, on no finer a pitch than the field needs."""
     if grid.x_count * grid.y_count * problem.samples.nodes.count <= _DIRECT_PAIRS:
         return _direct(problem, *grid.coordinates())
-    columns, rows = _axis_plans(problem, grid)
+    centre = problem.samples.nodes.centre
+    x, y, z = grid.x_axis - centre[0], grid.y_axis - centre[1], np.asarray(grid.distance)
+    middle = np.asarray(x[x.size // 2]), np.asarray(y[y.size // 2])
+    columns, rows = _axis_plans(problem, grid, middle)
     coarse = TargetGrid(
         x_start=grid.x_start + (columns.first * grid.x_pitch if columns else 0.0),
         y_start=grid.y_start + (rows.first * grid.y_pitch if rows else 0.0),
@@ -175,46 +174,54 @@ def _grid(problem: SumProblem, grid: TargetGrid) -> FastField:
         y_count=rows.count if rows else grid.y_count,
         distance=grid.distance,
     )
-    total, rank, error = _grid_without_common_phase(problem, coarse)
-    if rows:
-        total = apply_along_rows(rows.matrix, total)
+    total, rank, error = _grid_without_common_phase(problem, coarse, middle)
     if columns:
-        total = apply_along_rows(columns.matrix, total.T).T
-    centre = problem.samples.nodes.centre
-    x, y = grid.x_axis - centre[0], grid.y_axis - centre[1]
-    phase = problem.kernel.wavenumber * problem.kernel.path(x[None, :], y[:, None], np.asarray(grid.distance))
-    return FastField(field=(total * unit_phasor(phase)).ravel(), rank=rank, tiles=1, low_rank_error=error)
+        total = columns.apply(total.T).T
+    along_x, along_y = _common_paths(problem.kernel, x, y, z, middle)
+    total = total * unit_phasor(problem.kernel.wavenumber * along_x)
+    if rows:
+        total = rows.apply(total)
+    total *= unit_phasor(problem.kernel.wavenumber * along_y)[:, None]
+    return FastField(field=total.ravel(), rank=rank, tiles=1, low_rank_error=error)
 
 
-def _axis_plans(problem: SumProblem, grid: TargetGrid) -> tuple[Upsampling | None, Upsampling | None]:
-    """Where the field, freed of the path from the centre, is oversampled along x and y."""
+def _common_paths(
+    kernel: Kernel, x: FloatArray, y: FloatArray, z: Array, middle: tuple[Array, Array]
+) -> tuple[FloatArray, FloatArray]:
+    """Path from the centre of the aperture along the middle row, and along the middle column less that to the middle.
+
+    The sum of both differs slowly from the path to a target, and needs one phasor for each row and column only.
+    """
+    return kernel.path(x, middle[1], z), kernel.path(middle[0], y, z) - kernel.path(*middle, z)
+
+
+def _axis_plans(
+    problem: SumProblem, grid: TargetGrid, middle: tuple[Array, Array]
+) -> tuple[Upsampling | None, Upsampling | None]:
+    """Where the field, freed of the common paths, is oversampled along x and y."""
+    kernel, centre = problem.kernel, problem.samples.nodes.centre
     u, v, _ = problem.samples.local()
-    centre = problem.samples.nodes.centre
-    x, y = grid.x_axis[[0, 0, -1, -1]] - centre[0], grid.y_axis[[0, -1, 0, -1]] - centre[1]
-    # The direction cosines from the rim, less those from the centre, at the corners of the grid bound the band.
-    rim = _rim(u, v)
-    here = np.zeros(1)
+    here, z = np.zeros(1), grid.distance
+    # The direction cosines from the nodes, less the slopes of the common paths, at the corners of the grid bound the
+    # band.
     widest = np.zeros(2)
-    for corner in zip(x, y, strict=True):
-        to = problem.kernel.slope_at_target(u[rim], v[rim], *corner, grid.distance)
-        middle = problem.kernel.slope_at_target(here, here, *corner, grid.distance)
-        widest = np.maximum(widest, [np.abs(to[0] - middle[0]).max(), np.abs(to[1] - middle[1]).max()])
-    oversampling = np.pi / (problem.kernel.wavenumber * np.asarray([grid.x_pitch, grid.y_pitch]) * widest)
+    for x, y in product(grid.x_axis[[0, -1]] - centre[0], grid.y_axis[[0, -1]] - centre[1]):
+        to = kernel.slope_at_target(u, v, x, y, z)
+        common_x, _, _ = kernel.slope_at_target(here, here, x, float(middle[1]), z)
+        _, common_y, _ = kernel.slope_at_target(here, here, float(middle[0]), y, z)
+        widest = np.maximum(widest, [np.abs(to[0] - common_x).max(), np.abs(to[1] - common_y).max()])
+    oversampling = np.pi / (kernel.wavenumber * np.asarray([grid.x_pitch, grid.y_pitch]) * widest)
     plans = [
-        upsampling(fine_count=n, oversampling=float(o), tolerance=0.1 * problem.nufft)
+        upsampling(fine_count=n, oversampling=float(o), tolerance=problem.nufft)
         for n, o in zip((grid.x_count, grid.y_count), oversampling, strict=True)
     ]
     return plans[0], plans[1]
 
 
-def _rim(u: FloatArray, v: FloatArray) -> Array:
-    """Indices of the nodes that lie outermost in 32 directions."""
-    angle = 2 * np.pi * np.arange(32) / 32
-    return np.unique(np.argmax(np.outer(np.cos(angle), u) + np.outer(np.sin(angle), v), axis=1))
-
-
-def _grid_without_common_phase(problem: SumProblem, grid: TargetGrid) -> tuple[ComplexArray, int, float]:
-    """Field on a grid less the phase of the path from the centre of the aperture; rank; error of the factor."""
+def _grid_without_common_phase(
+    problem: SumProblem, grid: TargetGrid, middle: tuple[Array, Array]
+) -> tuple[ComplexArray, int, float]:
+    """Field on a grid less the phase of the common paths; rank; error of the factor."""
     centre = problem.samples.nodes.centre
     x, y = grid.x_axis - centre[0], grid.y_axis - centre[1]
     z = np.asarray([grid.distance])
@@ -237,6 +244,8 @@ def _grid_without_common_phase(problem: SumProblem, grid: TargetGrid) -> tuple[C
     for coefficients, term in zip(factor.coefficients[..., 0], sums.reshape(-1, y.size, x.size), strict=True):
         along = apply_along_rows(on_x, coefficients).T  # term by term: all together would leave the cache
         total += apply_along_rows(on_y, along) * term
+    along_x, along_y = _common_paths(problem.kernel, x, y, z, middle)
+    total *= unit_phasor(k * (problem.kernel.path(x, y[:, None], z) - along_x - along_y[:, None]))
     return total, strength.shape[0], factor.error
 
 
@@ -295,7 +304,7 @@ def _node_side(
     """Strengths of the nodes, one row per term, and their direction cosines less those of the centre."""
     u, v, strength = problem.samples.local()
     kernel = problem.kernel
-    to_base = kernel.path_from_node(u, v, *(np.asarray(c) for c in base))
+    to_base, _ = kernel.path_and_spreading(u, v, problem.samples.axial_cosine, *(np.asarray(c) for c in base))
     here = np.zeros(1)
     along_x, along_y, _ = kernel.slope_at_target(u, v, *base)
     centre_x, centre_y, _ = kernel.slope_at_target(here, here, *base)

@@ -11,7 +11,8 @@ import numpy as np
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.boundary_wave import edge_field, pole_reach
-from tradestudy.optics.propagation.direct import ComplexArray, direct_sum, unit_phasor
+from tradestudy.optics.phasors import ComplexArray, unit_phasor
+from tradestudy.optics.propagation.direct import direct_sum
 from tradestudy.optics.propagation.kernels import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.rays import (
@@ -155,7 +156,7 @@ def hybrid_field(
         The limits do not allow the targets handed over, or the check.
     """
     size = math.prod(targets.shape)
-    seconds, last = 0.0, 0.0
+    seconds, check_seconds, last = 0.0, 0.0, 0.0
     begun = started = time.perf_counter()
     edge = edge_nodes or _edge_nodes(wave, kernel, targets, accuracy)
     seconds += time.perf_counter() - started
@@ -171,12 +172,15 @@ def hybrid_field(
             effort = replace(area.effort, seconds=time.perf_counter() - begun - area.effort.check_seconds)
             return replace(area, effort=effort, method="boundary_wave", handed_over=1.0)
         field, share = _filled(result, wave, kernel, targets, accuracy, left)
-        last = time.perf_counter() - started
+        intensity = squared_magnitude(field)
+        checked = time.perf_counter()
+        last = checked - started
         seconds += last
-        left = replace(limits, seconds=limits.seconds - (time.perf_counter() - begun))
-        reference = reference or _reference(wave, kernel, targets, field, _doubt(result), accuracy, left)
+        left = replace(limits, seconds=limits.seconds - (checked - begun))
+        reference = reference or _reference(wave, kernel, targets, intensity, _doubt(result), accuracy, left)
         check = _check(wave, kernel, field, reference, edge, accuracy)
-        error = stated_error(field, check, largest=reference.largest, rounding=reference.rounding)
+        error = stated_error(intensity, check, largest=reference.largest, rounding=reference.rounding)
+        check_seconds += time.perf_counter() - checked
         if error.intensity <= accuracy.tolerance or edge_nodes is not None:
             break
         if check.nodes < 0.3 * check.total or rounds == _MAX_ROUNDS:
@@ -187,10 +191,9 @@ def hybrid_field(
                 remedy="use method 'kirchhoff', a larger tolerance, the textbook obliquity or a perfect lens",
             )
         edge *= 2
-    field = field.reshape(targets.shape)
     return ApertureField(
-        field=field,
-        intensity=squared_magnitude(field),
+        field=field.reshape(targets.shape),
+        intensity=intensity.reshape(targets.shape),
         targets=targets,
         pupil_power=wave.power(),
         error=error,
@@ -202,7 +205,7 @@ def hybrid_field(
             tiles=1,
             rounds=rounds,
             seconds=seconds,
-            check_seconds=check.seconds,
+            check_seconds=check_seconds,
             check_targets=check.targets,
         ),
         method="boundary_wave",
@@ -232,23 +235,21 @@ class _Reference:
     field: ComplexArray
     largest: float
     rounding: float
-    seconds: float
 
 
 def _reference(
     wave: LensWave,
     kernel: KirchhoffKernel,
     targets: Targets,
-    field: ComplexArray,
+    intensity: FloatArray,
     doubt: FloatArray | None,
     accuracy: FieldAccuracy,
     limits: Limits,
 ) -> _Reference:
     """Direct quadrature of the area integral at the check targets, on 1.5 times the nodes needed each way."""
-    started = time.perf_counter()
     finer = nodes_for(wave, kernel, targets, accuracy).scaled(1.5)
     check_affordable(finer, targets=0, check_targets=accuracy.check_targets, limits=limits)
-    at = choose_check_targets(targets, field, count=accuracy.check_targets, seed=accuracy.seed, doubt=doubt)
+    at = choose_check_targets(targets, intensity, count=accuracy.check_targets, seed=accuracy.seed, doubt=doubt)
     samples = sample_wave(wave, finer)
     exact = direct_sum(samples, kernel, at.x, at.y, at.z)
     return _Reference(
@@ -256,7 +257,6 @@ def _reference(
         field=exact,
         largest=largest_field(samples, kernel, targets),
         rounding=rounding_error(samples, kernel, targets),
-        seconds=time.perf_counter() - started,
     )
 
 
@@ -276,7 +276,6 @@ def _check(
     accuracy: FieldAccuracy,
 ) -> CheckErrors:
     """Compare with the area integral, and with twice as many nodes on the edge."""
-    started = time.perf_counter()
     at = reference.at
     here = field[at.index]
     points = TargetPoints(x=at.x, y=at.y, distance=at.z)
@@ -289,7 +288,6 @@ def _check(
         intensity=at.intensity_norm(here - reference.field, reference.field),
         field_share=field_share,
         intensity_share=intensity_share,
-        seconds=reference.seconds + time.perf_counter() - started,
         targets=at.index.size,
     )
 

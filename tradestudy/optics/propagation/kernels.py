@@ -57,33 +57,61 @@ class KirchhoffKernel:
         """Path from the centre of the aperture to a target [m]."""
         return np.asarray(np.sqrt(x * x + y * y + z * z))
 
-    def path_from_node(self, u: Array, v: Array, x: Array, y: Array, z: Array) -> Array:
-        """Path from a node minus the path from the centre [m], without cancellation."""
-        squared = x * x + y * y + z * z
-        change = u * (u - 2 * x) + v * (v - 2 * y)
-        return np.asarray(change / (np.sqrt(squared + change) + np.sqrt(squared)))
-
-    def slope_at_target(self, u: Array, v: Array, x: float, y: float, z: float) -> tuple[Array, Array, Array]:
+    def slope_at_target(
+        self, u: Array, v: Array, x: Array | float, y: Array | float, z: Array | float
+    ) -> tuple[Array, Array, Array]:
         """Gradient of the path with respect to the target: the direction cosines from the node."""
         a, b = x - u, y - v
         s = np.sqrt(a * a + b * b + z * z)
         return a / s, b / s, z / s
 
-    def path_beyond_linear(
-        self, u: Array, v: Array, base: tuple[float, float, float], dx: Array, dy: Array, dz: Array
-    ) -> Array:
-        """Change of the path from `base` to `base` + d beyond its transverse linear part [m], without cancellation.
+    def path_and_spreading(
+        self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array
+    ) -> tuple[Array, Array]:
+        """Path from a node minus the path from the centre [m], without cancellation, and `spreading`."""
+        squared = x * x + y * y + z * z
+        change = np.asarray(u * (u - 2 * x))
+        change += v * (v - 2 * y)
+        to_node = np.asarray(squared + change)
+        total = np.asarray(np.sqrt(to_node))
+        total += np.sqrt(squared)
+        change /= total
+        return change, self._spreading(cosine, to_node, z)
 
-        With e the unit vector from the node to the base, s and t the paths to base and target:
+    def beyond_linear(
+        self,
+        u: Array,
+        v: Array,
+        cosine: Array | None,
+        base: tuple[float, float, float],
+        dx: Array,
+        dy: Array,
+        dz: Array,
+    ) -> tuple[Array, Array]:
+        """Change of the path from `base` to `base` + d beyond its transverse linear part [m], and spreading there.
+
+        With e the unit vector from the node to the base, s and t the paths to base and target, without cancellation:
         t − s − e·d = (|d|² − (e·d)(t − s))/(s + t).
         """
         a, b, c = base[0] - u, base[1] - v, base[2]
         s = np.sqrt(a * a + b * b + c * c)
-        along = (a * dx + b * dy + c * dz) / s
+        along = np.asarray((a / s) * dx)
+        along += (b / s) * dy
+        along += (c / s) * dz
         squared = dx * dx + dy * dy + dz * dz
-        t = np.sqrt((a + dx) ** 2 + (b + dy) ** 2 + (c + dz) ** 2)
-        change = (2 * s * along + squared) / (s + t)
-        return np.asarray((squared - along * change) / (s + t) + c / s * dz)
+        to_node = np.asarray((a + dx) ** 2)
+        to_node += (b + dy) ** 2
+        to_node += (c + dz) ** 2
+        total = np.asarray(np.sqrt(to_node))
+        total += s
+        rest = along * (2 * s)
+        rest += squared
+        rest /= total  # t − s
+        rest *= -along
+        rest += squared
+        rest /= total
+        rest += (c / s) * dz
+        return rest, self._spreading(cosine, to_node, c + dz)
 
     def amplitude(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
         """Everything but the phase: obliquity/(iλ s) [1/m²]; arguments as for `spreading`."""
@@ -95,14 +123,17 @@ class KirchhoffKernel:
         `cosine` is the axial cosine of the wave that arrives at the node, which only the textbook obliquity uses.
         """
         a, b = x - u, y - v
-        s2 = a * a + b * b + z * z
+        return self._spreading(cosine, np.asarray(a * a + b * b + z * z), z)
+
+    def _spreading(self, cosine: Array | None, squared: Array, z: Array) -> Array:
+        """Obliquity/s from s²."""
         if self.obliquity == "paper":
-            return np.asarray(z / s2)
-        s = np.sqrt(s2)
+            return np.asarray(z / squared)
+        s = np.sqrt(squared)
         if self.obliquity == "textbook":
             assert cosine is not None  # guaranteed by ApertureSamples
-            return np.asarray((cosine / s + z / s2) / 2)
-        return np.asarray(z / s2 * (1 + 1j / (self.wavenumber * s)))
+            return np.asarray((cosine / s + z / squared) / 2)
+        return np.asarray(z / squared * (1 + 1j / (self.wavenumber * s)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,32 +167,46 @@ class FresnelKernel:
         """Path from the centre of the aperture to a target [m]."""
         return np.asarray(z + (x * x + y * y) / (2 * z))
 
-    def path_from_node(self, u: Array, v: Array, x: Array, y: Array, z: Array) -> Array:
-        """Path from a node minus the path from the centre [m]."""
-        return np.asarray((u * (u - 2 * x) + v * (v - 2 * y)) / (2 * z))
-
-    def slope_at_target(self, u: Array, v: Array, x: float, y: float, z: float) -> tuple[Array, Array, Array]:
+    def slope_at_target(
+        self, u: Array, v: Array, x: Array | float, y: Array | float, z: Array | float
+    ) -> tuple[Array, Array, Array]:
         """Gradient of the path with respect to the target."""
         a, b = x - u, y - v
         return a / z, b / z, 1 - (a * a + b * b) / (2 * z * z)
 
-    def path_beyond_linear(
-        self, u: Array, v: Array, base: tuple[float, float, float], dx: Array, dy: Array, dz: Array
-    ) -> Array:
-        """Change of the path from `base` to `base` + d beyond its transverse linear part [m]."""
+    def path_and_spreading(
+        self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array
+    ) -> tuple[Array, Array]:
+        """Path from a node minus the path from the centre [m], and `spreading`."""
+        change = np.asarray(u * (u - 2 * x))
+        change += v * (v - 2 * y)
+        change /= 2 * z
+        return change, self.spreading(u, v, cosine, x, y, z)
+
+    def beyond_linear(
+        self,
+        u: Array,
+        v: Array,
+        cosine: Array | None,
+        base: tuple[float, float, float],
+        dx: Array,
+        dy: Array,
+        dz: Array,
+    ) -> tuple[Array, Array]:
+        """Change of the path from `base` to `base` + d beyond its transverse linear part [m], and spreading there."""
         a, b, c = base[0] - u, base[1] - v, base[2]
         squared = (a + dx) ** 2 + (b + dy) ** 2
-        return np.asarray(dz + (dx * dx + dy * dy) / (2 * c) - squared * dz / (2 * c * (c + dz)))
+        rest = dz + (dx * dx + dy * dy) / (2 * c) - squared * (dz / (2 * c * (c + dz)))
+        return np.asarray(rest), self.spreading(u, v, cosine, base[0] + dx, base[1] + dy, c + dz)
 
     def amplitude(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
         """Everything but the phase: 1/(iλ z) [1/m²]; it depends only on the distance."""
         return np.asarray(-1j / self.wavelength * self.spreading(u, v, cosine, x, y, z))
 
     def spreading(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """1/z [1/m]."""
-        del cosine  # one signature for all kernels
-        shape = np.broadcast_shapes(np.shape(u), np.shape(v), np.shape(x), np.shape(y), np.shape(z))
-        return np.broadcast_to(1 / z, shape)
+        """1/z [1/m], in the shape of z."""
+        del u, v, cosine, x, y  # one signature for all kernels
+        return np.asarray(1 / z)
 
 
 Kernel = KirchhoffKernel | FresnelKernel

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.phasors import unit_phasor
 from tradestudy.optics.propagation.paths import Array, ParabolicPath, PathSum, PathTerm, SphericalPath
 from tradestudy.optics.propagation.pupil import Pupil, checked_map
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
@@ -300,7 +301,7 @@ class LensWave:
 
     def field(self, x: Array, y: Array) -> Array:
         """Complex field behind the lens at points of its plane."""
-        return np.asarray(self.amplitude(x, y) * np.exp(1j * self.wavenumber * self.paths.value(x, y)))
+        return np.asarray(self.amplitude(x, y) * unit_phasor(self.wavenumber * self.paths.value(x, y)))
 
     def axial_cosine(self, x: Array, y: Array) -> Array:
         """Cosine between the wave's direction and the axis.

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, scaled_phasor
+from tradestudy.optics.phasors import ComplexArray, scaled_phasor
+from tradestudy.optics.propagation.direct import ApertureSamples
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.paths import Array
 from tradestudy.optics.propagation.upsampling import apply_along_rows, chebyshev_points, lagrange
@@ -73,13 +74,13 @@ def slow_factor(
     if columns.size > _MAX_RANK:
         raise TooWide
     chosen = tuple(m[columns] for m in mesh)
-    apart = _slow(problem, base, held, chosen) @ apply_along_rows(onto.T, mixing.T).T
-    apart -= _slow(problem, base, held, probes)
     node = np.empty((count, columns.size), dtype=np.complex128)
     rows = max(1, _PAIRS_AT_ONCE // columns.size)
     for start in range(0, count, rows):
         part = slice(start, start + rows)
         node[part] = _slow(problem, base, part, chosen)
+    apart = node[held] @ apply_along_rows(onto.T, mixing.T).T
+    apart -= _slow(problem, base, held, probes)
     return SlowFactor(
         node=node,
         coefficients=mixing.reshape(columns.size, *counts),
@@ -94,25 +95,34 @@ def _slow(
     targets: tuple[FloatArray, ...],
 ) -> ComplexArray:
     """iλ exp(i k (rest(q, P) − rest(centre, P))) · amplitude(q, P) between some nodes and some targets."""
+    rest, spreading = _beyond_linear(problem, base, rows, targets)
+    centre = np.zeros(1)
+    away = _away(base, targets)
+    rest -= problem.kernel.beyond_linear(centre, centre, np.ones(1), base, *away)[0]
+    rest *= problem.kernel.wavenumber
+    return scaled_phasor(rest, spreading)
+
+
+def _beyond_linear(
+    problem: SumProblem, base: tuple[float, float, float], rows: Array | slice, targets: tuple[FloatArray, ...]
+) -> tuple[Array, Array]:
+    """`Kernel.beyond_linear` between some nodes and some targets."""
     nodes = problem.samples.nodes
     u, v = (nodes.x[rows] - nodes.centre[0])[:, None], (nodes.y[rows] - nodes.centre[1])[:, None]
-    x, y, z = targets
     cosine = None if problem.samples.axial_cosine is None else problem.samples.axial_cosine[rows][:, None]
-    kernel = problem.kernel
-    centre = np.zeros((1, 1))
-    away = (x - base[0], y - base[1], z - base[2])
-    rest = kernel.path_beyond_linear(u, v, base, *away) - kernel.path_beyond_linear(centre, centre, base, *away)
-    return scaled_phasor(kernel.wavenumber * rest, kernel.spreading(u, v, cosine, x, y, z))
+    return problem.kernel.beyond_linear(u, v, cosine, base, *_away(base, targets))
+
+
+def _away(base: tuple[float, float, float], targets: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
+    return tuple(c - b for c, b in zip(targets, base, strict=True))
 
 
 def _refuse_wide(
     problem: SumProblem, base: tuple[float, float, float], rows: Array, box: tuple[FloatArray, ...]
 ) -> None:
     """Split at once where the slow phase at the corners of the box is plainly too large for a small factor."""
-    u, v, _ = problem.samples.local()
     corners = np.meshgrid(*(np.asarray([c.min(), c.max()]) for c in box), indexing="ij")
-    away = tuple(c.ravel() - b for c, b in zip(corners, base, strict=True))
-    rest = problem.kernel.path_beyond_linear(u[rows, None], v[rows, None], base, *away)
+    rest, _ = _beyond_linear(problem, base, rows, tuple(c.ravel() for c in corners))
     if problem.kernel.wavenumber * np.ptp(rest, axis=0).max() > 2.5 * _DEGREES[-1]:
         raise TooWide
 
@@ -123,25 +133,23 @@ def _interpolative(matrix: ComplexArray, tolerance: float) -> tuple[Array, Compl
     Gram–Schmidt with column pivots, each direction orthogonalised twice. A threaded LAPACK factorisation of so small a
     matrix takes a millisecond alone and hundreds where cores are shared.
     """
-    rest = matrix.copy()
-    size = np.einsum("ij,ij->j", rest.conj(), rest).real
+    rest = matrix.T.copy()  # a row for each column of the matrix: sums along rows are the quick ones
+    plain = rest.view(np.float64)
+    size = np.einsum("ji,ji->j", plain, plain)
     stop = tolerance**2 * size.max()
     columns: list[int] = []
-    directions: list[ComplexArray] = []
-    while len(columns) <= _MAX_RANK and len(columns) < min(matrix.shape):
+    basis = np.empty((min(_MAX_RANK + 1, *matrix.shape), matrix.shape[0]), dtype=np.complex128)
+    for rank, direction in enumerate(basis):
         pivot = int(np.argmax(size))
         if size[pivot] <= stop:
             break
-        direction = rest[:, pivot].copy()
-        for earlier in directions:
-            direction -= np.vdot(earlier, direction) * earlier
+        direction[:] = rest[pivot]
+        direction -= np.einsum("r,ri->i", np.vecdot(basis[:rank], direction), basis[:rank])
         direction /= np.sqrt(np.vdot(direction, direction).real)
-        rest -= np.multiply.outer(direction, np.einsum("i,ij->j", direction.conj(), rest))
-        size = np.einsum("ij,ij->j", rest.conj(), rest).real
+        rest -= np.multiply.outer(np.vecdot(direction, rest), direction)
+        size = np.einsum("ji,ji->j", plain, plain)
         columns.append(pivot)
-        directions.append(direction)
-    basis = np.stack(directions)
-    weights = np.einsum("ri,ij->rj", basis.conj(), matrix)
+    weights = np.vecdot(basis[: len(columns), None], matrix.T)
     return np.asarray(columns), _back_substituted(weights[:, columns], weights)
 
 

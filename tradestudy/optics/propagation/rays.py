@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
+from tradestudy.optics.phasors import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.paths import Array, PathSum, SphericalPath
@@ -78,8 +78,9 @@ def ray_fields(wave: LensWave, kernel: Kernel, rays: Rays, x: FloatArray, y: Flo
     u, v = np.where(inside, rays.u, 0.0), np.where(inside, rays.v, 0.0)
     cosine = wave.axial_cosine(u, v)
     turned = np.where(rays.determinant < 0, -1j, np.where(rays.trace < 0, -1.0, 1.0))
-    path = wave.paths.value(u, v) + kernel.path_from_node(u, v, x, y, z) + kernel.path(x, y, z)
-    strength = wave.amplitude(u, v) * kernel.amplitude(u, v, cosine, x, y, z) * 1j * wave.wavelength
+    onward, spreading = kernel.path_and_spreading(u, v, cosine, x, y, z)
+    path = wave.paths.value(u, v) + onward + kernel.path(x, y, z)
+    strength = wave.amplitude(u, v) * spreading
     with np.errstate(divide="ignore", invalid="ignore"):  # on a caustic the field of a ray is infinite
         magnitude = np.where(rays.determinant == 0, np.inf, 1 / np.sqrt(np.abs(rays.determinant)))
     field = np.zeros(u.shape, dtype=np.complex128)

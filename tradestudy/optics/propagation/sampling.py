@@ -17,6 +17,7 @@ from tradestudy.optics.quadrature import gauss_legendre
 _BYTES_PER_NODE = 16 * 40  # complex terms of the largest low-rank factor, and the nodes themselves
 _BYTES_PER_TARGET = 16 * 40
 _WIDEST_MARGIN, _LEAST_MARGIN = 10.0, 3.0  # of `bessel_margin` at rounding errors, over the cube root, and apart
+_NEWTON_STEPS = 12  # from the cube root that leaves out the linear term, to rounding at any number of nodes
 _PAIRS_PER_SECOND = 2.0e7  # node–target pairs of the direct check on a slow core
 _TERMS_PER_SECOND = 4.0e5  # (nodes + targets) × 10 terms of the fast path on a slow core
 
@@ -262,8 +263,12 @@ class NodeCounts:
 
 def _turns(angular: int) -> float:
     """Highest angular frequency t that so many nodes resolve: t + margin · t^⅓ and the least margin."""
-    roots = np.roots([1.0, 0.0, _WIDEST_MARGIN, min(_LEAST_MARGIN - angular, 0.0)])
-    return float(roots.real.max() ** 3)  # of the cubic in t^⅓; the others are complex, left of zero
+    # The cubic in t^⅓ rises from below zero at 0 and is convex there: Newton's steps come down from above.
+    spare = max(angular - _LEAST_MARGIN, 0.0)
+    root = spare ** (1 / 3)
+    for _ in range(_NEWTON_STEPS):
+        root -= (root**3 + _WIDEST_MARGIN * root - spare) / (3 * root**2 + _WIDEST_MARGIN)
+    return float(root**3)
 
 
 def needed_nodes(
@@ -319,8 +324,8 @@ def net_phase(
     u = np.multiply.outer(ring, np.cos(angle))
     v = np.multiply.outer(ring, np.sin(angle))
     p_x, p_y = paths.slope(u, v)
-    onward = [kernel.slope_at_target(u, v, *at) for at in zip(x, y, z, strict=True)]
-    slope_x, slope_y = p_x - np.stack([e[0] for e in onward]), p_y - np.stack([e[1] for e in onward])
+    onward = kernel.slope_at_target(u, v, *(c[:, None, None] for c in (x, y, z)))
+    slope_x, slope_y = p_x - onward[0], p_y - onward[1]
     wavenumber = kernel.wavenumber
     radial = slope_x * np.cos(angle) + slope_y * np.sin(angle)
     tangential = slope_y * np.cos(angle) - slope_x * np.sin(angle)
@@ -343,8 +348,8 @@ def edge_node_count(
     angle = 2 * np.pi * np.arange(64) / 64.0
     u, v = radius * np.cos(angle), radius * np.sin(angle)
     p_x, p_y = paths.slope(u, v)
-    onward = [kernel.slope_at_target(u, v, *at) for at in zip(x, y, z, strict=True)]
-    slope_x, slope_y = p_x - np.stack([e[0] for e in onward]), p_y - np.stack([e[1] for e in onward])
+    onward = kernel.slope_at_target(u, v, *(c[:, None] for c in (x, y, z)))
+    slope_x, slope_y = p_x - onward[0], p_y - onward[1]
     along = slope_y * np.cos(angle) - slope_x * np.sin(angle)
     turns = kernel.wavenumber * radius * float(np.max(np.abs(along)))
     return math.ceil(turns + bessel_margin(turns, tolerance)) + 1

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.special
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.direct import ComplexArray
+from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.sampling import TargetGrid, bessel_margin
 
 _UNTHREADED = 250_000  # multiplications in one product that BLAS does on one thread
@@ -43,6 +43,18 @@ class Upsampling:
     first: int
     count: int
     matrix: FloatArray
+
+    def apply(self, values: ComplexArray) -> ComplexArray:
+        """Fine from coarse samples, along the rows of `values`; each fine sample has few coarse ones beside it."""
+        plain = np.ascontiguousarray(values).view(np.float64)
+        fine, overhang = self.matrix.shape[0], -2 * self.first // self.step
+        result = np.empty((fine, plain.shape[1]))
+        most = max(1, min(4 * self.step, _UNTHREADED // ((overhang + 5) * plain.shape[1])))
+        for start in range(0, fine, most):
+            rows = slice(start, min(start + most, fine))
+            near = slice(start // self.step, (rows.stop - 1) // self.step + overhang + 1)
+            np.matmul(self.matrix[rows, near], plain[near], out=result[rows])
+        return np.asarray(result.view(np.complex128))
 
 
 @lru_cache(maxsize=16)  # both axes of a square grid, and every wave on the same grid, share one

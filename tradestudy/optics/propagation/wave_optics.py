@@ -10,7 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
-from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, direct_sum
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.phasors import ComplexArray
+from tradestudy.optics.propagation.direct import ApertureSamples, direct_sum
 from tradestudy.optics.propagation.fast_sum import fast_sum
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel
 from tradestudy.optics.propagation.lens import LensWave
@@ -276,19 +278,21 @@ def _refined(
         started = time.perf_counter()
         samples = sample(counts)
         fast = fast_sum(samples, kernel, targets, low_rank_tolerance=share, nufft_tolerance=0.3 * share)
-        seconds += time.perf_counter() - started
+        intensity = squared_magnitude(fast.field)
+        checked = time.perf_counter()
+        seconds += checked - started
         finer = sample(counts.scaled(2.0)) if doubling else None
-        check = _check(samples, finer, kernel, targets, fast.field, accuracy)
-        check_seconds += check.seconds
-        last = time.perf_counter() - begun - spent
+        check = _check(samples, finer, kernel, targets, fast.field, intensity, accuracy)
         error = stated_error(
-            fast.field,
+            intensity,
             check,
             largest=largest_field(samples, kernel, targets),
             rounding=rounding_error(samples, kernel, targets),
             low_rank=fast.low_rank_error,
             nufft=0.3 * share if fast.rank else 0.0,
         )
+        check_seconds += time.perf_counter() - checked
+        last = time.perf_counter() - begun - spent
         good = error.intensity <= accuracy.tolerance
         if good or (fixed_nodes and (check.nodes > check.sums or share < 1e-13)):
             break
@@ -303,10 +307,9 @@ def _refined(
             limit=f"{accuracy.tolerance:g}",
             remedy="raise the tolerance, or include targets outside the dark",
         )
-    field = fast.field.reshape(targets.shape)
     return ApertureField(
-        field=field,
-        intensity=squared_magnitude(field),
+        field=fast.field.reshape(targets.shape),
+        intensity=intensity.reshape(targets.shape),
         targets=targets,
         pupil_power=float(samples.nodes.weights @ squared_magnitude(samples.field)),
         error=error,
@@ -331,11 +334,11 @@ def _check(
     kernel: Kernel,
     targets: Targets,
     field: ComplexArray,
+    intensity: FloatArray,
     accuracy: FieldAccuracy,
 ) -> CheckErrors:
     """Compare with direct quadrature on the same nodes and on twice as many in each direction."""
-    started = time.perf_counter()
-    at = choose_check_targets(targets, field, count=accuracy.check_targets, seed=accuracy.seed)
+    at = choose_check_targets(targets, intensity, count=accuracy.check_targets, seed=accuracy.seed)
     same = direct_sum(samples, kernel, at.x, at.y, at.z)
     best = same if finer is None else direct_sum(finer, kernel, at.x, at.y, at.z)
     here = field[at.index]
@@ -347,7 +350,6 @@ def _check(
         intensity=at.intensity_norm(here - best, best),
         field_share=field_share,
         intensity_share=intensity_share,
-        seconds=time.perf_counter() - started,
         targets=at.index.size,
     )
 

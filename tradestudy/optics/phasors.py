@@ -1,0 +1,55 @@
+"""Phase factors exp(i phase), by one tangent each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tradestudy.optics.arrays import FloatArray
+
+ComplexArray = npt.NDArray[np.complex128]
+
+
+def phasor_sum(phase: FloatArray, size: npt.NDArray[Any], strength: ComplexArray) -> ComplexArray:
+    """Σ_j size_ij exp(i phase_ij) strength_j; real sizes are summed by parts, without a complex array of pairs."""
+    if np.iscomplexobj(size):
+        return np.asarray(np.einsum("ij,j->i", scaled_phasor(phase, size), strength))
+    cosine, sine = _parts(phase, size)
+    parts = np.stack([strength.real, strength.imag], axis=1)
+    by_cosine, by_sine = cosine @ parts, sine @ parts
+    return by_cosine[:, 0] - by_sine[:, 1] + 1j * (by_cosine[:, 1] + by_sine[:, 0])
+
+
+def scaled_phasor(phase: FloatArray, size: npt.NDArray[Any]) -> ComplexArray:
+    """Size times exp(i phase); quickest for real sizes."""
+    if np.iscomplexobj(size):
+        return np.asarray(unit_phasor(phase) * size)
+    return _joined(*_parts(phase, size))
+
+
+def unit_phasor(phase: FloatArray) -> ComplexArray:
+    """exp(i phase) to rounding."""
+    return _joined(*_parts(phase, np.ones(())))
+
+
+def _parts(phase: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Size times cosine and sine of the phase, from t = tan(phase/2): 2/(1 + t²) − 1 and 2 t/(1 + t²).
+
+    One tangent takes a third to an eighth of the time of cosine and sine. No float is an odd multiple of π/2, so that t
+    stays finite: at most 1e16 or so.
+    """
+    t = np.asarray(np.tan(0.5 * phase))
+    twice = np.asarray(t * t)
+    twice += 1.0
+    np.divide(2.0 * size, twice, out=twice)
+    t *= twice
+    twice -= size
+    return twice, t
+
+
+def _joined(real: FloatArray, imaginary: FloatArray) -> ComplexArray:
+    result = np.empty(real.shape, dtype=np.complex128)
+    result.real, result.imag = real, imaginary
+    return result
