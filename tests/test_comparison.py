@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from collections.abc import Mapping
@@ -15,6 +16,7 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import tradestudy
+from tradestudy import api
 from tradestudy.cli import app
 from tradestudy.comparison import Comparison, compare_runs
 from tradestudy.comparison.words import values_in_words
@@ -493,6 +495,7 @@ def test_the_page_asks_no_host_and_its_file_is_replaced_whole(tmp_path: Path, mo
         storage.write_finished(storage.encoded(result.data), result.run_record, tmp_path / name)
     page = tmp_path / "pages" / "compared.html"
     runs = [str(tmp_path / name) for name in ("wide", "narrow")]
+    monkeypatch.setattr(api, "open_result", functools.cache(api.open_result))  # which takes longest, and twice the same
     done = CliRunner().invoke(app, ["compare", *runs, "--html", str(page)])
     assert done.exit_code == 0, done.output
     lines = done.stdout.splitlines()

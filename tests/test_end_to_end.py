@@ -260,11 +260,15 @@ def test_a_killed_run_leaves_no_half_written_file_and_ends_as_one_that_was_not(
 
 
 def test_a_study_whose_data_file_changed_is_another_study(tmp_path: Path) -> None:
-    """So that a finished run is not taken for the answer to other corners."""
-    shutil.copytree(STUDIES, tmp_path / "studies")
-    study = tmp_path / "studies" / "real_rig.yaml"
+    """So that a finished run is not taken for the answer to another calibration."""
+    covariance = tmp_path / "covariance.csv"
+    covariance.write_text("parameter,mean,yaw\nyaw,0.0,3e-8\n", encoding="utf-8")
+    study = tmp_path / "small.yaml"
+    errors = "{errors: {yaw: {standard_deviation: 0.01 deg}}}"
+    assert errors in SMALL
+    study.write_text(SMALL.replace(errors, "{posterior: {file: covariance.csv}}"), encoding="utf-8")
     loaded = load(study)
+    assert list(loaded.definition.data_files.values()) == [covariance]
     before = loaded.hash
-    (corners,) = loaded.definition.data_files.values()
-    corners.write_bytes(corners.read_bytes().replace(b"239.9044", b"239.9045", 1))
+    covariance.write_text("parameter,mean,yaw\nyaw,0.0,4e-8\n", encoding="utf-8")
     assert loaded.hash != before

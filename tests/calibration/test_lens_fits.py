@@ -11,6 +11,7 @@ import pytest
 
 from tests.calibration.cameras import stereo
 from tests.calibration.noisy_corners import COLUMNS, ROWS, SQUARE
+from tradestudy.calibration.corners import rig_posterior
 from tradestudy.calibration.corners.bundle_adjustment import fit_camera, fit_pair
 from tradestudy.calibration.corners.corner_file import StereoCorners
 from tradestudy.calibration.corners.lens_comparison import compare_lenses
@@ -204,8 +205,11 @@ def test_the_corners_tell_which_lens_model_they_are_of() -> None:
     assert not_called_for.support < -2.0 * not_called_for.support_deviation
 
 
-def test_a_calibration_with_a_declared_lens_model_is_saved_and_read_again(tmp_path: Path) -> None:
+def test_a_calibration_with_a_declared_lens_model_is_saved_and_read_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """From a declaration to the depth that is read: the draws of all coefficients, and the file of them."""
+    monkeypatch.setattr(rig_posterior, "CHECKED_POINTS", 20)  # test_relative_pose_posterior.py is about that check
     lens, free = TRUE["fisheye"]
     corners = seen_by_both(lens)
     with (tmp_path / "corners.csv").open("w") as file:

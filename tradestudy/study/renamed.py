@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Final
 
 from tradestudy.cameras.kinds import DEPTH_PARAMETERS
@@ -146,6 +147,7 @@ def _instead_of_part(path: Path) -> str | None:
     return next((what for length in range(1, len(path) + 1) if (what := _instead(path[:length])) is not None), None)
 
 
+@lru_cache(maxsize=4096)  # keys share the paths above them, and studies their keys
 def _instead(path: Path) -> str | None:
     """What to write instead of the key at a path; None if format 2 has the key too."""
     if len(path) == 4 and path[::2] == ("cameras", "calibration") and path[3] in DEPTH_PARAMETERS:

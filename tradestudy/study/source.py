@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, cast
 
 from ruamel.yaml import YAML
@@ -80,6 +81,12 @@ def compose(text: str, start: Place, *, tags: bool = False) -> tuple[Entry, list
     UnreadableError
         If there is no tree: empty text, broken syntax, too many or too deeply nested values.
     """
+    entry, problems = _composed(text, start, tags)
+    return entry, [*problems]
+
+
+@lru_cache(maxsize=16)  # a file of a camera is first tried as a calibration file, and a notebook loads a study often
+def _composed(text: str, start: Place, tags: bool) -> tuple[Entry, tuple[Problem, ...]]:
     composer = _Composer(start=start, last=start, may_have_tags=tags)
     if tag := _ENDLESS_TAG.search(text):
         composer.fail(composer.place_in(text, tag.start()), _NO_TAGS)
@@ -102,7 +109,7 @@ def compose(text: str, start: Place, *, tags: bool = False) -> tuple[Entry, list
         composer.fail(composer.last, f"this is not valid YAML ({error})")
     if composer.root is None:
         composer.fail(start, "it is empty; `tradestudy new NAME` writes a starter study")
-    return composer.root, composer.problems
+    return composer.root, (*composer.problems,)
 
 
 def entry_of_value(value: Value, place: Place) -> tuple[Entry, list[Problem]]:

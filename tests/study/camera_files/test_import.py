@@ -186,7 +186,8 @@ def test_a_strong_toe_in_is_imported(tmp_path):
 
 
 def test_corners_on_a_board_in_a_wrong_unit_are_refused(tmp_path):
-    text = simulate_corners.FILE.read_text()
+    rows = simulate_corners.FILE.read_text().splitlines()
+    text = "\n".join([rows[0], *(row for row in rows[1:] if int(row.split(",")[0]) % 3 == 0)]) + "\n"
     (tmp_path / "corners.csv").write_text(text.replace("board_x_mm", "board_x_m").replace("board_y_mm", "board_y_m"))
     with pytest.raises(StudyError, match="20 m is expected; name the columns board_x_mm"):
         tradestudy.load(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [1024, 1024]}"))
