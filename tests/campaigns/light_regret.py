@@ -33,6 +33,7 @@ from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 
 METHODS: tuple[MethodName, ...] = ("exact-rays", "fresnel", "fresnel-kirchhoff", "kirchhoff")
 ADDED = 0.1  # seconds that nobody notices
+_PREDICTED_WITHIN = 3.0  # factor
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,8 +96,8 @@ def _least_of(
 ) -> tuple[SpotModels, float] | None:
     """The coarsest sampling that suffices and its least seconds of three; None if it takes longer than others do."""
     try:
-        if predicted_picture_seconds(part, steps[0]) > 3.0 * least + ADDED:
-            return None  # a picture that no one would call cheapest
+        if predicted_picture_seconds(part, steps[0]) > _PREDICTED_WITHIN * least:
+            return None
         for models in steps:  # finer sampling takes longer
             first, found = _timed(part, models, truth)
             if first > 1.3 * least:
@@ -179,10 +180,15 @@ def main() -> None:
                 f"{one.trial_seconds:.3f} s, {_words(one.chosen)} {one.seconds:.3f} s, {_words(one.cheapest)} "
                 f"{one.least_seconds:.3f} s", flush=True
             )  # fmt: skip
+            _write(asked, outcomes, number + 1)
+
+
+def _write(asked: argparse.Namespace, outcomes: list[Outcome], drawn: int) -> None:
+    """The record of the cases so far, so that an interrupted run leaves one."""
     record.write(
         "light_regret",
-        f"Regret of chosen pictures: {len(outcomes)} of {asked.cases} random light paths, seed {asked.seed}",
-        f"python -m tests.campaigns.light_regret --cases {asked.cases} --seed {asked.seed}",
+        f"Regret of chosen pictures: {len(outcomes)} of {drawn} random light paths, seed {asked.seed}",
+        f"python -m tests.campaigns.light_regret --cases {drawn} --seed {asked.seed}",
         ("What", "Measured"),
         rows(outcomes),
     )
