@@ -53,7 +53,7 @@ def test_the_light_spot_calls_for_less_the_less_is_asked() -> None:
     assert all(one.integrated and not one.separate and not one.point for one in found)
 
 
-@pytest.mark.xfail(strict=True, reason="1.3 times what trials show, 4.5 % of Fresnel to the array, exceeds it")
+@pytest.mark.xfail(strict=True, reason="Fresnel changes it by 4.1 %, but trials of laws scatter too much to tell")
 def test_the_light_spot_to_5_percent_needs_no_kirchhoff() -> None:
     assert spot_models(chosen(spot(), 0.05).models).method in ("exact-rays", "fresnel", "fresnel-kirchhoff")
 
@@ -112,6 +112,16 @@ def test_a_wide_disc_is_no_point() -> None:
         part = spot(*SMALL, f"light_spot.spot.diameter={diameter} mm")
         changed, own = LightTrial(part).squares(0, replace(complete, point=True), complete)
         assert changed > own
+
+
+def test_rays_are_not_judged_by_microlenses_that_they_pass_by() -> None:
+    """The main image lies on the array; the image of the disc's centre alone would promise rays within 10 %."""
+    part = random_part(np.random.default_rng([203, 132]))
+    part = part.model_copy(update={"spot": part.spot.model_copy(update={"diameter": 8.0 * part.spot.diameter})})
+    complete = SpotModels(method="kirchhoff", tolerance=0.03, monochromatic=True)
+    rays = replace(complete, method="exact-rays", tolerance=0.01)
+    assert relative(spot_picture(part, rays).pixels, spot_picture(part, complete).pixels) > 0.15
+    assert spot_models(chosen(part, 0.12).models).method != "exact-rays"
 
 
 def test_nothing_is_tried_that_cannot_change_the_choice(monkeypatch: pytest.MonkeyPatch) -> None:

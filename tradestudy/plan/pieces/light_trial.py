@@ -38,6 +38,7 @@ _RAYS: Final = 2**15  # per point; disc and pixels average out their errors
 _AROUND: Final = 3  # points that represent a disc: their mean is exact to second order in its radius
 _PARTS: Final = 3  # along a pixel; odd, so that one of them is at its centre
 _MOST_LINES: Final = 4
+_MET: Final = 0.5  # of the light that waves bring: less by rays means that they pass the microlenses by
 _AZIMUTHS: Final = 16
 
 
@@ -170,7 +171,8 @@ class LightTrial:
     def squares(self, number: int, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
         """Squared L2 norms of the change of one probe's pixels by models, and of the pixels by the most complete ones.
 
-        The change is infinite where the models refuse to compute the image.
+        The change is infinite where the models refuse to compute the image, and where a probe's rays pass the
+        microlenses by, which then see so little of the disc that its blurred image does not represent the picture.
         """
         if self._shrinks(models, complete):
             return self._as_point(models, complete)
@@ -178,6 +180,8 @@ class LightTrial:
         try:
             fine, reference = (self._fine(number, one, pair=models.separate) for one in (models, complete))
         except TradestudyError:
+            return math.inf, 1.0
+        if models.method in RAYS and fine.sum() < _MET * reference.sum():
             return math.inf, 1.0
         whole = _on_pixels(reference, integrated=complete.integrated)
         shifted = [fine] if probe.held == 1.0 or models.point else [fine, _aligned(fine, reference)]
