@@ -13,7 +13,7 @@ from tradestudy.analysis.spot_images import RAYS, SpotModels, light_path, light_
 from tradestudy.effects.choice import Change, Changes, Piece, Slot
 from tradestudy.effects.models import LENSES, OFF, Models, SlotName, models_of
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.optics.chain import ChainAccuracy, DiscSource
+from tradestudy.optics.chain import ChainAccuracy, DiscSource, LightPath
 from tradestudy.optics.chain.sources import source_nodes
 from tradestudy.optics.chain.spot_image import followed_points
 from tradestudy.optics.chain.spot_parts import source_density
@@ -38,8 +38,12 @@ METHODS: Final[Mapping[tuple[str, str], MethodName]] = {
 # twelve cases of seed 1 of `tests.campaigns.light_cases`, where trials of Fresnel's law to the array found at least
 # half of its change.
 MARGIN: Final = 1.3
-# Trials of three laws compute each probe about ten times: for pictures of few points they cost more than they save.
-_WORTH_TRYING: Final = 30.0
+# The mean of three points is exact to second order in the radius of the disc they represent. On 93 light paths of seeds
+# 201 and 202, trials found at least 88 % of changes below 15 %.
+_MARGIN_OF_EXTENT: Final = 1.15
+# Trials of three laws follow about forty points: for pictures of few points they cost more than they save.
+_WORTH_TRYING: Final = 120.0
+_LARGEST_BY_RULE: Final = 0.3  # a law of second order holds no further
 _FREE: Final = 0.25  # of the change by models: a sampling error this small needs no finer nodes
 
 
@@ -112,6 +116,9 @@ class LightSpotPiece(Piece):
         whole = replace(found, tolerance=TOLERANCES[-1])
         if whole == self._complete:
             return {"pixel_intensity": Change(relative=found.tolerance, evidence="rule")}
+        if whole not in self._found and whole == self._shrunk:
+            relative = _with_sampling(self._extent, found)
+            return {"pixel_intensity": Change(relative=relative, least=found.tolerance, evidence="rule")}
         if whole not in self._found and whole.method != self._complete.method and self._is_quick(whole):
             return {"pixel_intensity": Change(relative=math.inf, least=math.inf)}
         if whole not in self._found:
@@ -119,18 +126,31 @@ class LightSpotPiece(Piece):
         done = self._found[whole]
         changed, own = (math.fsum(one) for one in zip(*done, strict=True))
         tried = math.sqrt(changed / own) if own > 0.0 else math.inf
-        count = len(self._trial.numbers(whole, self._complete))
+        count = self._trial.count(whole, self._complete)
         if len(done) < count:
             # The lower bound if the other points change nothing, and contain up to four times the squared light.
             least = 0.5 * tried * math.sqrt(len(done) / count)
             return {"pixel_intensity": Change(relative=math.inf, least=least, evidence="trial")}
-        change = MARGIN * tried + TOLERANCE
-        relative = math.hypot(change, max(found.tolerance, _FREE * change))
-        return {"pixel_intensity": Change(relative=relative, evidence="trial")}
+        margin = _MARGIN_OF_EXTENT if whole == self._shrunk else MARGIN
+        change = math.hypot(margin * tried, TOLERANCE)
+        return {"pixel_intensity": Change(relative=_with_sampling(change, found), evidence="trial")}
+
+    @cached_property
+    def _extent(self) -> float:
+        """Change of the picture if the disc counts as a point, by a rule; infinite where none holds."""
+        source = light_source(self._part)
+        if not isinstance(source, DiscSource) or source.coherent:
+            return math.inf
+        return extent_rule(light_path(self._part), source, self._part.mean_wavelength)
+
+    @property
+    def _shrunk(self) -> SpotModels:
+        """The most complete models, but for a disc that counts as a point."""
+        return replace(self._complete, point=True)
 
     def _is_quick(self, models: SpotModels) -> bool:
         """Whether trying out a law would take about as long as the picture itself; then it is not tried."""
-        return not self._forced and (models.point or self._points < _WORTH_TRYING * self._trial.size)
+        return not self._forced and (models.point or self._points < _WORTH_TRYING)
 
     @cached_property
     def _points(self) -> float:
@@ -152,10 +172,9 @@ class LightSpotPiece(Piece):
         if whole is None or whole == self._complete:
             return False
         done = self._found.setdefault(whole, [])
-        numbers = self._trial.numbers(whole, self._complete)
-        if len(done) == len(numbers):
+        if len(done) == self._trial.count(whole, self._complete):
             return False
-        done.append(self._trial.squares(numbers[len(done)], whole, self._complete))
+        done.append(self._trial.squares(len(done), whole, self._complete))
         return True
 
     def _models(self, models: Models) -> SpotModels | None:
@@ -170,6 +189,41 @@ class LightSpotPiece(Piece):
             return None
         # Fresnel's law behind Kirchhoff's costs as much as Kirchhoff's law on both legs.
         return None if found.method == "kirchhoff-fresnel" and LENSES[1] not in self._forced else found
+
+
+def _with_sampling(change: float, models: SpotModels) -> float:
+    """Change by omissions and sampling together, which are independent."""
+    return math.hypot(change, max(models.tolerance, _FREE * change))
+
+
+def extent_rule(path: LightPath, source: DiscSource, wavelength: float) -> float:
+    """Relative L2 change of the pixels if an incoherent disc counts as a point.
+
+    A pixel's light that comes through a width D of the pupil varies with the place of the source by at most D/(λ z)
+    cycles per metre. The mean over a disc of diameter d lowers such a variation by 1 − 2 J₁(t)/t ≤ t²/8,
+    t = π d D/(λ z). Half of that is stated: twice what 222 light paths showed, but for numerical errors. A
+    microlens w wide takes D = w a/|b| from the image of a point, a behind the main lens and |b| from the array, widened
+    by its Airy disc, 2.44 λ (a + b)/w.
+
+    Parameters
+    ----------
+    path, source
+        Camera and disc.
+    wavelength
+        λ [m].
+
+    Returns
+    -------
+    float
+        Infinite where the change is too large for a rule of second order.
+    """
+    width, array = path.microlenses.aperture_width, path.array_distance
+    depth = path.image_at_array(source.centre)[2]
+    airy = 2.44 * wavelength * array / width
+    geometric = width * (array - depth) / abs(depth) if depth != 0.0 else math.inf
+    seen = min(2.0 * path.main_lens.radius, geometric + airy)
+    change = (math.pi * source.diameter * seen / (wavelength * source.distance)) ** 2 / 16.0
+    return change if change < _LARGEST_BY_RULE else math.inf
 
 
 def spot_models(models: Models) -> SpotModels:

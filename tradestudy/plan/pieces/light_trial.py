@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 import scipy.fft
 import scipy.special
 
-from tradestudy.analysis.spot_images import RAYS, SpotModels, legs, light_path, light_source
+from tradestudy.analysis.spot_images import RAYS, SpotModels, legs, light_path, light_source, picture_of
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import ChainAccuracy, DiscSource, LightPath, PixelGrid
@@ -23,16 +24,22 @@ from tradestudy.optics.chain.arriving_light import blur_radius, point_wave, ray_
 from tradestudy.optics.chain.image import microlenses_alone, nearest_microlens
 from tradestudy.optics.chain.point_image import compute_point
 from tradestudy.optics.chain.sampled_rays import forward_tracer
+from tradestudy.optics.chain.sources import source_nodes
+from tradestudy.optics.chain.spot_parts import source_density
+from tradestudy.optics.chain.spot_points import Spot, point_light, prepare_spot, tables_at
 from tradestudy.optics.propagation import PointSource
 from tradestudy.study.schema.light_spot import LightSpotPart
 
 TOLERANCE: Final = 2e-3  # of the images of points
+# Neighbouring points of a disc share most of their numerical error: of their differences, these leave less than
+# `TOLERANCE` of the picture.
+_COARSE, _SPARSE = 5e-2, 0.5
 _RAYS: Final = 2**15  # per point; disc and pixels average out their errors
 _AROUND: Final = 3  # points that represent a disc: their mean is exact to second order in its radius
 _PARTS: Final = 3  # along a pixel; odd, so that one of them is at its centre
 _MOST_LINES: Final = 4
+_MET: Final = 0.5  # of the light that waves bring: less by rays means that they pass the microlenses by
 _AZIMUTHS: Final = 16
-_BLURRED: Final = 0.3  # relative change by blur alone, above which a disc is clearly not a point
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,8 +52,6 @@ class Probe:
         A microlens alone and with its nearest neighbour, each with the pixels that belong to it, divided into parts.
     point
         Source point.
-    middle, around
-        Centre of the disc, and three points at 1/√2 of its radius.
     spread
         Radius of the ray image of the disc on the detector [m], 0 for a point.
     coherent_radius
@@ -59,8 +64,6 @@ class Probe:
     alone: LightPath
     pair: LightPath
     point: PointSource
-    middle: PointSource
-    around: tuple[PointSource, ...]
     spread: float
     coherent_radius: float
     held: float
@@ -76,7 +79,6 @@ def probes(part: LightSpotPart) -> tuple[Probe, ...]:
     middle = source.centre if isinstance(source, DiscSource) else source
     radius = source.diameter / 2.0 if isinstance(source, DiscSource) else 0.0
     coherent = isinstance(source, DiscSource) and source.coherent
-    around = tuple(_on_circle(middle, radius / math.sqrt(2.0), _AROUND))
     found = []
     for index, places in _places(path, middle, 0.0 if coherent else radius, np.unique(owner)):
         apart = np.linalg.norm(path.microlenses.centres - path.microlenses.centres[index], axis=1)
@@ -90,8 +92,6 @@ def probes(part: LightSpotPart) -> tuple[Probe, ...]:
                 alone=alone,
                 pair=pair,
                 point=PointSource(x=middle.x + x, y=middle.y + y, distance=middle.distance),
-                middle=middle,
-                around=around,
                 spread=spread,
                 coherent_radius=radius if coherent else 0.0,
                 held=held,
@@ -153,64 +153,67 @@ class LightTrial:
 
     def __init__(self, part: LightSpotPart) -> None:
         self._part = part
-        self._probes = probes(part)
-        self._images: dict[tuple[int, PointSource, SpotModels, float], FloatArray] = {}
+        self._spots: dict[tuple[str, bool], Spot] = {}
+        self._images: dict[tuple[int, bool, SpotModels, float], FloatArray] = {}
 
-    @property
-    def size(self) -> int:
-        """Number of probes."""
-        return len(self._probes)
+    @cached_property
+    def _probes(self) -> tuple[Probe, ...]:
+        return probes(self._part)
 
-    def numbers(self, models: SpotModels, complete: SpotModels) -> tuple[int, ...]:
-        """Probes that distinguish models: one behind each microlens where a disc counts as a point, otherwise all."""
-        if not models.point or complete.point:
-            return tuple(range(len(self._probes)))
-        return tuple({id(one.alone): number for number, one in reversed(list(enumerate(self._probes)))}.values())
+    def count(self, models: SpotModels, complete: SpotModels) -> int:
+        """Number of comparisons: the probes, or one where a disc counts as a point."""
+        return 1 if self._shrinks(models, complete) else len(self._probes)
+
+    def _shrinks(self, models: SpotModels, complete: SpotModels) -> bool:
+        """Whether models treat an incoherent disc as a point."""
+        return models.point and not complete.point and not self._part.spot.coherent
 
     def squares(self, number: int, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
         """Squared L2 norms of the change of one probe's pixels by models, and of the pixels by the most complete ones.
 
-        The change is infinite where the models refuse to compute the image.
+        The change is infinite where the models refuse to compute the image, and where a probe's rays pass the
+        microlenses by, which then see so little of the disc that its blurred image does not represent the picture.
         """
+        if self._shrinks(models, complete):
+            return self._as_point(models, complete)
         probe = self._probes[number]
-        if models.point and not complete.point and probe.coherent_radius == 0.0:
-            return self._as_point(number, models, complete)
         try:
             fine, reference = (self._fine(number, one, pair=models.separate) for one in (models, complete))
         except TradestudyError:
+            return math.inf, 1.0
+        if models.method in RAYS and fine.sum() < _MET * reference.sum():
             return math.inf, 1.0
         whole = _on_pixels(reference, integrated=complete.integrated)
         shifted = [fine] if probe.held == 1.0 or models.point else [fine, _aligned(fine, reference)]
         changes = [float(np.sum((_on_pixels(one, integrated=models.integrated) - whole) ** 2)) for one in shifted]
         return probe.held * changes[0] + (1.0 - probe.held) * changes[-1], float(np.sum(whole**2))
 
-    def _as_point(self, number: int, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
-        """As `squares`, for a disc that models treat as a point.
-
-        The image of the centre is compared with the blurred one or, for a small disc, with the mean image of three
-        points that represent it. These light a microlens unevenly, which blurring alone does not reproduce.
-        """
-        probe, line = self._probes[number], self._part.mean_wavelength
+    def _as_point(self, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
+        """As `squares`, for a disc that models treat as a point: its centre against points that represent the disc."""
+        spot, source = self._part.spot, light_source(self._part)
+        assert isinstance(source, DiscSource)  # a point does not shrink
+        around = _on_circle(source.centre, spot.diameter / 2.0 / math.sqrt(2.0), _AROUND)
         try:
-            fine, middle = (
-                self._image(number, one, line, pair=models.separate, point=probe.middle) for one in (models, complete)
-            )
+            if complete.method in RAYS:
+                accuracy = ChainAccuracy(tolerance=TOLERANCE)
+                centre, whole = (
+                    picture_of(self._part, one, complete, accuracy=accuracy, seed=self._part.seed).pixels
+                    for one in (source.centre, source)
+                )
+            else:
+                centre = self._followed(models, source.centre)
+                whole = np.mean([self._followed(complete, one) for one in around], axis=0)
         except TradestudyError:
             return math.inf, 1.0
-        whole = _on_pixels(
-            _spread_out(middle, probe.spread / probe.alone.pixels.pitch, point=False), integrated=complete.integrated
-        )
-        padded = _spread_out(fine, probe.spread / probe.alone.pixels.pitch, point=True)
-        changed = float(np.sum((_on_pixels(padded, integrated=models.integrated) - whole) ** 2))
-        own = float(np.sum(whole**2))
-        if changed > _BLURRED**2 * own:
-            return changed, own
-        around = np.mean(
-            [self._image(number, complete, line, pair=models.separate, point=one) for one in probe.around], axis=0
-        )
-        whole = _on_pixels(around, integrated=complete.integrated)
-        change = _on_pixels(fine, integrated=models.integrated) - whole
-        return float(np.sum(change**2)), float(np.sum(whole**2))
+        return float(np.sum((centre - whole) ** 2)), float(np.sum(whole**2))
+
+    def _followed(self, models: SpotModels, point: PointSource) -> FloatArray:
+        """Pixels of one point of the disc, followed as in its picture."""
+        key = models.method, models.integrated
+        if key not in self._spots:
+            self._spots[key] = _prepared(self._part, models)
+        spot, at = self._spots[key], (point.x, point.y)
+        return point_light(spot, at, tables_at(spot, [at])[at]).on_pixels(spot)
 
     def _fine(self, number: int, models: SpotModels, *, pair: bool) -> FloatArray:
         """Light of the disc on parts of pixels, as if all its points had the same image as the probe."""
@@ -220,11 +223,8 @@ class LightTrial:
         probe = self._probes[number]
         return _spread_out(np.asarray(fine), probe.spread / probe.alone.pixels.pitch, point=models.point)
 
-    def _image(
-        self, number: int, models: SpotModels, wavelength: float, *, pair: bool, point: PointSource | None = None
-    ) -> FloatArray:
+    def _image(self, number: int, models: SpotModels, wavelength: float, *, pair: bool) -> FloatArray:
         probe = self._probes[number]
-        at = point or probe.point
         plain = replace(
             models,
             tolerance=TOLERANCE,
@@ -232,11 +232,20 @@ class LightTrial:
             monochromatic=False,
             point=models.point or probe.coherent_radius == 0.0,
         )
-        path = probe.pair if pair else probe.alone
-        key = id(path), at, plain, wavelength  # probes of one microlens share its path
+        key = number, pair, plain, wavelength
         if key not in self._images:
-            self._images[key] = _point_image(replace(probe, point=at), path, plain, wavelength)
+            self._images[key] = _point_image(probe, probe.pair if pair else probe.alone, plain, wavelength)
         return self._images[key]
+
+
+def _prepared(part: LightSpotPart, models: SpotModels) -> Spot:
+    """What all points of the disc share."""
+    path, source = light_path(part), light_source(part)
+    assert isinstance(source, DiscSource)  # no point has points
+    path = replace(path, pixels=replace(path.pixels, integrated=models.integrated))
+    accuracy = ChainAccuracy(tolerance=_COARSE, source_sampling=_SPARSE)
+    nodes = source_nodes(path, source, wavelength=part.mean_wavelength, density=source_density(accuracy))
+    return prepare_spot(path, source, nodes, part.mean_wavelength, legs(models.method), accuracy)
 
 
 def _lines(part: LightSpotPart) -> list[tuple[float, float]]:
