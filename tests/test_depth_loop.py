@@ -87,6 +87,21 @@ def test_four_times_the_light_halves_the_noise_of_depth(measured: xr.Dataset) ->
     assert np.all((ratio > 1.8) & (ratio < 2.3))
 
 
+@pytest.mark.slow
+def test_the_matcher_fitted_to_near_micro_images_tells_the_noise_in_far_ones() -> None:
+    """At 4 m, pixel locking differs most between the three directions of the lattice."""
+    shipped = api.load(Path(__file__).parents[1] / "studies" / "depth_loop.yaml")
+    planes: dict[str, Value] = {
+        "depth_loop.cameras": ["raytrix-r5"],
+        "depth_loop.distances": ["0.2 m", "4 m"],
+        "depth_loop.fitted_at": ["0.2 m"],
+    }
+    data = shipped.with_values(planes).run().data["depth_loop"].to_dataset().squeeze()
+    assert np.all(data["depth_windows"] >= 1500)
+    assert abs(float(data["over_matcher"].sel(distance=4.0)) - 1.0) < 0.1
+    assert np.all(np.abs(data["depth_bias_px"]) < 0.02)
+
+
 def test_what_is_paired_is_the_overlap_of_parallel_pictures(measured: xr.Dataset) -> None:
     available = measured["depth_available"].isel(electrons=0)
     assert available.values == pytest.approx(measured["predicted_availability"].isel(electrons=0).values, abs=0.02)

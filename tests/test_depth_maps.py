@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from tests.scene_studies import PAIR, PLENOPTIC, scene_study
 from tradestudy import api, cli
+from tradestudy.cameras.depth_map import DepthSearch, FlatPicture
 from tradestudy.imaging.estimation.score import DepthScore
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.window_matching import Reason
@@ -123,6 +124,29 @@ def test_the_sharpest_of_a_stack_lies_within_a_sixth_of_a_step(tmp_path: Path, d
     assert abs(score.bias) < step / 6
     assert score.spread < step / 6
     assert np.isnan(score.predicted)
+
+
+def test_a_stack_measures_nothing_in_noise_that_differs_over_the_picture(tmp_path: Path) -> None:
+    """Noise of four times the standard deviation on the right has sixteen times the energy, and no more texture."""
+    path = tmp_path / "maps.yaml"
+    path.write_text(study_text("stack", PLANE.format(150)), encoding="utf-8")
+    definition = api.load(path).definition
+    camera, reader = definition.case.all_cameras["stack"], definition.file.cameras["stack"].reader
+    assert reader is not None
+    sensor = camera.sensor
+    noise = np.broadcast_to(np.linspace(0.01, 0.04, sensor.columns, dtype=np.float32), (sensor.rows, sensor.columns))
+    rng = np.random.default_rng(4)
+    pictures = {
+        one.name: FlatPicture(
+            values=np.asarray(1.0 + noise * rng.standard_normal(noise.shape), np.float32),
+            variance=np.square(noise),
+            pure=np.ones(noise.shape, bool),
+        )
+        for one in camera.exposures(0.15, {}, None, 0.0)
+    }
+    found = reader(camera=camera, search=DepthSearch(near=0.12, far=0.2, window_px=9.0)).read(pictures)
+    for half in np.array_split(found.reason, 2, axis=1):
+        assert np.mean(half == Reason.MEASURED) < 0.01
 
 
 @pytest.mark.parametrize(

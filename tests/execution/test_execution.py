@@ -272,7 +272,11 @@ class TestDask:
         (tmp_path / "once").mkdir()
         (tmp_path / "always").mkdir()
         assert_same(mapped(cluster, points(tmp_path / "once", 8, seconds=0.25, p3="kills once")), 8)
-        assert times_computed(tmp_path / "once") == {**dict.fromkeys(range(8), 1), 3: 2}
+        times = times_computed(tmp_path / "once")
+        # A value that has not been fetched from the worker yet dies with it: that of the point before.
+        assert times[3] == 2
+        assert sorted(times) == list(range(8))
+        assert 9 <= sum(times.values()) <= 10
         with pytest.raises(DeadlyPointError, match="number=2"):
             mapped(cluster, points(tmp_path / "always", 4, p2="kills always"))
 

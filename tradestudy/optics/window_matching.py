@@ -68,7 +68,8 @@ class Matches:
         [steps]; NaN where none was measured.
     deviation
         Standard deviation due to the noise of both pictures [steps], from the texture of the window itself and the
-        noise of each of its pixels: ``√(Σ g² v)/|B′(d)|``, v the variance of the difference.
+        noise of each of its pixels: ``√(Σ g² v)/|B′(d)|``, v the variance of the difference; of smoothed pictures,
+        one g is the `PairOfPictures.noise_gradient`.
     reason
         `Reason` of each.
     """
@@ -122,11 +123,15 @@ class PairOfPictures:
         Gradient of a picture of the same place per step of disparity, shape (…, rows, columns); NaN where undefined.
     difference
         For a whole step: the second picture moved back by it minus the first, the variance of the noise of that, and
-        where both are valid.
+        where both are valid. For pictures that were smoothed, the variance is that of the noise before it.
+    noise_gradient
+        For pictures that were smoothed, the gradient convolved with the correlation c that this leaves in white noise:
+        the variance of Σ g (h∗n) is Σ g (c∗g) v. None for pictures as they were taken.
     """
 
     gradient: Samples
     difference: Callable[[int], tuple[Samples, Samples, BoolArray]]
+    noise_gradient: Samples | None = None
 
 
 def match_windows(
@@ -208,6 +213,7 @@ def _sums(
     for pair in pairs:
         there = np.isfinite(pair.gradient)
         g = np.where(there, pair.gradient, kind.type(0))
+        on_noise = g if pair.noise_gradient is None else np.where(there, pair.noise_gradient, kind.type(0))
         for k, step in enumerate(steps):
             difference, variance, seen = pair.difference(step)
             middle[k] |= seen
@@ -215,9 +221,8 @@ def _sums(
             difference = np.where(both, difference, kind.type(0))
             misfit[k] += window_sum(difference * difference, window)
             moment[k] += window_sum(g * difference, window)
-            squares = g * g * both
-            size[k] += window_sum(squares, window)
-            noise[k] += window_sum(squares * np.where(both, variance, kind.type(0)), window)
+            size[k] += window_sum(g * g * both, window)
+            noise[k] += window_sum(g * on_noise * np.where(both, variance, kind.type(0)), window)
             count[k] += window_sum(both.astype(kind), window)
     with np.errstate(divide="ignore", invalid="ignore"):  # no texture at all
         return misfit, moment / size, size, noise, count, middle

@@ -61,22 +61,24 @@ class FocusStackReader(DepthReader):
         """Depth where the sharpest picture lies between two others."""
         stack = self._stack
         window = odd_window(self.search.window_px)
-        energy, noise, lit = [], [], np.ones(pictures[stack[0].name].values.shape, bool)
+        sums, lit = [], np.ones(pictures[stack[0].name].values.shape, bool)
         for one in stack:
             picture = pictures[one.name]
             scale = one.image_distance / stack[0].image_distance
             seen = _scaled(_gradient_energy(np.where(picture.pure, picture.values, np.nan)), scale)
             lit &= np.isfinite(seen)
             # Two central differences have half of the noise each; a larger picture has smaller gradients.
-            noise.append(float(np.nanmedian(picture.variance)) * scale**2)
-            energy.append(window_sum(np.nan_to_num(seen), window) * (scale / window) ** 2)
-        signals = np.stack(energy).astype(np.float64) - np.array(noise).reshape(-1, 1, 1)
+            both = np.stack([seen, _scaled(picture.variance, scale)])
+            both[:, ~np.all(np.isfinite(both), axis=0)] = 0.0
+            sums.append(window_sum(both, window) * (scale / window) ** 2)
+        energy, noise = np.stack(sums, axis=1).astype(np.float64)
+        signals = energy - noise
         inverse = 1.0 / np.array([one.focus_distance for one in stack])
         best = np.argmax(signals, axis=0)
         middle = np.clip(best, 1, len(stack) - 2)
-        three = [middle + k for k in (-1, 0, 1)]
-        signal = np.stack([np.take_along_axis(signals, k[np.newaxis], axis=0)[0] for k in three])
-        level, at = (np.stack([np.asarray(values)[k] for k in three]) for values in (noise, inverse))
+        three = middle + np.array([-1, 0, 1])[:, np.newaxis, np.newaxis]
+        signal, level = (np.take_along_axis(values, three, axis=0) for values in (signals, noise))
+        at = inverse[three]
         present = np.maximum(signal, 0.0)
         spread = np.sqrt(_NOISE_SPREAD * np.square(level) + 2.0 * level * present) / window
         certain = (signal[1] > _CERTAIN * spread[1]) & np.all(signal > 0.0, axis=0)

@@ -1,4 +1,10 @@
-"""Depth from a raw picture: micro-images matched as the declared estimator pairs them."""
+"""Depth from a raw picture: micro-images matched as the declared estimator pairs them.
+
+Micro-images are sampled so coarsely that detail near their limit is mostly aliased. Interpolated along the oblique
+directions of a lattice, it biases every disparity towards certain fractions of a pixel (pixel locking), differently in
+every direction, which a combination of directions turns into noise. Micro-images are therefore smoothed a little before
+they are compared: the bias halves, and what is lost of the texture costs less than it brings.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +21,16 @@ from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, Fla
 from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
 from tradestudy.cameras.focused_plenoptic.estimator import neighbour_distance
 from tradestudy.cameras.focused_plenoptic.synthesis import RawPictureSynthesis
-from tradestudy.cameras.microlens_pictures import MARGIN, Indices, MicrolensGrid, microlens_grid, moved, squares
+from tradestudy.cameras.microlens_pictures import (
+    MARGIN,
+    Indices,
+    MicrolensGrid,
+    microlens_grid,
+    moved,
+    smoothed,
+    squares,
+    with_correlated_noise,
+)
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.cut_aperture import centroid_of_common_part
@@ -116,7 +131,7 @@ class RawPictureReader(DepthReader):
     def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
         """Depth of every pixel whose object point the estimator finds in a second micro-image."""
         picture = pictures["raw"]
-        values = squares(self._grid, picture.values, picture.pure)
+        values = smoothed(squares(self._grid, picture.values, picture.pure))
         variance = squares(self._grid, picture.variance, picture.pure)
         found = {step: self._matches(step, values, variance) for step in self._steps}
         for step in self._steps:
@@ -161,6 +176,7 @@ class RawPictureReader(DepthReader):
         along = move / length
         inner = slice(MARGIN, -MARGIN)
         gradient = gradient_along(values[lenses], (float(along[0]), float(along[1])))[:, inner, inner]
+        window = odd_window(self.search.window_px)
         reference = values[lenses, inner, inner]
         base = grid.corner[:, lenses] - grid.corner[:, others] + move[:, np.newaxis] + MARGIN
         ends = np.sort(length * self._inverse_virtual_depths[[0, -1]])
@@ -179,9 +195,13 @@ class RawPictureReader(DepthReader):
             return found + gradient * shift, noise, np.isfinite(found)
 
         return match_windows(
-            [PairOfPictures(gradient=gradient, difference=difference)],
+            [
+                PairOfPictures(
+                    gradient=gradient, difference=difference, noise_gradient=with_correlated_noise(gradient, window)
+                )
+            ],
             steps,
-            window=odd_window(self.search.window_px),
+            window=window,
             least_share=_LEAST_SHARE,
             largest_deviation=self.search.largest_deviation_px,
         )
