@@ -124,7 +124,7 @@ def run(
     with _answering(debug=debug):
         from tradestudy import api
 
-        loaded = _warned(api.load(study, set_ or (), tolerance=tolerance))
+        loaded = _warned(api.load(study, set_ or (), tolerance=tolerance), quiet=quiet)
         directory = out if out is not None else Path("reports") / loaded.folder_name
         with _executor(jobs=jobs, threads=threads, dask=dask) as executor, shown_progress(quiet=quiet) as progress:
             result = api.run(
@@ -164,7 +164,7 @@ def render(
     with _answering(debug=debug):
         from tradestudy import api
 
-        loaded = _warned(api.load(study, set_ or ()))
+        loaded = _warned(api.load(study, set_ or ()), quiet=quiet)
         directory = out if out is not None else Path("reports") / loaded.folder_name
         with (
             _executor(jobs=jobs, threads=threads, dask=dask) as executor,
@@ -244,7 +244,7 @@ def cost(
     with _answering(debug=debug):
         from tradestudy import api
 
-        loaded = _warned(api.load(study, set_ or (), tolerance=tolerance))
+        loaded = _warned(api.load(study, set_ or (), tolerance=tolerance), quiet=quiet)
         directory = out if out is not None else Path("reports") / loaded.folder_name
         with shown_progress(quiet=quiet, is_predicted=False) as progress:  # only measuring shows what fits the budget
             lines = api.cost(loaded, directory, budget=budget, progress=progress)
@@ -372,8 +372,10 @@ def _stay_on_one_core() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
-def _warned(study: Study) -> Study:
+def _warned(study: Study, *, quiet: bool = False) -> Study:
     """Print what was read from calibration files and the study's warnings; return the study."""
+    if quiet:
+        return study
     for line in study.imported:
         typer.echo(f"read: {line}", err=True)
     for warning in study.warnings:

@@ -109,6 +109,17 @@ def test_a_pair_with_other_keys_is_told_those_that_are_looked_for(tmp_path: Path
     assert "the file has mtxL, distL, mtxR, distR, R, T" in said
 
 
+def test_a_pair_of_which_one_camera_has_no_distortion_is_refused(tmp_path: Path) -> None:
+    file = written.opencv(tmp_path / "rig.yml")
+    file.write_text(file.read_text(encoding="utf-8").replace("D1:", "dist1:"), encoding="utf-8")
+    said = refusal(study(tmp_path, rig="from: rig.yml, length_unit: m"))
+    assert "D2" in said
+    assert "camera 1 has none" in said
+    file.write_text(file.read_text(encoding="utf-8").replace("D2:", "dist2:"), encoding="utf-8")
+    read = tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm")).imported
+    assert "distortion none is given" in " ".join(read)
+
+
 def test_a_vertical_pair_is_read_turned_and_sees_the_same_world(tmp_path: Path) -> None:
     """A point that OpenCV projects into both pictures is where the turned pair says, turned, whatever turns with it."""
     moved = np.array([0.0004, -0.07, 0.0011])

@@ -58,6 +58,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     if request.pictures == "rectified":
         return _rectified(pairs[0] if pairs else extrinsic, extrinsic, request)
     if pairs:
+        _refuse_one_distortion(pairs[0])
         first, second = (
             _camera(pairs[0], f"camera {side + 1}", _names(_MATRIX, side), _names(_DISTORTION, side), request)
             for side in (0, 1)
@@ -73,6 +74,8 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         )
     turn, moved = extrinsic.need(*_ROTATION), extrinsic.need(*_TRANSLATION)
     metre, unit = request.metres(moved)
+    undistorted = Convention(name="distortion", says="none is given", key=moved.key)
+    lenses = () if first.coefficients or second.coefficients else (undistorted,)
     return paired(
         first,
         second,
@@ -80,8 +83,20 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         np.array(_matrix(moved, 3)) * metre,
         metre=metre,
         where=(turn, moved),
-        conventions=(*_conventions(moved, "raw: as taken, before rectification"), unit),
+        conventions=(*_conventions(moved, "raw: as taken, before rectification"), unit, *lenses),
     )
+
+
+def _refuse_one_distortion(top: Located) -> None:
+    """Refuse a pair of which only one camera has distortion coefficients: the other's key may be misspelt."""
+    given = [top.find(*_names(_DISTORTION, side)) for side in (0, 1)]
+    for side, own in enumerate(given):
+        other = given[1 - side]
+        if own is None and other is not None:
+            raise other.fail(
+                f"camera {2 - side} has distortion coefficients, but camera {side + 1} has none under any of the known "
+                "keys, such as D1 and D2; rename its key, or write zeros for a lens without distortion"
+            )
 
 
 def _given(top: Located) -> str:
