@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -126,15 +126,22 @@ def test_the_sharpest_of_a_stack_lies_within_a_sixth_of_a_step(tmp_path: Path, d
     assert np.isnan(score.predicted)
 
 
-def test_a_stack_measures_nothing_in_noise_that_differs_over_the_picture(tmp_path: Path) -> None:
-    """Noise of four times the standard deviation on the right has sixteen times the energy, and no more texture."""
+@pytest.mark.parametrize(
+    "across",
+    [lambda columns: np.linspace(1.0, 4.0, columns), lambda columns: np.where(np.arange(columns) % 12 < 2, 3.0, 1.0)],
+    ids=["to one side", "in some columns"],
+)
+def test_a_stack_measures_nothing_in_noise_that_differs_over_the_picture(
+    tmp_path: Path, across: Callable[[int], np.ndarray]
+) -> None:
+    """Noise of four times the standard deviation has sixteen times the energy, and no more texture."""
     path = tmp_path / "maps.yaml"
     path.write_text(study_text("stack", PLANE.format(150)), encoding="utf-8")
     definition = api.load(path).definition
     camera, reader = definition.case.all_cameras["stack"], definition.file.cameras["stack"].reader
     assert reader is not None
     sensor = camera.sensor
-    noise = np.broadcast_to(np.linspace(0.01, 0.04, sensor.columns, dtype=np.float32), (sensor.rows, sensor.columns))
+    noise = np.broadcast_to(np.float32(0.01 * across(sensor.columns)), (sensor.rows, sensor.columns))
     rng = np.random.default_rng(4)
     pictures = {
         one.name: FlatPicture(

@@ -71,7 +71,7 @@ class Processes:
     """
 
     count: int
-    preload: Sequence[str] = ()
+    preload: tuple[str, ...] = ()
     _idle: list[_Worker] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

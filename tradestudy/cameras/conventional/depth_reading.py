@@ -67,8 +67,8 @@ class FocusStackReader(DepthReader):
             scale = one.image_distance / stack[0].image_distance
             seen = _scaled(_gradient_energy(np.where(picture.pure, picture.values, np.nan)), scale)
             lit &= np.isfinite(seen)
-            # Two central differences have half of the noise each; a larger picture has smaller gradients.
-            both = np.stack([seen, _scaled(picture.variance, scale)])
+            # A larger picture has smaller gradients.
+            both = np.stack([seen, _scaled(_noise_energy(picture.variance), scale)])
             both[:, ~np.all(np.isfinite(both), axis=0)] = 0.0
             sums.append(window_sum(both, window) * (scale / window) ** 2)
         energy, noise = np.stack(sums, axis=1).astype(np.float64)
@@ -113,6 +113,15 @@ def _gradient_energy(values: Samples) -> Samples:
         np.swapaxes(gradient_along(np.swapaxes(values, 0, 1), (1.0, 0.0)), 0, 1),
     )
     return np.asarray(np.square(across) + np.square(down))
+
+
+def _noise_energy(variance: Samples) -> Samples:
+    """Gradient energy of noise alone: each central difference has a quarter of the variance of both its neighbours.
+
+    At the rim, where there is no gradient, it is that of the opposite rim.
+    """
+    neighbours = np.stack([np.roll(variance, step, axis) for axis in (0, 1) for step in (-1, 1)])
+    return np.asarray(np.mean(neighbours, axis=0))
 
 
 def _scaled(values: Samples, scale: float) -> Samples:
