@@ -9,7 +9,7 @@ from typing import Final
 
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.errors import Problem
-from tradestudy.study.camera_files.pairs import UNUSUAL_BASELINE
+from tradestudy.study.camera_files.pairs import FOLDING_LENS, UNUSUAL_BASELINE
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import OUTSIDE, Entry, ListEntry, Path, ScalarEntry, walk
 from tradestudy.units import ANGLE, ELECTRONS, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, UnitError, parse, pretty
@@ -53,6 +53,7 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
         *_outside_the_usual(definition),
         *_light(definition),
         *_imported_baselines(definition),
+        *_folding_lenses(definition),
         *_idle_matcher(definition),
         *_tolerances(definition),
         *_requirements(definition),
@@ -110,6 +111,15 @@ def _imported_baselines(definition: StudyDefinition) -> Iterator[Problem]:
         if says := camera.read_as.get(UNUSUAL_BASELINE):
             path = ("cameras", name, "from")
             yield definition.document.locate(path).problem(path, f"the baseline is {says}")
+
+
+def _folding_lenses(definition: StudyDefinition) -> Iterator[Problem]:
+    """Imported lenses that do not reach the edges of their pictures."""
+    for name, camera in definition.file.cameras.items():
+        if says := camera.read_as.get(FOLDING_LENS):
+            path = ("cameras", name, "from")
+            what = f"depth cannot be measured in {says}; check the distortion coefficients"
+            yield definition.document.locate(path).problem(path, what)
 
 
 def _idle_matcher(definition: StudyDefinition) -> Iterator[Problem]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import cv2
@@ -118,6 +119,18 @@ def test_a_pair_of_which_one_camera_has_no_distortion_is_refused(tmp_path: Path)
     file.write_text(file.read_text(encoding="utf-8").replace("D2:", "dist2:"), encoding="utf-8")
     read = tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm")).imported
     assert "distortion none is given" in " ".join(read)
+
+
+def test_a_lens_that_folds_before_the_edge_of_its_picture_is_warned_about(tmp_path: Path) -> None:
+    """With k1 = -1.1 the law ρ + k1 ρ³ turns back at ρ = (-3 k1)^-1/2, 0.367 from the axis in the picture."""
+    written.opencv(tmp_path / "rig.yml", D2=np.array([[-1.1, 0.0, 0.0, 0.0]]))
+    (said,) = (one for one in tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm")).warnings)
+    x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
+    beyond = np.mean(np.hypot((x - K2[0, 2]) / K2[0, 0], (y - K2[1, 2]) / K2[1, 1]) > 2.0 / 3.0 / np.sqrt(3.3))
+    (share,) = re.findall(r"measured in ([0-9.]+) % of the picture of camera 2", said)
+    assert float(share) / 100.0 == pytest.approx(beyond, abs=0.01)
+    written.opencv(tmp_path / "rig.yml")
+    assert not tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm")).warnings
 
 
 def test_a_vertical_pair_is_read_turned_and_sees_the_same_world(tmp_path: Path) -> None:

@@ -11,16 +11,20 @@ import numpy as np
 from tradestudy.calibration.projection import LARGEST_ROLL, roll
 from tradestudy.cameras.imported import Convention, ImportedCamera, ImportedRig
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.lens_models.families import FAMILIES
 from tradestudy.study.camera_files.conversions import rotation_tuple, vector_tuple
 from tradestudy.study.camera_files.located import Located
-from tradestudy.units import LENGTH, pretty
+from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty
 
 _SHORTEST, _LONGEST = 5e-4, 20.0  # baselines [m] outside of which the unit of length is certainly wrong
 _USUAL_FROM, _USUAL_TO = 3e-3, 5.0  # and outside of which it probably is
 _UNITS: Final = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 UNUSUAL_BASELINE: Final = "baseline"
 """The convention under which a pair says that another unit of length would give a usual baseline."""
+FOLDING_LENS: Final = "part of the picture without direction"
+"""The convention under which a pair says that the lens model of a camera does not reach the edges of its picture."""
 _QUARTER: Final = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+_PLACES: Final = 65  # along each side of a picture, where directions are looked for
 _LARGEST_TANGENTIAL: Final = 0.05
 """p1 and p2 of real lenses are below 0.01; 0.05 would shift a slope of 1 by a tenth."""
 
@@ -85,6 +89,8 @@ def paired(
     )
     if not _USUAL_FROM <= baseline <= _USUAL_TO and (says := _by_units(baseline, metre)):
         conventions = (*conventions, Convention(name=UNUSUAL_BASELINE, says=says, key=key))
+    if says := "; ".join(filter(None, map(_folding, (first, second)))):
+        conventions = (*conventions, Convention(name=FOLDING_LENS, says=says, key=key))
     if is_vertical:
         first, second = _turned(first, at), _turned(second, at)
         rotation, translation = _QUARTER @ rotation @ _QUARTER.T, _QUARTER @ translation
@@ -151,6 +157,21 @@ def check_lens(camera: ImportedCamera, value: Located) -> ImportedCamera:
                 "lens_model: fisheye beside from:"
             )
     return camera
+
+
+def _folding(camera: ImportedCamera) -> str:
+    """How much of its picture has no direction, because the lens model folds before; empty where all of it has one."""
+    if camera.pixels is None or camera.lens_model not in FAMILIES:  # a mapping of mrcal, which covers its picture
+        return ""
+    lens = FAMILIES[camera.lens_model](**camera.coefficients)
+    steps = (np.arange(_PLACES) + 0.5) / _PLACES
+    places = np.stack(np.meshgrid(*(count * steps - 0.5 for count in camera.pixels)), axis=-1)
+    directions = lens.unproject((places - camera.centre) / camera.focal_lengths)
+    missing = float(np.mean(np.isnan(directions).any(axis=-1)))
+    if missing == 0.0:
+        return ""
+    ends = pretty(float(lens.valid_field), ANGLE)
+    return f"{pretty(missing, FRACTION, 2)} of the picture of {camera.name}, whose lens model folds {ends} off the axis"
 
 
 def _turned(camera: ImportedCamera, at: Located) -> ImportedCamera:
