@@ -153,7 +153,7 @@ def test_the_register_lists_how_the_file_was_read(tmp_path: Path) -> None:
     assert rows["read_as.direction of transforms"][1] == "chain.yaml: cam1.T_cn_cnm1"
     assert rows["read_as.origin of pixels"][0].startswith("the centre of the first pixel is (0, 0)")
     assert rows["read_as.pictures"][0].startswith("raw")
-    assert rows["read_as.order of cameras"][0] == "cam0, cam1 are left, right"
+    assert rows["read_as.order of cameras"][0] == "cam0 is left, cam1 right"
     assert rows["read_as.length unit"][0] == "m, by the definition of Kalibr's camchain"
     assert rows["geometry.left.focal_length"] == ("[882.5 px, 881.75 px]", "chain.yaml: cam0.intrinsics")
     assert rows["depth.disparity_error"][1] == "default; the study declares none"
