@@ -57,8 +57,14 @@ def keep_initials(_app: Sphinx, _what: str, _name: str, _obj: object, _options: 
     lines[:] = [re.sub(r"^(\s*[A-Z])\. ", r"\1\\. ", line) for line in lines]
 
 
+def unlink_architecture(_app: Sphinx, _name: str, source: list[str]) -> None:
+    """Name ARCHITECTURE.md without a link: it lies outside the documentation, and plain viewers alone can follow it."""
+    source[0] = re.sub(r"\[(ARCHITECTURE\.md)\]\([./]+ARCHITECTURE\.md\)", r"`\1`", source[0])
+
+
 def setup(app: Sphinx) -> None:
     """Write the generated pages before Sphinx looks for sources, and have docstrings read as they are meant."""
     app.connect("builder-inited", write_generated)
+    app.connect("source-read", unlink_architecture)
     app.connect("autodoc-process-docstring", keep_bars)
     app.connect("autodoc-process-docstring", keep_initials)

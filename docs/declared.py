@@ -127,5 +127,5 @@ study needs. Units are SI. The attributes of each variable are `units`, `long_na
 In a sweep, each variable also has one dimension for every parameter that varies, before those listed.
 
 `tradestudy.open_result(folder).data` is the whole file as an xarray `DataTree`, and `.table(name)` one table of it as a
-pandas data frame; see [](/how-to/python.md).
+pandas data frame; see [Work in Python and notebooks](/how-to/python.md).
 """

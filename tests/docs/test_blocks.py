@@ -34,7 +34,9 @@ def test_every_block_is_of_a_kind_that_is_run(page: Path) -> None:
 
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "ARCHITECTURE.md", ROOT / "CONTRIBUTING.md"], ids=named)
 def test_links_between_files_lead_somewhere(page: Path) -> None:
-    for target in _LINK.findall(page.read_text(encoding="utf-8")):
+    text = page.read_text(encoding="utf-8")
+    assert "[](" not in text, "a link without text is invisible in a plain viewer"
+    for target in _LINK.findall(text):
         if "generated/" not in target:
             base = ROOT / "docs" if target.startswith("/") else page.parent
             assert (base / target.lstrip("/")).exists(), target

@@ -9,8 +9,9 @@ import xarray as xr
 
 from tradestudy import figures
 from tradestudy.report.contents import compose_report
-from tradestudy.report.document import Bullets, Heading, Picture, Report, Table, Text, all_blocks, spans
+from tradestudy.report.document import Bullets, Heading, Paragraph, Picture, Report, Table, Text, all_blocks, spans
 from tradestudy.report.sections.answer import _factor
+from tradestudy.report.sections.registers import _times_the_error
 from tradestudy.results.views.decision import winners
 
 
@@ -200,9 +201,29 @@ def test_claims_are_answered_under_every_reading_tried(tree: xr.DataTree) -> Non
 
 def test_crossovers_are_a_range_of_assumptions(tree: xr.DataTree) -> None:
     texts = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if hasattr(b, "text")]
-    sentence = next(text for text in texts if "equally uncertain" in text).replace("\u00a0", " ")
-    assert "at no distance of the study, usable there or not. Under 2 of the 3 other readings" in sentence
+    sentence = next(text for text in texts if "In the declared study, " in text).replace("\u00a0", " ")
+    assert "the curves do not cross" in sentence
+    assert "Under 2 of the 3 other readings" in sentence
     assert "between 0.4 m and 0.52 m" in sentence
+
+
+def test_one_reading_that_reverses_the_verdict_is_named(tree: xr.DataTree) -> None:
+    data = tree["decision"].to_dataset().sel(way="both")
+    turning = data["reading"].values[np.asarray(data["flips"].transpose("reading", ...)).any(axis=1)]
+    assert len(turning) == 1
+    texts = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if isinstance(b, Paragraph)]
+    assert any("Reversed at " in text and f" by {turning[0]} (" in text for text in texts)
+
+
+def test_the_method_explains_only_limits_that_apply_in_the_study(tree: xr.DataTree) -> None:
+    explained = {text.partition(":")[0] for text in sentences(document_of(tree))}
+    assert {"Overlap", "Focus"} <= explained
+    assert not {"Total covering plane", "Availability", "Last disparity step", "Matching"} & explained
+
+
+def test_a_margin_of_over_a_thousand_errors_is_not_counted() -> None:
+    margins = [_times_the_error(margin) for margin in (12.34, 6.5e6, -30.0, -6.5e6, math.nan)]
+    assert margins == ["12", "> 1000", "−30", "< −1000", "—"]
 
 
 def test_a_factor_next_to_1_shows_the_digits_that_tell_it_from_1() -> None:

@@ -98,7 +98,7 @@ def _ranks(tree: xr.DataTree) -> Drawing:
         there = decision.sel(pair=pair).sel(rank_distance=1.0, method="nearest")
         first, second = (titles[str(there[name].item())] for name in ("pair_first", "pair_second"))
         sentences.append(
-            f"{first} before {second} at {pretty(float(there['rank_distance']), LENGTH)}: "
+            f"{first} more accurate than {second} at {pretty(float(there['rank_distance']), LENGTH)}: "
             f"{significant(100.0 * float(there['rank_first']))} %. "
         )
     return Drawing(

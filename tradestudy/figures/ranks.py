@@ -23,7 +23,7 @@ from tradestudy.figures.style import (
 )
 from tradestudy.results.views.groups import FloatArray, camera_titles, group
 
-WAY_WORDS = {"calibration": "calibration alone", "both": "single readings"}
+WAY_WORDS = {"calibration": "calibration alone", "both": "single measurements"}
 _LETTERS = 22  # in a line of the title of a panel, of the third of a page
 
 
@@ -44,7 +44,7 @@ def draw_rank_probability(tree: xr.DataTree) -> StudyFigure:
         axes.set_ylim(0.0, 1.0)
         if axes in (*panels[PANELS_IN_A_ROW - 1 :: PANELS_IN_A_ROW], panels[-1]):  # the last of its row
             name_ends(axes, lines)
-        words = printable(f"{titles[str(first)]} before {titles[str(second)]}")
+        words = printable(f"{titles[str(first)]} more accurate than {titles[str(second)]}")
         axes.set_title("\n".join(wrap(words, letters)), fontsize=PANEL_TITLE)
     panels[0].set(yticks=[0.0, 0.5, 1.0], yticklabels=["0", "50 %", "100 %"])
     for axes in panels[::PANELS_IN_A_ROW]:

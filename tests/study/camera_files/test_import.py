@@ -118,7 +118,7 @@ def test_a_pair_of_which_one_camera_has_no_distortion_is_refused(tmp_path: Path)
     assert "camera 1 has none" in said
     file.write_text(file.read_text(encoding="utf-8").replace("D2:", "dist2:"), encoding="utf-8")
     read = tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm")).imported
-    assert "distortion none is given" in " ".join(read)
+    assert "distortion: none is given" in " ".join(read)
 
 
 def test_a_lens_that_folds_before_the_edge_of_its_picture_is_warned_about(tmp_path: Path) -> None:
@@ -177,7 +177,7 @@ def test_the_register_lists_how_the_file_was_read(tmp_path: Path) -> None:
     assert rows["read_as.direction of transforms"][1] == "chain.yaml: cam1.T_cn_cnm1"
     assert rows["read_as.origin of pixels"][0].startswith("the centre of the first pixel is (0, 0)")
     assert rows["read_as.pictures"][0].startswith("raw")
-    assert rows["read_as.order of cameras"][0] == "cam0, cam1 are left, right"
+    assert rows["read_as.order of cameras"][0] == "cam0 is left, cam1 right"
     assert rows["read_as.length unit"][0] == "m, by the definition of Kalibr's camchain"
     assert rows["geometry.left.focal_length"] == ("[882.5 px, 881.75 px]", "chain.yaml: cam0.intrinsics")
     assert rows["depth.disparity_error"][1] == "default; the study declares none"

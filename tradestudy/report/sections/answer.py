@@ -24,14 +24,7 @@ from tradestudy.report.document import (
 )
 from tradestudy.report.words import length, part_words, share, with_error
 from tradestudy.results.views.conclusions import best_ranges, measure_first, question_words, rests_on
-from tradestudy.results.views.decision import (
-    Flips,
-    answer_title,
-    flips,
-    handovers,
-    solved_questions,
-    tied,
-)
+from tradestudy.results.views.decision import Flips, answer_title, flips, handovers, solved_questions, tied
 from tradestudy.results.views.depth import least_broken
 from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
 from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated
@@ -221,13 +214,18 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
     if not any(one.alternatives for one in found):
         return
     # Where neither is usable under a reading, or in the study itself, nothing is reversed.
-    reversed_by = {one.place: sum(bool(winner and one.winner) for _, winner in one.flipped) for one in found}
+    reversed_by = {one.place: [name for name, winner in one.flipped if winner and one.winner] for one in found}
     turned = [one for one in found if reversed_by[one.place]]
     if turned:
-        counts = sorted({reversed_by[one.place] for one in turned})
+        names = list(dict.fromkeys(name for one in turned for name in reversed_by[one.place]))
+        counts = sorted({len(reversed_by[one.place]) for one in turned})
+        by_name = {1: "by *{first}*", 2: "by *{first}* or *{last}*"}
+        by = by_name.get(len(names), "under {counts} of {all} other readings")
         yield say(
-            "**Reversed** at {places} under {counts} of {all} other readings ([](#verdict-table)).",
+            "**Reversed** at {places} " + by + " ([](#verdict-table)).",
             places=listed([distance(one.place) for one in turned]),
+            first=names[0],
+            last=names[-1],
             counts=str(counts[0]) if len(counts) == 1 else f"{counts[0]} to {counts[-1]}",
             all=str(max(one.alternatives for one in found)),
         )

@@ -199,8 +199,7 @@ def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
     yield Paragraph(
         say(
             "{open} The two cameras compared are {first} and {second}.",
-            open="The sources leave questions open. Each reading answers one of them differently from the study as "
-            "declared and changes nothing else."
+            open="Each other reading changes one assumption of the study as declared and nothing else."
             if decision.sizes["reading"] > 1
             else "The study declares no other reading.",
             **pair,
@@ -249,16 +248,20 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
     errors = decision["crossover_error"].sel(way="both").values[0]
     own = [with_error(float(v), float(e), distance) for v, e in zip(values[0], errors, strict=True) if np.isfinite(v)]
     others = values[1:][np.isfinite(values[1:])]
-    text = f"at {' and '.join(own)}" if own else "at no distance of the study"
+    declared = (
+        f"the two are equally uncertain at {' and '.join(own)}, usable there or not"
+        if own
+        else "the curves do not cross"
+    )
     if not others.size:
-        yield Paragraph(say("In the study as declared the two are equally uncertain {own}.", own=text))
+        yield Paragraph(say("In the declared study, {declared}.", declared=declared))
         return
     yield Paragraph(
         say(
-            "In the study as declared the two are equally uncertain {own}, usable there or not. Under {count} of the "
-            "{all} other readings, this happens between {low} and {high}. That is a range of assumptions, not a "
-            "confidence interval. The first page says where the preferred camera switches.",
-            own=text,
+            "In the declared study, {declared}. Under {count} of the {all} other readings, the curves cross between "
+            "{low} and {high}. That is a range of assumptions, not a confidence interval. The first page says where "
+            "the preferred camera switches.",
+            declared=declared,
             count=str(int(np.isfinite(values[1:]).any(axis=1).sum())),
             all=str(len(values) - 1),
             low=distance(float(others.min())),

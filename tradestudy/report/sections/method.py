@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 import xarray as xr
@@ -21,11 +21,11 @@ def describe_method(tree: xr.DataTree) -> Iterator[Block]:
         yield from _of_camera(method)
     yield from _uncertainty()
     met = group(tree, "depth")["limit_met"]
-    derived = bool((met.where(met["limit"] == "matching") >= 0).any())
-    if derived:
+    applied = {str(name) for name in met["limit"].values if bool((met.sel(limit=name) >= 0).any())}
+    if "matching" in applied:
         matchers = bool(declared_matchers(tree))
         yield from _derived_disparity(str(group(tree, "depth").attrs["matching_needs"]), matchers=matchers)
-    yield from _ranges(derived=derived)
+    yield from _ranges(applied)
 
 
 def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
@@ -135,39 +135,34 @@ def _uncertainty() -> Iterator[Block]:
     )
 
 
-def _ranges(*, derived: bool) -> Iterator[Block]:
+def _ranges(applied: Collection[str]) -> Iterator[Block]:
+    """What the limits mean that apply to a camera of the study."""
     yield Heading(text="Where a camera counts as usable", anchor="method-usable", level=2)
     yield Paragraph(
         "A distance is usable where every limit that the study declares holds. The report names the limit that sets "
         "each end of the range."
     )
-    yield Bullets(
-        (
-            say("**Overlap**: the fraction of each stereo picture that the other camera also sees."),
-            say(
-                "**Total covering plane**: the image of the main lens lies at least that virtual depth from the array."
-            ),
-            say("**Availability**: the fraction of points that two of the estimator's microlenses see."),
-            say("**Focus**: the geometric blur of the sharpest picture that the estimator needs, on the sensor."),
-            say("**Last disparity step**: the disparity still differs from that of infinity by more than one step."),
-            say(
-                "**Failed measurements**: the fraction that noise and calibration errors put beyond infinity"
-                + (", and false matches where the study declares some." if derived else ".")
-            ),
-            say("**Relative uncertainty**: the depth uncertainty as a fraction of the distance."),
-            *(
-                (
-                    say(
-                        "**Saturation**: the brightest texture, three standard deviations above the mean, does not "
-                        "saturate the pixels."
-                    ),
-                    say(
-                        "**Matching**: a matcher can reach the bound on the disparity error, and that bound is at "
-                        "most 0.25 px."
-                    ),
-                )
-                if derived
-                else ()
-            ),
-        )
-    )
+    meanings = {
+        "overlap": say("**Overlap**: the fraction of each stereo picture that the other camera also sees."),
+        "total_covering_plane": say(
+            "**Total covering plane**: the image of the main lens lies at least that virtual depth from the array."
+        ),
+        "availability": say("**Availability**: the fraction of points that two of the estimator's microlenses see."),
+        "focus": say("**Focus**: the geometric blur of the sharpest picture that the estimator needs, on the sensor."),
+        "last_disparity_step": say(
+            "**Last disparity step**: the disparity still differs from that of infinity by more than one step."
+        ),
+        "failed_fraction": say(
+            "**Failed measurements**: the fraction that noise and calibration errors put beyond infinity"
+            + (", and false matches where the study declares some." if "matching" in applied else ".")
+        ),
+        "relative_uncertainty": say("**Relative uncertainty**: the depth uncertainty as a fraction of the distance."),
+        "saturation": say(
+            "**Saturation**: the brightest texture, three standard deviations above the mean, does not saturate the "
+            "pixels."
+        ),
+        "matching": say(
+            "**Matching**: a matcher can reach the bound on the disparity error, and that bound is at most 0.25 px."
+        ),
+    }
+    yield Bullets(tuple(meaning for name, meaning in meanings.items() if name in applied))

@@ -258,12 +258,21 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
                 ),
                 titles.get(str(r["camera_deciding"]), str(r["camera_deciding"])),
                 or_dash(float(r["margin_percent"]), lambda percent: significant(percent, 2)),
-                significant(float(r["margin_sigma"]), 2) if math.isfinite(float(r["margin_sigma"])) else "—",
+                _times_the_error(float(r["margin_sigma"])),
                 str(r["reason"]),
             )
             for r in rows
         ),
     )
+
+
+def _times_the_error(margin: float) -> str:
+    """A margin as a multiple of its numerical error; beyond a thousand the multiple itself says nothing more."""
+    if not math.isfinite(margin):
+        return "—"
+    if abs(margin) > 1000.0:
+        return "> 1000" if margin > 0.0 else "< −1000"
+    return significant(margin, 2)
 
 
 def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:

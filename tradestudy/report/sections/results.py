@@ -15,6 +15,9 @@ from tradestudy.results.views.depth import least_broken, nominal
 from tradestudy.results.views.groups import group, has, titles_in
 from tradestudy.wording import distance
 
+_NOWHERE = "nowhere"
+_MISSING = " A camera that is usable nowhere is shown with the limits that it breaks where it breaks fewest."
+
 
 def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write the results, one part per question; parts without their group are left out."""
@@ -67,12 +70,12 @@ def _usable_range(tree: xr.DataTree) -> Iterator[Block]:
             )
             if np.isfinite(near) and not np.isnan(far)
         ]
-        rows += [(title, *interval) for interval in intervals] or [(title, "nowhere", _what_is_missing(camera), "", "")]
+        rows += [(title, *interval) for interval in intervals] or [(title, _NOWHERE, _what_is_missing(camera), "", "")]
+    nowhere = any(row[1] == _NOWHERE for row in rows)
     yield Heading(text="Where each camera is usable", anchor="usable-range", level=2)
     yield Table(
         name="usable-range-table",
-        caption="Usable distances, and the limit that sets each end. For a camera that is usable nowhere, the limits "
-        "that it misses where it misses fewest.",
+        caption="Usable distances, and the limit that sets each end." + (_MISSING if nowhere else ""),
         columns=(
             Column(title="Camera", weight=3),
             Column(title="From", align="right"),

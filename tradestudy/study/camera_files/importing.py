@@ -89,11 +89,10 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
     stated = [*kind.stated_by(found)]
     names = " and ".join(dict.fromkeys(file.label for file in files))
     read_as = {one.path[1]: str(one.value) for one in stated if one.path[0] == "read_as"}
-    shown = [
-        f"{name} {read_as[name]}"
-        for name in ("length unit", "order of cameras", "distortion", "pictures")
-        if name in read_as
-    ]
+    labels = {
+        "length unit": "length unit ", "order of cameras": "", "distortion": "distortion: ", "pictures": "pictures "
+    }  # fmt: skip
+    shown = [label + read_as[name] for name, label in labels.items() if name in read_as]
     if isinstance(found, ImportedCamera):
         shown.append(ONE_CAMERA)
     line = f"{names}: {'; '.join([first.name, *shown])}"

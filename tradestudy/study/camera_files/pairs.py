@@ -82,10 +82,10 @@ def paired(
             "the names of pair:, or the cameras in the file"
         )
     key = at.key
-    order = "upper, lower: both pictures are rotated by 90°" if is_vertical else "left, right"
+    sides = ("upper", "lower: both pictures are rotated by 90°") if is_vertical else ("left", "right")
     conventions = (
         *conventions,
-        Convention(name="order of cameras", says=f"{first.name}, {second.name} are {order}", key=key),
+        Convention(name="order of cameras", says=f"{first.name} is {sides[0]}, {second.name} {sides[1]}", key=key),
     )
     if not _USUAL_FROM <= baseline <= _USUAL_TO and (says := _by_units(baseline, metre)):
         conventions = (*conventions, Convention(name=UNUSUAL_BASELINE, says=says, key=key))
