@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from tests.imaging import direct_integration
 from tests.imaging.direct_integration import DISTANCE, IMAGE, WAVELENGTH, brightness, integrated_picture
@@ -108,6 +110,16 @@ def test_a_stop_passes_the_light_that_falls_on_it() -> None:
     # All light of the lens passes some place of the plane.
     far = np.linspace(0.0, 6e-3, 1001)
     assert np.trapezoid(2 * far * lens.passed_share(far), far) / stop.radius**2 == pytest.approx(1.0, abs=4e-3)
+
+
+@pytest.mark.parametrize("reach", [14.2e-3, 0.14e-3], ids=["soft", "sharp"])
+def test_a_lens_that_has_been_used_travels_to_another_process(reach: float) -> None:
+    stop = Stop(scale=-10.9, reach=reach, radius=1.64e-3)
+    lens = TwoApertures(wavelength=WAVELENGTH, radius=63e-6, stop=stop)
+    offsets = np.array([0.0, 1.2e-3, 1.7e-3])
+    expected = lens.passed_share(offsets)
+    assert lens.is_sharp is (reach < 1e-3)
+    assert_array_equal(pickle.loads(pickle.dumps(lens)).passed_share(offsets), expected)
 
 
 def test_a_stop_that_cuts_sends_light_where_its_rays_go() -> None:

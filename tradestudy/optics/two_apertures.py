@@ -18,10 +18,9 @@ S. A. Collins, "Lens-system diffraction integral written in terms of matrix opti
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +28,9 @@ from numpy.typing import NDArray
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.quadrature import gauss_legendre
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 _TAIL: Final = 16.0  # of a spread beyond its rays, over the radius of what limits it: 32 λN
 _SHADOW: Final = 8.0  # of light on the stop beyond the shadow of the lens, in radii of the diffraction there
@@ -230,23 +232,27 @@ class TwoApertures:
             total += np.sum(2.0 * half * ring * step * np.square(np.abs(self._shadow(ring))), axis=1)
         return total
 
-    @cached_property
-    def _shadow(self) -> Callable[[FloatArray], NDArray[np.complex128]]:
-        """Light on the stop: cubic between amplitudes, eight to each period of its band, out to where the stop ends."""
-        from scipy.interpolate import CubicSpline
-
+    def _shadow(self, distance: FloatArray) -> NDArray[np.complex128]:
+        """Light on the stop at distances [m] from the middle of the shadow, out to where the stop ends."""
         stop = self.stop
         assert stop is not None
         if self.is_sharp:
             edge = abs(stop.scale) * self.radius
             bend = -math.pi / (self.wavelength * stop.reach * stop.scale)
             height = 1.0 / (math.sqrt(math.pi) * edge)
-            return lambda distance: np.where(distance <= edge, height, 0.0) * np.exp(1j * bend * np.square(distance))
-        far = 2.0 * (stop.radius + self._half_window)
+            return np.asarray(np.where(distance <= edge, height, 0.0) * np.exp(1j * bend * np.square(distance)))
+        far = float(self._amplitudes.x[-1])  # farther away there is next to nothing
+        return np.where(distance <= far, self._amplitudes(np.minimum(distance, far)), 0.0)
+
+    @cached_property
+    def _amplitudes(self) -> CubicSpline:
+        """Cubic between amplitudes, eight to each period of their band."""
+        from scipy.interpolate import CubicSpline
+
+        assert self.stop is not None
+        far = 2.0 * (self.stop.radius + self._half_window)
         radii = np.linspace(0.0, far, 8 * math.ceil(far / self._airy) + 33)
-        cubic = CubicSpline(radii, self.amplitude(radii))
-        # Farther away there is next to nothing.
-        return lambda distance: np.where(distance <= far, cubic(np.minimum(distance, far)), 0.0)
+        return CubicSpline(radii, self.amplitude(radii))
 
     def spread(self, offset: float, curvature: float) -> Spread:
         """Light over the object, the stop's centre lying so far along x from the middle of the shadow [m].
