@@ -15,6 +15,7 @@ from tradestudy.imaging.scenes.height_field import HeightField
 from tradestudy.imaging.scenes.pattern import Pattern, PicturePattern, RandomPattern, pattern_of
 from tradestudy.imaging.scenes.plain_surfaces import Flat, Sphere
 from tradestudy.imaging.scenes.scene import Rock
+from tradestudy.imaging.scenes.surface import Nearby
 from tradestudy.optics.arrays import FloatArray
 
 SIDE = 256
@@ -125,6 +126,18 @@ def test_rays_meet_a_rugged_relief_where_they_first_cross_it(perspective: bool) 
     assert 0.3 < np.mean(nearby.direct) < 1.0
     there = np.isfinite(found)
     assert np.mean(np.abs(found - expected)[there] < 5 * resolution) > 0.98
+
+
+def test_a_ray_that_would_begin_behind_the_surface_still_meets_it() -> None:
+    """Nearby rays leave a ray further than stated where cones of light are wide; the search then begins in front."""
+    rock = Rock(near=0.1, far=0.14, feature_size=0.02, hurst=0.4, seed=2, number=0, pattern=PATTERN).build()
+    start, slope = rays(600, 0.01)
+    expected = rock.depth(start, slope, None)
+    assert np.all(np.isfinite(expected))
+    behind = Nearby(
+        safe=np.asarray(expected + np.float32(1e-3)), met=expected, direct=np.zeros(expected.size, dtype=np.bool_)
+    )
+    assert rock.depth(start, slope, behind) == pytest.approx(expected, abs=1e-7)
 
 
 def test_a_rock_lies_within_its_range_and_differs_with_its_seed() -> None:

@@ -152,9 +152,12 @@ def test_disparities_beyond_the_range_are_out_of_range() -> None:
     assert np.mean(reason == Reason.OUT_OF_RANGE) > 0.5
 
 
-def test_cubic_weights_are_exact_for_parabolas() -> None:
-    at, samples = np.array([0.0, 0.2, 0.5, 1.0]), np.arange(-1.0, 3.0)
-    assert cubic_weights(at) @ (3.0 - samples + 2.0 * samples**2) == pytest.approx(3.0 - at + 2.0 * at**2)
+def test_cubic_weights_are_exact_for_cubics() -> None:
+    def cubic(x: FloatArray) -> FloatArray:
+        return 3.0 - x + 2.0 * x**2 - 0.7 * x**3
+
+    at = np.array([0.0, 0.2, 0.5, 1.0])
+    assert cubic_weights(at) @ cubic(np.arange(-1.0, 3.0)) == pytest.approx(cubic(at), rel=1e-12)
 
 
 @pytest.mark.parametrize(("apart", "other"), [(0.7, 1.5), (1.4, 1.0), (2.0, 1.5), (0.3, 2.0)])

@@ -1,4 +1,4 @@
-"""Interpolation between samples by cubic convolution."""
+"""Interpolation between samples by cubics."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from tradestudy.optics.arrays import FloatArray
 
 
 def cubic_weights(fraction: ArrayLike) -> FloatArray:
-    """Weights of the samples at −1, 0, 1 and 2 for a place from 0 to 1, shape (…, 4); exact for parabolas.
+    """Weights of the samples at −1, 0, 1 and 2 for a place t from 0 to 1, shape (…, 4); exact for cubics.
 
-    R. G. Keys, "Cubic convolution interpolation for digital image processing", IEEE Trans. ASSP 29, 1153 (1981).
+    They are Lagrange's polynomials: each is 1 at its own sample and 0 at the other three.
     """
     t = np.asarray(fraction, dtype=np.float64)
     return np.stack(
         [
-            ((2.0 - t) * t - 1.0) * t / 2.0,
-            ((3.0 * t - 5.0) * t * t + 2.0) / 2.0,
-            ((4.0 - 3.0 * t) * t + 1.0) * t / 2.0,
-            (t - 1.0) * t * t / 2.0,
+            -t * (t - 1.0) * (t - 2.0) / 6.0,
+            (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0,
+            -(t + 1.0) * t * (t - 2.0) / 2.0,
+            (t + 1.0) * t * (t - 1.0) / 6.0,
         ],
         axis=-1,
     )

@@ -175,8 +175,13 @@ class HeightField:
         far = self.extent[1]
         speed = self._speed(start, slope)
         end = kind(far * (1.0 + 1e-6))
-        safe, ray = begin.copy(), np.arange(begin.size)
-        z, gap = begin, self._gap(start, slope, begin)
+        gap = self._gap(start, slope, begin)
+        behind = np.flatnonzero(gap < 0)  # what holds for nearby rays need not hold for these; in front of all it does
+        if behind.size:
+            begin = begin.copy()
+            begin[behind] = self.extent[0] * (1.0 - 1e-6)
+            gap[behind] = self._gap(start.take(behind, axis=1), slope.take(behind, axis=1), begin[behind])
+        safe, ray, z = begin.copy(), np.arange(begin.size), begin
         close = gap <= margin
         passed = []
         here = start, slope
