@@ -194,13 +194,17 @@ class _Layouts:
 
     def whitening(self, share: float, length: float) -> FloatArray:
         """Inverse Cholesky factors for unit deviation, shape (V, 2, N, N); identity where a corner is absent."""
+        from scipy.linalg.lapack import dtrtri  # slow to import, needed only for corners
+
         there = self.weights > 0.0
         both = there[:, :, None] & there[:, None]
         matrix = np.where(both, share / (1.0 + self.square / length**2), 0.0)
         own = np.where(there, (1.0 - share) / np.where(there, self.weights, 1.0), 1.0)
         corners = np.arange(there.shape[1])
         matrix[:, corners, corners] += own
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(matrix))[self.number])
+        # LAPACK's inverse of a triangle takes a third of the time of numpy's general one.
+        inverse = [dtrtri(factor.T)[0].T for factor in np.linalg.cholesky(matrix)]
+        return np.stack(inverse)[self.number]
 
 
 def _noise(
