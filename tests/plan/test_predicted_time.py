@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 import tradestudy
+from tradestudy.analysis.claims import claims_in_order
+from tradestudy.execution.steps import shares_before
 from tradestudy.plan import pilots
 from tradestudy.plan.predicted_time import PredictedStep, Stopwatch, predicted_steps
 from tradestudy.study.definition import StudyDefinition
@@ -131,3 +133,23 @@ def test_reading_a_picture_that_was_made_costs_nothing() -> None:
     (anew,) = (step.seconds for step in measured("light_spot") if step.name == "claims")
     none = seconds_by_step("light_spot", "claims.S2.under=[]", "claims.S3.under=[]")["claims"]
     assert none < 0.1 * anew
+
+
+@pytest.mark.parametrize("name", ["light_spot", "plenoptic_vs_stereo"])
+def test_the_parts_of_a_step_add_up_to_it(name: str) -> None:
+    steps = {step.name: step for step in measured(name)}
+    file = planned(name).file
+    claims = steps["claims"]
+    readings = ["", *file.readings]
+    assert len(claims.parts) == len(claims_in_order(file.claims, readings)) + len(file.requirements)
+    for step in steps.values():
+        if step.parts:
+            assert math.fsum(step.parts) <= step.seconds * (1.0 + 1e-12)
+    # A picture is computed for the first claim that needs it, and then kept.
+    if name == "light_spot":
+        assert sorted(claims.parts)[0] == 0.0 < sorted(claims.parts)[-1]
+
+
+def test_parts_of_a_step_are_shared_out_by_their_predicted_seconds() -> None:
+    assert shares_before((1.0, 3.0, 4.0), 3) == [0.0, 0.125, 0.5, 1.0]
+    assert shares_before((), 4) == shares_before((0.0,) * 4, 4) == [0.0, 0.25, 0.5, 0.75, 1.0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from tradestudy.analysis.focus_claims import (
     depth_of_field_words,
 )
 from tradestudy.analysis.usable import boundaries, evaluate_limits, margin
+from tradestudy.execution.steps import mixed
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.definition import Case
 from tradestudy.study.schema.questions import (
@@ -33,6 +35,18 @@ from tradestudy.units import FRACTION, LENGTH, Dimension, parse, pretty
 _POINTS = 401
 _NEAREST, _FARTHEST = 1e-3, 1e5
 _FROM = {"noise": "noise alone", "calibration": "calibration errors alone", "both": "noise and calibration errors"}
+
+
+def readings_of(claim: ClaimPart, names: Sequence[str]) -> tuple[str, ...]:
+    """The readings under which a claim is answered, its own first; the first of all names is the study as declared."""
+    own = claim.reading or names[0]
+    return own, *([name for name in names if name != own] if claim.under == "all" else claim.under)
+
+
+def claims_in_order(claims: Mapping[str, ClaimPart], names: Sequence[str]) -> list[tuple[str, str]]:
+    """Claim and reading of every answer, in the order in which they are computed."""
+    asked = [(key, name) for key, claim in claims.items() for name in readings_of(claim, names)]
+    return [asked[place] for place in mixed(len(asked))]
 
 
 def claim_quantity(claim: ClaimPart) -> str:

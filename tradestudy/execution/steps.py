@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Callable, Iterator, MutableMapping, Sequence
@@ -38,6 +39,21 @@ def mixed(count: int) -> list[int]:
     The golden ratio spreads them: neighbours often take equally long, and the first ones lie evenly among all.
     """
     return sorted(range(count), key=lambda k: k * _GOLDEN % 1.0)
+
+
+def shares_before(seconds: Sequence[float], count: int) -> list[float]:
+    """Share of a step that is done before each of its parts and after the last, shape (count + 1,).
+
+    Parameters
+    ----------
+    seconds
+        Predicted time of each part, in the order of computing; without a prediction, all count the same.
+    count
+        Number of parts.
+    """
+    weights = seconds if math.fsum(seconds) > 0.0 else [1.0] * count
+    done = list(itertools.accumulate(weights, initial=0.0))
+    return [one / max(done[-1], 1e-300) for one in done]
 
 
 class DeadlyPointError(TradestudyError):

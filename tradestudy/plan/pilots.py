@@ -32,7 +32,7 @@ _DRAWN_WAYS: Final = 2  # calibration, and both; noise alone has a closed form
 # A fit takes a few Gauss-Newton steps; sampling takes four ensembles of 500 steps, with two walkers per parameter.
 # Both evaluate the same views and corners, so their ratio per parameter is a constant count.
 _FITS_PER_PARAMETER: Final = 20
-_RIG_PARAMETERS: Final = 20
+_FITS_OF_A_RIG: Final = 600  # first fits of one of its cameras
 _SMALLER: Final = 4.0  # factor by which the windows of a pilot off the axis are smaller than the requested ones
 
 
@@ -116,7 +116,7 @@ def inference_seconds(asked: TargetToInfer | CornersToInfer) -> float:
         corners = read_corners(asked.folder / asked.part.file)
         board, image, present = corners.board, corners.left, corners.present
         fit = seconds_of(lambda: first_poses(first_intrinsics(board, image, present), board, image, present))
-        return _FITS_PER_PARAMETER * _RIG_PARAMETERS * fit
+        return _FITS_OF_A_RIG * fit
     problem, _ = target_problem(asked)
     return _FITS_PER_PARAMETER * len(problem.priors.names) * seconds_of(lambda: fit_target(problem))
 

@@ -47,6 +47,10 @@ class Plan:
         """The models applied to a problem, by effect."""
         return next(one.models for one in self.pieces if one.name == piece)
 
+    def parts(self, step: str) -> tuple[float, ...]:
+        """Predicted seconds of the parts of a step, in the order of computing; empty if they are equally long."""
+        return next((one.parts for one in self.steps if one.name == step), ())
+
     def text(self, *, verbose: bool = False) -> str:
         """The plan as text: one line per problem and one for the run; with every decision if verbose."""
         return "\n".join(plan_lines(self.pieces, dict(_settled(self.definition)), self.steps, verbose=verbose))

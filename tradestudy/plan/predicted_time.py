@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
+from tradestudy.analysis.claims import claims_in_order
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.imaging.derived_error import kirchhoff_lattice
 from tradestudy.plan import pilots
@@ -69,12 +69,15 @@ class PredictedStep:
         The amount of work, in words.
     pieces
         Seconds for each problem of the study that the step solves, by name.
+    parts
+        Seconds of parts of unequal length, in the order in which the run computes them.
     """
 
     name: str
     seconds: float
     work: str
     pieces: Mapping[str, float] = field(default_factory=dict)
+    parts: tuple[float, ...] = ()
 
 
 class Stopwatch:
@@ -102,6 +105,7 @@ def predicted_steps(definition: StudyDefinition, watch: Stopwatch) -> tuple[Pred
             step,
             seconds=waiting * step.seconds,
             pieces={name: waiting * seconds for name, seconds in step.pieces.items()},
+            parts=tuple(waiting * seconds for seconds in step.parts),
         )
         for step in steps
     )
@@ -274,15 +278,15 @@ class _Prediction:
         cases = [self.definition, *self.definition.readings.values()] if file.decision is not None else []
         every = tuple(self.cameras)
         tables = math.fsum(self._tables_of(every, self.definition.under(name)) for name in file.solve)
-        pairs_of_cases = (
-            math.fsum(self._tables_of(file.decision.between, one) for one in cases) if file.decision else 0.0
-        )
+        pair = file.decision.between if file.decision is not None else ()
+        parts = tuple(_TABLES_OF_A_VERDICT * self._tables_of(pair, one) for one in cases)
         yield PredictedStep(
             name="decision",
-            seconds=_TABLES_OF_A_VERDICT * pairs_of_cases
+            seconds=math.fsum(parts)
             + _TRIALS_OF_A_ROOT * (len(file.solve) * self.design + _TABLES_OF_A_TRIAL * tables if file.solve else 0.0)
             + (self.all_tables if file.sweep else 0.0),
             work=f"{counted(len(cases), 'verdict')} on the main pair, {counted(len(file.solve), 'inverse question')}",
+            parts=parts,
         )
         if file.decision is not None:
             pairs = file.decision.compare or (file.decision.between,)
@@ -290,11 +294,10 @@ class _Prediction:
             yield PredictedStep(name="ranks", seconds=seconds, work=counted(len(pairs), "pair"))
 
     def _tables_of(self, names: tuple[str, ...], case: StudyDefinition) -> float:
-        """Time of cameras' tables [s] in a case with possibly other models, such as a reading."""
+        """Time of cameras' tables [s], with the draws of those that differ from the declared ones, as in a reading."""
+        declared, cameras = self.definition.case.cameras, case.case.cameras
         return math.fsum(
-            self.cameras[name][0]
-            if case.models.get(name) == self.definition.models.get(name)
-            else self.table(case.case.cameras[name])[0]
+            self.cameras[name][0] if cameras[name] == declared[name] else math.fsum(self.table(cameras[name]))
             for name in names
         )
 
@@ -338,12 +341,13 @@ class _Prediction:
         names = self.definition.models.get(NAME)
         if names and (chosen := spot_models(names)) not in asked:
             asked.append(chosen)
-        seconds = math.fsum(self.picture(part, models) for models in asked)
+        parts = tuple(self.picture(part, models) for models in asked)
         yield PredictedStep(
             name="image of the spot",
-            seconds=seconds,
+            seconds=math.fsum(parts),
             work=f"{counted(len(asked), 'picture')}: {', '.join(models.method for models in asked)}",
-            pieces={NAME: seconds},
+            pieces={NAME: math.fsum(parts)},
+            parts=parts,
         )
         if part.benchmarks:
             point = self.picture(part, replace(compared_models(part, "kirchhoff"), point=True))
@@ -357,33 +361,40 @@ class _Prediction:
         return PredictedStep(name="hard cases", seconds=seconds, work=counted(cases, "case"))
 
     def _claims(self) -> PredictedStep:
-        """Every claim under each of its readings, and pictures of the spot that only a reading needs."""
+        """Every claim under each of its readings, with pictures of the spot that nothing before needed."""
         file = self.definition.file
         readings = {"": self.definition, **self.definition.readings}
-        asked = [
-            (claim, list(readings) if claim.under == "all" else [claim.reading or "", *claim.under])
-            for claim in file.claims.values()
+        asked = claims_in_order(file.claims, list(readings))
+        pictures = self._pictures_of_claims([(file.claims[key], readings[name]) for key, name in asked])
+        answers = [
+            self._seconds_of_claim(file.claims[key], readings[name]) + pictured
+            for (key, name), pictured in zip(asked, pictures, strict=True)
         ]
-        seconds = len(file.requirements) * self.all_tables
-        seconds += math.fsum(len(names) * self._seconds_of_claim(claim) for claim, names in asked)
-        if (declared := file.light_spot) is not None:
-            from tradestudy.analysis.spot_images import compared_models, without_comparison
-
-            known = {(without_comparison(declared), declared.tolerance, method) for method in declared.methods}
-            for claim, names in asked:
-                if isinstance(claim, ImageDifferenceClaim | LitPixelsClaim):
-                    for name, method in itertools.product(names, (claim.method, claim.reference)):
-                        spot = readings[name].file.light_spot
-                        assert spot is not None  # it is valid
-                        if (key := (without_comparison(spot), spot.tolerance, method)) not in known:
-                            known.add(key)
-                            seconds += self.picture(spot, compared_models(spot, method))
-        answers = sum(len(names) for _, names in asked)
+        parts = (*answers, *[self.all_tables] * len(file.requirements))
         return PredictedStep(
             name="claims",
-            seconds=seconds,
-            work=f"{counted(answers, 'verdict')} on claims, {counted(len(file.requirements), 'requirement')}",
+            seconds=math.fsum(parts),
+            work=f"{counted(len(asked), 'verdict')} on claims, {counted(len(file.requirements), 'requirement')}",
+            parts=parts,
         )
+
+    def _pictures_of_claims(self, asked: Sequence[tuple[ClaimPart, StudyDefinition]]) -> list[float]:
+        """Time for the pictures that each claim under its reading is the first to need [s]."""
+        if (declared := self.definition.file.light_spot) is None:
+            return [0.0] * len(asked)
+        from tradestudy.analysis.spot_images import compared_models, without_comparison
+
+        known = {(without_comparison(declared), declared.tolerance, method) for method in declared.methods}
+        found = [0.0] * len(asked)
+        for number, (claim, reading) in enumerate(asked):
+            if isinstance(claim, ImageDifferenceClaim | LitPixelsClaim):
+                for method in (claim.method, claim.reference):
+                    spot = reading.file.light_spot
+                    assert spot is not None  # it is valid
+                    if (key := (without_comparison(spot), spot.tolerance, method)) not in known:
+                        known.add(key)
+                        found[number] += self.picture(spot, compared_models(spot, method))
+        return found
 
     def _trade_off(self, part: TradeOffPart) -> PredictedStep:
         """Computed criteria in every design, and ranks over the weights."""
@@ -397,14 +408,14 @@ class _Prediction:
             work=f"{counted(len(ranked), 'camera')} by {counted(len(part.criteria), 'criterion', 'criteria')}",
         )
 
-    def _seconds_of_claim(self, claim: ClaimPart) -> float:
+    def _seconds_of_claim(self, claim: ClaimPart, reading: StudyDefinition) -> float:
         match claim:
             case PsfErrorClaim() | FresnelFNumberClaim():
                 return self.pair_on_axis
             case DepthOfFieldClaim() | DepthOfFieldRatioClaim():
                 return self.reading
             case _ if self.cameras and not hasattr(claim, "criterion") and not hasattr(claim, "method"):
-                return _TABLES_OF_A_CLAIM * self.all_tables / len(self.cameras)
+                return _TABLES_OF_A_CLAIM * self._tables_of(tuple(self.cameras), reading) / len(self.cameras)
             case _:
                 return 0.0  # a closed form, or pictures, which are counted elsewhere
 

@@ -124,7 +124,9 @@ def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
     if (causes := disparity_causes_group(definition)) is not None:
         groups["/disparity_causes"] = causes
     groups["/datasheet"] = datasheet_group(definition)
-    decided = [decision_group(definition, asked.readings, groups["/depth"], steps.progress)]
+    decided = [
+        decision_group(definition, asked.readings, groups["/depth"], steps.progress, asked.plan.parts("decision"))
+    ]
     if file.sweep:
         decided.append(design_verdicts(definition, asked.designs, tables))
     steps.progress("decision", 1.0)
@@ -173,7 +175,9 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
         from tradestudy.plan.pieces import light_spot
         from tradestudy.run.groups.images import images_group
 
-        groups["/images"] = images_group(file.light_spot, asked.steps, seconds, plan.models(light_spot.NAME))
+        groups["/images"] = images_group(
+            file.light_spot, asked.steps, seconds, plan.models(light_spot.NAME), plan.parts("image of the spot")
+        )
     if file.point_spread is not None:
         from tradestudy.plan.pieces import point_spread
         from tradestudy.run.groups.point_spread import point_spread_group
@@ -193,7 +197,7 @@ def _answers(asked: _Asked, tables: DepthTables, criteria: xr.Dataset | None) ->
     groups: dict[str, xr.Dataset] = {}
     progress("claims", 0.0)
     if file.claims:
-        groups["/claims"] = claims_group(definition, asked.readings, progress)
+        groups["/claims"] = claims_group(definition, asked.readings, progress, asked.plan.parts("claims"))
     judge = Judge({one: table.intervals for one, table in tables.items()})
     if file.requirements:
         groups["/requirements"] = requirements_group(definition, asked.designs, judge, asked.steps)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,23 +13,23 @@ from tradestudy.analysis.causes import largest_cause
 from tradestudy.analysis.claims import (
     claim_quantity,
     claim_value,
+    claims_in_order,
     could_be_overturned,
     expectation,
     is_met,
+    readings_of,
     verdict_over_readings,
 )
 from tradestudy.analysis.decision import PairVerdict, best_cameras, decide_pair, stated_error
 from tradestudy.analysis.depth import WAYS
-from tradestudy.analysis.depth_points import relative_effort
 from tradestudy.analysis.inverse_questions import solve
 from tradestudy.analysis.required_values import solve_requirement
-from tradestudy.execution.steps import Progress, mixed
+from tradestudy.execution.steps import Progress, shares_before
 from tradestudy.results import dataset
 from tradestudy.run.groups.depth import depth_as_declared
 from tradestudy.study.bases import input_words
-from tradestudy.study.definition import Case, StudyDefinition
+from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.expectations import claim_dimension
-from tradestudy.study.schema.questions import ClaimPart
 from tradestudy.units import pretty
 
 
@@ -39,17 +38,14 @@ def decision_group(
     readings: Mapping[str, StudyDefinition],
     depth: xr.Dataset,
     progress: Progress = lambda _step, _share: None,
+    seconds: Sequence[float] = (),
 ) -> xr.Dataset:
-    """/decision from /depth and from the study under each reading, without inverse questions."""
+    """/decision from /depth and from the study under each reading, without inverse questions.
+
+    The predicted seconds of the readings set the shares of progress.
+    """
     file, case = definition.file, definition.case
-    efforts = {name: _effort(reading.case) for name, reading in readings.items()} if file.decision is not None else {}
-    work = list(efforts.values())
-    done = itertools.accumulate(work, initial=0.0)
-
-    def tell() -> None:
-        progress("decision", next(done) / max(math.fsum(work), 1.0))
-
-    tell()
+    progress("decision", 0.0)
     values: dict[str, Any] = {}
     coordinates: dict[str, Any] = {"distance": case.distance, "way": list(WAYS)}
     attributes: dict[str, Any] = {}
@@ -83,9 +79,9 @@ def decision_group(
         pair = (file.decision.between[0], file.decision.between[1])
         places = np.array(file.decision.at)
         verdicts = {}
-        for name, reading in readings.items():
+        for share, (name, reading) in zip(shares_before(seconds, len(readings)), readings.items(), strict=False):
+            progress("decision", share)
             verdicts[name] = decide_pair(reading.case, pair, places)
-            tell()
         values |= _pair_arrays(verdicts, file.accuracy.asked().tolerances["depth_uncertainty"])
         values["reading_says"] = ["the study as declared", *(reading.says for reading in file.readings.values())]
         coordinates |= {"reading": list(readings), "place": places}
@@ -153,33 +149,32 @@ def claims_group(
     definition: StudyDefinition,
     readings: Mapping[str, StudyDefinition],
     progress: Progress = lambda _step, _share: None,
+    seconds: Sequence[float] = (),
 ) -> xr.Dataset:
-    """/claims: value and answer under each reading that a claim names, with the verdict."""
+    """/claims: value and answer under each reading that a claim names, with the verdict.
+
+    The predicted seconds of the answers, and of the requirements after them, set the shares of progress.
+    """
     claims = definition.file.claims
     names = list(readings)
     value = np.full((len(claims), len(names)), np.nan)
     met = np.full(value.shape, -1, dtype=np.int8)
     text, near = np.full(value.shape, "", dtype=object), np.zeros(value.shape)
     tolerance = definition.file.accuracy.tolerance
-    efforts = {name: _effort(reading.case) for name, reading in readings.items()}
-    asked = [(row, key, name) for row, (key, claim) in enumerate(claims.items()) for name in _readings_of(claim, names)]
-    # Requirements are answered after the claims, in the same step.
-    work = math.fsum(efforts[name] for *_, name in asked) + efforts[names[0]] * len(definition.file.requirements)
-    done = 0.0
+    rows, asked = list(claims), claims_in_order(claims, names)
+    shares = shares_before(seconds, len(asked) + len(definition.file.requirements))
     answers: dict[str, dict[str, bool | None]] = {key: {} for key in claims}
-    for place in mixed(len(asked)):
-        row, key, name = asked[place]
-        progress("claims", done / work)
-        column, claim, dimension = names.index(name), claims[key], claim_dimension(claims[key])
+    for share, (key, name) in zip(shares, asked, strict=False):
+        progress("claims", share)
+        row, column, claim, dimension = rows.index(key), names.index(name), claims[key], claim_dimension(claims[key])
         # A reading may also change what a claim asks, such as the blur that counts as sharp; never what it expects.
         value[row, column] = claim_value(readings[name].file.claims[key], readings[name].case)
         text[row, column] = pretty(value[row, column], dimension)
         answers[key][name] = is_met(claim.expect, value[row, column], dimension)
         met[row, column] = -1 if answers[key][name] is None else int(bool(answers[key][name]))
         near[row, column] = could_be_overturned(claim.expect, value[row, column], dimension, tolerance)
-        done += efforts[name]
     verdicts = [
-        verdict_over_readings({name: answers[key][name] for name in _readings_of(claim, names)})
+        verdict_over_readings({name: answers[key][name] for name in readings_of(claim, names)})
         for key, claim in claims.items()
     ]
     return dataset(
@@ -199,14 +194,3 @@ def claims_group(
         },
         {"claim": list(claims), "reading": names},
     )
-
-
-def _effort(case: Case) -> float:
-    """Relative work of answering a question about a study: the sum over its cameras, or 1 if it has none."""
-    return math.fsum(map(relative_effort, case.cameras.values())) or 1.0
-
-
-def _readings_of(claim: ClaimPart, names: list[str]) -> tuple[str, ...]:
-    """The readings under which a claim is answered, its own first."""
-    own = claim.reading or names[0]
-    return own, *([name for name in names if name != own] if claim.under == "all" else claim.under)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -21,7 +22,7 @@ from tradestudy.analysis.spot_images import (
 )
 from tradestudy.effects.models import Models
 from tradestudy.execution import Steps
-from tradestudy.execution.steps import Progress, Seconds, timed
+from tradestudy.execution.steps import Progress, Seconds, shares_before, timed
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.pieces.light_spot import spot_models
 from tradestudy.results import dataset
@@ -30,11 +31,13 @@ from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 LIT_ABOVE = 0.01
 
 
-def _told(progress: Progress, number: int, count: int, share: float) -> None:
-    progress(STEP, (number + share) / count)
+def _told(progress: Progress, begin: float, end: float, share: float) -> None:
+    progress(STEP, begin + share * (end - begin))
 
 
-def images_group(part: LightSpotPart, steps: Steps, seconds: Seconds, models: Models) -> xr.Dataset:
+def images_group(
+    part: LightSpotPart, steps: Steps, seconds: Seconds, models: Models, predicted: Sequence[float] = ()
+) -> xr.Dataset:
     """/images over (propagator, row, column); wall seconds of each go to ``seconds`` as ``image: METHOD``.
 
     Parameters
@@ -47,16 +50,18 @@ def images_group(part: LightSpotPart, steps: Steps, seconds: Seconds, models: Mo
         Hears of what the pictures took.
     models
         The chosen models, which compute ``chosen_image``; without methods it is the only image.
+    predicted
+        Seconds of each picture, which set the shares of progress.
     """
     chosen = spot_models(models)
     compared = [compared_models(part, method) for method in part.methods]
     asked = compared if chosen in compared else [*compared, chosen]
     pictures, progress = {}, steps.progress
-    for number, one in enumerate(asked):
-        progress(STEP, number / len(asked))
+    for one, ends in zip(asked, itertools.pairwise(shares_before(predicted, len(asked))), strict=True):
+        progress(STEP, ends[0])
         name = f"image: {one.method}" if one in compared else "image: chosen"
         with timed(seconds, name):
-            pictures[one] = spot_picture(part, one, partial(_told, progress, number, len(asked)), steps)
+            pictures[one] = spot_picture(part, one, partial(_told, progress, *ends), steps)
     shown = compared or asked
     found = [pictures[one] for one in shown]
     progress(STEP, 1.0)
