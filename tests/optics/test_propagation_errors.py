@@ -32,6 +32,7 @@ from tradestudy.optics.propagation import (
     propagate_wave,
     sample_wave,
 )
+from tradestudy.optics.propagation.result import choose_check_targets
 from tradestudy.optics.quadrature import disc_nodes
 
 MAIN = CircularLens(radius=12.5e-3 / 7.6, focal_length=12.5e-3, lens_phase="parabolic")
@@ -378,3 +379,42 @@ def test_darkness_is_not_sold_as_a_result():
             targets=TargetPoints(x=[0.31e-3, 0.32e-3], y=0.0, distance=lens.image_of(source)[2]),
             accuracy=FieldAccuracy(tolerance=1e-10),
         )
+
+
+def test_check_targets_represent_all_even_where_a_few_hold_the_light() -> None:
+    """Means over them are unbiased; no draw falls twice on a target that holds nearly everything."""
+    grid = TargetGrid.centred(centre=(0.0, 0.0), pitch=1e-6, count=21, distance=0.01)
+    rng = np.random.default_rng(8)
+    intensity = 1e-6 * rng.random(21 * 21)
+    intensity[[220, 219, 221, 199]] = 1.0, 0.02, 0.01, 0.01
+    squares = rng.random(intensity.size) * (1.0 + 50.0 * intensity)
+    found = []
+    for seed in range(2000):
+        at = choose_check_targets(grid, intensity, count=16, seed=seed)
+        assert {220, 219, 221, 199} <= set(at.index[:16].tolist())
+        found.append(float(np.mean((at.weight * squares[at.index])[~at.corner])))
+    assert np.mean(found) == pytest.approx(squares.mean(), abs=4.0 * np.std(found) / math.sqrt(2000))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_coarse_grid_over_a_focus_states_the_errors_beside_the_brightest_target(seed: int) -> None:
+    """At the brightest target, with a twentieth of the light in all others, the nodes happen to do well."""
+    case = load_cases().Case(
+        source=PointSource(x=5.11e-5, y=3.689e-4, distance=3.086e-3),
+        lens=CircularLens(radius=3.157e-5, focal_length=3.246e-4, lens_phase="perfect"),
+        targets=TargetGrid(
+            x_start=-8.75e-5,
+            y_start=-1.22e-4,
+            x_pitch=7.934e-6,
+            y_pitch=7.934e-6,
+            x_count=22,
+            y_count=22,
+            distance=3.6277e-4,
+        ),
+        wavelength=656.2e-9,
+        method="kirchhoff",
+        obliquity="textbook",
+        accuracy=FieldAccuracy(tolerance=5e-7, seed=seed),
+    )
+    found = load_cases().run(case)
+    assert load_cases().true_error(case, found) <= found.error.intensity <= 5e-7

@@ -246,16 +246,38 @@ def choose_check_targets(
         index, weight, corner = np.arange(size), np.ones(size), np.zeros(size, dtype=bool)
     else:
         favour = intensity if doubt is None else intensity * doubt
+        bright = _bright(favour, count)
+        if bright.size:
+            favour = favour.copy()
+            favour[bright] = 0.0
         total = float(favour.sum())
         favoured = (1 - _UNIFORM_SHARE) / total if total > 0.0 else 0.0
         uniform = (_UNIFORM_SHARE if total > 0.0 else 1.0) / size
-        drawn = _draw(favour, favoured, uniform, np.random.default_rng(seed).random(count))
+        left = count - bright.size
+        drawn = _draw(favour, favoured, uniform, np.random.default_rng(seed).random(left))
         corners = targets.corners()
-        corner = np.arange(count + corners.size) >= count
-        index = np.concatenate([drawn, corners])
-        weight = np.where(corner, 0.0, 1.0 / size / (uniform + favoured * favour[index]))
+        index = np.concatenate([bright, drawn, corners])
+        corner = np.arange(index.size) >= count
+        expected = left * (uniform + favoured * favour[drawn])
+        represented = np.where(np.isin(drawn, bright), 0.0, 1.0 / expected)  # a bright target stands for itself alone
+        weight = np.concatenate([np.ones(bright.size), represented, np.zeros(corners.size)]) * (count / size)
     x, y, z = targets.at(index)
     return CheckTargets(index=index, weight=weight, corner=corner, x=x, y=y, z=z)
+
+
+def _bright(favour: FloatArray, count: int) -> npt.NDArray[np.intp]:
+    """Indices of targets so bright that every draw would expect them: they are taken once, not by chance.
+
+    Otherwise all draws could fall on one target, where nodes happen to do well. They take at most half of the draws.
+    """
+    total, most = float(favour.sum()), count // 2
+    if not float(favour.max()) * count > total:
+        return np.empty(0, dtype=np.intp)
+    brightest = np.argpartition(favour, -most)[-most:]
+    brightest = brightest[np.argsort(favour[brightest])[::-1]]
+    dimmer = total - np.cumsum(favour[brightest]) + favour[brightest]  # each with all that are dimmer
+    expected = np.append(favour[brightest] * count > dimmer, False)
+    return brightest[: int(np.argmin(expected))]
 
 
 def _draw(favour: FloatArray, favoured: float, uniform: float, at: FloatArray) -> npt.NDArray[np.intp]:
