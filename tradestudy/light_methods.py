@@ -60,3 +60,9 @@ def long_title(method: str) -> str:
     else:
         words = _LEGS[first] if "rays" in _LEGS[first] else f"{_LEGS[first]} on both legs"
     return words[0].upper() + words[1:]
+
+
+def title_within_a_sentence(method: str) -> str:
+    """The full title, capitalised only where it begins with a name."""
+    title = long_title(method)
+    return title if title.startswith(("Kirchhoff", "Fresnel")) else title[0].lower() + title[1:]

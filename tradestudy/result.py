@@ -83,6 +83,10 @@ class Result:
           ``distance`` [m], ``contrast`` and ``electrons``): ``spread`` and ``bias`` with the standard errors
           ``spread_error`` and ``bias_error``, the ``predicted`` spread [m], and the fraction ``filled`` of the points
           that it could measure.
+        - ``light_spot``: for each picture its ``method``, stated ``error`` and ``difference`` from the ``reference``.
+        - ``fresnel_validity``: for each ``element`` and ``lens_phase`` the ``f_number`` from which Fresnel's law stays
+          within ``limit`` of Kirchhoff's over a ``window`` [Airy radii]; 0 if always, null if never.
+        - ``hard_cases``: the number of ``cases`` and of those ``met``.
         - ``rests_on``: the limits and inputs that decide the answers, in words.
         - ``measure_first``: what to measure next, in words, or empty; ``assumptions``: the value of knowing each, the
           most valuable first: ``assumption``, ``between``, ``worth`` and its standard ``error`` (fractions of the

@@ -10,6 +10,8 @@ import xarray as xr
 from tradestudy import api, figures
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Callout, Paragraph, Table, all_blocks, spans
+from tradestudy.results.views.conclusions import terminal_lines
+from tradestudy.results.views.conclusions_json import conclusions_as_json
 
 STUDY = Path(__file__).parents[2] / "studies" / "hard_cases.yaml"
 
@@ -70,3 +72,9 @@ def test_what_is_not_met_is_named_first(tree: xr.DataTree) -> None:
     assert tone == "warning"
     assert f"{count - 1} of {count} hard cases." in words
     assert f"Not met: {data['case'].values[3]}." in words
+
+
+def test_the_terminal_and_the_json_count_the_cases(tree: xr.DataTree) -> None:
+    cases = tree["hard_cases"]["met"].values
+    assert conclusions_as_json(tree)["hard_cases"] == {"cases": cases.size, "met": int(cases.sum())}
+    assert f"{int(cases.sum())} of {cases.size} hard cases" in " ".join(terminal_lines(tree))

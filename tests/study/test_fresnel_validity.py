@@ -288,3 +288,17 @@ def test_windows_out_of_order_are_refused() -> None:
             **MAIN, f_number=8.0, field_angle=0.0, wavelength=550e-9, lens_phases=("perfect",), windows=(2.0, 1.0),
             tolerance=1e-5,
         )  # fmt: skip
+
+
+def test_the_conclusion_is_where_the_worst_wavelength_meets_the_limit(result: Result) -> None:
+    error = result.data["fresnel_validity"]["psf_error"].sel(metric="l1", window=10.0)
+    limits = result.conclusions()["fresnel_validity"]
+    assert {one["lens_phase"] for one in limits} == {"parabolic", "perfect"}
+    for one in limits:
+        element = {"Main lens": "main", "Microlens": "micro"}[one["element"]]
+        (name,) = [str(key) for key in error["element"].values if str(key).startswith(element)]
+        worst = error.sel(element=name, lens_phase=one["lens_phase"]).max("wavelength")
+        above = worst["f_number"].values > one["f_number"]
+        assert np.all(worst.values[above] < one["limit"])
+        assert np.all(worst.values[~above] >= one["limit"])
+    assert [line.split(":")[0] for line in result.lines()][:2] == ["Main lens", "Microlens"]

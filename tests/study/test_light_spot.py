@@ -197,6 +197,21 @@ def case(**changes: float | str) -> LensAndPoint:
     return LensAndPoint(**(usual | changes))  # type: ignore[arg-type]  # fields of two kinds in one mapping
 
 
+def test_the_conclusion_is_the_summed_difference_from_the_reference(result: Result) -> None:
+    pictures = result.conclusions()["light_spot"]
+    assert [one["method"] for one in pictures] == list(result.data["images"]["propagator"].values)
+    whole = image(result, "kirchhoff")
+    for one in pictures:
+        assert one["reference"] == "kirchhoff"
+        if one["method"] == "kirchhoff":
+            assert one["difference"] is None
+        else:
+            change = np.abs(image(result, one["method"]) - whole).sum() / whole.sum()
+            assert one["difference"] == pytest.approx(change, rel=1e-9)
+    (line,) = [line for line in result.lines() if line.startswith("Summed difference")]
+    assert line.count("%") == len(pictures) - 1
+
+
 @pytest.fixture(scope="module")
 def focused() -> dict[str, tuple[float, float]]:
     return dict(

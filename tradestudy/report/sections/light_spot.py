@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.light_methods import long_title
+from tradestudy.light_methods import long_title, title_within_a_sentence
 from tradestudy.report.document import (
     Block,
     Bullets,
@@ -105,7 +105,7 @@ def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
                 "**{method}: {difference}** summed difference from {reference}; {took}.",
                 method=long_title(method),
                 difference=share(float(one["difference"].sel(against=reference))),
-                reference=_within_a_sentence(reference),
+                reference=title_within_a_sentence(reference),
                 took=took,
             )
     yield _chosen(data, run, reference)
@@ -118,27 +118,22 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
     if reference in same:
         found = "it is the reference above"
     elif same:
-        found = f"it is the picture by {_within_a_sentence(same[0])} above"
+        found = f"it is the picture by {title_within_a_sentence(same[0])} above"
     else:
         took = _duration(_seconds(run, "image: chosen"))
         found = (
             f"{share(float(abs(picture - compared).sum() / compared.sum()))} summed difference from "
-            f"{_within_a_sentence(reference)}; {took}"
+            f"{title_within_a_sentence(reference)}; {took}"
         )
     error, asked = float(data["chosen_error"]), float(data.attrs["chosen_tolerance"])
     return say(
         "**The picture by the models chosen for the tolerance** ({method}, sampled to {tolerance}, "
         "{reached}): {found}.",
-        method=_within_a_sentence(str(data.attrs["chosen_method"])),
+        method=title_within_a_sentence(str(data.attrs["chosen_method"])),
         tolerance=share(asked),
         reached=f"its stated error {share(error)}" + (", above that" if error > asked else ""),
         found=found,
     )
-
-
-def _within_a_sentence(method: str) -> str:
-    words = long_title(method)
-    return words if words.startswith(("Kirchhoff", "Fresnel")) else words[0].lower() + words[1:]
 
 
 def _stated(error: float, asked: float) -> str:

@@ -20,6 +20,7 @@ from tradestudy.results.views.groups import camera_titles, group, has, perfectly
 from tradestudy.results.views.measured_depth import measured_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.results.views.trade_off import trade_off_conclusion
+from tradestudy.results.views.wave_conclusions import wave_words
 from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import counted, distance, listed, plain_span
 
@@ -203,7 +204,7 @@ def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
     lines += judged[1:]  # fewer lines may leave out a lesser requirement, but no answer to a question
     if weighed := trade_off_conclusion(tree):
         lines.append(f"By all criteria: {weighed}")
-    lines += measured_words(tree)
+    lines += [*measured_words(tree), *wave_words(tree)]
     first = measure_first(tree)
     if rests and first == f"Measure first: {rests[0]}":
         last = [f"Rests on, so measure first: {'; '.join(rests)}"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -13,6 +14,7 @@ from tradestudy.results.views.groups import has, records
 from tradestudy.results.views.measured_depth import measured_numbers
 from tradestudy.results.views.requirement_conclusions import RequirementConclusion, requirement_conclusions
 from tradestudy.results.views.trade_off import candidates_by_rank
+from tradestudy.results.views.wave_conclusions import fresnel_numbers, hard_case_numbers, light_numbers
 
 JSON_FORMAT: Final = 1
 
@@ -29,10 +31,10 @@ def conclusions_as_json(tree: xr.DataTree) -> dict[str, Any]:
         "trade_off": [
             {"camera": one.title, "first": one.ranks[0], "error": one.first_error} for one in candidates_by_rank(tree)
         ],
-        "measured": [
-            {key: value if isinstance(value, str) else _number(value) for key, value in one.items()}
-            for one in measured_numbers(tree)
-        ],
+        "measured": _rows_as_json(measured_numbers(tree)),
+        "light_spot": _rows_as_json(light_numbers(tree)),
+        "fresnel_validity": _rows_as_json(fresnel_numbers(tree)),
+        "hard_cases": hard_case_numbers(tree),
         "rests_on": list(rests_on(tree)),
         "measure_first": measure_first(tree),
         "assumptions": [
@@ -40,6 +42,10 @@ def conclusions_as_json(tree: xr.DataTree) -> dict[str, Any]:
             for one in worths(tree)
         ],
     }
+
+
+def _rows_as_json(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    return [{key: value if isinstance(value, str) else _number(value) for key, value in one.items()} for one in rows]
 
 
 def _requirement_as_json(one: RequirementConclusion) -> dict[str, Any]:
