@@ -258,3 +258,13 @@ def test_a_sample_of_the_campaign_stays_within_its_tolerance() -> None:
     assert outcomes
     assert max(one.exceeded for one in outcomes) < 1.5
     assert dict(rows(outcomes))["cases"] == str(len(outcomes))
+
+
+def test_a_disc_that_blurs_many_cycles_is_not_tried_as_a_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trials are made only where they can change the choice: the spot of 4 mm is no point by any tolerance."""
+    tried = []
+    monkeypatch.setattr(LightTrial, "_as_point", lambda *models: tried.append(models) or (0.0, 1.0))
+    piece = LightSpotPiece(spot(), {})
+    assert piece.changes({**piece.complete, "source_extent": "off"})["pixel_intensity"].least == math.inf
+    assert choose(piece, {"pixel_intensity": 0.1}, {}).models["source_extent"] == "disc"
+    assert not tried

@@ -35,7 +35,7 @@ TOLERANCE: Final = 2e-3  # of the images of points
 # `TOLERANCE` of the picture.
 _COARSE, _SPARSE = 5e-2, 0.5
 _RAYS: Final = 2**15  # per point; disc and pixels average out their errors
-_AROUND: Final = 3  # points that represent a disc: their mean is exact to second order in its radius
+_AROUND: Final = 6  # points that represent a disc with its centre: their mean is exact to fifth order in its radius
 _PARTS: Final = 3  # along a pixel; odd, so that one of them is at its centre
 _MOST_LINES: Final = 4
 _MET: Final = 0.5  # of the light that waves bring: less by rays means that they pass the microlenses by
@@ -192,7 +192,7 @@ class LightTrial:
         """As `squares`, for a disc that models treat as a point: its centre against points that represent the disc."""
         spot, source = self._part.spot, light_source(self._part)
         assert isinstance(source, DiscSource)  # a point does not shrink
-        around = _on_circle(source.centre, spot.diameter / 2.0 / math.sqrt(2.0), _AROUND)
+        around = _on_circle(source.centre, spot.diameter / 2.0 * math.sqrt(2.0 / 3.0), _AROUND)
         try:
             if complete.method in RAYS:
                 accuracy = ChainAccuracy(tolerance=TOLERANCE)
@@ -201,8 +201,11 @@ class LightTrial:
                     for one in (source.centre, source)
                 )
             else:
-                centre = self._followed(models, source.centre)
-                whole = np.mean([self._followed(complete, one) for one in around], axis=0)
+                # J. Radon's formula of degree five, Monatsh. Math. Phys. 52 (1948) 286.
+                centre = own = self._followed(complete, source.centre)
+                whole = own / 4.0 + 0.75 * np.mean([self._followed(complete, one) for one in around], axis=0)
+                if replace(models, point=False) != complete:
+                    centre = self._followed(models, source.centre)
         except TradestudyError:
             return math.inf, 1.0
         return float(np.sum((centre - whole) ** 2)), float(np.sum(whole**2))
