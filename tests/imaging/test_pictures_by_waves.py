@@ -199,7 +199,7 @@ def test_the_plan_says_why_rays_and_the_picture_what_they_leave_out(tmp_path: Pa
     plain = small(tmp_path, effects="accuracy: {pixel_intensity: 10 %}")
     (line,) = (line for line in str(plain.plan()).splitlines() if line.startswith("pair-pictures"))
     assert "no diffraction; leaving out diffraction at the main lens changes the pixel intensity" in line
-    assert "estimated at a few places; 10 % allowed" in line
+    assert "trial at a few places; 10 % allowed" in line
     api.render(plain, tmp_path)
     left = facts(tmp_path, "pair")["pictures"]["left"]
     assert left["model"] == "rays"

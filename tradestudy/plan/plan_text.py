@@ -56,7 +56,7 @@ def _simulated(one: Chosen) -> str:
         parts.append(one.reasons["calibration"])
     elif "calibration" in models:
         drawn = ", ".join(one.choice.elsewhere)
-        parts.append(MODEL["calibration", models["calibration"]] + f" (drawn at random for {drawn})" * bool(drawn))
+        parts.append(MODEL["calibration", models["calibration"]] + f" (Monte Carlo for {drawn})" * bool(drawn))
     if "sampling" in models:
         parts.append(f"sampled to {models['sampling']}")
     if not pictured and "calibration" in models:
@@ -129,7 +129,7 @@ def _decisions(one: Chosen) -> Iterator[str]:
 
 
 def _share(quantity: Quantity, change: Change) -> str:
-    """A change and its evidence: "0.22 %", "up to about 1.3 %", "about 0.02 %, estimated at a few distances"."""
+    """A change and its evidence: "0.22 %", "up to about 1.3 %", "about 0.02 %, trial at a few distances"."""
     if math.isinf(change.relative) or change.relative == 0.0:
         return _amount(change)
     at = "" if math.isnan(change.at) else f" at {distance(change.at)}"
@@ -137,7 +137,7 @@ def _share(quantity: Quantity, change: Change) -> str:
 
 
 def _tried(quantity: Quantity) -> str:
-    return f"estimated at a few {'places' if quantity == 'pixel_intensity' else 'distances'}"
+    return f"trial at a few {'places' if quantity == 'pixel_intensity' else 'distances'}"
 
 
 def _amount(change: Change) -> str:

@@ -123,7 +123,8 @@ class LightSpotPiece(Piece):
             return {"pixel_intensity": Change(relative=math.inf, least=math.inf)}
         if whole not in self._found and whole == self._shrunk:
             relative = _with_sampling(self._extent, found) if self._extent < _LARGEST_BY_RULE else math.inf
-            return {"pixel_intensity": Change(relative=relative, least=found.tolerance, evidence="rule")}
+            least = math.hypot(TOLERANCE, found.tolerance)  # of what a trial can find
+            return {"pixel_intensity": Change(relative=relative, least=min(relative, least), evidence="rule")}
         if whole not in self._found and whole.method != self._complete.method and self._is_quick(whole):
             return {"pixel_intensity": Change(relative=math.inf, least=math.inf)}
         if whole not in self._found:

@@ -18,7 +18,7 @@ from tradestudy.wording import distance
 _HOW: Final = {
     "computed": "computed",
     "rule": "closed-form rule, with a margin",
-    "trial": "estimated at a few distances",
+    "trial": "trial at a few distances",
 }
 _FULL: Final = "nothing"
 _COLUMNS: Final = (
