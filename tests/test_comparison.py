@@ -393,7 +393,7 @@ def test_inputs_that_mean_the_same_do_not_differ_and_units_are_those_of_people()
 def test_models_that_were_chosen_differently_are_named() -> None:
     lines = str(compared(tree(), tree(propagation="exact"))).splitlines()
     start = lines.index("Models chosen differently:")
-    assert lines[start + 1] == "  Near head: linear error propagation → Monte Carlo error propagation"
+    assert lines[start + 1] == "  Near head: linear calibration → exact calibration"
 
 
 def test_nothing_changed() -> None:

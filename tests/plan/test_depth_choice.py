@@ -271,7 +271,7 @@ def test_a_reading_and_a_question_that_no_line_describes_draw_by_themselves() ->
     assert drawn == {"yaw-uniform"}
     assert model(definition.under("yaw-at-half-metre")) == "exact"
     assert {model(definition), model(definition.readings["yaw-tenth"])} == {"linear"}
-    assert "Monte Carlo for yaw-uniform, yaw-at-half-metre" in plan.text()
+    assert "(exact for yaw-uniform, yaw-at-half-metre)" in plan.text()
 
 
 def test_what_a_study_forces_acts_under_every_reading() -> None:

@@ -17,6 +17,7 @@ from tradestudy.analysis.usable import all_met, evaluate_limits
 from tradestudy.cameras.depth_camera import DepthCamera, disparity_error_at, numerical_error_of_disparity_error
 from tradestudy.cost.measuring import Candidate, Piece, Reference
 from tradestudy.effects.models import LENSES, OFF, Models, SlotName
+from tradestudy.effects.words import MODEL
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.acting import acting
 from tradestudy.study.definition import Case
@@ -30,7 +31,6 @@ _MOST_PLACES: Final = 9
 _TIGHTER: Final = (1.0, 0.3, 0.1, 0.03)  # tolerances of the draws, over that of the study
 _DRAWS: Final = ((2**13, 1.0), (2**16, 8.0), (2**20, 16.0))  # numbers of draws of references, and growth of their time
 _FEWEST: Final = 2  # candidates needed for a choice
-_CALIBRATIONS: Final = {OFF: "noise alone", "linear": "linear calibration", "exact": "exact calibration"}
 
 
 def depth_piece(case: Case, name: str, title: str, chosen: Models, offered: Offered) -> Piece | None:
@@ -105,7 +105,7 @@ def _sets(camera: DepthCamera, chosen: Models, offered: Offered) -> Iterator[tup
 
 def _words(models: Models, offered: Offered, tolerance: float) -> str:
     """A set of models in words that distinguish it from the others."""
-    way = _CALIBRATIONS[models["calibration"]]
+    way = MODEL["calibration", models["calibration"]]
     if models["calibration"] == "exact":
         way += f" to {pretty(tolerance, FRACTION, digits=2)}"
     pictures = {slot: names for slot, names in offered.items() if slot != "calibration" and len(names) > 1}

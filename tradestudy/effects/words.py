@@ -29,9 +29,9 @@ MODEL: Final[Mapping[tuple[SlotName, str], str]] = {
     ("microlens_diffraction", "boundary_wave"): "boundary wave of the microlenses",
     ("microlens_diffraction", "fresnel"): "Fresnel diffraction at the microlenses",
     ("microlens_diffraction", "kirchhoff"): "Kirchhoff diffraction at the microlenses",
-    ("calibration", "off"): "no calibration errors",
-    ("calibration", "linear"): "linear error propagation",
-    ("calibration", "exact"): "Monte Carlo error propagation",
+    ("calibration", "off"): "noise alone",
+    ("calibration", "linear"): "linear calibration",
+    ("calibration", "exact"): "exact calibration",
 }
 _LEFT_OUT: Final[Mapping[str, str]] = {
     "airy": "defocus and diffraction acting together",

@@ -56,7 +56,7 @@ def _simulated(one: Chosen) -> str:
         parts.append(one.reasons["calibration"])
     elif "calibration" in models:
         drawn = ", ".join(one.choice.elsewhere)
-        parts.append(MODEL["calibration", models["calibration"]] + f" (Monte Carlo for {drawn})" * bool(drawn))
+        parts.append(MODEL["calibration", models["calibration"]] + f" (exact for {drawn})" * bool(drawn))
     if "sampling" in models:
         parts.append(f"sampled to {models['sampling']}")
     if not pictured and "calibration" in models:
