@@ -1,4 +1,4 @@
-"""The choice of models against a search by hand, on pieces whose changes are known."""
+"""The choice of models against a search by hand, on problems whose changes are known."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tradestudy.effects.choice import Change, Changes, Choice, Piece, Slot, choose
+from tradestudy.effects.choice import Change, Changes, Choice, SimulationProblem, Slot, choose
 from tradestudy.effects.models import EFFECTS, Models, SlotName, models_of
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 
 TOLERANCE = {"depth_uncertainty": 0.05}
 
 
-class Known(Piece):
-    """A piece whose omissions add up; some are known only within a factor until they are tried."""
+class Known(SimulationProblem):
+    """A problem whose omissions add up; some are known only within a factor until they are tried."""
 
-    name, title = "known", "A known piece"
+    name, title = "known", "A known problem"
     asked = ("depth_uncertainty",)
 
     def __init__(
@@ -103,7 +103,7 @@ def test_every_model_is_told_with_what_it_alone_changes() -> None:
 def test_what_not_even_the_most_complete_models_give_is_refused_with_value_limit_and_remedy() -> None:
     coarse = Known({"sampling": {"5 %": 0.05, "1 %": 0.01}})
     with pytest.raises(
-        UnaffordableError, match=r"A known piece: .*depth uncertainty.*1 %.*0\.1 %.*loosen the tolerance"
+        UnaffordableError, match=r"A known problem: .*depth uncertainty.*1 %.*0\.1 %.*loosen the tolerance"
     ):
         choose(coarse, {"depth_uncertainty": 0.001}, {})
 

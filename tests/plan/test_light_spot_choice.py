@@ -19,9 +19,9 @@ from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.optics.chain import DiscSource
 from tradestudy.plan import light_pilot
 from tradestudy.plan.light_pilot import predicted_picture_seconds
-from tradestudy.plan.pieces.light_spot import TOLERANCES, LightSpotPiece, extent_rule, spot_models
-from tradestudy.plan.pieces.light_trial import LightTrial, probes
-from tradestudy.plan.pieces.point_spread import PointSpreadPiece
+from tradestudy.plan.problems.light_spot import TOLERANCES, LightSpotProblem, extent_rule, spot_models
+from tradestudy.plan.problems.light_trial import LightTrial, probes
+from tradestudy.plan.problems.point_spread import PointSpreadProblem
 from tradestudy.study.schema.light_spot import LightSpotPart
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
@@ -40,7 +40,7 @@ def spot(*overrides: str) -> LightSpotPart:
 
 def chosen(part: LightSpotPart, tolerance: float, forced: dict[str, str] | None = None) -> Choice:
     insisted = forced or {}
-    return choose(LightSpotPiece(part, insisted), {"pixel_intensity": tolerance}, insisted)  # type: ignore[arg-type]  # names of slots
+    return choose(LightSpotProblem(part, insisted), {"pixel_intensity": tolerance}, insisted)  # type: ignore[arg-type]  # names of slots
 
 
 def relative(one: np.ndarray, other: np.ndarray) -> float:
@@ -157,9 +157,9 @@ def test_rays_act_on_both_legs_or_on_none() -> None:
     rays = chosen(spot(*SMALL), 0.05, {"main_lens_diffraction": "off"})
     assert spot_models(rays.models).method == "exact-rays"
     with pytest.raises(OutOfRangeError, match="off on both legs"):
-        LightSpotPiece(spot(), {"main_lens_diffraction": "off", "microlens_diffraction": "kirchhoff"})
+        LightSpotProblem(spot(), {"main_lens_diffraction": "off", "microlens_diffraction": "kirchhoff"})
     with pytest.raises(OutOfRangeError, match=r"pixel_integration: off.*; force off on both legs"):
-        LightSpotPiece(spot(), {"main_lens_diffraction": "off", "pixel_integration": "off"})
+        LightSpotProblem(spot(), {"main_lens_diffraction": "off", "pixel_integration": "off"})
 
 
 def test_forced_models_are_obeyed_and_what_they_change_is_reported() -> None:
@@ -170,7 +170,7 @@ def test_forced_models_are_obeyed_and_what_they_change_is_reported() -> None:
 
 
 def test_boundary_waves_act_only_where_they_are_forced() -> None:
-    slots = {slot.name: slot.models for slot in LightSpotPiece(spot(), {}).slots}
+    slots = {slot.name: slot.models for slot in LightSpotProblem(spot(), {}).slots}
     assert slots["main_lens_diffraction"] == slots["microlens_diffraction"] == ("off", "fresnel", "kirchhoff")
     square = "light_spot.microlenses.aperture=square"
     for wrong in (["light_spot.methods=[kirchhoff-boundary-wave]"], ["effects={microlens_diffraction: boundary_wave}"]):
@@ -185,8 +185,8 @@ def test_a_spot_below_resolution_is_a_point() -> None:
 
 def test_a_coherent_disc_has_no_rays() -> None:
     part = spot(*SMALL)
-    piece = LightSpotPiece(part.model_copy(update={"spot": part.spot.model_copy(update={"coherent": True})}), {})
-    slots = {slot.name: slot.models for slot in piece.slots}
+    problem = LightSpotProblem(part.model_copy(update={"spot": part.spot.model_copy(update={"coherent": True})}), {})
+    slots = {slot.name: slot.models for slot in problem.slots}
     assert slots["main_lens_diffraction"] == ("fresnel", "kirchhoff")
 
 
@@ -213,10 +213,10 @@ def test_a_tolerance_belongs_to_methods() -> None:
 
 
 def test_tolerances_are_their_own_bounds() -> None:
-    piece = LightSpotPiece(spot(), {})
-    complete = {slot.name: slot.models[-1] for slot in piece.slots}
-    for model, tolerance in zip(piece.slots[-1].models, TOLERANCES, strict=True):
-        change = piece.changes({**complete, "sampling": model})["pixel_intensity"]
+    problem = LightSpotProblem(spot(), {})
+    complete = {slot.name: slot.models[-1] for slot in problem.slots}
+    for model, tolerance in zip(problem.slots[-1].models, TOLERANCES, strict=True):
+        change = problem.changes({**complete, "sampling": model})["pixel_intensity"]
         assert (change.relative, change.evidence) == (pytest.approx(tolerance), "rule")
 
 
@@ -225,10 +225,10 @@ def test_images_of_points_keep_kirchhoff_unless_fresnel_is_forced() -> None:
     assert part is not None
     small = part.model_copy(update={"window": 4.0, "tolerance": 1e-3})
     wanted = {"psf_width": 0.01}
-    assert choose(PointSpreadPiece(small, {}), wanted, {}).models["main_lens_diffraction"] == "kirchhoff"
-    free = PointSpreadPiece(small, {})
+    assert choose(PointSpreadProblem(small, {}), wanted, {}).models["main_lens_diffraction"] == "kirchhoff"
+    free = PointSpreadProblem(small, {})
     fresnel: Models = {"main_lens_diffraction": "fresnel"}
-    assert choose(PointSpreadPiece(small, fresnel), wanted, fresnel).models == fresnel
+    assert choose(PointSpreadProblem(small, fresnel), wanted, fresnel).models == fresnel
     assert free.try_out(fresnel)
     assert free.changes(fresnel)["psf_width"].relative > 0.01  # parabolic phases spread Kirchhoff's images
 
@@ -264,7 +264,7 @@ def test_a_disc_that_blurs_many_cycles_is_not_tried_as_a_point(monkeypatch: pyte
     """Trials are made only where they can change the choice: the spot of 4 mm is no point by any tolerance."""
     tried = []
     monkeypatch.setattr(LightTrial, "_as_point", lambda *models: tried.append(models) or (0.0, 1.0))
-    piece = LightSpotPiece(spot(), {})
-    assert piece.changes({**piece.complete, "source_extent": "off"})["pixel_intensity"].least == math.inf
-    assert choose(piece, {"pixel_intensity": 0.1}, {}).models["source_extent"] == "disc"
+    problem = LightSpotProblem(spot(), {})
+    assert problem.changes({**problem.complete, "source_extent": "off"})["pixel_intensity"].least == math.inf
+    assert choose(problem, {"pixel_intensity": 0.1}, {}).models["source_extent"] == "disc"
     assert not tried

@@ -108,8 +108,8 @@ def test_failures_that_calibration_adds_end_a_usable_range(tmp_path: Path, toler
 
 def test_readings_may_derive_the_disparity_error_or_take_the_spectrum_back(tmp_path: Path) -> None:
     derived = {"derived": {"says": "derived", "set": {"pair.depth.disparity_error": "derived"}}}
-    piece = next(one for one in study(tmp_path, FAR, readings=derived).plan().pieces if one.name == "pair")
-    assert piece.models["defocus_blur"] == "disc"
+    problem = next(one for one in study(tmp_path, FAR, readings=derived).plan().problems if one.name == "pair")
+    assert problem.models["defocus_blur"] == "disc"
     grey = {"grey": {"says": "one colour", "set": {"scene.picture.spectrum": None}}}
     found = study(tmp_path, FAR, readings=grey, **{"cameras.pair.depth.disparity_error": "derived"}).plan()
     assert found.definition.readings["grey"].case.cameras["pair"].disparity_error_px.models.spectrum == "off"

@@ -17,8 +17,8 @@ from tradestudy.cameras.depth_camera import disparity_error_at
 from tradestudy.errors import StudyError
 from tradestudy.execution.fingerprint import fingerprint
 from tradestudy.imaging.derived_error import at_bound
-from tradestudy.plan.pieces.depth import depth_pieces
 from tradestudy.plan.plan import plan_of
+from tradestudy.plan.problems.depth import depth_problems
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Block, Bullets, Heading, Paragraph, Table, Text, all_blocks, spans
 from tradestudy.results.views.matching import best_of_any_matcher
@@ -145,9 +145,9 @@ def test_a_floor_makes_the_physics_of_the_picture_matter_less() -> None:
     moved = {}
     for name, changes in {"bound": (), "real": (OF_SCENE,)}.items():
         definition = study("accuracy.depth_noise=5 %", *changes)
-        piece = next(one for one in depth_pieces(definition, {}) if one.name == HEAD)
-        (variant,) = piece._variants
-        told = variant.moved_noise({**piece.complete, **off})
+        problem = next(one for one in depth_problems(definition, {}) if one.name == HEAD)
+        (variant,) = problem._variants
+        told = variant.moved_noise({**problem.complete, **off})
         models = {HEAD: {"main_lens_diffraction": "off"}}, {HEAD: {"main_lens_diffraction": "fresnel"}}
         without, complete = (
             evaluate_depth(definition.with_models(one).case.cameras[HEAD], variant.places).uncertainty[0]
@@ -163,13 +163,13 @@ def test_the_plan_sees_through_false_matches_to_what_else_fails() -> None:
     short = ("stereo-75mm.baseline=0.5 mm", "usable_range.relative_uncertainty=null")
     false = study(*short, "usable_range.failed_fraction=5 %", "stereo-75mm.depth.matcher.false_matches=2 %")
     true = study(*short, f"usable_range.failed_fraction={0.03 / 0.98!r}")
-    found = [next(one for one in depth_pieces(each, {}) if one.name == HEAD) for each in (false, true)]
-    for piece in found:
-        assert piece._variants[0].ends.size
-        while piece.try_out({**piece.complete, "calibration": "linear"}):
+    found = [next(one for one in depth_problems(each, {}) if one.name == HEAD) for each in (false, true)]
+    for problem in found:
+        assert problem._variants[0].ends.size
+        while problem.try_out({**problem.complete, "calibration": "linear"}):
             pass
     for model in ("off", "linear"):
-        changes = [piece.changes({**piece.complete, "calibration": model}) for piece in found]
+        changes = [problem.changes({**problem.complete, "calibration": model}) for problem in found]
         assert changes[0]["usable_range"].relative > 0.0
         for quantity, change in changes[0].items():
             assert change.relative == pytest.approx(changes[1][quantity].relative, rel=1e-3)

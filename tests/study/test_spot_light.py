@@ -26,7 +26,7 @@ from tradestudy.optics.chain import (
     spectral_image,
 )
 from tradestudy.optics.propagation import CircularLens, PointSource
-from tradestudy.plan.pieces.light_spot import LightSpotPiece
+from tradestudy.plan.problems.light_spot import LightSpotProblem
 from tradestudy.study.schema.light_spot import LightSpotPart
 
 STUDY = """
@@ -183,7 +183,7 @@ def test_microlenses_apart_have_a_spectrum_too(tmp_path: Path) -> None:
 def test_what_has_no_light_is_not_computed(tmp_path: Path) -> None:
     one = spot(tmp_path, ("weights: [1, 2, 1]", "weights: [0, 2, 0]"))
     assert one.lines == ((550e-9, 1.0),)
-    slots = {slot.name: slot.models for slot in LightSpotPiece(one, {}).slots}
+    slots = {slot.name: slot.models for slot in LightSpotProblem(one, {}).slots}
     assert slots["spectrum"] == ("off",)
 
 
@@ -209,7 +209,7 @@ def test_a_coherent_disc_is_one_wave(tmp_path: Path) -> None:
 
 def test_a_coherent_disc_has_no_rays(tmp_path: Path) -> None:
     part = spot(tmp_path, MEAN_ALONE, ("distance: 150 mm}", "distance: 150 mm, coherent: true}"))
-    slots = {slot.name: slot.models for slot in LightSpotPiece(part, {}).slots}
+    slots = {slot.name: slot.models for slot in LightSpotProblem(part, {}).slots}
     assert slots["main_lens_diffraction"] == slots["microlens_diffraction"] == ("fresnel", "kirchhoff")
 
 
@@ -243,7 +243,7 @@ def test_a_point_is_simulated_as_a_point(tmp_path: Path) -> None:
     assert data.attrs["source"] == "point"
     part = loaded.file.light_spot
     assert part is not None
-    slots = {slot.name: slot.models for slot in LightSpotPiece(part, {}).slots}
+    slots = {slot.name: slot.models for slot in LightSpotProblem(part, {}).slots}
     assert slots["source_extent"] == ("off",)
     page = (result.write(tmp_path / "out", pdf=False) / "report.html").read_text(encoding="utf-8")
     assert "The spot is a point." in page

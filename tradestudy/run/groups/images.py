@@ -24,7 +24,7 @@ from tradestudy.effects.models import Models
 from tradestudy.execution import Steps
 from tradestudy.execution.steps import Progress, Seconds, shares_before, timed
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.plan.pieces.light_spot import spot_models
+from tradestudy.plan.problems.light_spot import spot_models
 from tradestudy.results import dataset
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 
