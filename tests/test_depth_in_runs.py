@@ -35,7 +35,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[api.Result, Path]:
     return api.run(study(folder), folder / "out", pdf=False), folder / "out"
 
 
-def test_results_hold_the_scores_and_maps_that_files_hold(ran: tuple[api.Result, Path]) -> None:
+def test_results_contain_the_scores_and_maps_of_the_files(ran: tuple[api.Result, Path]) -> None:
     result, out = ran
     data = result.data["pictures"].to_dataset()
     assert data["mapped_camera"].values.tolist() == ["plenoptic"]
@@ -58,7 +58,7 @@ def test_results_hold_the_scores_and_maps_that_files_hold(ran: tuple[api.Result,
     assert np.nanmin(true) <= middle[0] <= middle[-1] <= np.nanmax(true)
 
 
-def test_the_camera_reaches_on_the_rock_what_was_predicted(ran: tuple[api.Result, Path]) -> None:
+def test_the_camera_measures_the_rock_as_predicted(ran: tuple[api.Result, Path]) -> None:
     one = ran[0].data["pictures"].to_dataset().sel(mapped_camera="plenoptic")
     assert float(one["depth_filled"]) >= 0.7
     assert float(one["depth_within"]) >= 0.9
@@ -85,7 +85,7 @@ def test_the_report_shows_maps_and_compares_them(ran: tuple[api.Result, Path]) -
     assert f", to ±{pretty(spread, LENGTH, digits=2)}" in told[0]
 
 
-def test_maps_do_not_depend_on_who_computes_them(ran: tuple[api.Result, Path], tmp_path: Path) -> None:
+def test_maps_do_not_depend_on_the_executor(ran: tuple[api.Result, Path], tmp_path: Path) -> None:
     api.render(study(tmp_path), tmp_path, depth=True, executor=Threads(2))
     for path in (tmp_path / "pictures").glob("*/depth_map*"):
         assert path.read_bytes() == (ran[1] / "pictures" / path.parent.name / path.name).read_bytes()
@@ -136,7 +136,7 @@ def test_figures_of_a_camera_that_measured_nothing_say_so_and_a_bias_fits_its_sc
     assert "Plenoptic" in drawn
 
 
-def test_a_range_of_less_than_a_factor_of_two_has_its_names_in_the_figure(ran: tuple[api.Result, Path]) -> None:
+def test_a_range_shorter_than_a_factor_of_two_has_its_labels_in_the_figure(ran: tuple[api.Result, Path]) -> None:
     curves, bars = figures.figure(ran[0].data, "whole_range").axes[:2]
     assert "pair" in [text.get_text() for text in bars.texts]
     assert any(text.get_text().endswith("%") or "% of" in text.get_text() for text in curves.texts)

@@ -45,7 +45,7 @@ def part(study: tradestudy.Study, name: str) -> RequirementPart:
     return study.file.requirements[name]
 
 
-def test_conformity_is_the_probability_that_the_true_value_keeps_the_bound() -> None:
+def test_conformity_is_the_probability_that_the_true_value_meets_the_bound() -> None:
     """Limit 1 %, value 0.9 %, u 0.05 %: Φ(2) = 0.97725; 5 % risk needs 1.645 u."""
     one = held()
     assert one.margin_in_errors == pytest.approx(2.0)
@@ -56,7 +56,7 @@ def test_conformity_is_the_probability_that_the_true_value_keeps_the_bound() -> 
     assert math.isnan(held(met=None, margin=math.nan).conformity)
 
 
-def test_a_guard_band_is_kept_off_the_bound() -> None:
+def test_the_worst_value_must_stay_a_guard_band_away_from_the_bound() -> None:
     study = robot(near={"camera": "stereo-75mm", **ONE_PER_CENT})
     case, required = study.definition.case, part(study, "near")
     plain = hold(required, case, "stereo-75mm")
@@ -80,14 +80,14 @@ def test_the_worst_value_is_that_of_a_fine_grid() -> None:
     assert not found.met
 
 
-def test_errors_of_single_values_are_those_of_the_table() -> None:
+def test_errors_of_single_values_equal_those_of_the_table() -> None:
     case, places = tradestudy.load(ROBOT).definition.case, np.array([0.5, 1.0, 3.0])
     for camera in case.cameras.values():
         table = evaluate_depth(camera, places).uncertainty_error[-1]
         np.testing.assert_allclose(depth_uncertainty_error(camera, places), table, rtol=1e-12)
 
 
-def test_any_takes_the_nearest_and_all_the_farthest() -> None:
+def test_any_takes_the_best_camera_and_all_the_worst() -> None:
     study = robot(any={"camera": "any", **ONE_PER_CENT}, all={"camera": "all", **ONE_PER_CENT})
     judge, case = Judge(), study.definition.case
     margins = {name: hold(part(study, "any"), case, name).margin for name in case.cameras}
@@ -99,7 +99,7 @@ def test_any_takes_the_nearest_and_all_the_farthest() -> None:
     assert {name: one.margin for name, one in every.items()} == margins
 
 
-def test_a_camera_that_is_not_usable_misses_by_at_least_the_share_where_it_is_not() -> None:
+def test_an_unusable_camera_misses_by_at_least_its_unusable_share() -> None:
     study = robot(far={"camera": "raytrix-r5", "depth_uncertainty": {"below": "1 km", "over": ["0.4 m", "3 m"]}})
     found = hold(part(study, "far"), study.definition.case, "raytrix-r5")
     assert not found.met
@@ -136,7 +136,7 @@ def intervals(*ends: float, first_limit: str = "overlap") -> list[Interval]:
 
 
 @pytest.mark.parametrize("ends", [(0.9, 2.5), (0.9, 1.5, 1.53, 2.5), (1.02, 2.5), (0.9, 1.98), (0.8, 0.99, 1.03, 2.2)])
-def test_ends_that_shift_by_the_stated_share_decide_whether_a_range_is_covered(ends: tuple[float, ...]) -> None:
+def test_whether_a_range_is_covered_depends_on_ends_shifted_by_the_stated_share(ends: tuple[float, ...]) -> None:
     """Against the covered share after every end has been shifted outwards or inwards, just enough and just not."""
 
     def covered(shift: float) -> bool:
@@ -150,7 +150,7 @@ def test_ends_that_shift_by_the_stated_share_decide_whether_a_range_is_covered(e
     assert covered(outwards * 1.001 * shift) != covered(0.0)
 
 
-def test_the_end_of_the_study_decides_nothing_and_nothing_usable_needs_no_small_shift() -> None:
+def test_the_end_of_the_study_decides_nothing_and_an_unusable_camera_needs_no_shift() -> None:
     at_the_end = intervals(1.0, 2.5, first_limit=END_OF_STUDY)
     assert _shift_to_decide(at_the_end, (1.0, 2.0)) == pytest.approx(0.2)
     assert _shift_to_decide([], (1.0, 2.0)) == math.inf
@@ -185,7 +185,7 @@ def test_a_camera_that_is_nowhere_usable_names_the_first_limit_broken() -> None:
         ({"usable": {"over": ["0.4 m", "3 m"]}}, True),
     ],
 )
-def test_other_quantities(quantity: dict[str, Any], met: bool) -> None:
+def test_other_quantities_are_bounded_too(quantity: dict[str, Any], met: bool) -> None:
     study = robot(own={"camera": "stereo-75mm", **quantity})
     case, required = study.definition.case, part(study, "own")
     found = hold(required, case, "stereo-75mm")
@@ -208,7 +208,7 @@ def test_a_camera_without_overlap_decides_nothing() -> None:
     assert one.camera.startswith("stereo")
 
 
-def test_all_cameras_are_undecided_if_one_has_no_overlap_and_a_bound_of_nothing_is_kept() -> None:
+def test_one_camera_without_overlap_leaves_all_undecided_and_an_empty_bound_is_met() -> None:
     over = {"over": ["0.4 m", "3 m"]}
     study = robot(
         every={"camera": "all", "overlap": {"above": "60 %", **over}},
@@ -224,7 +224,7 @@ def test_all_cameras_are_undecided_if_one_has_no_overlap_and_a_bound_of_nothing_
         robot(own={"camera": "any", "failed_fraction": {"below": "0 %", **over}})
 
 
-def test_a_usable_range_that_ends_within_is_missed() -> None:
+def test_a_usable_range_that_ends_inside_the_required_one_misses_it() -> None:
     study = robot(own={"camera": "raytrix-r5", "usable": {"over": ["0.4 m", "3 m"]}})
     found = hold(part(study, "own"), study.definition.case, "raytrix-r5")
     assert not found.met
@@ -249,7 +249,7 @@ def test_impossible_requirements_are_refused_at_their_place(requirement: dict[st
         robot(own=requirement)
 
 
-def test_the_end_of_a_stretch_is_a_root_and_not_a_design() -> None:
+def test_the_end_of_an_interval_is_a_root_and_not_a_design() -> None:
     """The threshold of the 75 mm head's baseline, found by direct bisection on the uncertainty at 3 m."""
     study = robot(near={"camera": "stereo-75mm", **ONE_PER_CENT}).with_values(
         {"sweep": {"stereo-75mm.baseline": ["30 mm", "60 mm", "90 mm"]}}
@@ -269,7 +269,7 @@ def test_the_end_of_a_stretch_is_a_root_and_not_a_design() -> None:
     assert found["design_met"].values[:, 0].tolist() == [0, 1, 1, 1]  # the declared 75 mm among them
 
 
-def test_processes_answer_with_the_same_bits_and_each_camera_once() -> None:
+def test_processes_give_the_same_bits_and_evaluate_each_camera_once() -> None:
     study = robot(
         any={"camera": "any", **ONE_PER_CENT},
         overlap={"camera": "stereo-75mm", "overlap": {"above": "50 %", "over": ["1 m", "3 m"]}},
@@ -368,7 +368,7 @@ class _Fixed(Judge):
         ("any", (True, None), True),
     ],
 )
-def test_an_unknown_camera_leaves_undecided_only_what_the_others_do_not_settle(
+def test_an_undecided_camera_matters_only_where_the_others_do_not_decide(
     camera: str, answers: tuple[bool | None, ...], expected: bool | None
 ) -> None:
     study = robot(own={"camera": camera, **ONE_PER_CENT})
@@ -379,7 +379,7 @@ def test_an_unknown_camera_leaves_undecided_only_what_the_others_do_not_settle(
     assert _Fixed(**known).answer(required, case)[0].met is expected
 
 
-def test_the_bound_itself_keeps_no_strict_bound() -> None:
+def test_the_bound_itself_does_not_meet_a_strict_bound() -> None:
     at_bound = replace(held(met=False), margin=0.0, error=0.0)
     assert at_bound.conformity == 0.0
     assert replace(at_bound, met=True).conformity == 1.0
@@ -394,7 +394,7 @@ def test_of_cameras_that_miss_the_whole_range_the_better_one_is_nearest() -> Non
     assert nearest.camera == "b"
 
 
-def test_whole_numbers_are_followed_in_whole_numbers() -> None:
+def test_whole_numbers_are_searched_in_whole_numbers() -> None:
     """Met from 6 on, tried at 2 and 11: no study has half an image."""
     from types import SimpleNamespace
 

@@ -109,7 +109,7 @@ def _numbers(outlines: list[str]) -> np.ndarray:
     )
 
 
-def test_values_stand_in_a_table_beside_the_figure(visit: Open, headline: Run) -> None:
+def test_a_table_below_the_figure_has_its_values(visit: Open, headline: Run) -> None:
     depth = headline.tree["depth"].to_dataset()
     with visit(headline.report) as seen:
         details = seen.page.locator("#whole_range details")

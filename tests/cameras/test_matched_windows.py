@@ -110,7 +110,7 @@ def test_a_declared_window_is_the_largest() -> None:
     assert side_px(r5(), 1.0, length) == pytest.approx(asked)
 
 
-def test_a_matcher_comes_to_the_bound_in_the_window_that_two_micro_images_share() -> None:
+def test_a_matcher_reaches_the_bound_in_the_window_that_two_micro_images_share() -> None:
     """10 px, the largest that neighbours of one type share at v = 3.72."""
     window = int(largest_common_square(23.0, 23.0 * math.sqrt(3.0) / 3.72))
     tried = scene(window=window)

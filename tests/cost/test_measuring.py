@@ -66,7 +66,7 @@ def problem(clock: Clock, *, references: int = 2) -> CostProblem:
     )
 
 
-def test_errors_are_those_against_the_finest_reference_and_never_below_its_own(clock: Clock) -> None:
+def test_errors_refer_to_the_finest_reference_and_are_never_below_its_own(clock: Clock) -> None:
     found = measure(problem(clock), 100.0)
     assert found.reference == "fine"
     assert [(one.models, one.chosen) for one in found.entries] == [("rough", False), ("choice", True), ("exact", False)]
@@ -119,7 +119,7 @@ ENTRIES = (
 )
 
 
-def test_the_frontier_is_what_nothing_beats() -> None:
+def test_the_frontier_contains_what_nothing_beats() -> None:
     names = [one.models for one, on in zip(ENTRIES, on_frontier(ENTRIES), strict=True) if on]
     assert names == ["rough", "choice", "slow tenth", "tenth"]
 

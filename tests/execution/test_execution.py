@@ -241,7 +241,7 @@ class TestExecutors:
             make(count)
 
 
-def test_exact_draws_have_the_same_bits_everywhere_and_are_taken_up(tmp_path: Path, two_processes: Processes) -> None:
+def test_exact_draws_have_the_same_bits_everywhere_and_are_resumed(tmp_path: Path, two_processes: Processes) -> None:
     file = tmp_path / "exact.yaml"
     file.write_text(EXACT, encoding="utf-8")
     results = []

@@ -100,7 +100,7 @@ def test_microlenses_apart_have_the_same_bits_everywhere(two_processes: Processe
     assert len({one.numerical_error for one in images}) == 1
 
 
-def test_an_interrupted_spot_is_taken_up(tmp_path: Path) -> None:
+def test_an_interrupted_spot_is_resumed(tmp_path: Path) -> None:
     part = tradestudy.load(SPOT_STUDY, SMALL).file.light_spot
     assert part is not None
     images: list[ChainImage] = []

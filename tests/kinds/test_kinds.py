@@ -139,7 +139,7 @@ def test_a_new_kind_is_one_file_and_one_entry(copy: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_kind_can_be_taken_out(copy: Path) -> None:
+def test_a_kind_can_be_removed(copy: Path) -> None:
     shutil.rmtree(copy / "tradestudy" / "cameras" / "unfocused_plenoptic")
     kinds = (copy / KINDS).read_text(encoding="utf-8").splitlines(keepends=True)
     (copy / KINDS).write_text("".join(line for line in kinds if "Unfocused" not in line), encoding="utf-8")

@@ -195,7 +195,7 @@ def test_without_its_fast_phase_the_field_holds_no_steeper_waves_than_from_the_r
     assert shares[1] < 1e-6 < 1e-3 < shares[0]
 
 
-def test_memory_is_refused_with_the_knob_to_turn() -> None:
+def test_too_much_memory_is_refused_with_the_setting_to_change() -> None:
     wave = PupilWave(path=small_path(), source=PointSource(distance=24e-3), wavelength=WAVELENGTH, method="fresnel")
     with pytest.raises(UnaffordableError, match="field sampling"):
         field_table(

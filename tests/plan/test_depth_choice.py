@@ -72,7 +72,7 @@ class Diffraction(SimulationProblem):
 # Of the whole uncertainty at 1 m: √(1 + s (1.269² − 1)) − 1, s the share of noise in its variance: 1 µm of disparity
 # beside 8 mm times the yaw.
 @pytest.mark.parametrize(("yaw", "change"), [(0.2, 0.00039), (0.02, 0.0341), (0.002, 0.251)])
-def test_what_noise_hardly_decides_changes_the_whole_by_little(tmp_path: Path, yaw: float, change: float) -> None:
+def test_effects_on_noise_matter_little_where_noise_is_small(tmp_path: Path, yaw: float, change: float) -> None:
     variant = rig(tmp_path, yaw)
     moved = variant.moved({}, DIFFRACTION)
     assert variant.places[1] == pytest.approx(1.0)
@@ -139,7 +139,7 @@ def test_a_narrow_focus_between_two_distances_of_the_study_is_caught(tmp_path: P
 
 
 @pytest.mark.parametrize("model", ["off", "airy", "kirchhoff"])
-def test_a_forced_model_is_obeyed_and_what_it_does_is_told(model: str) -> None:
+def test_a_forced_model_is_applied_and_its_change_reported(model: str) -> None:
     plan = tradestudy.load(STUDIES / "robot.yaml", [f"effects.main_lens_diffraction={model}"]).plan()
     for problem in plan.problems:
         assert problem.models["main_lens_diffraction"] == model
@@ -249,7 +249,7 @@ def test_a_sweep_that_goes_through_focus_counts_there_too(tmp_path: Path) -> Non
         ({"yaw": {"shape": "student-t", "degrees_of_freedom": 2, "scale": "0.2 deg", "standard_deviation": None}}, []),
     ],
 )
-def test_errors_that_a_line_does_not_see_are_not_left_out(
+def test_errors_that_a_linear_model_misses_are_not_left_out(
     tmp_path: Path, errors: dict[str, Any], fields: list[str]
 ) -> None:
     file = tmp_path / "rig.yaml"
@@ -263,7 +263,7 @@ def test_errors_that_a_line_does_not_see_are_not_left_out(
     assert fields or problem.models["calibration"] == "exact"
 
 
-def test_a_reading_and_a_question_that_no_line_describes_draw_by_themselves() -> None:
+def test_a_nonlinear_reading_or_question_uses_draws_of_its_own() -> None:
     """The one takes the yaw for a uniform one, the other tries yaws of up to 5°."""
     plan = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml").plan()
     assert plan.models("stereo-65-across")["calibration"] == "linear"
@@ -279,14 +279,14 @@ def test_a_reading_and_a_question_that_no_line_describes_draw_by_themselves() ->
     assert "(exact for yaw-uniform, yaw-at-half-metre)" in plan.text()
 
 
-def test_what_a_study_forces_acts_under_every_reading() -> None:
+def test_forced_models_apply_under_every_reading() -> None:
     override = ["effects.calibration=linear"]
     definition = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", override).plan().definition
     cases = [definition, *definition.readings.values(), definition.under("yaw-at-half-metre")]
     assert {one.case.cameras["stereo-65-across"].propagation.model for one in cases} == {"linear"}
 
 
-def test_a_tolerance_that_no_line_keeps_calls_for_draws() -> None:
+def test_a_tolerance_beyond_the_linear_model_requires_draws() -> None:
     plan = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", tolerance="0.0002 %").plan()
     assert {one.models["calibration"] for one in plan.problems} == {"exact"}
     assert {one.choice.changes["depth_uncertainty"].relative for one in plan.problems} == {0.0}
@@ -322,7 +322,7 @@ def test_choices_for_random_cameras_keep_their_tolerance() -> None:
     assert all(one.change <= one.tolerance for one in found)
 
 
-def test_models_are_weighed_in_the_light_that_is_left_off_the_axis() -> None:
+def test_models_are_judged_in_the_light_that_is_left_off_the_axis() -> None:
     """Against depth evaluated there by either set of models, its noise and its calibration."""
     picture = (
         "propagation.field_places=[60 %]",

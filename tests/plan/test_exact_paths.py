@@ -20,7 +20,7 @@ from tradestudy.study.applied_models import apply_models
 
 
 @pytest.mark.parametrize("f_number", [2.0, 3.8])
-def test_angles_at_the_rim_take_their_share_of_what_diffraction_takes(f_number: float) -> None:
+def test_angles_at_the_rim_reduce_transfer_in_proportion_to_diffraction(f_number: float) -> None:
     """Kirchhoff's transfer in focus against Airy's: their logarithms differ by sin² θ of Airy's, about."""
     aperture, wavelength = 0.1e-3, 550e-9
     plane = f_number * aperture
@@ -110,7 +110,7 @@ def test_exact_paths_of_random_cameras_stay_within_their_rule_and_it_is_not_idle
     assert max(ratios) > 0.1
 
 
-def test_a_trial_tells_the_change_of_the_uncertainty_and_not_only_of_the_noise(tmp_path: Path) -> None:
+def test_a_trial_measures_the_change_of_the_uncertainty_and_not_only_of_the_noise(tmp_path: Path) -> None:
     """Against depth by Kirchhoff's and by Fresnel's law at every place, also where calibration errors dominate."""
     found = []
     for number in range(0, 15, 3):

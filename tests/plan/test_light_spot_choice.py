@@ -47,7 +47,7 @@ def relative(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.linalg.norm(one - other) / np.linalg.norm(other))
 
 
-def test_the_light_spot_calls_for_less_the_less_is_asked() -> None:
+def test_the_light_spot_needs_simpler_models_at_looser_tolerances() -> None:
     found = [spot_models(chosen(spot(), asked).models) for asked in (0.2, 0.1, 0.01)]
     assert [one.method for one in found] == ["exact-rays", "exact-rays", "kirchhoff"]
     assert all(one.integrated and not one.separate and not one.point for one in found)
@@ -58,7 +58,7 @@ def test_the_light_spot_to_5_percent_needs_no_kirchhoff() -> None:
     assert spot_models(chosen(spot(), 0.05).models).method in ("exact-rays", "fresnel", "fresnel-kirchhoff")
 
 
-def test_a_disc_that_lights_a_microlens_unevenly_is_no_point() -> None:
+def test_a_disc_that_lights_a_microlens_unevenly_does_not_count_as_a_point() -> None:
     """Its blur alone changes the pixels by 3 %, its shadows by 37 %."""
     part = random_part(np.random.default_rng([1, 102]))
     complete = SpotModels(method="kirchhoff", tolerance=0.01, monochromatic=True)
@@ -75,7 +75,7 @@ def test_changes_of_a_choice_stay_within_the_tolerance_sampling_included() -> No
         assert spot_models(found.models).tolerance <= found.changes["pixel_intensity"].relative <= asked
 
 
-def test_a_trial_tells_what_the_whole_picture_changes() -> None:
+def test_a_trial_predicts_the_change_of_the_whole_picture() -> None:
     """Images of a few points, against pictures of the whole disc."""
     part = spot(*SMALL, "light_spot.spot.diameter=1 mm")
     complete = SpotModels(method="kirchhoff", tolerance=0.01, monochromatic=True)
@@ -93,7 +93,7 @@ def test_a_trial_tells_what_the_whole_picture_changes() -> None:
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
-def test_a_trial_or_a_rule_tells_whether_a_disc_is_a_point(number: int) -> None:
+def test_a_trial_or_a_rule_decides_whether_a_disc_counts_as_a_point(number: int) -> None:
     """Against pictures of the whole disc, behind one to nine microlenses."""
     part = random_part(np.random.default_rng([1, number]))
     complete = SpotModels(method="kirchhoff", tolerance=2e-3, monochromatic=True)
@@ -106,7 +106,7 @@ def test_a_trial_or_a_rule_tells_whether_a_disc_is_a_point(number: int) -> None:
     assert extent_rule(light_path(part), source, part.mean_wavelength) > change
 
 
-def test_a_wide_disc_is_no_point() -> None:
+def test_a_wide_disc_does_not_count_as_a_point() -> None:
     complete = SpotModels(method="kirchhoff", tolerance=0.01, monochromatic=True)
     for diameter in (1, 4):
         part = spot(*SMALL, f"light_spot.spot.diameter={diameter} mm")
@@ -162,7 +162,7 @@ def test_rays_act_on_both_legs_or_on_none() -> None:
         LightSpotProblem(spot(), {"main_lens_diffraction": "off", "pixel_integration": "off"})
 
 
-def test_forced_models_are_obeyed_and_what_they_change_is_reported() -> None:
+def test_forced_models_are_applied_and_their_change_reported() -> None:
     forced = {"main_lens_diffraction": "boundary_wave", "crosstalk": "off"}
     found = chosen(spot(*SMALL), 0.05, forced)
     assert {slot: found.models[slot] for slot in forced} == forced  # type: ignore[index]  # names of slots

@@ -59,7 +59,7 @@ def test_a_study_that_compares_models_says_why_none_is_chosen(study: str, line: 
     assert str(plan).splitlines()[0].startswith(line)
 
 
-def test_every_decision_and_every_step_stand_in_the_verbose_plan(close_plan: Plan) -> None:
+def test_the_verbose_plan_lists_every_decision_and_every_step(close_plan: Plan) -> None:
     text = close_plan.text(verbose=True)
     for problem in close_plan.problems:
         for decision in problem.choice.decisions:
@@ -82,7 +82,7 @@ def test_a_hand_lens_that_asks_for_noise_simulates_diffraction(close_plan: Plan)
     assert "depth_noise" in next(one for one in close_plan.problems if one.name == "pair-f22").asked
 
 
-def test_what_was_left_out_moves_depth_by_no_more_than_is_said(close_range: Study, close_plan: Plan) -> None:
+def test_omissions_change_depth_by_no_more_than_stated(close_range: Study, close_plan: Plan) -> None:
     """Between the distances of the study as well."""
     places = np.array([53e-3, 54.9e-3, 58e-3])
     for name in ("pair-f9.8", "pair-f5.6", "pair-f22"):

@@ -35,7 +35,7 @@ def test_the_diffraction_spot_moves_sharp_ends_as_the_closed_form_says() -> None
     assert DepthOfFieldProblem([focus], [without], {}).complete == {"main_lens_diffraction": "off"}
 
 
-def test_a_study_keeps_the_spot_and_is_told_what_leaving_it_out_moves() -> None:
+def test_a_study_keeps_the_spot_and_reports_what_omitting_it_changes() -> None:
     kept = tradestudy.load(STUDIES / "hand_lens.yaml").plan()
     assert kept.models(PROBLEM) == {"main_lens_diffraction": "airy"}
     forced = tradestudy.load(STUDIES / "hand_lens.yaml", ["effects.main_lens_diffraction=off"]).plan()

@@ -58,7 +58,7 @@ def rows(blocks: tuple[Block, ...]) -> list[list[str]]:
     return [[plain(cell) for cell in row] for row in table.rows]
 
 
-def test_the_largest_numerical_error_says_of_which_camera_and_where(found: xr.Dataset) -> None:
+def test_the_largest_numerical_error_names_camera_and_place(found: xr.Dataset) -> None:
     (table,) = (block for block in section(found) if isinstance(block, Table) and block.name == NAME)
     told = re.search(r"Estimated numerical error: at most (\S+) %, of (.+) at (.+)\.$", plain(table.notes[0]))
     assert told is not None
@@ -76,7 +76,7 @@ def test_the_largest_numerical_error_says_of_which_camera_and_where(found: xr.Da
     assert told[3] == f"{1e3 * place:g} mm"
 
 
-def test_the_disparity_errors_that_depth_uses_are_told_from_those_with_every_effect(found: xr.Dataset) -> None:
+def test_disparity_errors_used_by_depth_are_distinguished_from_those_with_every_effect(found: xr.Dataset) -> None:
     cameras = cameras_group(load_definition(STUDY, QUICK))
     used = found[["disparity_error_px"]].copy(deep=True)
     tree = {"/cameras": cameras, "/disparity_causes": found}
@@ -203,7 +203,7 @@ def test_a_camera_alone_is_compared_with_none(found: xr.Dataset) -> None:
     assert "light of" not in bullets(blocks)[0]
 
 
-def test_what_is_larger_the_same_or_not_there_at_all_is_told(found: xr.Dataset) -> None:
+def test_larger_equal_and_missing_errors_are_described(found: xr.Dataset) -> None:
     found = found.sel(camera=["pair-f9.8"]).copy(deep=True)
     found["disparity_error_px"][:] = [[np.nan, 0.04, np.inf]]
     found["disparity_error_px_changed"][:] = [

@@ -50,7 +50,7 @@ def test_one_row_for_each_camera_and_effect_that_matters(plan: Plan) -> None:
     assert [(row[0], row[1]) for row in rows] == expected
 
 
-def test_what_changes_nothing_is_one_sentence_for_each_reason(plan: Plan) -> None:
+def test_models_that_change_nothing_share_one_sentence_for_each_reason(plan: Plan) -> None:
     notes = [plain(note) for note in table_of(plan, "effects-that-matter").notes]
     reasons = {reason for problem in plan.problems for reason in problem.reasons.values()}
     for reason in reasons:
@@ -73,7 +73,7 @@ def test_every_model_that_was_compared_is_listed_with_its_number(plan: Plan) -> 
                 assert row[3] == pretty(change, FRACTION, digits=2)
 
 
-def test_what_all_omissions_change_stands_beside_what_is_allowed(plan: Plan) -> None:
+def test_the_joint_change_is_shown_next_to_the_tolerance(plan: Plan) -> None:
     tree = xr.DataTree.from_dict({"/effects": effects_group(plan)})
     text = " ".join(plain(block.text) for block in describe_effects(tree) if isinstance(block, Paragraph))
     worst = max(problem.choice.changes["depth_uncertainty"].relative for problem in plan.problems)

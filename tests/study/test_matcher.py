@@ -71,7 +71,7 @@ def first_page(blocks: tuple[Block, ...]) -> list[str]:
 # ---- depth ----------------------------------------------------------------------------------------------------------
 
 
-def test_depth_follows_what_the_matcher_reaches() -> None:
+def test_depth_uses_the_error_of_the_matcher() -> None:
     real, bound = (study(*change).case.cameras[HEAD] for change in ((OF_SCENE,), ()))
     by_matcher, at_best = disparity_error_at(real, PLACES), disparity_error_at(bound, PLACES)
     np.testing.assert_allclose(by_matcher**2, (1.5 * at_best) ** 2 + 0.05**2 + 0.1**2 / 2.0, rtol=1e-12)
@@ -83,7 +83,7 @@ def test_depth_follows_what_the_matcher_reaches() -> None:
 
 
 @pytest.mark.parametrize("model", ["linear", "exact"])
-def test_false_matches_fail_beside_what_ends_beyond_infinity(model: str) -> None:
+def test_false_matches_add_to_failures_beyond_infinity(model: str) -> None:
     """Of a pair of 0.05 mm base at 4 m, Φ(−d/σ) ends beyond infinity; of what is left a share is falsely matched."""
     far = np.array([2.0, 4.0])
     changes = ("stereo-75mm.baseline=0.05 mm", f"effects.calibration={model}", "accuracy.tolerance=5 %")
@@ -109,18 +109,18 @@ def _without_false(definition: StudyDefinition, model: str) -> object:
     return plan_of(found).definition.case.cameras[HEAD]
 
 
-def test_a_line_is_held_against_draws_with_the_same_false_matches() -> None:
+def test_the_linear_model_is_compared_with_draws_that_have_the_same_false_matches() -> None:
     cameras = [study(*change).case.cameras[HEAD] for change in ((OF_SCENE,), ())]
     error = [model_error(one, PLACES).failed_fraction for one in cameras]
     np.testing.assert_allclose(error, 0.0, atol=1e-12)
 
 
-def test_the_best_matcher_is_none() -> None:
+def test_the_best_matcher_equals_no_matcher() -> None:
     best = study("scene.picture.matcher={factor: 1, floor: 0 px, pixel_locking: 0 px, false_matches: 0 %}")
     assert best.case.cameras == study().case.cameras
 
 
-def test_a_camera_has_its_own_key_by_key() -> None:
+def test_a_camera_overrides_the_matcher_key_by_key() -> None:
     found = study(OF_SCENE, "raytrix-r5.depth.matcher.factor=3").case.cameras
     matchers = {name: camera.disparity_error_px.matcher for name, camera in found.items()}
     assert matchers["raytrix-r5"].factor == 3.0
@@ -131,7 +131,7 @@ def test_a_camera_has_its_own_key_by_key() -> None:
     assert alone["raytrix-r5"].disparity_error_px.matcher.floor == 0.1
 
 
-def test_checkpoints_tell_matchers_apart() -> None:
+def test_checkpoints_distinguish_matchers() -> None:
     cameras = [
         study(f"stereo-75mm.depth.matcher={{{one}}}").case.cameras[HEAD]
         for one in ("factor: 1", "factor: 1.1", "floor: 0.1 px", "pixel_locking: 0.1 px", "false_matches: 1 %")
@@ -158,7 +158,7 @@ def test_a_floor_makes_the_physics_of_the_picture_matter_less() -> None:
     assert moved["real"] < 0.3 * moved["bound"]
 
 
-def test_the_plan_sees_through_false_matches_to_what_else_fails() -> None:
+def test_the_plan_separates_false_matches_from_other_failures() -> None:
     """A limit of 5 % with 2 % of false matches is one of 3/98 without; an end that it sets moves as far."""
     short = ("stereo-75mm.baseline=0.5 mm", "usable_range.relative_uncertainty=null")
     false = study(*short, "usable_range.failed_fraction=5 %", "stereo-75mm.depth.matcher.false_matches=2 %")
@@ -194,7 +194,7 @@ def test_the_plan_sees_through_false_matches_to_what_else_fails() -> None:
         ("scene.picture.matcher={}", "scene.picture.matcher", "at least one of factor, floor, pixel_locking and"),
     ],
 )
-def test_mistakes_are_told_at_their_place(change: str, place: str, words: str) -> None:
+def test_mistakes_are_reported_at_their_place(change: str, place: str, words: str) -> None:
     with pytest.raises(StudyError) as caught:
         study(change)
     told = [one for one in caught.value.problems if one.path.endswith(place)]
@@ -239,7 +239,7 @@ def test_a_matcher_of_the_scene_that_no_camera_has_warns_at_its_line(tmp_path: P
     assert not tradestudy.load(ROBOT, [OF_SCENE]).warnings
 
 
-def test_a_value_hardly_ever_meant_warns() -> None:
+def test_an_implausible_value_causes_a_warning() -> None:
     (told,) = tradestudy.load(ROBOT, ["scene.picture.matcher.floor=5 px"]).warnings
     assert "5 px is unusual" in told.replace("\u00a0", " ")
 
@@ -298,7 +298,7 @@ def test_both_disparity_errors_stand_side_by_side(real: Result, ideal: Result) -
     assert "bound for any matcher" not in told
 
 
-def test_a_requirement_says_what_the_bound_alone_would_give(real: Result) -> None:
+def test_a_requirement_reports_whether_the_bound_alone_would_meet_it(real: Result) -> None:
     definition = study(REQUIRED)
     (required,) = definition.file.requirements.values()
     case = plan_of(study(OF_SCENE, REQUIRED)).definition.case
@@ -317,7 +317,7 @@ def test_a_requirement_says_what_the_bound_alone_would_give(real: Result) -> Non
     assert told["met"] is True
 
 
-def test_without_a_matcher_the_report_says_whose_error_that_is(ideal: Result) -> None:
+def test_without_a_matcher_the_report_says_that_the_error_is_the_bound(ideal: Result) -> None:
     assert not any(str(name).startswith("bound_alone") for name in ideal.data["requirements"].data_vars)
     assert "matched_error_px" not in ideal.data["disparity_causes"].data_vars
     (one,) = requirement_conclusions(ideal.data)

@@ -452,7 +452,7 @@ def mutated(draw: st.DrawFn) -> bytes:
 @settings(
     max_examples=100, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-def test_a_mutated_study_is_valid_or_told_what_is_wrong(content: bytes, tmp_path: Path) -> None:
+def test_a_mutated_study_is_valid_or_refused_with_a_reason(content: bytes, tmp_path: Path) -> None:
     study = tmp_path / "study.yaml"
     if not (tmp_path / "cameras").exists():
         (tmp_path / "cameras").symlink_to(WRONG / "cameras")
