@@ -105,8 +105,8 @@ def test_residuals_are_those_published_with_the_data(rig):
         ((0.0, 0.0, 0.0), (0.005, 0.1, 0.0), "not side by side.*below"),
         ((0.0, 0.0, 0.0), (0.005, 0.0, 0.1), "not side by side"),
         ((0.0, 0.0, 0.0), (-0.1, 0.0, 0.0), "exchanged"),
-        ((0.0, 0.0, 180.0), (0.1, 0.0, 0.0), "rotated against the left one: 180°"),
-        ((10.0, -20.0, 90.0), (0.1, 0.0, 0.0), "rotated against the left one: 9"),
+        ((0.0, 0.0, 180.0), (0.1, 0.0, 0.0), r"rotated .*: 180°"),
+        ((10.0, -20.0, 90.0), (0.1, 0.0, 0.0), r"rotated .*: 9"),
     ],
 )
 def test_cameras_that_are_not_side_by_side_are_refused(rig, turned, centre, says):

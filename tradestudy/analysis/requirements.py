@@ -133,7 +133,7 @@ class Judge:
         self._known: dict[tuple[RequirementPart, DepthCamera, UsableCriteria], Held] = {}
 
     def check(self, requirements: Collection[RequirementPart], cases: Iterable[Case], steps: Steps) -> None:
-        """Check all cameras of several designs in one step, before they are asked for."""
+        """Check all cameras of several designs in one step, before their answers are needed."""
         points: dict[tuple[RequirementPart, DepthCamera, UsableCriteria], _Alone] = {}
         for case in cases:
             for requirement in requirements:
@@ -207,7 +207,7 @@ def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: Flo
 
 
 def _unlike(bound: float, value: float, dimension: Dimension) -> str:
-    """A value with the digits that tell it from its bound."""
+    """A value with the digits that distinguish it from its bound."""
     limit = pretty(bound, dimension, 6)
     return pretty(value, dimension, fewest_digits(lambda digits: pretty(value, dimension, digits) != limit))
 
@@ -274,7 +274,7 @@ def _shift_to_decide(intervals: Sequence[Interval], over: tuple[float, ...]) -> 
     """The least relative shift of ends of usable intervals that makes a gap in a range, or closes all that it has.
 
     A gap between two intervals closes if its ends meet, or if one of them passes the range. The ends of the study move
-    nothing, and an interval that would split cannot be told from its ends.
+    nothing, and a split of an interval cannot be recognised from its ends.
     """
     near, far = over
     closing = []

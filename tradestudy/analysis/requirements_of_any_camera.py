@@ -58,7 +58,7 @@ def hold_sharp(required: SharpPart, case: Case, name: str) -> Held:
 
 
 def _hold_range(found: SharpRange, over: tuple[float, float], name: str) -> Held:
-    """How far the sharp range extends beyond the required one, at its weaker end; or how much it misses."""
+    """How far the sharp range extends beyond the required one, at its weaker end, or by how much it falls short."""
     near, far = over
     around = [row for row in found.union.covered if row[0] <= near * _MORE and row[1] >= far * _LESS]
     if around:

@@ -37,7 +37,7 @@ def inlined(svg: bytes, name: str, alt: str, colors: Collection[str], letters: s
     text = svg.decode()
     start = _BEGINNING.match(text)
     if start is None:
-        raise ValueError(f"figure {name} is no SVG with a viewBox")
+        raise ValueError(f"figure {name} is not an SVG with a viewBox")
     text = _UNSEEN.sub("", text[start.end() :]).replace("xlink:href", "href")
     text = _GLYPH.sub(lambda found: _once(found[0], found[1], letters), text)
     text = _NAMED.sub(lambda found: f"{found[1]}{name}-", text)

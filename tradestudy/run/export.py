@@ -103,7 +103,7 @@ def export(definition: StudyDefinition, name: str, words: Sequence[str], *, loss
             refused += missing
     if POSTERIOR in asked:
         session = [group.name for group in camera.calibration.groups if group.error_class is ErrorClass.SESSION]
-        refused += [f"a posterior cannot hold {one}: this error arose after the calibration" for one in session]
+        refused += [f"a posterior cannot contain {one}: this error arose after the calibration" for one in session]
         posterior = posterior or _declared(definition, camera, name)
         if posterior is None:
             left_out.append("posterior: nothing about the camera is declared uncertain")

@@ -105,7 +105,7 @@ def test_omitted_parts_are_reported_with_how_far_they_move_points(tmp_path: Path
         (tmp_path / name).write_text(text)
     loaded = api.load(study(tmp_path, rig="from: prism-opencv.yml, length_unit: m"))
     _, left_out = api.export(loaded, "rig", tmp_path / "out", formats=("kalibr",), lossy=True)
-    (shift,) = re.fullmatch(r".* cannot hold s1, without which points move by up to (\S+) px", left_out[0]).groups()
+    (shift,) = re.fullmatch(r".* s1, without which points move by up to (\S+) px", left_out[0]).groups()
     corners = np.array([(x, y) for x in (0, SIZE[0] - 1) for y in (0, SIZE[1] - 1)])
     moved = [
         one.focal_lengths[0] * 0.002 * np.sum(((corners - one.centre) / one.focal_lengths) ** 2, axis=1)
@@ -167,8 +167,8 @@ def test_cameras_that_cannot_be_exported_are_refused_with_a_reason(tmp_path: Pat
         api.export(loaded, "head", tmp_path / "out")
     with pytest.raises(TradestudyError, match=r"unknown format: matlab .allowed: .*posterior"):
         api.export(loaded, "rig", tmp_path / "out", formats=("matlab",))
-    with pytest.raises(TradestudyError, match=r"a posterior cannot hold ageing_yaw.*--lossy.*--format"):
+    with pytest.raises(TradestudyError, match=r"posterior.*ageing_yaw.*--lossy.*--format"):
         api.export(loaded, "rig", tmp_path / "out")
     assert not (tmp_path / "out").exists()
     _, left_out = api.export(loaded, "rig", tmp_path / "out", lossy=True)
-    assert [one for one in left_out if one.startswith("a posterior cannot hold ageing_yaw")]
+    assert [one for one in left_out if re.match("a posterior .* ageing_yaw", one)]

@@ -92,7 +92,7 @@ class DepthVariant:
     forced
         Models that the study prescribes.
     fields
-        Places in the field that the study declares, beside the axis.
+        Places in the field that the study declares, besides the axis.
     ways
         The errors that answers include: ``both``, and ``calibration`` alone where a question names it.
     only_in
@@ -343,7 +343,7 @@ class DepthVariant:
     def _range_appears_or_vanishes(
         self, factor: FloatArray, half_width: FloatArray, shift: float, *, off: bool
     ) -> bool:
-        """Whether the verdict on a limit changes anywhere but beside an end."""
+        """Whether the verdict on a limit changes anywhere but next to an end."""
         changed = np.zeros(self._imaged.shape, dtype=bool)
         bound = self.criteria.relative_uncertainty
         if bound is not None:

@@ -207,9 +207,9 @@ def extent_rule(path: LightPath, source: DiscSource, wavelength: float) -> float
 
     A pixel's light that comes through a width D of the pupil varies with the place of the source by at most D/(λ z)
     cycles per metre. The mean over a disc of diameter d lowers such a variation by 1 − 2 J₁(t)/t ≤ t²/8,
-    t = π d D/(λ z). Half of that is stated: twice what 222 light paths showed, but for numerical errors. A
-    microlens w wide takes D = w a/|b| from the image of a point, a behind the main lens and |b| from the array, widened
-    by its Airy disc, 2.44 λ (a + b)/w.
+    t = π d D/(λ z). Half of that is stated: twice the largest change over 222 light paths, apart from numerical errors.
+    A microlens w wide takes D = w a/|b| from the image of a point, a behind the main lens and |b| from the array,
+    widened by its Airy disc, 2.44 λ (a + b)/w.
 
     Parameters
     ----------

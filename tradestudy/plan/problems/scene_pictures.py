@@ -32,7 +32,7 @@ _MOST_WAVES: Final = 60.0  # of defocus; beyond, the ray spot is hundreds of wav
 
 
 def name_of(camera: str) -> str:
-    """Name of the problem that a camera's pictures are."""
+    """Name of the problem of a camera's pictures."""
     return f"{camera}-pictures"
 
 

@@ -75,7 +75,7 @@ def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
 
 
 def _by_matchers(laws: Sequence[PictureDisparityError], found: Sequence[ErrorCauses]) -> dict[str, Any]:
-    """Errors of the declared matchers beside their bounds; empty if none is declared."""
+    """Errors of the declared matchers and their bounds; empty if none is declared."""
     if all(law.matcher == AT_BOUND for law in laws):
         return {}
     errors = [law.matcher.numerical_error_px(one.value, one.error) for law, one in zip(laws, found, strict=True)]

@@ -47,7 +47,7 @@ def images_group(
     steps
         How parts of the pictures are computed.
     seconds
-        Hears of what the pictures took.
+        Receives the seconds that the pictures took.
     models
         The chosen models, which compute ``chosen_image``; without methods it is the only image.
     predicted

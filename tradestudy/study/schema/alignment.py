@@ -1,7 +1,7 @@
 """Where in a file, and in which part of the schema, an error of pydantic is.
 
 pydantic locates an error by keys and positions mixed with labels of the union members that it tried. Walking along the
-types tells them apart, and ends at the model that knows which keys are legal.
+types distinguishes them, and ends at the model that knows which keys are legal.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def _tags(kind: Any) -> Iterator[str]:
 
 
 def _is_label(step: str | int, kinds: list[Any]) -> bool:
-    """Tell a union member's label from a key or a position."""
+    """Distinguish a union member's label from a key or a position."""
     if not isinstance(step, str):
         return False
     named = any(_is_model(kind) and (step == kind.__name__ or step in _tags(kind)) for kind in kinds)

@@ -107,7 +107,7 @@ def _with_basis(schema: dict[str, Any], parts: Mapping[str, Any]) -> dict[str, A
 
 
 def _is_value(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> bool:
-    """Tell values and lists from mappings."""
+    """Distinguish values and lists from mappings."""
     if "$ref" in schema:
         return _is_value(parts[schema["$ref"].rpartition("/")[2]], parts)
     alternatives = schema.get("anyOf") or schema.get("oneOf")

@@ -89,7 +89,7 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
 
 
 def _is_same(found: Problem, told: Problem) -> bool:
-    """Whether validation only repeats a failure to read: it is at the same place, of the same value or of a part of it.
+    """Whether validation only repeats a failure to read: it concerns the same place, and the same value or part of it.
 
     Several values may share a place, such as those that one line of a calibration file gives.
     """
@@ -134,7 +134,7 @@ class _Finding:
         return self.kind in _SHAPES
 
     def is_consequence(self) -> bool:
-        """Tell whether pydantic only counted fewer items because some of them were wrong."""
+        """Whether pydantic only counted fewer items because some of them were wrong."""
         short = self.kind == "too_short" and isinstance(self.entry, ListEntry)
         return short and len(self.entry.items) >= self.context["min_length"]  # type: ignore[union-attr]  # short says so
 
