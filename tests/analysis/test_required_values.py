@@ -12,9 +12,9 @@ import pytest
 
 import tradestudy
 from tradestudy.analysis.depth import depth_uncertainty
-from tradestudy.analysis.held import Held
 from tradestudy.analysis.inverse_questions import Solved
 from tradestudy.analysis.required_values import _nearest, _Trial, solve_requirement
+from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.errors import StudyError
 from tradestudy.units import LENGTH
 
@@ -126,10 +126,10 @@ def test_the_declared_value_is_among_those_tried() -> None:
 
 
 def test_a_missed_guard_band_is_not_reported_as_a_missed_bound() -> None:
-    kept = Held(
+    kept = RequirementAnswer(
         camera="a", met=False, value=0.5, bound=1.0, place=1.0, error=0.1, margin=1.0, unusable=0.0, reason="guarded"
     )
-    told = _nearest([_Trial(value=1.0, held=kept), _Trial(value=2.0, held=replace(kept, margin=0.5))], LENGTH)
+    told = _nearest([_Trial(value=1.0, answer=kept), _Trial(value=2.0, answer=replace(kept, margin=0.5))], LENGTH)
     assert re.search(r"at 1 m, .*guard band", told)
     assert "%" not in told
 

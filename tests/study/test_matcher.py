@@ -11,7 +11,7 @@ from scipy.special import ndtr
 
 import tradestudy
 from tradestudy.analysis.depth import distribution, evaluate_depth, model_error
-from tradestudy.analysis.requirements import hold
+from tradestudy.analysis.requirements import check_requirement
 from tradestudy.api import Result
 from tradestudy.cameras.depth_camera import disparity_error_at
 from tradestudy.errors import StudyError
@@ -302,7 +302,7 @@ def test_a_requirement_reports_whether_the_bound_alone_would_meet_it(real: Resul
     definition = study(REQUIRED)
     (required,) = definition.file.requirements.values()
     case = plan_of(study(OF_SCENE, REQUIRED)).definition.case
-    by_matcher = hold(required, case, HEAD)
+    by_matcher = check_requirement(required, case, HEAD)
     row = real.data["requirements"].to_dataset().isel(requirement=0)
     assert float(row["value"]) == pytest.approx(by_matcher.value, rel=1e-9)
     best = evaluate_depth(at_bound(case.cameras[HEAD]), np.array([3.0])).uncertainty[2, 0] / 3.0

@@ -20,7 +20,7 @@ _REPEATS: Final = 3
 _SHORT: Final = 2.0  # seconds up to which a computation is timed more than once
 _SHARE_OF_REFERENCES: Final = 0.5  # of the time left, so that time remains for candidates to compare with the reference
 _TENTH: Final = 0.1 * (1.0 + 1e-12)  # allows for rounding
-# Modules whose caches hold nothing of the physics: the process's sources and libraries, its processor, this module.
+# Modules whose caches contain no physics: the process's sources and libraries, its processor, this module.
 _KEPT: Final = ("tradestudy.provenance", "tradestudy.machine", "tradestudy.units", __name__)
 
 

@@ -87,7 +87,7 @@ def _along_radius(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Squared relative radii of the rings and between them, images of the rings, and the points between them.
 
-    All lie along the brightest azimuth. `eighths` holds the pixel image of points of each ring by the eighth of a turn,
+    All lie along the brightest azimuth. `eighths` contains pixel images of points of each ring by the eighth of a turn,
     without those that symmetries give, which are the same at every ring.
     """
     sizes = {one: [np.linalg.norm(ring[one]) for ring in eighths] for one in eighths[0]}
@@ -103,7 +103,7 @@ def _along_radius(
 def _radial_error(nodes: SourceNodes, rings: FloatArray, squared: FloatArray, images: FloatArray) -> float:
     """Error of the rule along the brightest azimuth, smaller as the mean over angles is smoother than its light.
 
-    The rule is held against the polynomial through its nodes and as many points between them. How much smoother the
+    The rule is compared with the polynomial through its nodes and as many points between them. How much smoother the
     mean is, the highest Legendre coefficients tell that the rings resolve.
 
     Parameters

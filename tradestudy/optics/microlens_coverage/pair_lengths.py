@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.microlens_coverage.lattice import Counting, Layout, as_radii, counted_on_lattice, lattice_of
 
-# Beyond, the lengths grow with the disc: hundreds of them are told apart within it.
+# Beyond, the lengths grow with the disc: hundreds of them are distinguished within it.
 _LARGEST_RADIUS: Final = 6.0
 
 

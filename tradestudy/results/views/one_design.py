@@ -72,7 +72,7 @@ class BestCameras:
     limits
         Names of the limits of the usable range.
     cameras
-        Those that measure depth; none where the results hold no depth of the design that the ranges describe.
+        Those that measure depth; none where the results contain no depth of the design that the ranges describe.
     """
 
     ranges: Ranges

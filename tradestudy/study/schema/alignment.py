@@ -35,7 +35,7 @@ class Alignment:
     members
         For each union along the path, the member that the error is about: the union's path and the member's label.
     owner
-        The innermost model along the path, which should hold the last key.
+        The innermost model along the path, which should contain the last key.
     of_key
         Whether the error is about the last key itself and not about its value.
     """
@@ -113,7 +113,7 @@ def _is_label(step: str | int, kinds: list[Any]) -> bool:
 
 
 def _chosen(label: str, kinds: list[Any], rest: list[str | int]) -> Any:
-    """Find the member of a union that a label names, else one that can hold the next step."""
+    """Find the member of a union that a label names, else one that can contain the next step."""
     for kind in kinds:
         if _is_model(kind) and (label in (kind.__name__, *_tags(kind)) or label.endswith(f", {kind.__name__}]")):
             return kind
