@@ -182,8 +182,8 @@ class TestRun:
     ) -> None:
         monkeypatch.setattr(tempfile, "tempdir", "/nowhere/at/all")
         ran["ends"] = RuntimeError("lost")
-        told = invoke("run", RIGHT, "--quiet").stderr
-        assert re.fullmatch(r"unexpected RuntimeError: lost; .*\(No such file or directory\).* --debug .*\n", told)
+        reported = invoke("run", RIGHT, "--quiet").stderr
+        assert re.fullmatch(r"unexpected RuntimeError: lost; .*\(No such file or directory\).* --debug .*\n", reported)
 
     def test_debug_shows_the_traceback(self, ran: dict[str, Any]) -> None:
         ran["ends"] = RuntimeError("shown")
@@ -215,10 +215,10 @@ def test_results_of_another_version_that_lack_something_are_refused(tmp_path: Pa
     for command in (["report", "--no-pdf"], ["compare", tmp_path / "own"]):
         ended = invoke(*command, tmp_path / "other")
         assert ended.exit_code == 1
-        told = " ".join(ended.output.split())
-        assert "from another version of the program and lack what this one shows" in told
-        assert str(tmp_path / "other") in told
-        assert told.endswith("run the study again")
+        reported = " ".join(ended.output.split())
+        assert "from another version of the program and lack what this one shows" in reported
+        assert str(tmp_path / "other") in reported
+        assert reported.endswith("run the study again")
     broken = invoke("report", "--no-pdf", tmp_path / "own")
     assert "unexpected KeyError" in broken.output  # of this very version: a mistake of the program
 
@@ -335,10 +335,10 @@ def test_help_lists_the_commands() -> None:
 
 
 def test_both_ways_to_start_the_program_print_the_version() -> None:
-    told = process("--version").stdout.split()
-    assert told == ["tradestudy", importlib.metadata.version("tradestudy")]
-    assert invoke("--version").stdout.split() == told
-    assert told[1] == tradestudy.__version__
+    reported = process("--version").stdout.split()
+    assert reported == ["tradestudy", importlib.metadata.version("tradestudy")]
+    assert invoke("--version").stdout.split() == reported
+    assert reported[1] == tradestudy.__version__
 
 
 @pytest.mark.parametrize("kind", ["--stereo", "--plenoptic"])

@@ -178,13 +178,13 @@ def test_a_requirement_that_one_run_does_not_ask() -> None:
 
 
 def test_a_worst_value_counts_as_changed_only_beyond_its_error() -> None:
-    def told(after: float) -> list[str]:
+    def reported(after: float) -> list[str]:
         found = compared(tree(asked={"r": requirement(1, 1.0)}), tree(asked={"r": requirement(1, after)}))
         assert found.conclusions == ()
         return [str(one) for one in found.results]
 
-    assert told(1.25) == ['requirement "2 % at 1 m": worst 1 % at 1 m → worst 1.25 % at 1 m (+25 %)']
-    assert told(1.01) == []  # √2 of the 1 % that each may be off by
+    assert reported(1.25) == ['requirement "2 % at 1 m": worst 1 % at 1 m → worst 1.25 % at 1 m (+25 %)']
+    assert reported(1.01) == []  # √2 of the 1 % that each may be off by
 
 
 def test_a_claim_that_is_answered_differently() -> None:
@@ -272,16 +272,16 @@ def test_an_end_that_moves_by_less_than_its_error_is_unchanged() -> None:
 
 
 def test_a_result_differs_where_both_errors_together_are_exceeded() -> None:
-    def told(**known: float) -> list[str]:
+    def reported(**known: float) -> list[str]:
         return [
             str(one).replace("\N{NO-BREAK SPACE}", " ") for one in compared(tree(), tree(factor=1.05, **known)).results
         ]
 
     line = ["depth uncertainty of Far head: 100 µm → 105 µm at 0.1 m (+5 %)"]
-    assert told() == line
-    assert told(error=0.04) == line
-    assert told(error=0.06) == []
-    assert told(left_out=0.06) == []
+    assert reported() == line
+    assert reported(error=0.04) == line
+    assert reported(error=0.06) == []
+    assert reported(left_out=0.06) == []
 
 
 def test_standard_errors_of_draws_count_as_often_as_in_decisions() -> None:

@@ -175,12 +175,12 @@ def test_the_report_compares_prediction_and_achievement(ran: tuple[api.Result, P
     report = compose_report(tree, ran[0].run_record, drawings)
     tables = {block.name: block for block in report.blocks if isinstance(block, Table)}
     assert len(tables["depth-loop-depth-table"].rows) == 7  # the camera, and its planes
-    told = [plain_text(block.text) for block in report.blocks if isinstance(block, Paragraph)]
+    reported = [plain_text(block.text) for block in report.blocks if isinstance(block, Paragraph)]
     over = tree["depth_loop"]["depth_relative_spread"].values
     first_page = f"ratio of measured to predicted depth spread is {over.min():.2g} to {over.max():.2g} for "
-    assert any(first_page in text for text in told)
+    assert any(first_page in text for text in reported)
     assert any(first_page in line for line in terminal_lines(tree))
-    assert any("matcher: {factor: " in text and "on 4 other planes" in text for text in told)
+    assert any("matcher: {factor: " in text and "on 4 other planes" in text for text in reported)
 
 
 @pytest.mark.parametrize(
@@ -241,7 +241,7 @@ def test_the_plan_says_how_long_the_loop_takes(tmp_path: Path) -> None:
     assert scene is not None
     assert scene.picture is not None
     settings = scene.picture.settings(550e-9)
-    told = loop_seconds(loaded.definition.case.cameras["pair"], part, settings)
+    reported = loop_seconds(loaded.definition.case.cameras["pair"], part, settings)
     points = list(depth_loop.loop_points(loaded.definition, part).values())[:6:2]
     taken = math.fsum(seconds_of(lambda point=point: depth_loop.measure_on_plane(point)) for point in points)  # type: ignore[misc]
-    assert taken / 5.0 < told < 5.0 * taken
+    assert taken / 5.0 < reported < 5.0 * taken

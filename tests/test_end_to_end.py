@@ -112,10 +112,10 @@ class Page(HTMLParser):
 def test_a_run_prints_its_conclusions_and_fails_if_strict_and_missed(headline_run: HeadlineRun) -> None:
     done = headline_run.done
     assert done.returncode == 3, done.stderr
-    *told, last = done.stdout.splitlines()
+    *reported, last = done.stdout.splitlines()
     assert last == "Report: reports/plenoptic-vs-stereo/report.html"
-    assert told[0].startswith("Best: ")
-    assert len(told) <= 5
+    assert reported[0].startswith("Best: ")
+    assert len(reported) <= 5
     assert "close-range" in done.stderr.splitlines()[-1]
 
 

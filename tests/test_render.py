@@ -284,7 +284,7 @@ def test_the_plan_says_how_long_rendering_takes(tmp_path: Path) -> None:
     whole = [
         one for taken in cameras for one in pictures.whole_pictures(loaded.definition, image, scene, taken, recording)
     ]
-    told = sum(picture_seconds(one) for one in whole)
+    reported = sum(picture_seconds(one) for one in whole)
     scene.build()
     taken = sum(seconds_of(lambda tile=tile: tiles.expected_electrons(tile)) for tile in whole)  # type: ignore[misc]
-    assert taken / 4.0 < told < 4.0 * taken
+    assert taken / 4.0 < reported < 4.0 * taken

@@ -175,20 +175,20 @@ def test_kirchhoff_s_correction_is_computed_beforehand_with_progress(study: Stud
     few = {"from": "54 mm", "to": "57 mm", "points": 5, "spacing": "log"}
     slow = study.with_values({"scene.distances": few, "decision.at": ["54 mm", "57 mm"]})
     acting = slow.with_models({"pair-f22": {"main_lens_diffraction": "kirchhoff"}})
-    told: list[tuple[str, float]] = []
-    compute_kirchhoff_pictures(acting, lambda step, share: told.append((step, share)))
-    shares = [share for _, share in told]
+    reported: list[tuple[str, float]] = []
+    compute_kirchhoff_pictures(acting, lambda step, share: reported.append((step, share)))
+    shares = [share for _, share in reported]
     assert shares == sorted(set(shares))
     assert len(shares) > 5
     assert (shares[0], shares[-1]) == (0.0, 1.0)
-    assert {step for step, _ in told} == {"pictures"}
+    assert {step for step, _ in reported} == {"pictures"}
     computed = kirchhoff_correction.cache_info().misses
     by_kirchhoff, by_fresnel = (uncertainty(one, "pair-f22", slow.case.distance) for one in (acting, slow))
     assert kirchhoff_correction.cache_info().misses == computed
     assert np.any(by_kirchhoff != by_fresnel)
-    told.clear()
-    compute_kirchhoff_pictures(slow, lambda step, share: told.append((step, share)))
-    assert not told
+    reported.clear()
+    compute_kirchhoff_pictures(slow, lambda step, share: reported.append((step, share)))
+    assert not reported
 
 
 def test_a_run_computes_it_before_depth(study: StudyDefinition, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,7 +201,7 @@ def test_a_run_computes_it_before_depth(study: StudyDefinition, monkeypatch: pyt
     monkeypatch.setattr(runner, "depth_tables", depth)
     few = {"scene.distances": {"from": "55 mm", "to": "55.5 mm", "points": 2, "spacing": "log"}}
     forced = study.with_values({**few, "effects": {"main_lens_diffraction": "kirchhoff"}})
-    told: list[tuple[str, float]] = []
+    reported: list[tuple[str, float]] = []
     with pytest.raises(ReachedError):
-        runner.compute(plan_of(forced), Steps(progress=lambda step, share: told.append((step, share))))
-    assert told[-1] == ("pictures", 1.0)
+        runner.compute(plan_of(forced), Steps(progress=lambda step, share: reported.append((step, share))))
+    assert reported[-1] == ("pictures", 1.0)

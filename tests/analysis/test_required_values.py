@@ -129,9 +129,9 @@ def test_a_missed_guard_band_is_not_reported_as_a_missed_bound() -> None:
     kept = RequirementAnswer(
         camera="a", met=False, value=0.5, bound=1.0, place=1.0, error=0.1, margin=1.0, unusable=0.0, reason="guarded"
     )
-    told = _nearest([_Trial(value=1.0, answer=kept), _Trial(value=2.0, answer=replace(kept, margin=0.5))], LENGTH)
-    assert re.search(r"at 1 m, .*guard band", told)
-    assert "%" not in told
+    reported = _nearest([_Trial(value=1.0, answer=kept), _Trial(value=2.0, answer=replace(kept, margin=0.5))], LENGTH)
+    assert re.search(r"at 1 m, .*guard band", reported)
+    assert "%" not in reported
 
 
 def test_an_impossible_value_is_refused_when_the_study_is_read(tmp_path: Path) -> None:

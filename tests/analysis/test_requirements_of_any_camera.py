@@ -145,8 +145,8 @@ def test_missing_things_are_refused_at_their_place(requirement: dict[str, Any], 
 
 def test_a_range_beyond_the_scene_is_warned_about_as_for_other_quantities() -> None:
     study = hand_lens({"camera": "any", "depth_of_field": {"over": ["140 mm", "300 mm"]}})
-    told = {one.path: one.what for one in implausible(study.definition)}
-    assert told["requirements.own.depth_of_field.over"].startswith("reaches beyond the distances of the scene")
+    reported = {one.path: one.what for one in implausible(study.definition)}
+    assert reported["requirements.own.depth_of_field.over"].startswith("reaches beyond the distances of the scene")
 
 
 def test_a_sweep_finds_the_f_number_from_which_a_range_is_sharp() -> None:
@@ -202,7 +202,7 @@ def test_a_study_without_depth_answers_its_requirements_in_every_place(tmp_path:
     first_page = str(list(itertools.takewhile(lambda block: not isinstance(block, PageBreak), blocks)))
     assert "the rock is sharp" in first_page
     assert "not heavy" in first_page
-    told = {one["name"]: one for one in result.conclusions()["requirements"]}
-    assert (told["light"]["met"], told["light"]["place"]) == (False, None)
+    reported = {one["name"]: one for one in result.conclusions()["requirements"]}
+    assert (reported["light"]["met"], reported["light"]["place"]) == (False, None)
     with pytest.raises(StudyError, match="no camera of this study measures depth"):
         study.with_values({"requirements.own": {"says": "near", "camera": "any", "usable": {"over": ["1 m", "2 m"]}}})

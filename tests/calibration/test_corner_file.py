@@ -162,7 +162,7 @@ def test_left_and_right_exchanged_are_named(tmp_path):
 
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_one_column_swapped_between_the_cameras_is_named(tmp_path, axis):
-    # near parallel cameras fit such a file to 0.25 px: only the comparison tells
+    # near parallel cameras fit such a file to 0.25 px: only the comparison shows it
     path = changed(tmp_path, lambda row: swap(row, f"left_{axis}_px", f"right_{axis}_px"))
     with pytest.raises(CornerFileError, match=r"one pair of columns is swapped.*0\.33.* px rms, and 0\.23"):
         fit_rig(read_corners(path))

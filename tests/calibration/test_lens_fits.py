@@ -36,7 +36,7 @@ from tradestudy.optics.lens_models.rational import Rational
 SIZE = (640, 480)
 CAMERA = np.array([310.0, 312.0, 322.0, 236.0])
 WIDE = np.array([205.0, 206.0, 322.0, 236.0])
-"""Of models that only a wide field tells from each other's neighbours: their focal length makes up for much."""
+"""Models that only a wide field distinguishes: their focal length compensates for much."""
 FIVE = ("k1", "k2", "p1", "p2", "k3")
 EIGHT = (*FIVE, "k4", "k5", "k6")
 FISHEYE = ("k1", "k2", "k3", "k4")
@@ -127,7 +127,7 @@ def test_fits_equal_those_of_opencv(which: str) -> None:
 @pytest.mark.parametrize("which", ["five", "fisheye", "double-sphere"])
 @pytest.mark.slow
 def test_fits_scatter_as_they_state(which: str) -> None:
-    """100 sets of white noise: errors over stated deviations have the variance of 1 that 100 sets can tell."""
+    """100 sets of white noise: errors over stated deviations have the variance of 1 that 100 sets can show."""
     lens, free = TRUE[which]
     _, image = shown(lens, np.random.default_rng(3), views=8)
     present, start = np.ones(image.shape[:2], dtype=bool), start_of(lens, free)

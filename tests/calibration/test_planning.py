@@ -1,4 +1,4 @@
-"""Calibrations planned: what views of a board are expected to tell, against refits, published figures and runs."""
+"""Planned calibrations: the certainty expected from views of a board, against refits, published figures and runs."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_expected_deviations_are_those_of_refits_and_those_stated(views: int, st
         observed = observe_target(target, pinhole, DESIGN, rng)
         problem = TargetProblem(observed=observed, target=target, model=pinhole, priors=FLAT)
         fits.append(fit_target(problem).laplace.mean)
-    # 400 refits tell a standard deviation to 3.5 %
+    # 400 refits give a standard deviation to 3.5 %
     np.testing.assert_allclose(np.std(fits, axis=0, ddof=1) / expected, 1.0, atol=0.1)
 
 
@@ -221,7 +221,7 @@ def test_boards_that_are_not_tilted_against_each_other_are_refused(tmp_path: Pat
     assert problem.path == f"cameras.rig.calibration.target.{views[: views.index(':')].replace('views', 'tilt')}"
     assert "at least 1°" in problem.what
     assert "position_known_to" in problem.what
-    loaded(tmp_path, f"{views}, position_known_to: 1 mm")  # a stage tells the distances, which tilts else would
+    loaded(tmp_path, f"{views}, position_known_to: 1 mm")  # a stage gives the distances; tilts would otherwise
 
 
 @pytest.mark.parametrize(

@@ -166,7 +166,7 @@ def test_chains_that_are_too_short_are_not_called_converged():
 
 
 def test_requested_posteriors_follow_from_the_declaration():
-    """Nothing without target or corners; what is asked can be told apart, so that it is computed once."""
+    """Nothing without target or corners; requests can be distinguished, so that each is computed once."""
     part = calibration_part(type(stereo()), "stereo")
     folder = {"folder": MEASURED.parent, "seed": 3}
     assert to_infer("rig", stereo(), part(errors={"yaw": {"standard_deviation": "0.2 deg"}}), **folder) is None

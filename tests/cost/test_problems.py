@@ -160,8 +160,8 @@ def test_models_and_tolerances_of_a_light_spot_are_measured() -> None:
 
 def test_a_camera_that_is_nowhere_usable_is_reported(pair: Study, tmp_path: Path) -> None:
     strict = pair.with_values({"usable_range.relative_uncertainty": "0.00001 %"})
-    told = api.cost(strict, tmp_path, budget=1.0)
-    assert told == ["Pair: usable at no distance of the study.", str(tmp_path / "cost.json")]
+    reported = api.cost(strict, tmp_path, budget=1.0)
+    assert reported == ["Pair: usable at no distance of the study.", str(tmp_path / "cost.json")]
 
 
 @pytest.mark.parametrize("budget", [0.0, float("inf")])
@@ -195,8 +195,8 @@ def test_the_command_reports_each_camera_and_leaves_a_run_alone(pair: Study, tmp
     invoke("run", "--no-pdf")
     before = {path: path.read_bytes() for path in out.rglob("*.*")}
     assert "What accuracy costs" not in (out / "report.html").read_text(encoding="utf-8")
-    told, figure = invoke("cost", "--budget", "2").splitlines()
-    assert told.startswith("Pair: linear calibration takes ")
+    reported, figure = invoke("cost", "--budget", "2").splitlines()
+    assert reported.startswith("Pair: linear calibration takes ")
     assert figure == str(out / "cost.svg")
     assert {path: path.read_bytes() for path in before} == before
     assert {path.name for path in set(out.rglob("*.*")) - set(before)} == {"cost.json", "cost.svg"}

@@ -27,7 +27,7 @@ def parts_of(image_of: object, source: object = DISC) -> list[Part]:
     """What one picture hands over to be computed."""
     heard: list[Part] = []
 
-    def compute(parts: list[Part], told: object) -> list[object]:
+    def compute(parts: list[Part], reported: object) -> list[object]:
         heard.extend(parts)
         return in_turn(parts, lambda _share: None)
 
@@ -37,7 +37,7 @@ def parts_of(image_of: object, source: object = DISC) -> list[Part]:
 
 def test_a_picture_is_cut_into_rings_and_into_microlenses() -> None:
     rings = parts_of(chain_image)
-    assert len(rings) > 8  # even and odd angles of four rings at least, and what tells the error
+    assert len(rings) > 8  # even and odd angles of four rings at least, and those for the error
     assert all(len(part.args[1]) <= 16 for part in rings if isinstance(part, partial) and part.func is follow_points)
     assert len(parts_of(separate_image, DISC.centre)) == len(PATH.microlenses.centres)
 

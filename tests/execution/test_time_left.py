@@ -1,4 +1,4 @@
-"""What is left of a run, told by a clock that is set by hand."""
+"""The time left of a run, by a clock that the test sets."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_after_a_tenth_a_step_continues_at_its_own_pace(clock: Clock, left: Time
     clock.now += 4.0
     left("depth", 0.1)
     assert left.of_step == pytest.approx(36.0)
-    clock.now += 1.0  # nothing new is told, but time goes by
+    clock.now += 1.0  # no new progress, but time passes
     assert left.of_step == pytest.approx(35.0)
 
 

@@ -1,4 +1,4 @@
-"""Pictures by waves against direct integration, closed forms, rays, and what a study is told of them."""
+"""Pictures by waves against direct integration, closed forms, rays, and what a study reports of them."""
 
 from __future__ import annotations
 

@@ -159,7 +159,7 @@ def test_main_lens_field_agrees_with_direct_quadrature_on_just_enough_samples(to
     chief = np.array(wave.path.chief_point(wave.source))
     rng = np.random.default_rng(2)
     at = chief + rng.uniform(-25e-6, 25e-6, (60, 2))
-    at[:20, 0] = chief[0] + 25e-6  # where the end of the table tells most
+    at[:20, 0] = chief[0] + 25e-6  # where the end of the table matters most
     truth = direct_field(wave, at[:, 0], at[:, 1])
     enough = field_spacing(wave, accuracy)
     errors = []

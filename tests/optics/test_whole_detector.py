@@ -120,7 +120,7 @@ def test_corners_of_patches_contain_no_light_invented_by_too_few_nodes() -> None
 def test_averages_over_the_source_have_the_stated_error(x: float) -> None:
     """Against a disc of many more nodes, whose shadow moves across every microlens: a slow fall of all spectra.
 
-    Off the axis one side of the disc is dark, and tells nothing of the other.
+    Off the axis one side of the disc is dark, and shows nothing of the other.
     """
     path, disc = camera(main_lens=WIDE), DiscSource(x=x, diameter=1.2e-3, distance=24e-3)
 

@@ -146,8 +146,8 @@ def test_a_forced_model_is_applied_and_its_change_reported(model: str) -> None:
         law = plan.definition.case.cameras[problem.name].disparity_error_px
         assert law.models.main_lens_diffraction == model
         assert (problem.by_forcing == {}) == (model == "kirchhoff")
-        told = plan.text()
-    assert (f"main lens diffraction: {model}, as the study requires, changes the" in told) == (model != "kirchhoff")
+        reported = plan.text()
+    assert (f"main lens diffraction: {model}, as the study requires, changes the" in reported) == (model != "kirchhoff")
 
 
 def test_a_model_that_acts_nowhere_is_a_mistake_with_a_position() -> None:
@@ -316,7 +316,7 @@ def test_a_range_vanishes_where_its_ends_meet(
 
 @pytest.mark.slow
 def test_choices_for_random_cameras_keep_their_tolerance() -> None:
-    """A sample of the campaign, which tells how often and what the choices cost beside the cheapest."""
+    """A sample of the campaign, which measures how well choices keep their tolerance and what they cost."""
     found = list(run(range(3), seed=21))
     assert {one.name.split()[0] for one in found} == {"stereo", "focused", "unfocused"}
     assert all(one.change <= one.tolerance for one in found)

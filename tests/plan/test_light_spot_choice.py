@@ -53,7 +53,7 @@ def test_the_light_spot_needs_simpler_models_at_looser_tolerances() -> None:
     assert all(one.integrated and not one.separate and not one.point for one in found)
 
 
-@pytest.mark.xfail(strict=True, reason="Fresnel changes it by 4.1 %, but trials of laws scatter too much to tell")
+@pytest.mark.xfail(strict=True, reason="Fresnel changes it by 4.1 %, but trials of laws scatter too much to show it")
 def test_the_light_spot_to_5_percent_needs_no_kirchhoff() -> None:
     assert spot_models(chosen(spot(), 0.05).models).method in ("exact-rays", "fresnel", "fresnel-kirchhoff")
 

@@ -1,4 +1,4 @@
-"""Where calibrations come from, what a reading is worth, ties, ranks, and depth off the axis, as reports tell them."""
+"""Sources of calibrations, the worth of averaging, ties, ranks, and depth off the axis in reports."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def _rgb(color: str) -> tuple[float, ...]:
 
 
 @pytest.mark.parametrize(
-    ("best", "told"),
+    ("best", "reported"),
     [
         (["r5"] * 50 + [f"r5, {WIDE}"] + [WIDE] * 50, ["r5", WIDE]),  # the error of a crossover
         (["r5"] * 50 + [f"r5, {WIDE}"] + ["r5"] * 50, ["r5"]),
@@ -78,10 +78,10 @@ def _rgb(color: str) -> tuple[float, ...]:
         ([""] * 50 + [f"r5, {WIDE}"] + [WIDE] * 50, ["", f"r5, {WIDE}", WIDE]),
     ],
 )
-def test_a_brief_tie_at_a_crossover_is_a_handover(make_tree: MakeTree, best: list[str], told: list[str]) -> None:
+def test_a_brief_tie_at_a_crossover_is_a_handover(make_tree: MakeTree, best: list[str], reported: list[str]) -> None:
     tree = with_best(make_tree(), best)
     found = list(reported_winners(tree))
-    assert [names for _, _, names in found] == told
+    assert [names for _, _, names in found] == reported
     assert (found[0][0], found[-1][1]) == (pytest.approx(0.05), pytest.approx(10.0))
     assert all(a[1] == b[0] for a, b in itertools.pairwise(found))
     assert len(list(winners(tree))) == 3

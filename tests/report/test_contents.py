@@ -127,7 +127,7 @@ def test_a_sliver_of_the_range_is_not_reported(make_tree: Callable[..., xr.DataT
     found = list(sentences(document_of(tree)))
     assert found[0].startswith("0.05 to 10 m: Raytrix R5, Keplerian, ±")
     assert "Smallest uncertainty: 0.05 to 10\u00a0m Raytrix" in figures.build(tree)["whole_range"].alt
-    # A study of so narrow a range is told all the same, with more digits.
+    # Even such a narrow range is reported, with more digits.
     narrow = np.linspace(1.0, 1.0004, decision.sizes["distance"])
     depth["usable_near"][:], depth["usable_far"][:] = 1.0001, 1.0004
     tree["depth"] = xr.DataTree(depth.assign_coords(distance=narrow))

@@ -78,6 +78,6 @@ def test_the_joint_change_is_shown_next_to_the_tolerance(plan: Plan) -> None:
     text = " ".join(plain(block.text) for block in describe_effects(tree) if isinstance(block, Paragraph))
     worst = max(problem.choice.changes["depth_uncertainty"].relative for problem in plan.problems)
     allowed = plan.accuracy.tolerances["depth_uncertainty"]
-    told = f"by up to {pretty(worst, FRACTION, digits=2)}; the tolerance is {pretty(allowed, FRACTION, digits=2)}."
-    assert told in text
+    reported = f"by up to {pretty(worst, FRACTION, digits=2)}; the tolerance is {pretty(allowed, FRACTION, digits=2)}."
+    assert reported in text
     assert (f"{IN_WORDS['depth_noise']} has no tolerance" in text) == ("depth_noise" not in plan.accuracy.tolerances)

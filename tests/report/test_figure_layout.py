@@ -79,7 +79,7 @@ def _is_known(digits: str, unit: str, known: np.ndarray) -> bool:
     """Whether a number of the results rounds to these digits."""
     last = 10.0 ** -len(digits.partition(".")[2])
     value, half = float(digits) * _UNITS[unit], 0.51 * last * _UNITS[unit]
-    if "." not in digits:  # three digits are told at most
+    if "." not in digits:  # at most three digits are shown
         half = max(half, 0.0051 * value)
     at = np.searchsorted(known, value - half)
     return bool(at < known.size and known[at] <= value + half)

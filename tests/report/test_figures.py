@@ -382,7 +382,7 @@ def test_bars_and_maps_have_tables_of_their_values(make_tree: Callable[..., xr.D
             assert row == (reading, *(pretty(float(one), NUMBER) for one in ratio))
     depth = tree["depth"].to_dataset().sel(distance=reference_distance(tree))["depth_uncertainty"]
     for table, camera in zip(drawings["sweep_map"].values(), moved_cameras(tree), strict=True):
-        told = [list(row[1:]) for row in table.rows]
+        reported = [list(row[1:]) for row in table.rows]
         values = depth.sel(camera=camera.key).transpose("f", "b").values
-        assert told == [[pretty(float(one), LENGTH) for one in row] for row in values]
+        assert reported == [[pretty(float(one), LENGTH) for one in row] for row in values]
     assert drawings["whole_range"].values() == ()

@@ -159,8 +159,8 @@ def test_numbers_read_alike_as_single_floats() -> None:
     noise = np.random.default_rng(1).lognormal(sigma=9.0, size=20000)
     near = np.round(noise, 3) + 5e-4 * (1.0 + 1e-9)
     for values in (ties, noise, near, -noise):
-        told = page_data({}, {"one": CurveValues(x=values, value=values)})
-        assert _decoded(json.loads(told), 0) == _read(values)
+        reported = page_data({}, {"one": CurveValues(x=values, value=values)})
+        assert _decoded(json.loads(reported), 0) == _read(values)
 
 
 def test_every_colour_of_cameras_follows_the_page() -> None:

@@ -111,17 +111,17 @@ def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on
 
 
 def test_json_has_the_numbers_of_the_results(swept: Result) -> None:
-    told = json.loads(json.dumps(swept.conclusions("somewhere"), allow_nan=False))
+    reported = json.loads(json.dumps(swept.conclusions("somewhere"), allow_nan=False))
     data = swept.data["requirements"].to_dataset()
-    assert told["format"] == 1
-    assert told["report"] == str(Path("somewhere") / "report.html")
-    one = next(row for row in told["requirements"] if row["name"] == "per-cent")
+    assert reported["format"] == 1
+    assert reported["report"] == str(Path("somewhere") / "report.html")
+    one = next(row for row in reported["requirements"] if row["name"] == "per-cent")
     here = data.sel(requirement="per-cent")
     assert one["met"] is True
     assert one["margin"] == pytest.approx(float(here["margin_percent"]) / 100.0)
     assert one["met_with"][0]["from"] == float(here["met_from"].values[0])
     assert one["designs_met"] == int((here["design_met"].values == 1).sum())
-    assert told["best"] == [{"near": 0.3, "far": 4.0, "cameras": ["Stereo head, 75 mm"]}]
+    assert reported["best"] == [{"near": 0.3, "far": 4.0, "cameras": ["Stereo head, 75 mm"]}]
 
 
 def test_what_must_hold_comes_first_and_counts_for_strict(swept: Result) -> None:
@@ -130,7 +130,7 @@ def test_what_must_hold_comes_first_and_counts_for_strict(swept: Result) -> None
 
 
 def test_every_outcome_of_a_requirement_is_reported(swept: Result) -> None:
-    def told(**changes: Any) -> str:
+    def reported(**changes: Any) -> str:
         tree = swept.data.copy()
         data = tree["requirements"].to_dataset().copy(deep=True)
         for name, value in changes.items():
@@ -139,14 +139,14 @@ def test_every_outcome_of_a_requirement_is_reported(swept: Result) -> None:
         one = next(c for c in requirement_conclusions(tree) if c.name == "per-cent")
         return requirement_sentence(one)
 
-    assert told(met=0, margin_percent=-12.0).startswith("Not met: 1 % from 0.4 to 3 m, closest: Stereo head")
-    assert "missed by a factor of 1.14" in told(met=0, margin_percent=-12.0)
-    assert "factor" not in told(met=0, margin_percent=-12.0, limited_by="overlap")
-    assert told(met=-1, margin_percent=np.nan).startswith("Cannot be decided: 1 %")
-    assert told(met_from=0.06, met_to=0.09).endswith("from 60 mm to 90 mm")
-    assert told(met_from=0.03, met_to=0.09).endswith("up to 90 mm (tried from 30 mm)")
-    assert told(met_from=0.03, met_to=0.15).endswith("anywhere from 30 mm to 150 mm")
-    assert told(met_from=np.nan, met_to=np.nan).endswith("met by no design that was tried")
+    assert reported(met=0, margin_percent=-12.0).startswith("Not met: 1 % from 0.4 to 3 m, closest: Stereo head")
+    assert "missed by a factor of 1.14" in reported(met=0, margin_percent=-12.0)
+    assert "factor" not in reported(met=0, margin_percent=-12.0, limited_by="overlap")
+    assert reported(met=-1, margin_percent=np.nan).startswith("Cannot be decided: 1 %")
+    assert reported(met_from=0.06, met_to=0.09).endswith("from 60 mm to 90 mm")
+    assert reported(met_from=0.03, met_to=0.09).endswith("up to 90 mm (tried from 30 mm)")
+    assert reported(met_from=0.03, met_to=0.15).endswith("anywhere from 30 mm to 150 mm")
+    assert reported(met_from=np.nan, met_to=np.nan).endswith("met by no design that was tried")
 
 
 def test_a_few_lines_are_enough_and_the_rest_is_counted(swept: Result) -> None:
@@ -236,9 +236,9 @@ def test_a_run_with_changed_values_has_a_folder_of_its_own(tmp_path: Path, monke
     assert len(long.folder_name) < 100
     assert long.folder_name != tradestudy.load(study, ["title=" + "x" * 301]).folder_name
     few = ["--set", "scene.distances.points=5", "--set", "title=Few"]
-    told = CliRunner().invoke(app, ["run", str(study), *few, "--no-pdf", "--json"])
-    assert told.exit_code == 0, told.output
-    assert json.loads(told.stdout)["study"] == "robot"
+    reported = CliRunner().invoke(app, ["run", str(study), *few, "--no-pdf", "--json"])
+    assert reported.exit_code == 0, reported.output
+    assert json.loads(reported.stdout)["study"] == "robot"
     assert [one.name for one in (tmp_path / "reports").iterdir()] == [
         tradestudy.load(study, [few[1], few[3]]).folder_name
     ]

@@ -107,8 +107,11 @@ def test_the_favoured_camera_is_counted_over_designs_and_equal_places_are_merged
     dims = ("rig.baseline", "rig.lenses.focal_length", "design_place")
     mixed = np.array([["rig", "r5"], ["rig", "rig"], ["rig", ""]], dtype=object)
     best = np.stack([mixed, mixed], axis=-1)
-    (told,) = favoured_words(tree(design_best_camera=(dims, best)))
-    assert told.replace("\N{NO-BREAK SPACE}", " ") == "at 0.5 m and 1 m: Rig in 4 of 6 designs, no camera in 1, R5 in 1"
+    (reported,) = favoured_words(tree(design_best_camera=(dims, best)))
+    assert (
+        reported.replace("\N{NO-BREAK SPACE}", " ")
+        == "at 0.5 m and 1 m: Rig in 4 of 6 designs, no camera in 1, R5 in 1"
+    )
     nobody = np.full((3, 2, 2), "", dtype=object)
     nobody[..., 1] = "r5"
     first, second = favoured_words(tree(design_best_camera=(dims, nobody)))
@@ -119,14 +122,14 @@ def test_the_favoured_camera_is_counted_over_designs_and_equal_places_are_merged
 def test_the_range_of_the_crossover_is_given_or_that_there_is_none() -> None:
     dims = ("rig.baseline", "rig.lenses.focal_length", "design_crossing")
 
-    def told(values: Any) -> str:
+    def reported(values: Any) -> str:
         places = np.broadcast_to(values, (3, 2, 1))
         return crossover_words(tree(design_crossover_distance=(dims, places))).replace("\N{NO-BREAK SPACE}", " ")
 
-    assert re.search(r"Rig and R5 .*\bno distance", told(np.nan))
-    assert told(0.5) == "Rig and R5 are equally certain at 0.5 m"
+    assert re.search(r"Rig and R5 .*\bno distance", reported(np.nan))
+    assert reported(0.5) == "Rig and R5 are equally certain at 0.5 m"
     some = np.array([[0.2, 0.3], [0.4, 0.5], [np.nan, np.nan]])[..., None]
-    assert told(some) == (
+    assert reported(some) == (
         "Rig and R5 are equally certain between 0.2 m and 0.5 m, depending on the design; in 2 designs nowhere"
     )
 
@@ -146,8 +149,8 @@ def test_usable_ranges_are_given_only_for_cameras_that_the_sweep_changes() -> No
         coords={"camera": list(CAMERAS), "distance": [0.1, 4.0]},
     )
     results["depth"] = xr.DataTree(depth)
-    (told,) = usable_span_words(results)
-    assert told.replace("\N{NO-BREAK SPACE}", " ") == (
+    (reported,) = usable_span_words(results)
+    assert reported.replace("\N{NO-BREAK SPACE}", " ") == (
         "Depending on the design, the usable range of Rig begins between 0.1 m and 0.3 m and ends at 4 m; "
         "in 1 design it is usable nowhere"
     )
@@ -171,5 +174,5 @@ def test_a_design_that_misses_only_a_guard_band_names_the_right_requirement() ->
     met[..., 0] = 0.0
     margins = np.zeros((3, 2, 2))
     margins[..., 0], margins[..., 1] = 50.0, 5.0
-    told = feasible_words(tree(met, margins))
-    assert told.endswith("comes closest: it misses “close enough” (worst 1 %)")
+    reported = feasible_words(tree(met, margins))
+    assert reported.endswith("comes closest: it misses “close enough” (worst 1 %)")

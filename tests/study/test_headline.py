@@ -212,7 +212,7 @@ def test_a_wrong_name_is_reported_along_with_every_other_mistake() -> None:
     )
     with pytest.raises(StudyError) as caught:
         load(STUDIES / "plenoptic_vs_stereo.yaml", overrides)
-    told = str(caught.value)
-    assert "decision.between.0: no camera is called 'raytrix-r6'; nearest: 'raytrix-r5'" in told
-    assert "'20' has no unit" in told
-    assert "claims.C1.under.0: no reading is called 'diagonale'; nearest: 'diagonal'" in told
+    reported = str(caught.value)
+    assert "decision.between.0: no camera is called 'raytrix-r6'; nearest: 'raytrix-r5'" in reported
+    assert "'20' has no unit" in reported
+    assert "claims.C1.under.0: no reading is called 'diagonale'; nearest: 'diagonal'" in reported

@@ -140,21 +140,21 @@ def test_checkpoints_distinguish_matchers() -> None:
 
 
 def test_a_floor_makes_the_physics_of_the_picture_matter_less() -> None:
-    """What leaving diffraction out changes of the depth noise, told by the plan and by computing it anew."""
+    """How much leaving diffraction out changes the depth noise, by the plan and by computing it again."""
     off = {"main_lens_diffraction": "off"}
     moved = {}
     for name, changes in {"bound": (), "real": (OF_SCENE,)}.items():
         definition = study("accuracy.depth_noise=5 %", *changes)
         problem = next(one for one in depth_problems(definition, {}) if one.name == HEAD)
         (variant,) = problem._variants
-        told = variant.moved_noise({**problem.complete, **off})
+        reported = variant.moved_noise({**problem.complete, **off})
         models = {HEAD: {"main_lens_diffraction": "off"}}, {HEAD: {"main_lens_diffraction": "fresnel"}}
         without, complete = (
             evaluate_depth(definition.with_models(one).case.cameras[HEAD], variant.places).uncertainty[0]
             for one in models
         )
-        np.testing.assert_allclose(told, without / complete - 1.0, atol=1e-9)
-        moved[name] = float(np.max(np.abs(told)))
+        np.testing.assert_allclose(reported, without / complete - 1.0, atol=1e-9)
+        moved[name] = float(np.max(np.abs(reported)))
     assert moved["real"] < 0.3 * moved["bound"]
 
 
@@ -197,8 +197,8 @@ def test_the_plan_separates_false_matches_from_other_failures() -> None:
 def test_mistakes_are_reported_at_their_place(change: str, place: str, words: str) -> None:
     with pytest.raises(StudyError) as caught:
         study(change)
-    told = [one for one in caught.value.problems if one.path.endswith(place)]
-    assert any(words in one.what for one in told), caught.value
+    reported = [one for one in caught.value.problems if one.path.endswith(place)]
+    assert any(words in one.what for one in reported), caught.value
 
 
 def edited(folder: Path, *edits: tuple[str, str]) -> Path:
@@ -232,16 +232,16 @@ def test_a_matcher_of_the_scene_that_no_camera_has_warns_at_its_line(tmp_path: P
     declared = ("value: derived, basis: derived", "value: 0.1 px, basis: assumed")
     file = edited(tmp_path, declared, ("    read_noise:", "    matcher: {factor: 2}\n    read_noise:"))
     line = line_of(file, "matcher: {factor: 2}")
-    (told,) = tradestudy.load(file).warnings
-    assert told.startswith(f"{file}:{line}:")
-    assert "scene.picture.matcher: " in told
-    assert "derived disparity errors" in told
+    (reported,) = tradestudy.load(file).warnings
+    assert reported.startswith(f"{file}:{line}:")
+    assert "scene.picture.matcher: " in reported
+    assert "derived disparity errors" in reported
     assert not tradestudy.load(ROBOT, [OF_SCENE]).warnings
 
 
 def test_an_implausible_value_causes_a_warning() -> None:
-    (told,) = tradestudy.load(ROBOT, ["scene.picture.matcher.floor=5 px"]).warnings
-    assert "5 px is unusual" in told.replace("\u00a0", " ")
+    (reported,) = tradestudy.load(ROBOT, ["scene.picture.matcher.floor=5 px"]).warnings
+    assert "5 px is unusual" in reported.replace("\u00a0", " ")
 
 
 def test_both_places_can_be_swept() -> None:
@@ -288,14 +288,14 @@ def test_both_disparity_errors_stand_side_by_side(real: Result, ideal: Result) -
     assert [float(cell) for cell in row[3:5]] == pytest.approx(
         [float(one["matched_error_px"]), float(one["disparity_error_px"])], rel=5e-3
     )
-    told = " ".join(texts(blocks))
+    reported = " ".join(texts(blocks))
     assert (
         "The declared matcher of Stereo head, 50 mm, Stereo head, 75 mm and Raytrix R5 adds noise 1.5 times the bound, "
-        "a floor of 0.05 px, pixel locking of 0.1 px (0.0707 px rms) and 2 % false matches." in told
+        "a floor of 0.05 px, pixel locking of 0.1 px (0.0707 px rms) and 2 % false matches." in reported
     )
-    assert "does not average out within one distance" in told
-    assert "or are false matches, noise and calibration together" in told
-    assert "bound for any matcher" not in told
+    assert "does not average out within one distance" in reported
+    assert "or are false matches, noise and calibration together" in reported
+    assert "bound for any matcher" not in reported
 
 
 def test_a_requirement_reports_whether_the_bound_alone_would_meet_it(real: Result) -> None:
@@ -313,8 +313,8 @@ def test_a_requirement_reports_whether_the_bound_alone_would_meet_it(real: Resul
     sentence = requirement_sentence(one).replace("\u00a0", " ")
     assert sentence.startswith("Not met: 0.78 % up to 3 m, not by Stereo head, 75 mm (worst ")
     assert sentence.endswith(f"; met if matching reached its bound (worst {100 * best:.3g} % at 3 m)")
-    told = json.loads(json.dumps(real.conclusions()))["requirements"][0]["bound_alone"]
-    assert told["met"] is True
+    reported = json.loads(json.dumps(real.conclusions()))["requirements"][0]["bound_alone"]
+    assert reported["met"] is True
 
 
 def test_without_a_matcher_the_report_says_that_the_error_is_the_bound(ideal: Result) -> None:
@@ -338,10 +338,10 @@ def test_one_matcher_of_several_cameras_leaves_the_others_at_the_bound() -> None
     np.testing.assert_array_equal(
         causes["matched_error_px"].sel(camera=heads), causes["disparity_error_px"].sel(camera=heads)
     )
-    told = texts(tuple(compose_report(result.data, {}, {}).blocks))
+    reported = texts(tuple(compose_report(result.data, {}, {}).blocks))
     assert any(
         text.startswith("The disparity errors of Stereo head, 50 mm and Stereo head, 75 mm are derived")
-        for text in told
+        for text in reported
     )
 
 

@@ -23,7 +23,7 @@ HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
 
 
 @pytest.mark.parametrize(
-    ("override", "told"),
+    ("override", "reported"),
     [
         ("sweep={scene.distances.from: [50 mm, 500 mm]}", "cannot be swept"),
         ("sweep={stereo-short.baseline: {from: 0 mm, to: 5 mm, points: 3, spacing: log}}", "log range from '0 mm'"),
@@ -40,10 +40,10 @@ HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
         ("scene.distances=[0.4 m]", "1 value is given; at least 2 are expected"),
     ],
 )
-def test_check_refuses(override: str, told: str) -> None:
+def test_check_refuses(override: str, reported: str) -> None:
     with pytest.raises(StudyError) as caught:
         load(HEADLINE, (override,))
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
 
 
 def test_a_mistake_of_a_reading_names_the_reading() -> None:

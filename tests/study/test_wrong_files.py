@@ -1,4 +1,4 @@
-"""Wrong study files: every mistake of each is told at once, at its place, in words that help."""
+"""Wrong study files: every mistake is reported at once, at its place, with a remedy."""
 
 from __future__ import annotations
 

@@ -182,11 +182,11 @@ class _Surroundings:
     done: Callable[[float], None] = field(compare=False)
     steps: Steps | None = field(compare=False)
 
-    def compute(self, parts: Sequence[Part], told: Callable[[float], None]) -> list[Any]:
+    def compute(self, parts: Sequence[Part], progress: Callable[[float], None]) -> list[Any]:
         """Compute parts of the picture as `ComputeParts` says."""
         if self.steps is None:
-            return in_turn(parts, told)
-        steps = replace(self.steps, progress=lambda _step, share: told(share))
+            return in_turn(parts, progress)
+        steps = replace(self.steps, progress=lambda _step, share: progress(share))
         return steps.map(STEP, call, parts, [f"part {number}" for number in range(1, len(parts) + 1)])
 
 

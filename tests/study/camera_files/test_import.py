@@ -257,7 +257,7 @@ def test_a_projection_matrix_whose_baseline_overflows_is_refused(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("lengths", "unit", "told"),
+    ("lengths", "unit", "reported"),
     [
         (1.0, "cm", "601 µm, but 60.1 mm with length_unit: m beside from:"),
         (1e2, "m", "6.01 m, but 60.1 mm with length_unit: cm or 6.01 mm with length_unit: mm beside from:"),
@@ -266,12 +266,12 @@ def test_a_projection_matrix_whose_baseline_overflows_is_refused(tmp_path: Path)
     ],
 )
 def test_a_baseline_that_would_be_usual_in_another_unit_is_warned_about(
-    tmp_path: Path, lengths: float, unit: str, told: str
+    tmp_path: Path, lengths: float, unit: str, reported: str
 ) -> None:
     written.opencv(tmp_path / "rig.yml", lengths=lengths)
     warned = tradestudy.load(study(tmp_path, rig=f"from: rig.yml, length_unit: {unit}")).warnings
-    assert [str(one).partition("the baseline is ")[2] for one in warned if "baseline" in str(one)] == [told] * bool(
-        told
+    assert [str(one).partition("the baseline is ")[2] for one in warned if "baseline" in str(one)] == [reported] * bool(
+        reported
     )
     assert all("cameras.rig.from" in str(one) for one in warned if "baseline" in str(one))
 

@@ -244,7 +244,7 @@ def _ring_images(
     nodes: SourceNodes,
     group: list[Symmetry],
     compute: ComputeParts,
-    told: Callable[[float], None],
+    progress: Callable[[float], None],
 ) -> _RingImages:
     """Follow the light of one point of every orbit of the symmetries."""
     parts, eighths = [], []
@@ -260,7 +260,7 @@ def _ring_images(
             eighths.append((ring, list(azimuths.values())))
             places, weights = at[[index for index, _ in half]], tuple(n for _, n in half)
             parts.append(partial(follow_points, asked, places, weights, tuple(azimuths)))
-    found: list[FollowedPoints] = compute(parts, told)
+    found: list[FollowedPoints] = compute(parts, progress)
     images: list[dict[int, FloatArray]] = [{} for _ in nodes.rings]
     for (ring, at_eighths), one in zip(eighths, found, strict=True):
         images[ring] |= zip(at_eighths, one.alone, strict=True)

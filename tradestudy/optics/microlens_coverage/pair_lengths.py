@@ -53,10 +53,10 @@ def least_squares_pairs(radius_over_pitch: ArrayLike, *, layout: Layout, types: 
     length, number = _shells(layout)
     with np.errstate(divide="ignore"):  # no disc, no pair
         u = np.minimum(length[:, np.newaxis] / (2.0 * within), 1.0)
-    told = (number * length**2)[:, np.newaxis] * (np.arccos(u) - u * np.sqrt(1.0 - u * u))
-    whole = np.sum(told, axis=0)
+    pairs = (number * length**2)[:, np.newaxis] * (np.arccos(u) - u * np.sqrt(1.0 - u * u))
+    whole = np.sum(pairs, axis=0)
     return PairLengths(
-        over_pitch=length[:, np.newaxis] * growth * spacing, share=told / np.where(whole > 0.0, whole, 1.0)
+        over_pitch=length[:, np.newaxis] * growth * spacing, share=pairs / np.where(whole > 0.0, whole, 1.0)
     )
 
 
