@@ -95,10 +95,10 @@ def _variable(name: str, one: Variable) -> Iterator[str]:
         "Source": f"{one.reference}.",
         "Error": _sentence(one.error) if one.error else ".",
     }
-    told = " ".join(f"*{title}:* {text}" for title, text in facts.items() if text != ".")
-    if told:
+    reported = " ".join(f"*{title}:* {text}" for title, text in facts.items() if text != ".")
+    if reported:
         yield ""
-        yield f"  {told}"
+        yield f"  {reported}"
 
 
 def _sentence(text: str) -> str:

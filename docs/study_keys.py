@@ -292,7 +292,7 @@ def _items(schema: Schema) -> Iterator[Schema]:
 
 
 def _fits(value: Any, schema: Schema) -> bool:
-    """Tell roughly whether a value is of a schema: enough to choose between alternatives."""
+    """Roughly check whether a value fits a schema: enough to choose between alternatives."""
     if isinstance(value, Mapping):
         keys = schema.get("properties", {})
         fixed = {key: one["anyOf"][0].get("const") for key, one in keys.items() if "anyOf" in one}

@@ -48,11 +48,11 @@ def _figures_are_drawn_here() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def only_rays() -> Iterator[None]:
-    """Pictures that a study makes by rays are not made by waves too, to tell what that changes: here, nothing.
+    """Skip the trials by waves of pictures that are made by rays: here, waves change nothing.
 
     For tests that ask something else of many pictures; tests/imaging/test_pictures_by_waves.py tests what it changes.
     """
-    from tradestudy.plan.pieces import scene_pictures
+    from tradestudy.plan.problems import scene_pictures
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(scene_pictures, "_changed", lambda _trial: (0.0, 1.0))

@@ -249,7 +249,7 @@ def run_studies(python: Path, checkout: Path, out: Path, studies: Sequence[str])
             raise SystemExit(f"{checkout}: {name}: {ended.stderr}")
 
 
-def told(lines: Sequence[Line]) -> Iterator[str]:
+def reported(lines: Sequence[Line]) -> Iterator[str]:
     """The table, what is new, what was not compared, and what failed."""
     header = ("study", "group", "variables", "bit-identical", "largest relative difference", "where")
     yield f"| {' | '.join(header)} |"
@@ -277,7 +277,7 @@ def main() -> None:
         run_studies(given.python_before, given.before, before, given.studies)
         run_studies(given.python_after, given.after, after, given.studies)
     lines = compare_folders(before, after, given.studies)
-    print("\n".join(told(lines)))
+    print("\n".join(reported(lines)))
     sys.exit(any(line.failures for line in lines) or not lines)
 
 

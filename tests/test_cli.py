@@ -182,8 +182,8 @@ class TestRun:
     ) -> None:
         monkeypatch.setattr(tempfile, "tempdir", "/nowhere/at/all")
         ran["ends"] = RuntimeError("lost")
-        told = invoke("run", RIGHT, "--quiet").stderr
-        assert re.fullmatch(r"unexpected RuntimeError: lost; .*\(No such file or directory\).* --debug .*\n", told)
+        reported = invoke("run", RIGHT, "--quiet").stderr
+        assert re.fullmatch(r"unexpected RuntimeError: lost; .*\(No such file or directory\).* --debug .*\n", reported)
 
     def test_debug_shows_the_traceback(self, ran: dict[str, Any]) -> None:
         ran["ends"] = RuntimeError("shown")
@@ -215,10 +215,10 @@ def test_results_of_another_version_that_lack_something_are_refused(tmp_path: Pa
     for command in (["report", "--no-pdf"], ["compare", tmp_path / "own"]):
         ended = invoke(*command, tmp_path / "other")
         assert ended.exit_code == 1
-        told = " ".join(ended.output.split())
-        assert "from another version of the program and lack what this one shows" in told
-        assert str(tmp_path / "other") in told
-        assert told.endswith("run the study again")
+        reported = " ".join(ended.output.split())
+        assert "from another version of the program and lack what this one shows" in reported
+        assert str(tmp_path / "other") in reported
+        assert reported.endswith("run the study again")
     broken = invoke("report", "--no-pdf", tmp_path / "own")
     assert "unexpected KeyError" in broken.output  # of this very version: a mistake of the program
 
@@ -303,7 +303,7 @@ def test_schema_is_json_that_names_the_parts_of_a_study() -> None:
     assert {"cameras", "scene", "claims"} <= schema["properties"].keys()
 
 
-def test_a_reader_that_goes_away_hears_no_complaint() -> None:
+def test_a_closed_pipe_causes_no_error_message() -> None:
     done = subprocess.Popen(
         [sys.executable, "-m", "tradestudy", "schema"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
@@ -323,7 +323,7 @@ def test_report_without_results_says_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("words", [["chekc"], ["check"], ["run", "a", "b"], ["run", "a", "--pdff"], []])
-def test_wrong_words_exit_with_2(words: list[str]) -> None:
+def test_wrong_arguments_exit_with_2(words: list[str]) -> None:
     assert invoke(*words).exit_code == 2
 
 
@@ -334,11 +334,11 @@ def test_help_lists_the_commands() -> None:
     )
 
 
-def test_both_ways_to_start_the_program_tell_the_version() -> None:
-    told = process("--version").stdout.split()
-    assert told == ["tradestudy", importlib.metadata.version("tradestudy")]
-    assert invoke("--version").stdout.split() == told
-    assert told[1] == tradestudy.__version__
+def test_both_ways_to_start_the_program_print_the_version() -> None:
+    reported = process("--version").stdout.split()
+    assert reported == ["tradestudy", importlib.metadata.version("tradestudy")]
+    assert invoke("--version").stdout.split() == reported
+    assert reported[1] == tradestudy.__version__
 
 
 @pytest.mark.parametrize("kind", ["--stereo", "--plenoptic"])
@@ -350,7 +350,7 @@ def test_new_writes_a_study_of_one_kind_whose_requirement_is_met(kind: str) -> N
     assert found.exit_code == 0, found.output
 
 
-def test_the_package_shows_what_there_is_to_use() -> None:
+def test_the_package_lists_its_public_names() -> None:
     """What `tradestudy.<tab>` offers exists, and nothing else is offered."""
     assert dir(tradestudy) == sorted(tradestudy.__all__)
     assert all(hasattr(tradestudy, name) for name in dir(tradestudy))

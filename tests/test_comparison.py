@@ -177,14 +177,14 @@ def test_a_requirement_that_one_run_does_not_ask() -> None:
     assert found == ['Requirement "2 % at 1 m": met → not asked (Near head: worst 1 % at 1 m).', REST]
 
 
-def test_a_worst_value_beyond_its_error_is_a_result_and_within_it_is_none() -> None:
-    def told(after: float) -> list[str]:
+def test_a_worst_value_counts_as_changed_only_beyond_its_error() -> None:
+    def reported(after: float) -> list[str]:
         found = compared(tree(asked={"r": requirement(1, 1.0)}), tree(asked={"r": requirement(1, after)}))
         assert found.conclusions == ()
         return [str(one) for one in found.results]
 
-    assert told(1.25) == ['requirement "2 % at 1 m": worst 1 % at 1 m → worst 1.25 % at 1 m (+25 %)']
-    assert told(1.01) == []  # √2 of the 1 % that each may be off by
+    assert reported(1.25) == ['requirement "2 % at 1 m": worst 1 % at 1 m → worst 1.25 % at 1 m (+25 %)']
+    assert reported(1.01) == []  # √2 of the 1 % that each may be off by
 
 
 def test_a_claim_that_is_answered_differently() -> None:
@@ -204,20 +204,20 @@ def test_the_best_camera_changes_everywhere() -> None:
     assert found[0] == "Best camera: Near head → Far head from 0.1 to 10 m."
 
 
-def test_a_sliver_that_is_not_reported_counts_to_the_range_beside_it() -> None:
+def test_an_unreported_sliver_belongs_to_the_adjacent_range() -> None:
     sliver = tree(handover=0.100_01)
     assert not sentences(sliver, sliver)[0].startswith("Best camera")
     found = sentences(sliver, tree(handover=1.0))
     assert found[0] == "Best camera: Far head → Near head from 0.1 to 1 m; otherwise unchanged."
 
 
-def test_a_handover_that_moves_by_less_than_its_error_is_no_change() -> None:
+def test_a_handover_that_moves_by_less_than_its_error_is_unchanged() -> None:
     (close,) = sentences(tree(handover=1.0), tree(handover=1.0007))
     assert re.sub(r"10 m, [^;]*error[^;]*;", "10 m;", close) == REST != close
     assert sentences(tree(handover=1.0), tree(handover=1.02))[0].startswith("Best camera")
 
 
-def test_studies_of_other_distances_are_compared_where_both_look() -> None:
+def test_studies_of_other_distances_are_compared_where_they_overlap() -> None:
     near = DISTANCE[:31]  # to 3.16 m
     found = sentences(tree(), tree(handover=2.0, distance=near, usable={"a": (0.1, 3.2), "b": (0.1, 3.2)}))
     assert found == [
@@ -261,7 +261,7 @@ def test_usable_ranges_of_a_sweep_without_the_declared_design_are_counted() -> N
     assert compared(swept(5.0, 6.0), swept(5.0, 6.0, 7.0)).conclusions == ()  # the two that both have
 
 
-def test_an_end_that_moves_by_less_than_its_error_is_no_change() -> None:
+def test_an_end_that_moves_by_less_than_its_error_is_unchanged() -> None:
     def moved(after: float, **known: float) -> bool:
         return sentences(tree(usable={"a": (1.0, 4.0)}, **known), tree(usable={"a": (1.0, after)}, **known)) != [REST]
 
@@ -272,16 +272,16 @@ def test_an_end_that_moves_by_less_than_its_error_is_no_change() -> None:
 
 
 def test_a_result_differs_where_both_errors_together_are_exceeded() -> None:
-    def told(**known: float) -> list[str]:
+    def reported(**known: float) -> list[str]:
         return [
             str(one).replace("\N{NO-BREAK SPACE}", " ") for one in compared(tree(), tree(factor=1.05, **known)).results
         ]
 
     line = ["depth uncertainty of Far head: 100 µm → 105 µm at 0.1 m (+5 %)"]
-    assert told() == line
-    assert told(error=0.04) == line
-    assert told(error=0.06) == []
-    assert told(left_out=0.06) == []
+    assert reported() == line
+    assert reported(error=0.04) == line
+    assert reported(error=0.06) == []
+    assert reported(left_out=0.06) == []
 
 
 def test_standard_errors_of_draws_count_as_often_as_in_decisions() -> None:
@@ -336,11 +336,11 @@ def test_large_changes_are_factors_and_infinite_ones_speak_for_themselves(after:
         ((1.0, 1.0 + 1e-9), ("1 px", "1 px")),  # six digits at most
     ],
 )
-def test_values_have_the_digits_that_tell_them_apart(values: tuple[float, ...], words: tuple[str, ...]) -> None:
+def test_values_have_the_digits_that_distinguish_them(values: tuple[float, ...], words: tuple[str, ...]) -> None:
     assert values_in_words(values, PIXELS) == words
 
 
-def test_changes_where_the_camera_can_be_used_are_told_first() -> None:
+def test_changes_where_the_camera_is_usable_come_first() -> None:
     bent = tree(usable={"b": (1.0, 2.0)})
     depth = bent["depth"].to_dataset().copy(deep=True)
     depth["depth_uncertainty"][1] *= np.where(DISTANCE < 0.5, 50.0, 1.1)
@@ -362,12 +362,12 @@ def test_changes_where_the_camera_can_be_used_are_told_first() -> None:
         ("[1, 2]", "[1, 2, 3]", False),
     ],
 )
-def test_rounding_makes_no_input_differ(one: str, other: str, alike: bool) -> None:
+def test_rounding_does_not_make_inputs_differ(one: str, other: str, alike: bool) -> None:
     found = compared(tree(), tree(), value=(one, other))
     assert (len(found.inputs), found.same_inputs) == ((0, 1) if alike else (1, 0))
 
 
-def test_inputs_that_mean_the_same_do_not_differ_and_units_are_those_of_people() -> None:
+def test_equivalent_inputs_do_not_differ_and_units_are_readable() -> None:
     found = compared(
         tree(),
         tree(),
@@ -396,7 +396,7 @@ def test_models_that_were_chosen_differently_are_named() -> None:
     assert lines[start + 1] == "  Near head: linear calibration → exact calibration"
 
 
-def test_nothing_changed() -> None:
+def test_equal_runs_have_no_changes() -> None:
     assert str(compared(tree(), tree(), a=("1 m", "1 m"))).splitlines() == [
         "run0 → run1",
         REST,
@@ -405,14 +405,14 @@ def test_nothing_changed() -> None:
     ]
 
 
-def test_a_run_beside_itself_is_said_to_be_the_same() -> None:
+def test_a_run_compared_with_itself_is_unchanged() -> None:
     found = compare_runs(["x", "x"], [{"results_sha256": "1"}] * 2, [tree()] * 2)
     (note,) = found.notes
     assert "identical" in note
     assert found.labels == ("x (1)", "x (2)")
 
 
-def test_other_studies_versions_and_cameras_are_said() -> None:
+def test_other_studies_versions_and_cameras_are_reported() -> None:
     found = compare_runs(
         ["x", "y"],
         [{"study": "one", "code_hash": "1"}, {"study": "two", "code_hash": "2"}],
@@ -432,7 +432,7 @@ def test_runs_without_conclusions_say_so() -> None:
     assert compared(empty, empty).without_overlay.startswith("No figure: ")
 
 
-def test_three_runs_are_told_in_their_order() -> None:
+def test_three_runs_are_reported_in_their_order() -> None:
     found = compared(tree(), tree(handover=2.0), tree(factor=2.0), a=("1 m", "2 m", "1 m"))
     assert str(found).splitlines()[:2] == [
         "run0 → run1 → run2",
@@ -444,7 +444,7 @@ def test_three_runs_are_told_in_their_order() -> None:
     )
 
 
-def test_other_results_are_told_with_what_tells_their_places_apart_and_the_largest_error_that_concerns_them() -> None:
+def test_other_results_are_reported_with_distinct_places_and_the_largest_relevant_error() -> None:
     def optics(factor: float) -> xr.DataTree:
         error = {"units": "1", "error": "width_numerical"}
         data = {
@@ -479,14 +479,16 @@ def test_the_overlay_draws_each_run_in_its_line_style_and_names_the_cameras() ->
     np.testing.assert_allclose(drawn["-"], DISTANCE**2 / 100.0 * 1e3)  # in millimetres
 
 
-def test_no_curve_that_changed_is_no_figure() -> None:
+def test_without_a_changed_curve_there_is_no_figure() -> None:
     found = compared(tree(), tree(handover=2.0))
     assert found.overlay is None
     assert found.without_overlay == "No figure: no curve of depth uncertainty differs by more than its error."
     assert found.without_overlay in found.html().decode()
 
 
-def test_the_page_asks_no_host_and_its_file_is_replaced_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_contacts_no_host_and_its_file_is_replaced_atomically(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     study = tradestudy.load(ROBOT).with_values({"scene.distances.points": 12, "trade_off": None})
     results = [one.run() for one in (study, study.with_values({"stereo-75mm.baseline": "40 mm"}))]
     for name, result in zip(("wide", "narrow"), results, strict=True):

@@ -35,15 +35,15 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[api.Result, Path]:
     return api.run(study(folder), folder / "out", pdf=False), folder / "out"
 
 
-def test_results_hold_the_scores_and_maps_that_files_hold(ran: tuple[api.Result, Path]) -> None:
+def test_results_contain_the_scores_and_maps_of_the_files(ran: tuple[api.Result, Path]) -> None:
     result, out = ran
     data = result.data["pictures"].to_dataset()
     assert data["mapped_camera"].values.tolist() == ["plenoptic"]
     folder, one = out / "pictures" / "plenoptic", data.sel(mapped_camera="plenoptic")
-    told = json.loads((folder / "depth_map.json").read_text(encoding="utf-8"))["score"]
+    reported = json.loads((folder / "depth_map.json").read_text(encoding="utf-8"))["score"]
     for key in ("bias", "spread", "filled", "over_bound"):
-        assert float(one[f"depth_{key}"]) == told[key]
-        assert float(one[f"depth_{key}_error"]) == told["standard_errors"][key]
+        assert float(one[f"depth_{key}"]) == reported[key]
+        assert float(one[f"depth_{key}_error"]) == reported["standard_errors"][key]
     depth, true = (np.load(folder / f"depth_map{suffix}.npy") for suffix in ("", "_true"))
     block = int(one["map_block"])
     rows, columns = (size // block for size in depth.shape)
@@ -58,7 +58,7 @@ def test_results_hold_the_scores_and_maps_that_files_hold(ran: tuple[api.Result,
     assert np.nanmin(true) <= middle[0] <= middle[-1] <= np.nanmax(true)
 
 
-def test_the_camera_reaches_on_the_rock_what_was_predicted(ran: tuple[api.Result, Path]) -> None:
+def test_the_camera_measures_the_rock_as_predicted(ran: tuple[api.Result, Path]) -> None:
     one = ran[0].data["pictures"].to_dataset().sel(mapped_camera="plenoptic")
     assert float(one["depth_filled"]) >= 0.7
     assert float(one["depth_within"]) >= 0.9
@@ -77,15 +77,15 @@ def test_the_report_shows_maps_and_compares_them(ran: tuple[api.Result, Path]) -
     tables = {block.name: block for block in report.blocks if isinstance(block, Table)}
     assert [row[0] for row in tables["depth-maps-depth-table"].rows] == ["Plenoptic"]
     assert plain_text(tables["depth-maps-disparity-table"].rows[0][1]) != "—"
-    told = [plain_text(block.text) for block in report.blocks if isinstance(block, Paragraph)]
-    (matcher,) = (text for text in told if "matcher: {" in text)
+    reported = [plain_text(block.text) for block in report.blocks if isinstance(block, Paragraph)]
+    (matcher,) = (text for text in reported if "matcher: {" in text)
     assert matcher.startswith("Plenoptic: matcher: {factor: ")
     assert matcher.endswith(" windows).")
     spread = float(tree["pictures"]["depth_spread"][0])
-    assert f", to ±{pretty(spread, LENGTH, digits=2)}" in told[0]
+    assert f", to ±{pretty(spread, LENGTH, digits=2)}" in reported[0]
 
 
-def test_maps_do_not_depend_on_who_computes_them(ran: tuple[api.Result, Path], tmp_path: Path) -> None:
+def test_maps_do_not_depend_on_the_executor(ran: tuple[api.Result, Path], tmp_path: Path) -> None:
     api.render(study(tmp_path), tmp_path, depth=True, executor=Threads(2))
     for path in (tmp_path / "pictures").glob("*/depth_map*"):
         assert path.read_bytes() == (ran[1] / "pictures" / path.parent.name / path.name).read_bytes()
@@ -114,9 +114,9 @@ def test_standard_errors_are_those_of_repetitions() -> None:
     scores = [one() for _ in range(40)]
     for name, expected in (("bias", 0.0), ("spread", 0.02), ("over_bound", 2.0), ("spread_px", 0.2)):
         values = np.array([getattr(each, name) for each in scores])
-        told = np.sqrt(np.mean([each.standard_errors[name] ** 2 for each in scores]))
+        reported = np.sqrt(np.mean([each.standard_errors[name] ** 2 for each in scores]))
         assert np.mean(values) == pytest.approx(expected, abs=4.0 * np.std(values) / np.sqrt(40))
-        assert told == pytest.approx(np.std(values), rel=0.4)
+        assert reported == pytest.approx(np.std(values), rel=0.4)
     assert np.mean([each.neighbour_correlation for each in scores]) == pytest.approx(2.0 / 3.0, abs=0.02)
     assert np.mean([each.window_correlation for each in scores]) == pytest.approx(0.0, abs=0.02)
     assert scores[0].windows == 1600.0
@@ -136,7 +136,7 @@ def test_figures_of_a_camera_that_measured_nothing_say_so_and_a_bias_fits_its_sc
     assert "Plenoptic" in drawn
 
 
-def test_a_range_of_less_than_a_factor_of_two_has_its_names_in_the_figure(ran: tuple[api.Result, Path]) -> None:
+def test_a_range_shorter_than_a_factor_of_two_has_its_labels_in_the_figure(ran: tuple[api.Result, Path]) -> None:
     curves, bars = figures.figure(ran[0].data, "whole_range").axes[:2]
     assert "pair" in [text.get_text() for text in bars.texts]
     assert any(text.get_text().endswith("%") or "% of" in text.get_text() for text in curves.texts)

@@ -63,7 +63,7 @@ def measured(ran: tuple[api.Result, Path]) -> xr.Dataset:
     return ran[0].data["depth_loop"].to_dataset().sel(camera="pair")
 
 
-def test_the_matcher_fitted_at_one_distance_tells_the_noise_at_others(measured: xr.Dataset) -> None:
+def test_the_matcher_fitted_at_one_distance_predicts_the_noise_at_others(measured: xr.Dataset) -> None:
     others = measured.sel(distance=[0.14, 0.165])
     assert np.all(measured["depth_windows"] >= 400)
     assert np.all(np.abs(others["over_matcher"] - 1.0) < 0.1 + 2.0 * others["over_matcher_error"])
@@ -88,7 +88,7 @@ def test_four_times_the_light_halves_the_noise_of_depth(measured: xr.Dataset) ->
 
 
 @pytest.mark.slow
-def test_the_matcher_fitted_to_near_micro_images_tells_the_noise_in_far_ones() -> None:
+def test_the_matcher_fitted_to_near_micro_images_predicts_the_noise_in_far_ones() -> None:
     """At 4 m, pixel locking differs most between the three directions of the lattice."""
     shipped = api.load(Path(__file__).parents[1] / "studies" / "depth_loop.yaml")
     planes: dict[str, Value] = {
@@ -102,7 +102,7 @@ def test_the_matcher_fitted_to_near_micro_images_tells_the_noise_in_far_ones() -
     assert np.all(np.abs(data["depth_bias_px"]) < 0.02)
 
 
-def test_what_is_paired_is_the_overlap_of_parallel_pictures(measured: xr.Dataset) -> None:
+def test_the_compared_area_is_the_overlap_of_parallel_pictures(measured: xr.Dataset) -> None:
     available = measured["depth_available"].isel(electrons=0)
     assert available.values == pytest.approx(measured["predicted_availability"].isel(electrons=0).values, abs=0.02)
 
@@ -121,7 +121,7 @@ def test_the_matcher_is_written_as_a_study_takes_it(ran: tuple[api.Result, Path]
     assert result.data["depth_loop"]["fitted"].values.tolist() == [0.0, 1.0, 0.0]
 
 
-def test_noise_is_told_where_wide_lenses_dim_the_overlap_and_as_many_pictures_are_taken_as_it_takes(
+def test_noise_is_predicted_where_wide_lenses_dim_the_overlap_and_enough_pictures_are_taken(
     tmp_path: Path,
 ) -> None:
     """The views share a fifth of their pictures, at the edges, where cos⁴θ leaves 60 % of the light and more noise."""
@@ -150,7 +150,7 @@ def test_noise_is_told_where_wide_lenses_dim_the_overlap_and_as_many_pictures_ar
     assert np.unique(relative).size == relative.size
 
 
-def test_results_do_not_depend_on_who_computes_them(tmp_path: Path) -> None:
+def test_results_do_not_depend_on_the_executor(tmp_path: Path) -> None:
     pytest.importorskip("cv2")
     few = study(tmp_path, LOOP.replace(", 165 mm", "").replace("2000 electrons, ", "").replace("400", "100"))
     alone, shared = (few.run(executor=executor).data["depth_loop"].to_dataset() for executor in (None, Threads(2)))
@@ -175,12 +175,12 @@ def test_the_report_compares_prediction_and_achievement(ran: tuple[api.Result, P
     report = compose_report(tree, ran[0].run_record, drawings)
     tables = {block.name: block for block in report.blocks if isinstance(block, Table)}
     assert len(tables["depth-loop-depth-table"].rows) == 7  # the camera, and its planes
-    told = [plain_text(block.text) for block in report.blocks if isinstance(block, Paragraph)]
+    reported = [plain_text(block.text) for block in report.blocks if isinstance(block, Paragraph)]
     over = tree["depth_loop"]["depth_relative_spread"].values
     first_page = f"ratio of measured to predicted depth spread is {over.min():.2g} to {over.max():.2g} for "
-    assert any(first_page in text for text in told)
+    assert any(first_page in text for text in reported)
     assert any(first_page in line for line in terminal_lines(tree))
-    assert any("matcher: {factor: " in text and "on 4 other planes" in text for text in told)
+    assert any("matcher: {factor: " in text and "on 4 other planes" in text for text in reported)
 
 
 @pytest.mark.parametrize(
@@ -194,13 +194,13 @@ def test_the_report_compares_prediction_and_achievement(ran: tuple[api.Result, P
         (LOOP + "  cameras: [pear]", "depth_loop.cameras.0: no camera is called 'pear'; nearest: 'pair'"),
     ],
 )
-def test_mistakes_are_told_at_their_place(tmp_path: Path, loop: str, message: str) -> None:
+def test_mistakes_are_reported_at_their_place(tmp_path: Path, loop: str, message: str) -> None:
     with pytest.raises(StudyError) as refused:
         study(tmp_path, loop)
     assert message in str(refused.value)
 
 
-def test_where_nothing_can_be_measured_the_results_say_why(tmp_path: Path) -> None:
+def test_results_without_a_measurement_give_the_reason(tmp_path: Path) -> None:
     """Nearer than the rig's views overlap; no matcher follows."""
     pytest.importorskip("cv2")
     loop = LOOP.replace("[140 mm, 150 mm, 165 mm]", "[24 mm, 150 mm]").replace("[150 mm]", "[24 mm]")
@@ -241,7 +241,7 @@ def test_the_plan_says_how_long_the_loop_takes(tmp_path: Path) -> None:
     assert scene is not None
     assert scene.picture is not None
     settings = scene.picture.settings(550e-9)
-    told = loop_seconds(loaded.definition.case.cameras["pair"], part, settings)
+    reported = loop_seconds(loaded.definition.case.cameras["pair"], part, settings)
     points = list(depth_loop.loop_points(loaded.definition, part).values())[:6:2]
     taken = math.fsum(seconds_of(lambda point=point: depth_loop.measure_on_plane(point)) for point in points)  # type: ignore[misc]
-    assert taken / 5.0 < told < 5.0 * taken
+    assert taken / 5.0 < reported < 5.0 * taken

@@ -171,7 +171,7 @@ def test_every_estimator_measures_a_plane(tmp_path: Path, estimator: str, lenses
 
 
 @pytest.mark.parametrize(("camera", "length"), [("pair", "1 mm"), ("plenoptic", "1 mm"), ("stack", "0.3 mm")])
-def test_the_map_stands_as_the_scene_does(tmp_path: Path, camera: str, length: str) -> None:
+def test_the_map_has_the_orientation_of_the_scene(tmp_path: Path, camera: str, length: str) -> None:
     """A plane that recedes to the right, and half as much downwards."""
     if camera == "pair":
         pytest.importorskip("cv2")
@@ -212,7 +212,7 @@ def test_a_range_of_disparities_wider_than_the_picture_costs_no_more_than_the_pi
 
 
 @pytest.mark.parametrize("camera", ["pair", "plenoptic"])
-def test_a_plane_beyond_what_is_searched_has_no_depth(tmp_path: Path, camera: str) -> None:
+def test_a_plane_beyond_the_search_range_has_no_depth(tmp_path: Path, camera: str) -> None:
     if camera == "pair":
         pytest.importorskip("cv2")
     score, maps = mapped(tmp_path, camera, "{shape: plane, distance: 50 m}", pixels="[240, 240]")
@@ -222,13 +222,13 @@ def test_a_plane_beyond_what_is_searched_has_no_depth(tmp_path: Path, camera: st
     assert score.seen == 0
 
 
-def test_what_only_one_of_two_sees_is_hardly_ever_measured(tmp_path: Path) -> None:
+def test_points_seen_by_one_of_two_cameras_are_hardly_ever_measured(tmp_path: Path) -> None:
     pytest.importorskip("cv2")
     score, maps = mapped(tmp_path, "pair", "{shape: step, near: 130 mm, far: 180 mm}")
     assert score.measured > 0.85 * score.seen
     hidden = (maps["_measurable"] == 0) & np.isfinite(maps["_true"])
     assert np.count_nonzero(hidden) > 500
-    assert score.elsewhere < 0.1 * np.count_nonzero(hidden)
+    assert score.spurious < 0.1 * np.count_nonzero(hidden)
 
 
 def test_a_rig_off_its_design_measures_as_much_as_one_as_designed(tmp_path: Path) -> None:

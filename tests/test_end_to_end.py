@@ -109,13 +109,13 @@ class Page(HTMLParser):
             self.headings[-1] += data
 
 
-def test_a_run_tells_its_conclusions_and_strictly_what_is_missed(headline_run: HeadlineRun) -> None:
+def test_a_run_prints_its_conclusions_and_fails_if_strict_and_missed(headline_run: HeadlineRun) -> None:
     done = headline_run.done
     assert done.returncode == 3, done.stderr
-    *told, last = done.stdout.splitlines()
+    *reported, last = done.stdout.splitlines()
     assert last == "Report: reports/plenoptic-vs-stereo/report.html"
-    assert told[0].startswith("Best: ")
-    assert len(told) <= 5
+    assert reported[0].startswith("Best: ")
+    assert len(reported) <= 5
     assert "close-range" in done.stderr.splitlines()[-1]
 
 
@@ -218,7 +218,7 @@ def test_finished_results_are_not_computed_again_unless_asked(small: Path, small
     assert started() != first
 
 
-def test_a_wrong_study_costs_nothing_on_disk(run_folder: Path, tmp_path: Path) -> None:
+def test_a_wrong_study_writes_nothing(run_folder: Path, tmp_path: Path) -> None:
     folder = tmp_path / "reports"
     shutil.copytree(run_folder, folder)
     kept = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
@@ -229,9 +229,7 @@ def test_a_wrong_study_costs_nothing_on_disk(run_folder: Path, tmp_path: Path) -
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == kept
 
 
-def test_a_killed_run_leaves_no_half_written_file_and_ends_as_one_that_was_not(
-    small: Path, small_run: Path, tmp_path: Path
-) -> None:
+def test_a_killed_run_leaves_no_partial_file_and_can_be_finished(small: Path, small_run: Path, tmp_path: Path) -> None:
     """Each run finds what the one before it left; the last one differs from an undisturbed one in its provenance."""
     folder = tmp_path / "killed"
     for delay in (0.6, 1.2, 1.8):

@@ -62,7 +62,7 @@ def test_wall_times_and_the_program_may_differ() -> None:
     assert found(compare_results("s", results(), after), "/calibration").variables == 1
 
 
-def test_a_number_may_move_by_rounding_only() -> None:
+def test_a_number_may_change_by_rounding_only() -> None:
     line = found(compare_results("s", results(), moved("depth_uncertainty", 5e-10)), "/depth")
     assert line.largest == pytest.approx(5e-10, rel=1e-5)
     assert (line.where, line.identical, line.failures) == ("depth_uncertainty at camera=one, distance=1.0", 5, [])
@@ -96,7 +96,7 @@ def test_another_text_or_count_is_named() -> None:
     assert failure.startswith("/depth: draws at camera=one: 512 → 513")
 
 
-def test_what_vanished_failed_and_what_appeared_is_new() -> None:
+def test_missing_values_fail_and_additional_ones_are_new() -> None:
     fewer = results()
     fewer["/depth"] = fewer["/depth"].drop_vars("draws").sel(camera=["one"])
     del fewer["/calibration"]

@@ -90,7 +90,7 @@ def top(module: str) -> str:
     return module.partition(".")[0]
 
 
-def test_the_order_names_what_exists() -> None:
+def test_the_order_names_existing_packages() -> None:
     assert {top(name) for name in modules()} == set(ORDER)
 
 
@@ -101,7 +101,7 @@ def test_imports_go_downward() -> None:
     assert not upward
 
 
-def test_imports_never_go_in_a_circle() -> None:
+def test_imports_have_no_cycles() -> None:
     """Inside every package, too, modules stand in an order."""
     below = {here: {there for there in imports(here) if there in modules()} for here in modules()}
     while free := [here for here, left in below.items() if not left & below.keys()]:
@@ -110,7 +110,7 @@ def test_imports_never_go_in_a_circle() -> None:
     assert not below, f"circles among or above: {sorted(below)}"
 
 
-def test_only_the_tuple_of_kinds_knows_the_rooms_of_kinds() -> None:
+def test_only_the_tuple_of_kinds_imports_the_packages_of_kinds() -> None:
     rooms = tuple(f"cameras.{kind}" for kind in KINDS)
     strays = [
         f"{here} imports {there}"
@@ -133,7 +133,7 @@ def test_reports_take_nothing_but_drawings_from_figures() -> None:
     assert taken <= set(DRAWINGS)
 
 
-def test_heavy_libraries_stay_in_their_rooms() -> None:
+def test_heavy_libraries_are_imported_only_where_allowed() -> None:
     strays = [
         f"{here} imports {name}"
         for here in modules()
@@ -145,7 +145,7 @@ def test_heavy_libraries_stay_in_their_rooms() -> None:
     assert not strays
 
 
-def test_every_room_and_every_exception_is_still_needed() -> None:
+def test_every_package_and_every_exception_is_still_needed() -> None:
     for library, rooms in HEAVY.items():
         for room in rooms:
             assert room in modules(), f"{room} is gone: drop it from the rooms of {library}"
@@ -167,7 +167,7 @@ def test_no_kind_is_named_outside_cameras() -> None:
     assert not strays
 
 
-def test_the_page_on_architecture_says_this_order_and_names_what_exists() -> None:
+def test_architecture_md_gives_this_order_and_names_existing_files() -> None:
     page = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
     table = [line.split("|")[1] for line in page.partition("\n## ")[0].splitlines() if line.startswith("| `")]
     assert [name.rstrip("/") for cell in table for name in re.findall(r"`([^`]+)`", cell)] == list(ORDER[:-1])

@@ -137,7 +137,7 @@ def test_pictures_stand_upright_and_are_not_mirrored(tmp_path: Path, first_row: 
         assert depths.mean(axis=(1, 3))[row, right] < np.median(depths) - 0.002
 
 
-def test_results_do_not_depend_on_who_computes_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_do_not_depend_on_the_executor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tiles, "TILE", (50, 64))
     loaded = study(tmp_path, "{shape: rock, near: 140 mm, far: 160 mm, feature_size: 10 mm}", "rig: drawn")
     alone = rendered(tmp_path / "alone", loaded)
@@ -147,7 +147,7 @@ def test_results_do_not_depend_on_who_computes_them(tmp_path: Path, monkeypatch:
     assert not np.array_equal(alone["pair/left"][:50, :64], alone["pair/left"][50:, :64])
 
 
-def test_an_interrupted_rendering_is_taken_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_rendering_is_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tiles, "TILE", (50, 64))
     loaded = study(tmp_path)
     counts = []
@@ -236,13 +236,13 @@ def test_a_study_without_a_scene_to_render_says_so(tmp_path: Path) -> None:
         (PLANE, "samples: 2", "scene.image.samples"),
     ],
 )
-def test_mistakes_are_told_at_their_place(tmp_path: Path, surfaces: str, more: str, message: str) -> None:
+def test_mistakes_are_reported_at_their_place(tmp_path: Path, surfaces: str, more: str, message: str) -> None:
     with pytest.raises(StudyError) as refused:
         study(tmp_path, surfaces, more)
     assert message in str(refused.value)
 
 
-def test_a_map_that_is_missing_is_told_at_its_place(tmp_path: Path) -> None:
+def test_a_missing_map_is_reported_at_its_place(tmp_path: Path) -> None:
     surface = "{shape: depth-map, depth: nowhere.png, unit: 1 mm, first_row: top, width: 60 mm}"
     loaded = study(tmp_path, surface)
     with pytest.raises(StudyError, match=r"scene.image.surfaces.0.depth: .*nowhere.png"):
@@ -284,7 +284,7 @@ def test_the_plan_says_how_long_rendering_takes(tmp_path: Path) -> None:
     whole = [
         one for taken in cameras for one in pictures.whole_pictures(loaded.definition, image, scene, taken, recording)
     ]
-    told = sum(picture_seconds(one) for one in whole)
+    reported = sum(picture_seconds(one) for one in whole)
     scene.build()
     taken = sum(seconds_of(lambda tile=tile: tiles.expected_electrons(tile)) for tile in whole)  # type: ignore[misc]
-    assert taken / 4.0 < told < 4.0 * taken
+    assert taken / 4.0 < reported < 4.0 * taken

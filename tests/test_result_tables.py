@@ -50,6 +50,6 @@ def test_a_single_value_is_a_table_of_one_row() -> None:
 
 
 def test_refuses_a_name_that_it_does_not_have(example: Result) -> None:
-    with pytest.raises(OutOfRangeError, match="depth_by_camera_distance") as told:
+    with pytest.raises(OutOfRangeError, match="depth_by_camera_distance") as reported:
         example.table("depth")
-    assert told.value.value == "depth"
+    assert reported.value.value == "depth"

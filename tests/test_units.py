@@ -24,11 +24,11 @@ def test_an_astronomical_unit_is_that_of_2012() -> None:
 
 @pytest.mark.parametrize("unit", units._USUAL)
 @pytest.mark.parametrize("absolute", [True, False])
-def test_usual_units_are_what_pint_makes_of_them(unit: str, absolute: bool) -> None:
+def test_usual_units_agree_with_pint(unit: str, absolute: bool) -> None:
     assert units._resolve(unit, absolute=absolute) == units._resolve_by_pint(unit, absolute=absolute)
 
 
-def test_degrees_celsius_are_what_pint_makes_of_them() -> None:
+def test_degrees_celsius_agree_with_pint() -> None:
     assert units._resolve("degC", absolute=True) == units._resolve_by_pint("degC", absolute=True)
     assert units._resolve("degC", absolute=False) == units._resolve_by_pint("degC", absolute=False)
 
@@ -155,7 +155,7 @@ def test_is_the_float_nearest_to_the_decimals_written(number: object, unit: tupl
         ("5 m/", units.LENGTH, "'5 m/' does not end in a unit; a length is expected, such as 30.5 mm"),
     ],
 )
-def test_refuses_in_words_that_help(text: object, dimension: Dimension, message: str) -> None:
+def test_refuses_with_a_remedy(text: object, dimension: Dimension, message: str) -> None:
     with pytest.raises(UnitError) as caught:
         parse(text, dimension)
     assert str(caught.value) == message
@@ -216,7 +216,7 @@ def test_any_text_is_a_number_or_a_unit_error(text: str, dimension: Dimension) -
         (3.0, units.ELECTRONS, "3 e⁻"),
     ],
 )
-def test_shows_the_unit_a_person_expects(value: float, dimension: Dimension, shown: str) -> None:
+def test_shows_the_expected_unit(value: float, dimension: Dimension, shown: str) -> None:
     assert pretty(value, dimension) == shown
 
 
@@ -239,7 +239,7 @@ def test_keeps_significant_digits(number: float, digits: int, text: str) -> None
 
 
 @given(st.floats(1e-12, 1e9), st.integers(2, 12))
-def test_what_is_shown_reads_back_to_the_digits_kept(value: float, digits: int) -> None:
+def test_shown_values_read_back_to_the_digits_kept(value: float, digits: int) -> None:
     shown = pretty(value, units.LENGTH, digits)
     if "×" not in shown:
         assert parse(shown, units.LENGTH) == pytest.approx(value, rel=0.51 * 10 ** (1 - digits), abs=0.0)
@@ -250,12 +250,12 @@ def test_finds_the_nearest_name() -> None:
     assert nearest("zoom", ["baseline", "lenses"]) is None
 
 
-def test_whoever_reads_no_study_does_not_import_pint() -> None:
+def test_pint_is_not_imported_unless_a_study_is_read() -> None:
     script = "import sys, tradestudy.units; assert 'pint' not in sys.modules"
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
 
 
-def test_an_infinite_number_is_written_as_such() -> None:
+def test_an_infinite_number_is_written_as_infinite() -> None:
     assert units.significant(float("inf")) == "∞"
     assert units.significant(float("-inf"), 2) == "−∞"
 

@@ -45,10 +45,10 @@ def test_the_last_two_of_a_list_are_joined_by_and(items: list[str], text: str) -
         (1.0, 1.0, "1 to 1 m"),
     ],
 )
-def test_both_ends_of_a_stretch_can_be_told_apart(start: float, end: float, text: str) -> None:
+def test_both_ends_of_a_range_can_be_distinguished(start: float, end: float, text: str) -> None:
     assert span(start, end).replace("\N{NO-BREAK SPACE}", " ") == text
 
 
 @pytest.mark.parametrize(("value", "text"), [(0.0553, "55.3 mm"), (0.1, "0.1 m"), (2.5, "2.5 m"), (math.inf, "∞")])
-def test_metres_from_a_tenth_on(value: float, text: str) -> None:
+def test_metres_are_used_from_a_tenth_on(value: float, text: str) -> None:
     assert distance(value).replace("\N{NO-BREAK SPACE}", " ") == text

@@ -43,7 +43,7 @@ DirectoryArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder o
 OutOption = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="DIR", help="Output folder.", show_default="reports/<name of the study, and what was set>"
+        "--out", metavar="DIR", help="Output folder.", show_default="reports/<study name, and any changed values>"
     ),
 ]
 SetOption = Annotated[

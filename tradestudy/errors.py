@@ -63,7 +63,7 @@ class ResultsError(TradestudyError):
 
 
 class NoResultsError(ResultsError):
-    """A folder holds no results."""
+    """A folder contains no results."""
 
     exit_status = 2
 

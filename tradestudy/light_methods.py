@@ -28,7 +28,7 @@ def legs_of(method: str) -> tuple[str, str]:
         second = method.removeprefix(f"{first}-")
         if second != method and second in _LEGS:
             return first, second
-    raise ValueError(f"no method of a picture: {method!r}")
+    raise ValueError(f"unknown method of a picture: {method!r}")
 
 
 _MOST_COMPLETE_FIRST: Final = (

@@ -15,7 +15,7 @@ from tradestudy.analysis.planned_calibrations import planned
 STUDY = Path(__file__).parents[2] / "studies" / "calibration_plan.yaml"
 
 
-def test_the_share_of_noise_is_its_share_of_the_whole_variance() -> None:
+def test_the_share_of_noise_is_its_fraction_of_the_total_variance() -> None:
     """Focal length, principal point and pose offset each other: alone, each would seem to outweigh the noise."""
     camera = planned(tradestudy.load(STUDY).definition).case.cameras["rig"]
     for distance in (0.5, 1.0, 2.0):

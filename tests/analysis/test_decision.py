@@ -43,7 +43,7 @@ def case(criteria: UsableCriteria | None = None, **cameras: DepthCamera) -> Case
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_crossovers_carry_a_spread_over_scrambles_that_holds_the_truth(seed: float) -> None:
+def test_the_spread_of_crossovers_over_scrambles_contains_the_truth(seed: float) -> None:
     """One rig has the larger noise, the other an uncertain baseline; both have closed forms."""
 
     def lead(z: float) -> float:
@@ -61,7 +61,7 @@ def test_crossovers_carry_a_spread_over_scrambles_that_holds_the_truth(seed: flo
     assert abs(crossing.distance - truth) < 5.0 * crossing.error
 
 
-def test_a_change_of_the_winner_has_the_error_of_the_crossover_and_is_told_once() -> None:
+def test_a_switch_of_the_winner_has_the_error_of_the_crossover_and_is_reported_once() -> None:
     cameras = {"noisy": rig(noise_px=2.0, stretched=0.001), "stretched": rig(stretched=0.02)}
     found = decide_pair(case(**cameras), ("noisy", "stretched"), np.array([0.6, 5.0]))
     (crossing,), (change,) = found.crossings["both"], found.changes["both"]
@@ -71,7 +71,7 @@ def test_a_change_of_the_winner_has_the_error_of_the_crossover_and_is_told_once(
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_cameras_that_differ_by_less_than_their_error_are_one_answer(seed: int) -> None:
+def test_cameras_that_differ_by_less_than_their_error_are_tied(seed: int) -> None:
     """The same rig drawn with another seed, and one that is worse by a hundred-thousandth: at all of 60 distances."""
     one = rig(stretched=0.05)
     for other in (
@@ -88,7 +88,7 @@ def test_cameras_that_differ_by_less_than_their_error_are_one_answer(seed: int) 
     assert same.crossings["both"] == same.changes["both"] == ()
 
 
-def test_ties_count_the_error_of_both_and_only_the_usable() -> None:
+def test_ties_use_both_errors_and_only_usable_cameras() -> None:
     where = np.ones(4, dtype=bool)
     usable = {"a": where, "b": where, "c": np.array([True, True, False, False])}
     width = {"a": np.full(4, 1.0), "b": np.array([1.02, 1.04, 1.02, np.inf]), "c": np.array([0.5, 1.0, 0.5, 0.5])}
@@ -99,7 +99,7 @@ def test_ties_count_the_error_of_both_and_only_the_usable() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_end_of_a_range_has_a_spread_that_holds_the_truth(seed: int) -> None:
+def test_the_spread_of_the_end_of_a_range_contains_the_truth(seed: int) -> None:
     """Where the half width is 6 % of the distance, with a baseline off by 5 %."""
     truth = brentq(lambda z: half_width(z, noise=PIXEL, baseline=0.05 * B) / z - 0.06, 0.1, 20.0)
     camera = rig(stretched=0.05, propagation=replace(EXACT, seed=seed))
@@ -114,7 +114,7 @@ def test_the_end_of_a_range_has_a_spread_that_holds_the_truth(seed: int) -> None
 
 
 @pytest.mark.parametrize("model", ["exact", "linear"])
-def test_an_inverse_question_has_the_closed_form_of_the_baseline(tmp_path: Path, model: str) -> None:
+def test_an_inverse_question_gives_the_closed_form_of_the_baseline(tmp_path: Path, model: str) -> None:
     """Which error of the baseline leaves 5 % at 2 m, beside noise of 1 px?"""
     file = tmp_path / "rig.yaml"
     asked = (
@@ -136,7 +136,7 @@ def test_an_inverse_question_has_the_closed_form_of_the_baseline(tmp_path: Path,
         assert found.value == pytest.approx(truth, rel=5e-3)
 
 
-def test_two_cameras_are_equally_certain_at_the_value_that_is_solved_for(tmp_path: Path) -> None:
+def test_two_cameras_are_equally_certain_at_the_solution(tmp_path: Path) -> None:
     file = tmp_path / "two.yaml"
     other = (
         "  other: {like: rig, title: Other, depth: {disparity_error: 2 px}, calibration: {errors: {baseline: null}}}\n"
@@ -168,7 +168,7 @@ def test_ranks_are_the_arctangent_of_two_normal_errors() -> None:
     np.testing.assert_allclose(noise.first, 2.0 / np.pi * np.arctan(3.0), atol=1e-2)
 
 
-def test_a_change_of_temperature_is_one_for_both_cameras() -> None:
+def test_both_cameras_share_one_change_of_temperature() -> None:
     warmer = Source(
         name="temperature_change",
         distribution=Normal(mean=0.0, standard_deviation=5.0),

@@ -187,7 +187,7 @@ def test_published_comparison_at_half_a_metre() -> None:
     )
 
 
-def test_shares_are_those_of_the_errors_alone_where_they_are_independent() -> None:
+def test_shares_of_independent_errors_are_those_of_each_error_alone() -> None:
     """Var(1/Z) adds up: σ²/(fB)², ψ²/B² (1 + x²/f²)², (σ_B/(BZ))² and (σ_f/(fZ))²."""
     places = np.array([0.3, 2.0, 10.0])
     found = variance_shares(stereo(calibration=STEREO_CALIBRATION), places)
@@ -221,7 +221,7 @@ def test_tied_array_distance_and_focal_length_have_the_published_shares() -> Non
     assert sum(share[0] for share in together.values()) == pytest.approx(1.0, rel=1e-12)
 
 
-def test_shares_of_what_has_no_variance_are_not_known() -> None:
+def test_shares_are_unknown_without_variance() -> None:
     wild = Source(
         name="yaw",
         distribution=StudentT(location=0.0, scale=1e-4, degrees_of_freedom=1.5),
@@ -233,7 +233,7 @@ def test_shares_of_what_has_no_variance_are_not_known() -> None:
     assert np.isfinite(evaluate_depth(camera, np.array([1.0])).uncertainty).all()
 
 
-def test_an_unbounded_interval_is_called_infinite() -> None:
+def test_an_unbounded_interval_is_infinite() -> None:
     for propagation in (Propagation(), Propagation(model="exact")):
         far = evaluate_depth(r5(calibration=R5_CALIBRATION, propagation=propagation), np.array([50.0]))
         assert np.isinf(far.uncertainty[BOTH, 0])
@@ -243,7 +243,7 @@ def test_an_unbounded_interval_is_called_infinite() -> None:
 
 
 @pytest.mark.parametrize("model", ["linear", "exact"])
-def test_depth_is_not_known_exactly_where_the_axis_is_not_seen(model: str) -> None:
+def test_depth_is_unknown_exactly_where_the_axis_is_not_seen(model: str) -> None:
     """Both cameras of a parallel pair see the axis from fB/w on, where views begin to overlap; lenses from f on."""
     places, propagation = np.geomspace(0.01, 2.0, 41), Propagation(model=model)  # type: ignore[arg-type]
     wide = stereo(lens=Lens(focal_length=8e-3, f_number=4.0), baseline=0.06, propagation=propagation)

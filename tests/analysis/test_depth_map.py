@@ -29,7 +29,7 @@ def test_a_rig_without_lens_models_has_no_map():
     assert depth_map(stereo(), Z) is None
 
 
-def test_the_middle_of_the_map_is_the_axis(measured):
+def test_the_centre_of_the_map_is_the_axis(measured):
     linear = replace(measured, propagation=replace(measured.propagation, model="linear"))
     found = depth_map(measured, Z)
     middle = found.uncertainty[:, DOWN // 2, ACROSS // 2]
@@ -37,7 +37,7 @@ def test_the_middle_of_the_map_is_the_axis(measured):
     assert np.all(found.error < 0.1)
 
 
-def test_noise_moves_depth_by_what_the_lens_makes_of_a_pixel():
+def test_noise_moves_depth_by_the_local_scale_of_the_lens():
     """u = σ p over the slope of disparity with depth, by differences of the lens model alone."""
     camera = replace(stereo(), distortion=FISHEYE)
     found = depth_map(camera, np.array([1.0])).uncertainty[0]
@@ -58,7 +58,7 @@ def test_noise_moves_depth_by_what_the_lens_makes_of_a_pixel():
         assert found[row, column] == pytest.approx(noise / slope, rel=2e-2)
 
 
-def test_places_beside_the_picture_of_one_camera_are_left_out():
+def test_places_outside_one_camera_s_picture_are_left_out():
     camera = replace(stereo(), distortion=FISHEYE)
     found = depth_map(camera, np.array([0.3, 3.0])).uncertainty
     seen = np.isfinite(found).mean(axis=(1, 2))

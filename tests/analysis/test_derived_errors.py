@@ -81,7 +81,7 @@ def test_the_range_ends_where_the_matcher_leaves_the_bound(study: StudyDefinitio
 
 
 @pytest.mark.parametrize("field", [0.0, 0.6])
-def test_exact_calibrations_beside_a_derived_error_are_those_of_random_draws(field: float) -> None:
+def test_exact_calibrations_with_a_derived_error_agree_with_random_draws(field: float) -> None:
     """Rotation matrices and a plain disparity, on the axis and off it; the noise is that of the picture there."""
     yaw, roll = 0.004, 0.02
     parts = [("yaw", Uniform(low=-yaw, high=yaw)), ("roll", Normal(mean=0.0, standard_deviation=roll))]
@@ -121,7 +121,7 @@ def test_a_declared_error_is_untouched_by_the_picture(study: StudyDefinition) ->
     assert "matching" not in evaluate_limits(study.case.cameras["pair-declared"], study.case.criteria, a)
 
 
-def test_a_stereo_rig_at_five_metres_with_a_declared_error_knows_no_picture() -> None:
+def test_a_declared_error_at_five_metres_ignores_the_picture() -> None:
     path, five = STUDIES / "plenoptic_vs_stereo.yaml", np.array([5.0])
     plain = load_definition(path)
     pictured = load_definition(
@@ -134,7 +134,7 @@ def test_a_stereo_rig_at_five_metres_with_a_declared_error_knows_no_picture() ->
     assert np.isfinite(evaluate_depth(plain.case.cameras["stereo-printed"], five).uncertainty).all()
 
 
-def test_results_carry_the_error_and_its_own(study: StudyDefinition) -> None:
+def test_results_contain_the_error_and_its_own_error(study: StudyDefinition) -> None:
     depth = depth_as_declared(study)
     names = list(study.case.cameras)
     error = depth["disparity_error_px"].to_numpy()
@@ -146,7 +146,7 @@ def test_results_carry_the_error_and_its_own(study: StudyDefinition) -> None:
     assert np.all((own[names.index("pair-f9.8")] > 0.0) & (own[names.index("pair-f9.8")] < 0.1 * derived))
 
 
-def test_other_values_of_the_lens_move_the_error(study: StudyDefinition) -> None:
+def test_other_lens_values_change_the_derived_error(study: StudyDefinition) -> None:
     changed = study.with_values({"pair-f9.8.lenses.f_number": "22"})
     assert changed.case.cameras["pair-f9.8"] == study.case.cameras["pair-f22"]
 
@@ -164,34 +164,34 @@ def test_other_values_of_the_lens_move_the_error(study: StudyDefinition) -> None
         ("pair-f22.depth.disparity_error=derivd", "cameras.pair-f22.depth.disparity_error", "nearest: 'derived'"),
     ],
 )
-def test_mistakes_are_told_at_their_place(change: str, place: str, words: str) -> None:
+def test_mistakes_are_reported_at_their_place(change: str, place: str, words: str) -> None:
     with pytest.raises(StudyError) as caught:
         load_definition(Path(STUDIES / "close_range.yaml"), (change,))
     assert any(problem.path == place and words in problem.what for problem in caught.value.problems), caught.value
 
 
-def test_what_kirchhoff_adds_is_computed_beforehand_with_progress(study: StudyDefinition) -> None:
+def test_kirchhoff_s_correction_is_computed_beforehand_with_progress(study: StudyDefinition) -> None:
     """Then no distance of the study waits for it."""
     few = {"from": "54 mm", "to": "57 mm", "points": 5, "spacing": "log"}
     slow = study.with_values({"scene.distances": few, "decision.at": ["54 mm", "57 mm"]})
     acting = slow.with_models({"pair-f22": {"main_lens_diffraction": "kirchhoff"}})
-    told: list[tuple[str, float]] = []
-    compute_kirchhoff_pictures(acting, lambda step, share: told.append((step, share)))
-    shares = [share for _, share in told]
+    reported: list[tuple[str, float]] = []
+    compute_kirchhoff_pictures(acting, lambda step, share: reported.append((step, share)))
+    shares = [share for _, share in reported]
     assert shares == sorted(set(shares))
     assert len(shares) > 5
     assert (shares[0], shares[-1]) == (0.0, 1.0)
-    assert {step for step, _ in told} == {"pictures"}
+    assert {step for step, _ in reported} == {"pictures"}
     computed = kirchhoff_correction.cache_info().misses
     by_kirchhoff, by_fresnel = (uncertainty(one, "pair-f22", slow.case.distance) for one in (acting, slow))
     assert kirchhoff_correction.cache_info().misses == computed
     assert np.any(by_kirchhoff != by_fresnel)
-    told.clear()
-    compute_kirchhoff_pictures(slow, lambda step, share: told.append((step, share)))
-    assert not told
+    reported.clear()
+    compute_kirchhoff_pictures(slow, lambda step, share: reported.append((step, share)))
+    assert not reported
 
 
-def test_a_run_does_so_before_depth(study: StudyDefinition, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_computes_it_before_depth(study: StudyDefinition, monkeypatch: pytest.MonkeyPatch) -> None:
     class ReachedError(Exception):
         pass
 
@@ -201,7 +201,7 @@ def test_a_run_does_so_before_depth(study: StudyDefinition, monkeypatch: pytest.
     monkeypatch.setattr(runner, "depth_tables", depth)
     few = {"scene.distances": {"from": "55 mm", "to": "55.5 mm", "points": 2, "spacing": "log"}}
     forced = study.with_values({**few, "effects": {"main_lens_diffraction": "kirchhoff"}})
-    told: list[tuple[str, float]] = []
+    reported: list[tuple[str, float]] = []
     with pytest.raises(ReachedError):
-        runner.compute(plan_of(forced), Steps(progress=lambda step, share: told.append((step, share))))
-    assert told[-1] == ("pictures", 1.0)
+        runner.compute(plan_of(forced), Steps(progress=lambda step, share: reported.append((step, share))))
+    assert reported[-1] == ("pictures", 1.0)

@@ -56,14 +56,14 @@ def test_only_usable_cameras_are_best_and_equal_ones_are_tied() -> None:
     assert best_at(alike, np.array([0.5])) == ["a, b"]
 
 
-def test_an_unbounded_uncertainty_is_no_reason_to_warn_and_never_best() -> None:
+def test_an_unbounded_uncertainty_causes_no_warning_and_is_never_best() -> None:
     unbounded = curve(np.where(GRID > 1.0, np.inf, 0.001 * GRID), error=0.0)
     places = np.array([GRID[5], 3.0])
     assert best_at({"one": unbounded, "other": curve(0.02 * GRID)}, places) == ["one", "other"]
     assert crossings(unbounded, curve(0.02 * GRID), ("one", "other")) == ()
 
 
-def test_curves_say_what_a_full_evaluation_says() -> None:
+def test_curves_agree_with_a_full_evaluation() -> None:
     """Crossover and winners of the shipped sweep as declared, against the root finder on the exact curves."""
     definition = tradestudy.load(STUDIES / "stereo_design.yaml").plan().definition
     case, pair = definition.case, ("raytrix-r5", "stereo")

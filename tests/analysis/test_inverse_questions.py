@@ -34,14 +34,14 @@ BASELINE = {"vary": "stereo-75mm.baseline", "low": "30 mm", "high": "150 mm"}
 
 
 @pytest.mark.parametrize("goal", [{"relative": "1 %"}, {"uncertainty": "30 mm"}])
-def test_the_baseline_that_makes_one_per_cent_at_three_metres(goal: dict[str, str]) -> None:
+def test_the_baseline_for_one_per_cent_at_three_metres(goal: dict[str, str]) -> None:
     study, found = asked(**BASELINE, camera="stereo-75mm", **goal)
     (one,) = found.solutions
     assert uncertainty(study, {"stereo-75mm.baseline": f"{one.value} m"}, "stereo-75mm", 3.0) == pytest.approx(0.03)
     assert found.answer == "53.4 mm; declared: 75 mm"
 
 
-def test_an_answer_beyond_an_end_is_said_with_what_is_left() -> None:
+def test_an_answer_beyond_an_end_is_reported_with_the_remaining_factor() -> None:
     study, found = asked(**{**BASELINE, "low": "60 mm"}, camera="stereo-75mm", relative="1 %")
     assert found.solutions == ()
     assert np.isnan(found.value)
@@ -76,7 +76,7 @@ def test_noise_that_exceeds_the_calibration_asked_for_is_reported(goal: str, *, 
     ) is says
 
 
-def test_two_solutions_are_both_told() -> None:
+def test_both_of_two_solutions_are_reported() -> None:
     """The rig is surest in focus: nearer and farther focus distances blur a target at 0.6 m alike."""
     question = {"vary": "stereo-75mm.focus_distance", "low": "100 mm", "high": "5 m", "camera": "stereo-75mm"}
     goal = 1.02
@@ -96,7 +96,7 @@ def test_two_solutions_are_both_told() -> None:
     assert found.answer.startswith("2 solutions: ")
 
 
-def test_what_is_not_known_everywhere_is_not_said_throughout(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_claimed_throughout_where_a_value_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
     known = iter([*[[np.nan]] * 3, *[[1.0]] * 6])
     monkeypatch.setattr(inverse_questions, "_log_ratios", lambda *_: np.array(next(known)))
     _, found = asked(**BASELINE, camera="stereo-75mm", relative="1 %")

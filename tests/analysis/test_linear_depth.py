@@ -52,7 +52,7 @@ def ends(distance: float, name: str, deviation: float, coverage: float) -> np.nd
 
 
 @pytest.mark.parametrize("distance", [0.5, 1.4, 1.5, 3.0, 8.0, 12.0])
-def test_a_line_in_inverse_depth_holds_where_one_in_depth_does_not(distance: float) -> None:
+def test_a_line_in_inverse_depth_holds_where_a_line_in_depth_fails(distance: float) -> None:
     """95 % of a yaw of 0.2°: a line in depth misses the half width by 1 % from 1.45 m on."""
     near, far = ends(distance, "yaw", YAW, 0.95)
     true, rig = (far - near) / 2.0, with_one("yaw", YAW)
@@ -74,7 +74,7 @@ def test_a_line_in_inverse_depth_misses_a_baseline_that_is_off_by_a_tenth() -> N
 
 
 @pytest.mark.parametrize("spread", [0.03, 0.05, 0.07, 0.1, 0.15])
-def test_the_measured_error_of_the_line_is_its_true_one(spread: float) -> None:
+def test_the_measured_error_of_the_linear_model_is_its_true_error(spread: float) -> None:
     """Half widths of all coverages that are reported, against the closed form."""
     rig, places = with_one("baseline", spread * B), np.array([1.0, 3.0])
     line = linear_distribution(rig, places, 0.0, "calibration")
@@ -99,7 +99,7 @@ def test_the_measured_error_of_the_line_is_its_true_one(spread: float) -> None:
         ("yaw: {half_width: 0.5 deg}", "exact"),
     ],
 )
-def test_a_plan_takes_the_line_where_it_holds_to_the_tolerance(tmp_path: Path, errors: str, model: str) -> None:
+def test_a_plan_chooses_the_linear_model_where_it_keeps_the_tolerance(tmp_path: Path, errors: str, model: str) -> None:
     file = tmp_path / "rig.yaml"
     file.write_text(STUDY.replace("ERRORS", errors), encoding="utf-8")
     plan = plan_of(load_definition(file))

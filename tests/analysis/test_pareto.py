@@ -21,7 +21,7 @@ def by_definition(values: np.ndarray, maximise: list[bool]) -> list[bool]:
 
 @pytest.mark.parametrize("criteria", [1, 2, 3, 5])
 @pytest.mark.parametrize("levels", [3, 1000])
-def test_it_is_what_the_definition_says(criteria: int, levels: int) -> None:
+def test_the_front_follows_the_definition(criteria: int, levels: int) -> None:
     """Few levels make ties and duplicates; some values are NaN or infinite."""
     rng = np.random.default_rng(criteria * levels)
     for _ in range(40):
@@ -33,7 +33,7 @@ def test_it_is_what_the_definition_says(criteria: int, levels: int) -> None:
         assert non_dominated(values, maximise).tolist() == by_definition(values, maximise)
 
 
-def test_duplicates_stay_together_and_zero_has_no_sign() -> None:
+def test_duplicates_stay_together_and_the_sign_of_zero_is_ignored() -> None:
     values = np.array([[0.0, 1.0], [-0.0, 1.0], [1.0, 0.0], [1.0, 1.0], [np.nan, -9.0]])
     assert non_dominated(values, [False, False]).tolist() == [True, True, True, False, False]
     assert non_dominated(values, [True, True]).tolist() == [False, False, False, True, False]

@@ -67,7 +67,7 @@ def test_two_tied_inputs_are_varied_together(tmp_path: Path, model: str) -> None
     assert "declared: 2 um" in found.answer
 
 
-def test_a_question_without_an_answer_says_why(tmp_path: Path) -> None:
+def test_a_question_without_an_answer_gives_the_reason(tmp_path: Path) -> None:
     """Noise alone is 26 mm at half a metre."""
     found = answer(tmp_path, "both", "linear")
     assert math.isnan(found.value)
@@ -75,7 +75,7 @@ def test_a_question_without_an_answer_says_why(tmp_path: Path) -> None:
     assert re.match(r"nowhere between 10 nm and 100 µm: R5 .*not .*1 % at 500 mm", found.answer)
 
 
-def test_a_reading_beyond_infinity_loses_and_two_of_them_rank_nobody() -> None:
+def test_a_measurement_beyond_infinity_loses_and_two_rank_neither() -> None:
     """Noise σ at a disparity d is beyond infinity with Φ(−d/σ): 15.9 % at d = σ, for each camera on its own."""
     noise = 2.0 * 10e-6
     lost = math.erfc(1.0 / math.sqrt(2.0)) / 2.0

@@ -12,9 +12,9 @@ import pytest
 
 import tradestudy
 from tradestudy.analysis.depth import depth_uncertainty
-from tradestudy.analysis.held import Held
 from tradestudy.analysis.inverse_questions import Solved
 from tradestudy.analysis.required_values import _nearest, _Trial, solve_requirement
+from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.errors import StudyError
 from tradestudy.units import LENGTH
 
@@ -58,7 +58,7 @@ def test_a_requirement_can_be_met_between_two_values() -> None:
     assert ends.value == pytest.approx(0.4 * WIDTH / 2.65e-3, rel=2e-4)
 
 
-def test_nowhere_says_how_near_and_anywhere_says_so() -> None:
+def test_a_requirement_met_nowhere_names_the_nearest_value_and_one_met_everywhere_says_so() -> None:
     nowhere = asked({"depth_uncertainty": {"below_relative": "0.01 %", "over": ["0.4 m", "3 m"]}})
     assert nowhere.solutions == ()
     assert re.match(r"met nowhere between 20 mm and 400 mm: .* at 400 mm \(.* %.*\); .* beyond", nowhere.answer)
@@ -66,7 +66,7 @@ def test_nowhere_says_how_near_and_anywhere_says_so() -> None:
     assert anywhere.answer == "met anywhere between 20 mm and 400 mm; declared: 75 mm"
 
 
-def test_what_is_counted_is_asked_in_whole_numbers() -> None:
+def test_counts_are_solved_for_in_whole_numbers() -> None:
     """Fewer bits mean more noise: the least depth at which a requirement holds is a whole number of bits."""
     bits = {"says": "How many bits?", "vary": "scene.picture.bit_depth", "low": "4", "high": "12"}
     tight = {"depth_uncertainty": {"below_relative": "0.75 %", "over": ["0.4 m", "3 m"]}}
@@ -91,7 +91,7 @@ def test_impossible_questions_are_refused_at_their_place(question: dict[str, Any
         )
 
 
-def test_a_plain_number_is_told_as_one() -> None:
+def test_a_plain_number_is_shown_without_a_unit() -> None:
     f_number = {"says": "Which f-number?", "vary": "stereo-75mm.lenses.f_number", "low": "1", "high": "32"}
     found = asked({"depth_uncertainty": {"below": "3 mm", "over": ["0.4 m", "1 m"]}}, f_number)
     ends = found.solutions[-1].value
@@ -125,16 +125,16 @@ def test_the_declared_value_is_among_those_tried() -> None:
     assert blur(0.95, far) == pytest.approx(0.065, rel=2e-3)
 
 
-def test_a_guard_band_alone_is_not_told_as_a_missed_bound() -> None:
-    kept = Held(
+def test_a_missed_guard_band_is_not_reported_as_a_missed_bound() -> None:
+    kept = RequirementAnswer(
         camera="a", met=False, value=0.5, bound=1.0, place=1.0, error=0.1, margin=1.0, unusable=0.0, reason="guarded"
     )
-    told = _nearest([_Trial(value=1.0, held=kept), _Trial(value=2.0, held=replace(kept, margin=0.5))], LENGTH)
-    assert re.search(r"at 1 m, .*guard band", told)
-    assert "%" not in told
+    reported = _nearest([_Trial(value=1.0, answer=kept), _Trial(value=2.0, answer=replace(kept, margin=0.5))], LENGTH)
+    assert re.search(r"at 1 m, .*guard band", reported)
+    assert "%" not in reported
 
 
-def test_a_value_that_the_study_cannot_have_is_refused_as_the_study_is_read(tmp_path: Path) -> None:
+def test_an_impossible_value_is_refused_when_the_study_is_read(tmp_path: Path) -> None:
     text = (STUDIES / "robot.yaml").read_text().replace("cameras/", f"{STUDIES}/cameras/")
     question = "{says: types, vary: raytrix-r5.microlenses.types, low: 1, high: 3, requirement: near-and-mid}"
     file = tmp_path / "types.yaml"

@@ -1,4 +1,4 @@
-"""Requirements held against cameras and designs: verdicts, margins, guard bands, and where a sweep meets them."""
+"""Requirements checked on cameras and designs: verdicts, margins, guard bands, and where a sweep meets them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import pytest
 
 import tradestudy
 from tradestudy.analysis.depth import depth_uncertainty, depth_uncertainty_error, evaluate_depth
-from tradestudy.analysis.held import Held
-from tradestudy.analysis.requirements import Judge, _shift_to_decide, _unusable, hold, is_kept
+from tradestudy.analysis.requirement_answer import RequirementAnswer
+from tradestudy.analysis.requirements import Judge, _shift_to_decide, _unusable, check_requirement, is_kept
 from tradestudy.analysis.usable import END_OF_STUDY, Interval
 from tradestudy.errors import StudyError
 from tradestudy.execution import Processes, Steps
@@ -28,12 +28,12 @@ ROBOT = STUDIES / "robot.yaml"
 ONE_PER_CENT = {"depth_uncertainty": {"below_relative": "1 %", "over": ["0.4 m", "3 m"]}}
 
 
-def held(**values: Any) -> Held:
+def answer(**values: Any) -> RequirementAnswer:
     plain = {
         "camera": "a", "met": True, "value": 0.009, "bound": 0.01, "place": 1.0, "error": 5e-4,
         "margin": 0.01 / 0.009 - 1, "unusable": 0.0, "reason": "",
     }  # fmt: skip
-    return Held(**(plain | values))
+    return RequirementAnswer(**(plain | values))
 
 
 def robot(**requirements: dict[str, Any]) -> tradestudy.Study:
@@ -45,33 +45,33 @@ def part(study: tradestudy.Study, name: str) -> RequirementPart:
     return study.file.requirements[name]
 
 
-def test_conformity_is_the_probability_that_the_true_value_keeps_the_bound() -> None:
+def test_conformity_is_the_probability_that_the_true_value_meets_the_bound() -> None:
     """Limit 1 %, value 0.9 %, u 0.05 %: Φ(2) = 0.97725; 5 % risk needs 1.645 u."""
-    one = held()
+    one = answer()
     assert one.margin_in_errors == pytest.approx(2.0)
     assert one.conformity == pytest.approx(0.9772499, abs=1e-6)
     assert GuardBandPart.model_validate({"risk": "5 %"}).width == pytest.approx(1.6448536, abs=1e-6)
-    assert held(value=0.011, margin=0.01 / 0.011 - 1).conformity == pytest.approx(0.0227501, abs=1e-6)
-    assert held(error=0.0).conformity == 1.0
-    assert math.isnan(held(met=None, margin=math.nan).conformity)
+    assert answer(value=0.011, margin=0.01 / 0.011 - 1).conformity == pytest.approx(0.0227501, abs=1e-6)
+    assert answer(error=0.0).conformity == 1.0
+    assert math.isnan(answer(met=None, margin=math.nan).conformity)
 
 
-def test_a_guard_band_is_kept_off_the_bound() -> None:
+def test_the_worst_value_must_stay_a_guard_band_away_from_the_bound() -> None:
     study = robot(near={"camera": "stereo-75mm", **ONE_PER_CENT})
     case, required = study.definition.case, part(study, "near")
-    plain = hold(required, case, "stereo-75mm")
+    plain = check_requirement(required, case, "stereo-75mm")
     assert plain.met
     assert plain.error > 0.0
     errors = (plain.bound - plain.value) / plain.error
     for width, met in ((0.99 * errors, True), (1.01 * errors, False)):
         guarded = required.model_copy(update={"guard_band": GuardBandPart.model_validate({"standard_errors": width})})
-        assert hold(guarded, case, "stereo-75mm").met is met
+        assert check_requirement(guarded, case, "stereo-75mm").met is met
 
 
 def test_the_worst_value_is_that_of_a_fine_grid() -> None:
     study = robot(near={"camera": "raytrix-r5", "depth_uncertainty": {"below": "5 mm", "over": ["0.4 m", "0.9 m"]}})
     case = study.definition.case
-    found = hold(part(study, "near"), case, "raytrix-r5")
+    found = check_requirement(part(study, "near"), case, "raytrix-r5")
     fine = np.geomspace(0.4, 0.9, 4001)
     values = depth_uncertainty(case.cameras["raytrix-r5"], fine)
     assert found.value == pytest.approx(values.max(), rel=1e-6)
@@ -80,17 +80,17 @@ def test_the_worst_value_is_that_of_a_fine_grid() -> None:
     assert not found.met
 
 
-def test_errors_of_single_values_are_those_of_the_table() -> None:
+def test_errors_of_single_values_equal_those_of_the_table() -> None:
     case, places = tradestudy.load(ROBOT).definition.case, np.array([0.5, 1.0, 3.0])
     for camera in case.cameras.values():
         table = evaluate_depth(camera, places).uncertainty_error[-1]
         np.testing.assert_allclose(depth_uncertainty_error(camera, places), table, rtol=1e-12)
 
 
-def test_any_takes_the_nearest_and_all_the_farthest() -> None:
+def test_any_takes_the_best_camera_and_all_the_worst() -> None:
     study = robot(any={"camera": "any", **ONE_PER_CENT}, all={"camera": "all", **ONE_PER_CENT})
     judge, case = Judge(), study.definition.case
-    margins = {name: hold(part(study, "any"), case, name).margin for name in case.cameras}
+    margins = {name: check_requirement(part(study, "any"), case, name).margin for name in case.cameras}
     nearest, every = judge.answer(part(study, "any"), case)
     farthest, _ = judge.answer(part(study, "all"), case)
     assert nearest.camera == max(margins, key=lambda name: margins[name]) == "stereo-75mm"
@@ -99,9 +99,9 @@ def test_any_takes_the_nearest_and_all_the_farthest() -> None:
     assert {name: one.margin for name, one in every.items()} == margins
 
 
-def test_a_camera_that_is_not_usable_misses_by_at_least_the_share_where_it_is_not() -> None:
+def test_an_unusable_camera_misses_by_at_least_its_unusable_share() -> None:
     study = robot(far={"camera": "raytrix-r5", "depth_uncertainty": {"below": "1 km", "over": ["0.4 m", "3 m"]}})
-    found = hold(part(study, "far"), study.definition.case, "raytrix-r5")
+    found = check_requirement(part(study, "far"), study.definition.case, "raytrix-r5")
     assert not found.met
     # The R5 is usable up to 1.09 m of these.
     assert found.unusable == pytest.approx(np.log(3.0 / 1.09) / np.log(3.0 / 0.4), abs=0.003)
@@ -120,7 +120,7 @@ def test_a_camera_that_is_not_usable_misses_by_at_least_the_share_where_it_is_no
 def test_a_range_wholly_outside_the_usable_one_names_the_limit_broken_there(over: list[str], limit: str) -> None:
     study = robot(own={"camera": "raytrix-r5", "usable": {"over": over}})
     case = study.definition.case
-    found = hold(part(study, "own"), case, "raytrix-r5")
+    found = check_requirement(part(study, "own"), case, "raytrix-r5")
     assert (found.met, found.unusable) == (False, 1.0)
     assert found.limit == limit
     assert ": " in found.reason
@@ -136,7 +136,7 @@ def intervals(*ends: float, first_limit: str = "overlap") -> list[Interval]:
 
 
 @pytest.mark.parametrize("ends", [(0.9, 2.5), (0.9, 1.5, 1.53, 2.5), (1.02, 2.5), (0.9, 1.98), (0.8, 0.99, 1.03, 2.2)])
-def test_ends_that_shift_by_the_stated_share_decide_whether_a_range_is_covered(ends: tuple[float, ...]) -> None:
+def test_whether_a_range_is_covered_depends_on_ends_shifted_by_the_stated_share(ends: tuple[float, ...]) -> None:
     """Against the covered share after every end has been shifted outwards or inwards, just enough and just not."""
 
     def covered(shift: float) -> bool:
@@ -150,17 +150,17 @@ def test_ends_that_shift_by_the_stated_share_decide_whether_a_range_is_covered(e
     assert covered(outwards * 1.001 * shift) != covered(0.0)
 
 
-def test_the_end_of_the_study_decides_nothing_and_nothing_usable_needs_no_small_shift() -> None:
+def test_the_end_of_the_study_decides_nothing_and_an_unusable_camera_needs_no_shift() -> None:
     at_the_end = intervals(1.0, 2.5, first_limit=END_OF_STUDY)
     assert _shift_to_decide(at_the_end, (1.0, 2.0)) == pytest.approx(0.2)
     assert _shift_to_decide([], (1.0, 2.0)) == math.inf
 
 
 def test_an_answer_is_marked_where_the_value_or_an_end_could_reverse_it() -> None:
-    assert held().could_be_overturned(0.12, 0.01)
-    assert not held().could_be_overturned(0.1, 0.01)
-    assert held(end_shift=0.005).could_be_overturned(0.1, 0.01)
-    narrow = held(met=False, unusable=0.02, margin=-0.02, value_margin=0.5, end_shift=0.005)
+    assert answer().could_be_overturned(0.12, 0.01)
+    assert not answer().could_be_overturned(0.1, 0.01)
+    assert answer(end_shift=0.005).could_be_overturned(0.1, 0.01)
+    narrow = answer(met=False, unusable=0.02, margin=-0.02, value_margin=0.5, end_shift=0.005)
     assert narrow.could_be_overturned(0.1, 0.01)
     assert not narrow.could_be_overturned(0.1, 0.001)
     assert not replace(narrow, value_margin=-0.5).could_be_overturned(0.1, 0.01), "the value misses its bound anyway"
@@ -169,7 +169,7 @@ def test_an_answer_is_marked_where_the_value_or_an_end_could_reverse_it() -> Non
 
 def test_a_camera_that_is_nowhere_usable_names_the_first_limit_broken() -> None:
     study = robot(own={"camera": "raytrix-r5", "usable": {"over": ["2 m", "3 m"]}})
-    found = hold(part(study, "own"), study.definition.case, "raytrix-r5", known=())
+    found = check_requirement(part(study, "own"), study.definition.case, "raytrix-r5", known=())
     assert found.limit == "relative_uncertainty"
     assert found.reason == "not usable from 2 to 3 m: too uncertain"
 
@@ -185,10 +185,10 @@ def test_a_camera_that_is_nowhere_usable_names_the_first_limit_broken() -> None:
         ({"usable": {"over": ["0.4 m", "3 m"]}}, True),
     ],
 )
-def test_other_quantities(quantity: dict[str, Any], met: bool) -> None:
+def test_other_quantities_are_bounded_too(quantity: dict[str, Any], met: bool) -> None:
     study = robot(own={"camera": "stereo-75mm", **quantity})
     case, required = study.definition.case, part(study, "own")
-    found = hold(required, case, "stereo-75mm")
+    found = check_requirement(required, case, "stereo-75mm")
     assert found.met is met
     assert is_kept(required, case) is met
     if "overlap" in quantity:  # of parallel views: 1 − f B/(w Z), least at the nearest distance
@@ -208,7 +208,7 @@ def test_a_camera_without_overlap_decides_nothing() -> None:
     assert one.camera.startswith("stereo")
 
 
-def test_all_cameras_are_undecided_if_one_has_no_overlap_and_a_bound_of_nothing_is_kept() -> None:
+def test_one_camera_without_overlap_leaves_all_undecided_and_an_empty_bound_is_met() -> None:
     over = {"over": ["0.4 m", "3 m"]}
     study = robot(
         every={"camera": "all", "overlap": {"above": "60 %", **over}},
@@ -217,16 +217,16 @@ def test_all_cameras_are_undecided_if_one_has_no_overlap_and_a_bound_of_nothing_
     one, _ = Judge().answer(part(study, "every"), study.definition.case)
     assert (one.met, one.camera) == (None, "raytrix-r5")
     assert not is_kept(part(study, "every"), study.definition.case)
-    free = hold(part(study, "nothing"), study.definition.case, "stereo-75mm")
+    free = check_requirement(part(study, "nothing"), study.definition.case, "stereo-75mm")
     assert free.met
     assert free.margin == math.inf
     with pytest.raises(StudyError, match="failed_fraction"):
         robot(own={"camera": "any", "failed_fraction": {"below": "0 %", **over}})
 
 
-def test_a_usable_range_that_ends_within_is_missed() -> None:
+def test_a_usable_range_that_ends_inside_the_required_one_misses_it() -> None:
     study = robot(own={"camera": "raytrix-r5", "usable": {"over": ["0.4 m", "3 m"]}})
-    found = hold(part(study, "own"), study.definition.case, "raytrix-r5")
+    found = check_requirement(part(study, "own"), study.definition.case, "raytrix-r5")
     assert not found.met
     assert found.margin == pytest.approx(-found.unusable)
 
@@ -249,7 +249,7 @@ def test_impossible_requirements_are_refused_at_their_place(requirement: dict[st
         robot(own=requirement)
 
 
-def test_the_end_of_a_stretch_is_a_root_and_not_a_design() -> None:
+def test_the_end_of_an_interval_is_a_root_and_not_a_design() -> None:
     """The threshold of the 75 mm head's baseline, found by direct bisection on the uncertainty at 3 m."""
     study = robot(near={"camera": "stereo-75mm", **ONE_PER_CENT}).with_values(
         {"sweep": {"stereo-75mm.baseline": ["30 mm", "60 mm", "90 mm"]}}
@@ -269,7 +269,7 @@ def test_the_end_of_a_stretch_is_a_root_and_not_a_design() -> None:
     assert found["design_met"].values[:, 0].tolist() == [0, 1, 1, 1]  # the declared 75 mm among them
 
 
-def test_processes_answer_with_the_same_bits_and_each_camera_once() -> None:
+def test_processes_give_the_same_bits_and_evaluate_each_camera_once() -> None:
     study = robot(
         any={"camera": "any", **ONE_PER_CENT},
         overlap={"camera": "stereo-75mm", "overlap": {"above": "50 %", "over": ["1 m", "3 m"]}},
@@ -296,9 +296,9 @@ def test_processes_answer_with_the_same_bits_and_each_camera_once() -> None:
 class _TwoStretches:
     """A judge for whom a requirement is met from 2 to 3.3 and from 5.71 to 8 of the parameter."""
 
-    def answer(self, _requirement: object, case: float) -> tuple[Held, dict[str, Held]]:
+    def answer(self, _requirement: object, case: float) -> tuple[RequirementAnswer, dict[str, RequirementAnswer]]:
         met = 2.0 <= case <= 3.3 or 5.71 <= case <= 8.0
-        return replace(held(met=met), camera="near" if case < 4.0 else "far"), {}
+        return replace(answer(met=met), camera="near" if case < 4.0 else "far"), {}
 
 
 def test_a_requirement_can_be_met_on_two_separate_intervals() -> None:
@@ -351,11 +351,11 @@ def test_nothing_lies_between_two_neighbouring_whole_numbers() -> None:
 class _Fixed(Judge):
     """A judge who knows the answers of three cameras."""
 
-    def __init__(self, **found: Held) -> None:
+    def __init__(self, **found: RequirementAnswer) -> None:
         super().__init__()
         self._answers = found
 
-    def _held(self, _requirement: object, _case: object, name: str) -> Held:
+    def _answer_of(self, _requirement: object, _case: object, name: str) -> RequirementAnswer:
         return replace(self._answers[name], camera=name)
 
 
@@ -368,19 +368,21 @@ class _Fixed(Judge):
         ("any", (True, None), True),
     ],
 )
-def test_an_unknown_camera_leaves_undecided_only_what_the_others_do_not_settle(
+def test_an_undecided_camera_matters_only_where_the_others_do_not_decide(
     camera: str, answers: tuple[bool | None, ...], expected: bool | None
 ) -> None:
     study = robot(own={"camera": camera, **ONE_PER_CENT})
     required, case = part(study, "own"), study.definition.case
-    unknown = Held.unknown("", 0.01, "nothing is known")
-    known = {name: held(met=bool(met)) if met is not None else unknown for name, met in zip("ab", answers, strict=True)}
+    unknown = RequirementAnswer.unknown("", 0.01, "nothing is known")
+    known = {
+        name: answer(met=bool(met)) if met is not None else unknown for name, met in zip("ab", answers, strict=True)
+    }
     case = replace(case, cameras={"a": case.cameras["stereo-50mm"], "b": case.cameras["stereo-75mm"]})
     assert _Fixed(**known).answer(required, case)[0].met is expected
 
 
-def test_the_bound_itself_keeps_no_strict_bound() -> None:
-    at_bound = replace(held(met=False), margin=0.0, error=0.0)
+def test_the_bound_itself_does_not_meet_a_strict_bound() -> None:
+    at_bound = replace(answer(met=False), margin=0.0, error=0.0)
     assert at_bound.conformity == 0.0
     assert replace(at_bound, met=True).conformity == 1.0
 
@@ -388,13 +390,13 @@ def test_the_bound_itself_keeps_no_strict_bound() -> None:
 def test_of_cameras_that_miss_the_whole_range_the_better_one_is_nearest() -> None:
     study = robot(own={"camera": "any", **ONE_PER_CENT})
     case = study.definition.case
-    worse = replace(held(met=False), margin=-1.0, unusable=1.0, value=0.5)
+    worse = replace(answer(met=False), margin=-1.0, unusable=1.0, value=0.5)
     case = replace(case, cameras={"a": case.cameras["stereo-50mm"], "b": case.cameras["stereo-75mm"]})
     nearest, _ = _Fixed(a=worse, b=replace(worse, value=0.2)).answer(part(study, "own"), case)
     assert nearest.camera == "b"
 
 
-def test_whole_numbers_are_followed_in_whole_numbers() -> None:
+def test_whole_numbers_are_searched_in_whole_numbers() -> None:
     """Met from 6 on, tried at 2 and 11: no study has half an image."""
     from types import SimpleNamespace
 
@@ -409,8 +411,8 @@ def test_whole_numbers_are_followed_in_whole_numbers() -> None:
         return SimpleNamespace(case=value, calibrations_to_infer=dict)
 
     class Six:
-        def answer(self, _requirement: object, case: int) -> tuple[Held, dict[str, Held]]:
-            return replace(held(met=case >= 6), camera="near"), {}
+        def answer(self, _requirement: object, case: int) -> tuple[RequirementAnswer, dict[str, RequirementAnswer]]:
+            return replace(answer(met=case >= 6), camera="near"), {}
 
     entry = quantity_entry(2.0, NUMBER)
     axis = SweepAxis(path="x", values=(entry,), labels=(2.0,), units="1", declared=2.0, dimension=NUMBER)

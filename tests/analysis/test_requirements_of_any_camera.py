@@ -45,7 +45,7 @@ def answer(study: tradestudy.Study) -> tuple[Any, dict[str, Any]]:
         ("mahli", {"above": "578 g"}, True, "mahli", 0.0),
     ],
 )
-def test_a_declared_mass_is_held_against_its_bound(
+def test_a_declared_mass_is_compared_with_its_bound(
     camera: str, bound: dict[str, str], met: bool | None, deciding: str, margin: float
 ) -> None:
     study = hand_lens({"camera": camera, "criterion": {"name": "mass", **bound}})
@@ -55,7 +55,7 @@ def test_a_declared_mass_is_held_against_its_bound(
     assert is_kept(study.file.requirements["own"], study.definition.case) is (met is True)
 
 
-def test_all_is_undecided_where_one_camera_says_its_mass_in_words_or_not_at_all() -> None:
+def test_all_is_undecided_if_one_camera_has_no_numerical_mass() -> None:
     judged, every = answer(hand_lens({"camera": "all", "criterion": {"name": "mass", "below": "1 kg"}}))
     assert judged.met is None
     assert every["stereo"].reason == "mass: about a kilogram"
@@ -102,7 +102,7 @@ def test_the_depth_of_field_of_a_single_lens_is_that_of_the_closed_form() -> Non
     assert plain_span(0.14, 0.142) in before.reason  # nothing in it is sharp
 
 
-def test_the_range_that_is_sharp_by_the_results_is_the_one_that_keeps_a_requirement() -> None:
+def test_the_sharp_range_in_the_results_meets_the_requirement() -> None:
     """Stacks and microlenses of several types count with all their slices, as /depth_of_field has them."""
     study = hand_lens({"camera": "any", "depth_of_field": {"over": ["140 mm", "160 mm"]}})
     _, every = answer(study)
@@ -117,7 +117,7 @@ def test_the_range_that_is_sharp_by_the_results_is_the_one_that_keeps_a_requirem
     assert not all(one.met for one in every.values())
 
 
-def test_a_criterion_that_nothing_meets_says_why() -> None:
+def test_a_criterion_that_nothing_meets_gives_the_reason() -> None:
     asked = {"camera": "mahli", "depth_of_field": {"above": "1 mm", "criterion": "one-pixel-airy"}}
     judged, _ = answer(hand_lens(asked))
     assert (judged.met, judged.margin) == (False, -1.0)
@@ -137,16 +137,16 @@ def test_a_criterion_that_nothing_meets_says_why() -> None:
         ({"camera": "mahly", "depth_of_field": {"above": "1 mm"}}, "camera", "nearest: 'mahli'"),
     ],
 )  # fmt: skip
-def test_what_does_not_exist_is_refused_at_its_place(requirement: dict[str, Any], path: str, message: str) -> None:
+def test_missing_things_are_refused_at_their_place(requirement: dict[str, Any], path: str, message: str) -> None:
     with pytest.raises(StudyError, match=message) as raised:
         hand_lens({"camera": "any", **requirement})
     assert raised.value.problems[0].path == f"requirements.own.{path}"
 
 
-def test_a_range_beyond_the_scene_is_told_as_for_other_quantities() -> None:
+def test_a_range_beyond_the_scene_is_warned_about_as_for_other_quantities() -> None:
     study = hand_lens({"camera": "any", "depth_of_field": {"over": ["140 mm", "300 mm"]}})
-    told = {one.path: one.what for one in implausible(study.definition)}
-    assert told["requirements.own.depth_of_field.over"].startswith("reaches beyond the distances of the scene")
+    reported = {one.path: one.what for one in implausible(study.definition)}
+    assert reported["requirements.own.depth_of_field.over"].startswith("reaches beyond the distances of the scene")
 
 
 def test_a_sweep_finds_the_f_number_from_which_a_range_is_sharp() -> None:
@@ -202,7 +202,7 @@ def test_a_study_without_depth_answers_its_requirements_in_every_place(tmp_path:
     first_page = str(list(itertools.takewhile(lambda block: not isinstance(block, PageBreak), blocks)))
     assert "the rock is sharp" in first_page
     assert "not heavy" in first_page
-    told = {one["name"]: one for one in result.conclusions()["requirements"]}
-    assert (told["light"]["met"], told["light"]["place"]) == (False, None)
+    reported = {one["name"]: one for one in result.conclusions()["requirements"]}
+    assert (reported["light"]["met"], reported["light"]["place"]) == (False, None)
     with pytest.raises(StudyError, match="no camera of this study measures depth"):
         study.with_values({"requirements.own": {"says": "near", "camera": "any", "usable": {"over": ["1 m", "2 m"]}}})

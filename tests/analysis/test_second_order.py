@@ -13,7 +13,7 @@ from tradestudy.analysis.depth import distribution, model_error
 from tradestudy.analysis.depth_draws import exact_distribution
 from tradestudy.analysis.second_order import second_order
 from tradestudy.cameras.calibration import ONE_SIGMA
-from tradestudy.study.acting import acting
+from tradestudy.study.applied_models import apply_models
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -22,7 +22,7 @@ def test_half_widths_are_those_of_many_draws(tmp_path: Path, kind: str) -> None:
     large = {"cameras.one.calibration.errors.yaw.standard_deviation": "0.3 deg"} if kind == "stereo" else {}
     large["cameras.one.calibration.stability.temperature.standard_deviation"] = "20 K"
     definition = base_study(kind, tmp_path).with_values(large)
-    camera = acting(definition.case.cameras["one"], {"calibration": "linear"})
+    camera = apply_models(definition.case.cameras["one"], {"calibration": "linear"})
     distance = definition.case.distance
     distance = distance[camera.images(distance)]
     found = second_order(camera, distance, 0.0, "calibration")

@@ -19,7 +19,7 @@ YAW = math.radians(0.2)
 AT = np.array([1.0])
 
 
-def test_bars_and_indices_are_those_of_each_error_alone() -> None:
+def test_bars_and_indices_belong_to_each_error_alone() -> None:
     """At 1 m, half the way to the corner: yaw turns by ψ/B (1 + x²/f²), and x is 2.56 mm less half the disparity."""
     yaw = of_rig("yaw", Normal(mean=0.0, standard_deviation=YAW))
     camera = stereo(disparity_error_px=0.1, calibration=Calibration(groups=(yaw,)))

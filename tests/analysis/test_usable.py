@@ -28,15 +28,13 @@ def test_boundaries_are_found_to_the_last_digits(edge: float) -> None:
     assert ended.distance == pytest.approx(edge, rel=4e-15)
 
 
-def test_two_intervals_and_their_ends() -> None:
+def test_two_intervals_and_their_ends_are_found() -> None:
     found = boundaries(lambda points: (points < 0.3) | (points > 2.0), GRID)
     assert [(pytest.approx(end.distance, rel=1e-12), end.begins) for end in found] == [(0.3, False), (2.0, True)]
 
 
 @given(edge=st.floats(0.06, 9.0), power=st.floats(0.3, 3.0), sign=st.sampled_from([1.0, -1.0]))
-def test_a_condition_that_says_by_how_much_it_is_kept_is_followed_with_fewer_trials(
-    edge: float, power: float, sign: float
-) -> None:
+def test_a_condition_with_a_margin_needs_fewer_trials(edge: float, power: float, sign: float) -> None:
     trials: dict[bool, int] = {True: 0, False: 0}
 
     def kept(points: np.ndarray) -> np.ndarray:
@@ -55,7 +53,7 @@ def test_a_condition_that_says_by_how_much_it_is_kept_is_followed_with_fewer_tri
     assert trials[True] <= trials[False] + 1
 
 
-def test_following_an_amount_takes_fewer_trials_than_halving() -> None:
+def test_following_a_margin_takes_fewer_trials_than_bisection() -> None:
     trials = {True: 0, False: 0}
 
     def condition(edge: float, by_amount: bool, points: np.ndarray) -> np.ndarray:
@@ -71,7 +69,7 @@ def test_following_an_amount_takes_fewer_trials_than_halving() -> None:
 
 @pytest.mark.parametrize("below", [-1.0, -np.inf, np.nan, -1e-300])
 @pytest.mark.parametrize("above", [1.0, np.inf, 1e-300])
-def test_an_amount_that_jumps_is_followed_all_the_same(below: float, above: float) -> None:
+def test_a_margin_that_jumps_is_followed_too(below: float, above: float) -> None:
     edges = np.array([0.3, 2.0, 7.0])
 
     def kept(points: np.ndarray) -> np.ndarray:
@@ -90,7 +88,7 @@ def test_an_amount_that_jumps_is_followed_all_the_same(below: float, above: floa
         UsableCriteria(relative_uncertainty=0.03),
     ],
 )
-def test_following_the_broken_limits_alone_finds_what_all_limits_say(criteria: UsableCriteria) -> None:
+def test_following_only_the_broken_limits_finds_the_ends_of_all_limits(criteria: UsableCriteria) -> None:
     rig = stereo(lens=Lens(focal_length=30.5e-3, f_number=8.0), focus_distance=2.0)
     intervals = usable_intervals(rig, criteria, GRID)
     assert intervals
@@ -111,7 +109,7 @@ def test_a_limit_that_is_broken_between_two_points_where_it_holds_is_followed_to
     assert (sparse.near_limit, sparse.far_limit) == (dense.near_limit, dense.far_limit)
 
 
-def test_limits_asked_for_by_name_are_those_of_all() -> None:
+def test_limits_requested_by_name_equal_those_of_all() -> None:
     criteria = UsableCriteria(overlap=0.8, blur_px=2.0, relative_uncertainty=0.02, failed_fraction=0.01)
     rig = stereo(lens=Lens(focal_length=30.5e-3, f_number=8.0), focus_distance=2.0)
     everything = evaluate_limits(rig, criteria, GRID)

@@ -30,7 +30,7 @@ def run(path: Path) -> dict[str, Any]:
     from tradestudy import api
     from tradestudy.execution.time_left import TimeLeft
 
-    left, told, predicted = TimeLeft(time.perf_counter), [], {}
+    left, reported, predicted = TimeLeft(time.perf_counter), [], {}
     began = dict[str, float]()
 
     def planned(plan: Any) -> None:
@@ -40,13 +40,13 @@ def run(path: Path) -> dict[str, Any]:
 
     def progress(step: str, share: float) -> None:
         left(step, share)
-        told.append((time.perf_counter(), step, share, left.of_step))
+        reported.append((time.perf_counter(), step, share, left.of_step))
 
     with tempfile.TemporaryDirectory() as folder:
         api.run(api.load(path), Path(folder) / "run", progress=progress, planned=planned)
     end = time.perf_counter()
-    names = list(dict.fromkeys(step for _, step, _, _ in told))
-    starts = {name: next(at for at, step, _, _ in told if step == name) for name in names}
+    names = list(dict.fromkeys(step for _, step, _, _ in reported))
+    starts = {name: next(at for at, step, _, _ in reported if step == name) for name in names}
     ends = dict(zip(names, [*list(starts.values())[1:], end], strict=True))
     return {
         "planned after": began["plan"] - begin,
@@ -57,20 +57,22 @@ def run(path: Path) -> dict[str, Any]:
             name: {
                 "predicted": predicted.get(name),
                 "took": ends[name] - starts[name],
-                "left": _left([one for one in told if one[1] == name], starts[name], ends[name], predicted.get(name)),
+                "left": _left(
+                    [one for one in reported if one[1] == name], starts[name], ends[name], predicted.get(name)
+                ),
             }
             for name in names
         },
     }
 
 
-def _left(told: list[tuple[float, str, float, float]], start: float, end: float, predicted: float | None) -> float:
+def _left(reported: list[tuple[float, str, float, float]], start: float, end: float, predicted: float | None) -> float:
     """Largest factor by which the time left was wrong after a tenth of a step; at its very end it is as good as none.
 
-    Where nothing was told before the end, the prediction is all there is after a tenth of the time.
+    Without a report before the end, the prediction is all there is after a tenth of the time.
     """
     worst = 1.0
-    for at, _, share, seconds in told:
+    for at, _, share, seconds in reported:
         if TENTH <= share < 1.0 - TENTH:
             ratio = (seconds + TENTH * (end - start)) / (end - at + TENTH * (end - start))
             worst = max(worst, ratio, 1.0 / ratio)

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from tests.browser.conftest import Open, Run
-from tests.browser.test_figures import known, told
+from tests.browser.test_figures import known, reported
 from tradestudy.report.document import plain_text
 from tradestudy.report.sections.answer import describe_design
 from tradestudy.results.views.depth import where_measured
@@ -43,7 +43,7 @@ def test_sliders_change_figures_answers_and_requirements(visit: Open, sweep: Run
         frame.focus()
         for number, key in ((0, "Home"), (depth.sizes["distance"] - 1, "End")):
             frame.press(key)
-            assert told(page, "whole_range")[1] == known(depth.isel(place), titles, number)
+            assert reported(page, "whole_range")[1] == known(depth.isel(place), titles, number)
         frame.press("Escape")
         page.locator("#designs button").click()
         assert {name: page.locator(f"#{name}").inner_html() for name in answers} == answers

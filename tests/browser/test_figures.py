@@ -13,7 +13,7 @@ from tradestudy.units import LENGTH, pretty
 from tradestudy.wording import distance
 
 
-def told(page: Any, figure: str) -> tuple[str, dict[str, str]]:
+def reported(page: Any, figure: str) -> tuple[str, dict[str, str]]:
     """What a readout says: where, and the value of each label."""
     rows = page.locator(f"#{figure} .readout .row")
     values = {one.get_attribute("data-label"): one.locator("b").inner_text() for one in rows.all()}
@@ -45,7 +45,7 @@ def test_keys_read_the_values_of_the_results(visit: Open, headline: Run) -> None
                 frame.press("ArrowUp")
             for _ in range(place % 10):
                 frame.press("ArrowRight")
-            where, values = told(seen.page, "whole_range")
+            where, values = reported(seen.page, "whole_range")
             assert where.endswith(distance(float(distances[place])).replace("\u00a0", " "))
             assert values == known(depth, titles, place)
         frame.press("Escape")
@@ -57,7 +57,7 @@ def test_the_cursor_reads_the_values_and_is_linked(visit: Open, headline: Run) -
     with visit(headline.report) as seen:
         for across in (0.2, 0.3, 0.42, 0.55, 0.7):
             over(seen.page, "whole_range", across, 0.3)
-            where, values = told(seen.page, "whole_range")
+            where, values = reported(seen.page, "whole_range")
             places = [
                 k
                 for k, z in enumerate(depth["distance"].values)
@@ -80,10 +80,10 @@ def test_a_switch_hides_a_camera_in_every_figure(visit: Open, headline: Run) -> 
         switches.first.press("Enter")
         assert {one.get_attribute("aria-pressed") for one in switches.all()} == {"false"}
         over(seen.page, "close_range", 0.3, 0.3)
-        assert title not in told(seen.page, "close_range")[1]
+        assert title not in reported(seen.page, "close_range")[1]
         switches.nth(1).click()
         over(seen.page, "close_range", 0.3, 0.3)
-        assert title in told(seen.page, "close_range")[1]
+        assert title in reported(seen.page, "close_range")[1]
 
 
 @pytest.mark.parametrize("figure", ["whole_range", "close_range", "variance_shares", "readings"])
@@ -109,7 +109,7 @@ def _numbers(outlines: list[str]) -> np.ndarray:
     )
 
 
-def test_values_stand_in_a_table_beside_the_figure(visit: Open, headline: Run) -> None:
+def test_a_table_below_the_figure_has_its_values(visit: Open, headline: Run) -> None:
     depth = headline.tree["depth"].to_dataset()
     with visit(headline.report) as seen:
         details = seen.page.locator("#whole_range details")

@@ -105,8 +105,8 @@ def test_residuals_are_those_published_with_the_data(rig):
         ((0.0, 0.0, 0.0), (0.005, 0.1, 0.0), "not side by side.*below"),
         ((0.0, 0.0, 0.0), (0.005, 0.0, 0.1), "not side by side"),
         ((0.0, 0.0, 0.0), (-0.1, 0.0, 0.0), "exchanged"),
-        ((0.0, 0.0, 180.0), (0.1, 0.0, 0.0), "rotated against the left one: 180°"),
-        ((10.0, -20.0, 90.0), (0.1, 0.0, 0.0), "rotated against the left one: 9"),
+        ((0.0, 0.0, 180.0), (0.1, 0.0, 0.0), r"rotated .*: 180°"),
+        ((10.0, -20.0, 90.0), (0.1, 0.0, 0.0), r"rotated .*: 9"),
     ],
 )
 def test_cameras_that_are_not_side_by_side_are_refused(rig, turned, centre, says):
@@ -217,7 +217,7 @@ def test_parallel_boards_leave_the_focal_length_open():
     image = project(np.array([800.0, 800.0, 320.0, 240.0, 0.0, 0.0]), move(poses, grid))
     image = image + 0.1 * np.random.default_rng(0).standard_normal(image.shape)
     fit = fit_camera(np.broadcast_to(grid[:, :2], image.shape), image, np.ones(image.shape[:2], dtype=bool))
-    # nothing but noise tells the tilts: the fit must not look sure of itself
+    # only noise determines the tilts: the fit must not look certain
     assert np.sqrt(fit.covariance[0, 0]) > 0.2 * fit.intrinsics[0]
 
 
@@ -229,5 +229,5 @@ def test_an_open_direction_is_named():
     image = project(truth, move(poses, grid))
     board = np.broadcast_to(grid[:, :2], image.shape)
     information = marginal_information(camera_blocks(truth, poses, board, image, np.ones(image.shape[:2], dtype=bool)))
-    # boards square to the axis cannot tell a shift of the principal point from a shift of the boards
+    # boards square to the axis cannot distinguish a shift of the principal point from one of the boards
     assert np.linalg.eigvalsh(information)[0] < 1e-9 * np.linalg.eigvalsh(information)[-1]

@@ -99,7 +99,7 @@ def test_views_with_missing_corners_fit(tmp_path):
         (lambda row: row | {"left_y_px": row["left_x_px"]}, r"\(left\) lie on a line"),
     ],
 )
-def test_a_contradiction_is_named(tmp_path, change, word):
+def test_contradictory_rows_are_named(tmp_path, change, word):
     with pytest.raises(CornerFileError, match=word) as caught:
         read_corners(changed(tmp_path, change))
     assert caught.value.value
@@ -162,7 +162,7 @@ def test_left_and_right_exchanged_are_named(tmp_path):
 
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_one_column_swapped_between_the_cameras_is_named(tmp_path, axis):
-    # near parallel cameras fit such a file to 0.25 px: only the comparison tells
+    # near parallel cameras fit such a file to 0.25 px: only the comparison shows it
     path = changed(tmp_path, lambda row: swap(row, f"left_{axis}_px", f"right_{axis}_px"))
     with pytest.raises(CornerFileError, match=r"one pair of columns is swapped.*0\.33.* px rms, and 0\.23"):
         fit_rig(read_corners(path))
@@ -200,7 +200,7 @@ def test_one_view_is_too_few(tmp_path):
         read_corners(write(tmp_path / "corners.csv", [row for row in rows() if row["view"] == "5"]))
 
 
-def test_a_byte_order_mark_is_no_part_of_the_first_column(tmp_path):
+def test_a_byte_order_mark_is_not_part_of_the_first_column(tmp_path):
     path = tmp_path / "corners.csv"
     path.write_bytes(b"\xef\xbb\xbf" + FILE.read_bytes())
     np.testing.assert_array_equal(read_corners(path).left, read_corners(FILE).left)

@@ -22,7 +22,7 @@ from tradestudy.run.groups.calibration import calibration_group
 
 
 @pytest.mark.slow
-def test_halves_of_the_measured_views_differ_as_they_claim(calibrated_webcams):
+def test_halves_of_the_measured_views_differ_as_stated(calibrated_webcams):
     trust = calibrated_webcams.trust
     assert np.all((trust.ratio[1:] > 0.8) & (trust.ratio[1:] < 1.25))
     assert trust.ratio[0] == pytest.approx(1.16, abs=0.1)  # at 0.3 m something is left

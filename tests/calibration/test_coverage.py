@@ -121,7 +121,7 @@ def test_multiplicity_is_controlled():
     assert not coverage_verdict(rng.random((2000, 5)) < 0.92).passed
 
 
-def test_holm_by_hand():
+def test_holm_s_method_agrees_with_a_worked_example():
     np.testing.assert_allclose(holm(np.array([0.01, 0.04, 0.03, 0.5])), [0.04, 0.09, 0.09, 0.5])
 
 

@@ -36,7 +36,7 @@ from tradestudy.optics.lens_models.rational import Rational
 SIZE = (640, 480)
 CAMERA = np.array([310.0, 312.0, 322.0, 236.0])
 WIDE = np.array([205.0, 206.0, 322.0, 236.0])
-"""Of models that only a wide field tells from each other's neighbours: their focal length makes up for much."""
+"""Models that only a wide field distinguishes: their focal length compensates for much."""
 FIVE = ("k1", "k2", "p1", "p2", "k3")
 EIGHT = (*FIVE, "k4", "k5", "k6")
 FISHEYE = ("k1", "k2", "k3", "k4")
@@ -127,7 +127,7 @@ def test_fits_equal_those_of_opencv(which: str) -> None:
 @pytest.mark.parametrize("which", ["five", "fisheye", "double-sphere"])
 @pytest.mark.slow
 def test_fits_scatter_as_they_state(which: str) -> None:
-    """100 sets of white noise: errors over stated deviations have the variance of 1 that 100 sets can tell."""
+    """100 sets of white noise: errors over stated deviations have the variance of 1 that 100 sets can show."""
     lens, free = TRUE[which]
     _, image = shown(lens, np.random.default_rng(3), views=8)
     present, start = np.ones(image.shape[:2], dtype=bool), start_of(lens, free)
@@ -163,7 +163,7 @@ def test_pairs_find_both_lenses_and_their_pose(which: str) -> None:
     assert fit.noise_px == pytest.approx(0.1, rel=0.05)
 
 
-def test_more_coefficients_than_show_are_refused_with_a_remedy() -> None:
+def test_more_coefficients_than_the_corners_determine_are_refused_with_a_remedy() -> None:
     """Near the axis of a lens without distortion, k1 and k4 do the same, and so do the others."""
     grid, rng = flat_grid(COLUMNS, ROWS, SQUARE), np.random.default_rng(5)
     poses = np.column_stack([0.35 * rng.standard_normal((8, 3)), np.zeros((8, 2)), rng.uniform(0.9, 1.2, 8)])
@@ -191,7 +191,7 @@ def seen_by_both(lens: LensModel, views: int = 12) -> StereoCorners:
     )
 
 
-def test_the_corners_tell_which_lens_model_they_are_of() -> None:
+def test_the_corners_reveal_their_lens_model() -> None:
     """Corners of a fisheye lens: fitted with two radial terms, they call for the fisheye model, and it moves depth."""
     lens, free = TRUE["fisheye"]
     corners, z = seen_by_both(lens), np.array([0.3, 1.0])
@@ -244,7 +244,7 @@ def test_a_calibration_with_a_declared_lens_model_is_saved_and_read_again(
     assert np.all(np.abs(changed * z - 1.0) > 1e-5)
 
 
-def test_held_coefficients_stay() -> None:
+def test_fixed_coefficients_stay() -> None:
     lens = TRUE["five"][0]
     _, image = shown(lens, np.random.default_rng(6))
     held = FreeLens(model=replace(lens, k1=0.0, k2=0.0), free=("k1", "k2"))

@@ -150,7 +150,7 @@ def test_restricted_likelihood_of_scales_equals_a_dense_one():
     np.testing.assert_allclose(found - found[0], [dense(*one) - dense(*places[0]) for one in places], atol=1e-5)
 
 
-def test_exact_likelihood_meets_the_compressed_one_near_the_fit(rig):
+def test_exact_and_compressed_likelihood_agree_near_the_fit(rig):
     fit = rig.explained
     compressed = compress_views(fit.shared, fit.states, rig.corners, fit.lever)
     deviation = np.sqrt(np.diag(fit.covariance))
@@ -171,7 +171,7 @@ def test_exact_likelihood_meets_the_compressed_one_near_the_fit(rig):
 
 
 @pytest.mark.slow
-def test_injected_motion_is_found_and_its_errors_are_honest():
+def test_injected_motion_is_found_within_its_stated_errors():
     rng = np.random.default_rng(11)
     scores_with, scores_without, scales = [], [], []
     for _ in range(4):
@@ -196,7 +196,7 @@ def test_a_board_that_shifts_without_turning_is_known():
     assert fit.motion_scale / fit.lever < 1e-3
 
 
-def test_no_motion_is_not_invented():
+def test_no_motion_is_found_where_there_is_none():
     fit = fit_rig(shaken_rig(0.0, 0.1, np.random.default_rng(4)))
     # 0.1 px is 0.1 mm at 460 px and 0.45 m; the mean over 54 corners knows motions to 0.014 mm
     assert fit.explained.motion_scale < 1.5e-5

@@ -1,4 +1,4 @@
-"""Calibrations planned: what views of a board are expected to tell, against refits, published figures and runs."""
+"""Planned calibrations: the certainty expected from views of a board, against refits, published figures and runs."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_expected_deviations_are_those_of_refits_and_those_stated(views: int, st
         observed = observe_target(target, pinhole, DESIGN, rng)
         problem = TargetProblem(observed=observed, target=target, model=pinhole, priors=FLAT)
         fits.append(fit_target(problem).laplace.mean)
-    # 400 refits tell a standard deviation to 3.5 %
+    # 400 refits give a standard deviation to 3.5 %
     np.testing.assert_allclose(np.std(fits, axis=0, ddof=1) / expected, 1.0, atol=0.1)
 
 
@@ -109,7 +109,7 @@ def test_views_that_are_added_never_make_a_plan_less_certain(plan: int) -> None:
         assert np.linalg.eigvalsh(fewer - more).min() > -1e-9 * np.trace(fewer)
 
 
-def test_a_plan_of_many_views_goes_down_with_the_root_of_their_number() -> None:
+def test_planned_uncertainty_falls_with_the_root_of_the_number_of_views() -> None:
     few, many = (covariance(board(views=views))[0, 0] for views in (250, 1000))
     assert np.sqrt(few / many) == pytest.approx(2.0, rel=0.03)
 
@@ -187,7 +187,7 @@ def pair_pictures(parameters: FloatArray, rotations: FloatArray, places: FloatAr
     return np.concatenate([seen_left.ravel(), seen_right.ravel()]) / 10e-6
 
 
-def test_given_poses_are_those_that_are_planned_with(tmp_path: Path) -> None:
+def test_given_poses_are_used_for_the_plan(tmp_path: Path) -> None:
     """Against the inverse of the whole information of errors and poses, by plain differences."""
     (asked,) = loaded(tmp_path, TILTED).plan().definition.calibrations_to_infer().values()
     assert isinstance(asked, TargetToInfer)
@@ -221,12 +221,12 @@ def test_boards_that_are_not_tilted_against_each_other_are_refused(tmp_path: Pat
     assert problem.path == f"cameras.rig.calibration.target.{views[: views.index(':')].replace('views', 'tilt')}"
     assert "at least 1°" in problem.what
     assert "position_known_to" in problem.what
-    loaded(tmp_path, f"{views}, position_known_to: 1 mm")  # a stage tells the distances, which tilts else would
+    loaded(tmp_path, f"{views}, position_known_to: 1 mm")  # a stage gives the distances; tilts would otherwise
 
 
 @pytest.mark.parametrize(
     ("views", "key"), [(f"{TILTED}, views: 8", "views"), (SPREAD.replace(", tilt: 17 deg", ""), "tilt")]
 )
-def test_views_are_spread_or_given(tmp_path: Path, views: str, key: str) -> None:
+def test_views_are_either_spread_or_given(tmp_path: Path, views: str, key: str) -> None:
     with pytest.raises(StudyError, match=rf"target.*{key}"):
         loaded(tmp_path, views)

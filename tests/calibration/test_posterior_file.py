@@ -82,12 +82,12 @@ def saved(path, **changes):
 
 
 @pytest.mark.parametrize("camera", [focused(), unfocused()])
-def test_the_posterior_of_a_pair_is_none_of_a_single_camera(tmp_path, camera):
+def test_the_posterior_of_a_pair_is_refused_for_a_single_camera(tmp_path, camera):
     with pytest.raises(CalibrationFileError, match=r"rig\.nc .*stereo rig.* r5 "):
         posterior_of_file(saved(tmp_path / "rig.nc"), "r5", camera)
 
 
-def test_unknown_names_are_told(tmp_path):
+def test_unknown_names_are_reported(tmp_path):
     with pytest.raises(CalibrationFileError, match=r"rig\.nc names parameters that the camera does not have: shift_x"):
         posterior_of_file(saved(tmp_path / "rig.nc", names=(*SHARED_NAMES[:-1], "shift_x")), "rig", stereo())
     draws = CalibrationDraws(names=("yaw", "tilt"), draws=np.random.default_rng(0).standard_normal((200, 2)))
@@ -96,7 +96,7 @@ def test_unknown_names_are_told(tmp_path):
         posterior_of_file(tmp_path / "other.nc", "rig", stereo())
 
 
-def test_a_posterior_that_contradicts_the_declared_rig_is_told_with_both(tmp_path):
+def test_a_contradiction_of_posterior_and_declared_rig_gives_both_values(tmp_path):
     path = saved(tmp_path / "rig.nc")
     assert posterior_of_file(path, "rig", stereo()).reading is not None
     with pytest.raises(

@@ -115,7 +115,7 @@ def test_the_seed_says_which_rig_was_calibrated():
     assert np.any(distance > 5 * draws[0].std(axis=0))
 
 
-def test_corners_beside_the_sensor_are_not_seen():
+def test_corners_outside_the_sensor_are_not_seen():
     with pytest.raises(OutOfRangeError, match=r"rig: .* views: \d .allowed: at least 3 with 6 corners"):
         infer(shown(stereo(), PRIORS, board(spacing=2.0)))
 
@@ -148,12 +148,12 @@ def test_corners_beside_the_sensor_are_not_seen():
         ),
     ],
 )
-def test_what_is_no_prior_is_refused(groups, words):
+def test_invalid_priors_are_refused(groups, words):
     with pytest.raises(OutOfRangeError, match=words):
         infer(shown(focused(), groups, CAREFUL))
 
 
-def test_a_target_that_determines_nothing_says_what():
+def test_a_target_that_determines_nothing_names_the_parameters():
     flat = Source(name="left_distortion_k2", distribution=Uniform(low=-1.0, high=1.0), error_class=ErrorClass.RIG)
     with pytest.raises(NotConvergedError, match=r"do not determine|does not converge"):
         infer(shown(stereo(), (flat,), board(views=3, spacing=1e-6)))
@@ -165,8 +165,8 @@ def test_chains_that_are_too_short_are_not_called_converged():
     assert any("too short" in one for one in infer(corners(webcams(), MEASURED, steps=100)).failures)
 
 
-def test_what_is_asked_follows_from_what_is_declared():
-    """Nothing without target or corners; what is asked can be told apart, so that it is computed once."""
+def test_requested_posteriors_follow_from_the_declaration():
+    """Nothing without target or corners; requests can be distinguished, so that each is computed once."""
     part = calibration_part(type(stereo()), "stereo")
     folder = {"folder": MEASURED.parent, "seed": 3}
     assert to_infer("rig", stereo(), part(errors={"yaw": {"standard_deviation": "0.2 deg"}}), **folder) is None
@@ -221,13 +221,13 @@ def measured(calibrated_webcams):
         ),
     ],
 )
-def test_declared_geometry_that_contradicts_the_corners_is_told_with_both(measured, changes, words):
+def test_a_contradiction_of_declared_geometry_and_corners_gives_both_values(measured, changes, words):
     check_geometry("rig", webcams(), *measured, says="corners say")
     with pytest.raises(GeometryContradictionError, match=words):
         check_geometry("rig", webcams(**changes), *measured, says="corners say")
 
 
-def test_all_contradictions_are_told(measured):
+def test_all_contradictions_are_reported(measured):
     longer = webcams(lens=Lens(focal_length=30.5e-3, f_number=8.0), baseline=0.06, convergence_angle=0.1)
     with pytest.raises(GeometryContradictionError) as caught:
         check_geometry("rig", longer, *measured, says="corners say")
@@ -248,7 +248,7 @@ def test_a_contradiction_counts_from_five_percent(measured):
         check_geometry("rig", webcams(baseline=baseline / 1.054), *measured, says="corners say")
 
 
-def test_corners_beside_the_declared_sensor_are_told():
+def test_corners_outside_the_declared_sensor_are_reported():
     small = webcams(sensor=Sensor(columns=320, rows=240, pixel_pitch=3e-6))
     with pytest.raises(GeometryContradictionError, match=r"sensor 320 × 240 px, corners lie between .*sensor.pixels"):
         infer(corners(small, MEASURED))

@@ -109,7 +109,7 @@ AGED = {
 
 @pytest.mark.parametrize("names", [*((name,) for name in AGED), tuple(AGED)])
 @pytest.mark.parametrize("field", [0.0, 0.4])
-def test_what_has_aged_acts_as_on_the_ideal_rig(names, field):
+def test_ageing_acts_as_on_the_ideal_rig(names, field):
     """The pair of `cameras.stereo.pair` is another code, in the frame of the baseline; here it is the left camera's.
 
     They differ where rays become skew, and one takes the disparity in the right picture, the other along the baseline:

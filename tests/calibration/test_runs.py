@@ -46,7 +46,7 @@ def group(result, name):
     return result.data[name].to_dataset()
 
 
-def test_calibration_holds_the_posteriors_with_their_diagnostics(ran):
+def test_the_calibration_group_contains_posteriors_with_their_diagnostics(ran):
     found = group(ran[1], "calibration")
     assert list(found["posterior"].values) == list(PLAIN)
     assert found["posterior_converged"].values.tolist() == [True, False, True]
@@ -100,7 +100,7 @@ def test_the_posterior_in_the_results_is_the_one_in_the_file(ran):
             assert np.array_equal(own.values, posterior["draws"].values)
 
 
-def test_sensitivity_stands_where_it_is_asked_for(ran):
+def test_sensitivity_is_computed_at_the_requested_distances(ran):
     found = group(ran[1], "sensitivity")
     assert found["distance"].values.tolist() == [0.5, 1.0]
     assert found["field"].values.tolist() == [0.0, 0.5]
@@ -112,7 +112,7 @@ def test_sensitivity_stands_where_it_is_asked_for(ran):
     np.testing.assert_allclose(found["first_index"].values, (alone / alone.sum("source")).values, atol=0.03)
 
 
-def test_depth_off_the_axis_stands_at_the_places_asked_for(ran):
+def test_depth_off_the_axis_is_computed_at_the_requested_places(ran):
     axis, beside = group(ran[1], "depth"), group(ran[1], "depth_field")
     assert beside["field"].values.tolist() == [0.5]
     assert np.array_equal(beside["distance"].values, axis["distance"].values)
@@ -137,7 +137,7 @@ def test_a_posterior_of_one_run_gives_another_study_the_same_depth_bit_for_bit(r
         )
 
 
-def test_an_unconverged_calibration_is_said_aloud_and_fails_a_strict_run(ran):
+def test_an_unconverged_calibration_is_reported_and_fails_a_strict_run(ran):
     folder, result = ran
     (unmet,) = result.unmet_requirements
     assert unmet.startswith("r5: its calibration did not converge (too short for the autocorrelation time")

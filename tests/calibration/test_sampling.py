@@ -38,7 +38,7 @@ def test_a_correlated_normal_is_recovered():
     assert sample.evaluations == 4 * 10 * (sample.chains.shape[1] + sample.warm_up_steps)
 
 
-def test_the_laplace_proposal_shortens_the_way_and_changes_nothing_else():
+def test_the_laplace_proposal_speeds_up_sampling_and_changes_nothing_else():
     names = tuple(f"p{k}" for k in range(8))
     scale = np.geomspace(1e-3, 1e3, 8)
     fit = LaplaceFit(names=names, mean=0.5 * scale, covariance=np.diag(1.5 * scale**2))
@@ -87,7 +87,7 @@ def test_one_stuck_ensemble_is_named():
     assert diagnostics.stuck_ensembles == (1,)
 
 
-def test_walkers_shared_between_two_modes_alike_are_not_converged():
+def test_walkers_split_alike_between_two_modes_are_not_converged():
     """Ensembles that agree because each holds the same share of stuck walkers."""
     rng = np.random.default_rng(0)
     side = np.where(np.arange(10) < 5, -20.0, 20.0)
@@ -107,7 +107,7 @@ def test_walkers_that_never_move_are_not_converged():
     assert any(failure.startswith("acceptance 0 ") for failure in diagnostics.failures)
 
 
-def test_too_short_a_run_says_so():
+def test_too_short_a_run_is_reported():
     rng = np.random.default_rng(0)
     diagnostics = sample_posterior(correlated, starts(rng), names=NAMES, rng=rng, maximum_steps=200).diagnostics
     assert not diagnostics.converged

@@ -25,7 +25,7 @@ def test_a_pair_one_above_the_other_shares_heights():
     np.testing.assert_allclose(found, 1.0 - 0.06 * 500.0 / (480.0 * DISTANCES), atol=1e-3)
 
 
-def test_pictures_of_nothing_in_common_share_nothing():
+def test_pictures_without_overlap_share_nothing():
     apart = shared_area(pair(rotation=(0.0, np.pi / 2.0, 0.0)), PINHOLES, RADIAL, PIXELS, DISTANCES)
     behind = shared_area(pair(rotation=(0.0, np.pi, 0.0)), PINHOLES, RADIAL, PIXELS, DISTANCES)
     np.testing.assert_array_equal([apart, behind], 0.0)

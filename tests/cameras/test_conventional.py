@@ -95,7 +95,7 @@ def test_the_geometric_depth_of_field_grows_with_blur_and_f_number(f_number, wid
     assert extent(f_number, blur_px * wider) >= extent(f_number, blur_px)
 
 
-def test_diffraction_alone_beyond_the_criterion_is_said_with_both_diameters():
+def test_diffraction_alone_beyond_the_criterion_is_reported_with_both_diameters():
     found = mahli(55.4e-3).focus.sharp_range(sharp(1.0, "airy-diameter"))
     assert found.extent == 0.0
     assert found.share_of(0.05, 0.06) == 0.0
@@ -178,7 +178,7 @@ def test_a_stack_reaches_infinity_when_asked_to():
     assert found.union.complete
 
 
-def test_diffraction_can_leave_a_stack_nothing_to_plan():
+def test_diffraction_can_rule_out_a_stack():
     found = stacked().focus
     assert found.images(sharp(1.0, "airy-diameter"), 0.14, 0.16) == 0
     assert found.sharp_range(sharp(1.0, "airy-diameter")).names == ()
@@ -188,7 +188,7 @@ def test_diffraction_can_leave_a_stack_nothing_to_plan():
 # ---- refocusing on every object -------------------------------------------------------------------------------------
 
 
-def test_lenses_that_refocus_are_sharp_everywhere_and_pay_by_exposures():
+def test_lenses_that_refocus_are_sharp_everywhere_but_need_more_exposures():
     focus = EveryObjectFocus(lens=MAHLI_LENS, sample_pitch=7.4e-6, mechanisms=2)
     assert focus.sharp_range(sharp()).slices.near[0] == pytest.approx(18.3e-3)
     assert focus.sharp_range(sharp()).extent == math.inf
@@ -223,6 +223,6 @@ def test_lenses_that_refocus_are_sharp_up_to_where_their_diffraction_spot_fills_
         (lambda: sharp(0.0), "blur"),
     ],
 )
-def test_impossible_cameras_are_refused_in_words(make, what):
+def test_impossible_cameras_are_refused_with_a_message(make, what):
     with pytest.raises(OutOfRangeError, match=what):
         make()

@@ -49,7 +49,7 @@ def test_photon_transfer_of_recorded_values_finds_gain_and_dark_noise() -> None:
 
 
 @pytest.mark.parametrize(("gain", "well"), [(GAIN, 9000.0), (GAIN, 50_000.0), (None, 9000.0)])
-def test_pixels_saturate_where_the_well_or_the_numbers_end(gain: float | None, well: float) -> None:
+def test_pixels_saturate_at_the_full_well_or_the_last_number(gain: float | None, well: float) -> None:
     one = recording(gain, well)
     rng = np.random.default_rng(0)
     full = one.saturation_electrons
@@ -70,7 +70,7 @@ def uncertainty(values: dict[str, Any]) -> float:
     return float(depth_uncertainty(camera, np.array([1.0]))[0])
 
 
-def test_a_sensor_that_declares_itself_is_used_as_that_of_the_scene_would_be() -> None:
+def test_a_declared_sensor_acts_like_that_of_the_scene() -> None:
     own = uncertainty({"stereo-75mm.sensor.temporal_dark_noise": "40 electrons"})
     assert own == uncertainty({"scene.picture.read_noise": "40 electrons"})
     assert own > 1.02 * uncertainty({})
@@ -96,7 +96,7 @@ def test_photons_need_a_quantum_efficiency_and_light_has_one_unit() -> None:
 
 
 @pytest.mark.parametrize("stated", [13.0, 14.0])
-def test_a_threshold_that_contradicts_efficiency_and_noise_is_told(stated: float) -> None:
+def test_a_threshold_that_contradicts_efficiency_and_noise_is_reported(stated: float) -> None:
     """η 60 %, σ_d 7 e⁻, K 0.31 DN/e⁻: signal equals noise, x² = x + σ², at x = 7.578 e⁻, 12.63 photons."""
     noise = DARK**2 + 1.0 / (12.0 * GAIN**2)
     equal = max(np.roots([1.0, -1.0, -noise]).real) / 0.6
@@ -110,7 +110,7 @@ def test_a_threshold_that_contradicts_efficiency_and_noise_is_told(stated: float
     assert lens_contradictions(LENS, sensor(temporal_dark_noise=DARK), unknown) == []
 
 
-def test_a_full_well_beyond_the_last_number_is_told() -> None:
+def test_a_full_well_beyond_the_last_number_is_reported() -> None:
     assert digitiser_contradictions(sensor(system_gain=GAIN), 13_000.0, BITS) == []
     (found,) = digitiser_contradictions(sensor(system_gain=GAIN), 14_000.0, BITS)
     assert found.implied.startswith("13210 ")

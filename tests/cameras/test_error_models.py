@@ -64,7 +64,7 @@ def test_shared_errors_of_a_rig_act_on_both_sides(triangulation, convergence):
 
 
 @pytest.mark.parametrize("camera", [stereo(), unfocused()])
-def test_noise_of_its_own_at_every_distance_adds_to_disparity(camera):
+def test_noise_given_for_each_distance_adds_to_disparity(camera):
     noise = 1e-6 * np.random.default_rng(6).standard_normal((9, len(DISTANCES)))
     found = camera.read(DISTANCES, 0.0, {"pixel_noise": noise}).inverse_depth
     expected = camera.depth_of_disparity(camera.disparity(DISTANCES) + noise, DISTANCES)
@@ -91,7 +91,7 @@ def test_on_the_axis_the_plenoptic_model_is_equation_8(estimator):
     assert (found[~finite] <= 0.0).all()
 
 
-def test_a_disparity_that_crossed_zero_goes_where_it_was_heading():
+def test_a_disparity_that_crosses_zero_continues_in_its_direction():
     near, far = r5(), r5(mla_distance=11.9e-3)  # Keplerian and Galilean
     for camera, expected in ((near, -1.0), (far, 1.0)):
         crossing = {"pixel_noise": np.array([[-np.sign(expected) * -3e-3]])}
@@ -101,7 +101,7 @@ def test_a_disparity_that_crossed_zero_goes_where_it_was_heading():
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("triangulation", ["disparity", "midpoint"])
-def test_a_rig_that_knows_its_errors_reads_the_truth(triangulation, seed):
+def test_a_rig_with_known_errors_measures_the_truth(triangulation, seed):
     """All errors at once, in rig and calibration alike, over the field: observation and reading are inverses."""
     rig = stereo(triangulation=triangulation, convergence_angle=0.05)
     errors = drawn(STEREO_ERRORS, np.random.default_rng(seed))
@@ -114,7 +114,7 @@ def test_a_rig_that_knows_its_errors_reads_the_truth(triangulation, seed):
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("camera", [r5(field_curvature=15e-6), unfocused(field_curvature=15e-6)])
-def test_a_plenoptic_camera_that_knows_its_errors_reads_the_truth(camera, seed):
+def test_a_plenoptic_camera_with_known_errors_measures_the_truth(camera, seed):
     errors = drawn(PLENOPTIC_ERRORS, np.random.default_rng(seed))
     errors["microlens_pitch"] *= 0.01
     z = np.array([0.2, 0.5, 2.0])
@@ -145,7 +145,7 @@ def sensitivity(reading, distance, field, name, step):
     return -(distance**2) * (plus - minus)[0] / (2.0 * step)
 
 
-def test_stereo_sensitivities_off_the_axis_are_those_of_the_text_book():
+def test_stereo_sensitivities_off_the_axis_are_those_of_the_textbook():
     """dZ = (Z²/B)(1 + x²/f²) ψ for yaw, y φ/f for roll, x y for pitch, with x, y the slopes in the right picture."""
     rig = stereo()
     field = 0.7
@@ -162,7 +162,7 @@ def test_stereo_sensitivities_off_the_axis_are_those_of_the_text_book():
         np.testing.assert_allclose(np.abs(found), np.abs(expected), rtol=1e-6)
 
 
-def test_plenoptic_sensitivities_are_published_ones():
+def test_plenoptic_sensitivities_are_the_published_ones():
     """6.24 and 6.40 mm per µm of z and f_M at 1 m, of opposite sign; 20 µm of field curvature: 10.6 mm at 0.3 m."""
 
     def reading(distance, where, errors):
@@ -198,7 +198,7 @@ def test_residual_curvature_and_scatter_of_the_centres_move_depth_as_published()
 
 
 @pytest.mark.parametrize("build", [r5, unfocused])
-def test_known_curvature_is_seen_and_read_and_leaving_it_out_is_published(build):
+def test_known_curvature_is_corrected_and_ignoring_it_gives_the_published_error(build):
     """20 µm in the corner: 10.6 mm at 0.3 m and 125 mm at 1 m, and nothing where it is known."""
     curved, flat = build(field_curvature=20e-6), build()
     near = np.array([0.3, 1.0])
@@ -227,7 +227,7 @@ def test_curvature_is_centred_on_the_principal_point(build):
 
 
 @pytest.mark.parametrize("build", [r5, unfocused])
-def test_colour_moves_what_looks_through_one_lens(build):
+def test_colour_moves_depth_seen_through_one_lens(build):
     """6.3 µm of secondary spectrum: 39 mm at 1 m, whatever stands behind the lens. Stereo is immune."""
     f, shift = 12.5e-3, 6.3e-6
     read = depth_read(build(), DISTANCES, color_shift=shift)
@@ -317,7 +317,7 @@ def test_distortion_inverts_where_it_can_and_says_where_not():
     assert Rational(k1=np.full(1, -1.0 / 3.0)).has_ray(np.array([0.6, 0.7]), np.zeros(2)).tolist() == [True, False]
 
 
-def test_what_a_camera_does_not_see_or_cannot_be_is_said():
+def test_unseen_points_and_impossible_cameras_are_reported():
     rig = stereo()
     nearest = rig.read(np.array([0.2, 0.5]), 0.0, {"yaw": np.zeros((2, 1))})
     # x = f B/2Z = 7.6 mm at 0.2 m, beyond the sensor's 5.12 mm.

@@ -67,7 +67,7 @@ def test_both_pictures_of_a_rig_show_points_where_it_images_them(
     assert miss(right, image[2], image[3], world) < 1e-9
 
 
-def test_warmth_moves_the_pictures_of_a_rig_as_it_moves_what_the_rig_reads() -> None:
+def test_warming_moves_the_pictures_of_a_rig_as_it_moves_its_measurements() -> None:
     rig, warm = stereo(), {"temperature_change": np.asarray(20.0)}
     environment = Environment(
         housing_expansion=23e-6,
@@ -100,7 +100,7 @@ RELAY: dict[str, float] = {
 
 
 @pytest.mark.parametrize("name", [None, *RELAY])
-def test_micro_images_stand_as_far_apart_as_the_camera_observes(name: str | None) -> None:
+def test_micro_images_are_as_far_apart_as_the_camera_observes(name: str | None) -> None:
     camera: Any = r5(estimator="adjacent-pair", lenses="all")
     errors = {} if name is None else {name: RELAY[name]}
     world = np.array([0.03, -0.02, 0.3])

@@ -98,7 +98,7 @@ def test_discrimination_moves_the_disparity_by_one_step(a: float, step: float) -
         assert float(camera.disparity_px(a) - camera.disparity_px(a + farther)) == pytest.approx(step, rel=1e-4)
 
 
-def test_galilean_relay_is_blind_nowhere_to_infinity() -> None:
+def test_a_galilean_relay_sees_up_to_infinity() -> None:
     z = F_MAIN / (1 + 2 * PITCH / (F_MAIN / 3.8))
     gap = PITCH * z / (F_MAIN / 3.8)
     array = dataclasses.replace(
@@ -112,7 +112,7 @@ def test_galilean_relay_is_blind_nowhere_to_infinity() -> None:
     assert distance[met].max() == pytest.approx(36.0 * 0.432e-3 / gap, rel=0.01)
 
 
-def test_noise_past_the_pole_keeps_its_rank() -> None:
+def test_noise_beyond_the_pole_keeps_its_rank() -> None:
     camera = r5()
     d = float(camera.disparity(3.0))
     depths = depth_read(camera, 3.0, pixel_noise=np.linspace(0.5, -1.5, 201) * d)[:, 0]

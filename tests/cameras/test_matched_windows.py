@@ -110,7 +110,7 @@ def test_a_declared_window_is_the_largest() -> None:
     assert side_px(r5(), 1.0, length) == pytest.approx(asked)
 
 
-def test_a_matcher_comes_to_the_bound_in_the_window_that_two_micro_images_share() -> None:
+def test_a_matcher_reaches_the_bound_in_the_window_that_two_micro_images_share() -> None:
     """10 px, the largest that neighbours of one type share at v = 3.72."""
     window = int(largest_common_square(23.0, 23.0 * math.sqrt(3.0) / 3.72))
     tried = scene(window=window)
@@ -130,17 +130,17 @@ def over_places(radius: float, places: int, rng: np.random.Generator) -> tuple[f
     """Window and baseline in the mean square of the error, lenses of a unit lattice looked up around random places."""
     i, j = (index.ravel() for index in np.mgrid[-16:17, -16:17])
     lattice = np.stack((i + j / 2.0, j * math.sqrt(0.75)), axis=-1)
-    told, by_length = [], []
+    reported, by_length = [], []
     for place in rng.random((places, 2)) @ np.array([[1.0, 0.0], [0.5, math.sqrt(0.75)]]):
         seen = lattice[np.hypot(*(lattice - place).T) < radius]
         if len(seen) > 1:
             first, second = np.triu_indices(len(seen), 1)
             length = np.hypot(*(seen[first] - seen[second]).T)
             side = largest_common_square(23.0, 23.0 * length / (2.0 * radius))
-            told.append(2.0 / len(seen) * np.sum(np.square(length * side)))
+            reported.append(2.0 / len(seen) * np.sum(np.square(length * side)))
             by_length.append(2.0 / len(seen) * np.sum(np.square(length)))
     baseline = np.mean(1.0 / np.array(by_length)) ** -0.5
-    return float(np.mean(1.0 / np.array(told)) ** -0.5 / baseline), float(baseline)
+    return float(np.mean(1.0 / np.array(reported)) ** -0.5 / baseline), float(baseline)
 
 
 @pytest.mark.parametrize(("radius", "largest"), [(0.62, 0.001), (1.083, 0.08), (1.3, 0.025), (2.0, 0.02), (4.0, 0.005)])

@@ -51,7 +51,7 @@ def test_rays_from_each_limit_blur_by_one_pixel_under_the_microlens():
                 assert float(abs(hits[0] - hits[1])) == pytest.approx(5.5e-6, rel=1e-9)
 
 
-def test_diffraction_of_a_microlens_opens_gaps_between_touching_types_and_beyond_it_all():
+def test_microlens_diffraction_opens_gaps_between_touching_types_and_then_removes_them():
     camera = builders.r5()
     gaps = camera.focus.sharp_range(sharp(1.0, "fwhm")).union.gaps
     assert len(gaps) == 2
@@ -61,7 +61,7 @@ def test_diffraction_of_a_microlens_opens_gaps_between_touching_types_and_beyond
     assert "6.03 µm" in nothing.reason  # 2.44 · 550 nm · 0.568 mm / 126.5 µm
 
 
-def test_equal_resolution_is_where_a_scan_finds_it_resolved():
+def test_equal_resolution_agrees_with_a_scan():
     camera = builders.r5()
     distance = np.linspace(0.1, 0.5, 4001)
     for resolution in (125e-6, 147e-6, 300e-6):

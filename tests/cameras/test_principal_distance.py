@@ -93,7 +93,7 @@ def test_noise_moves_depth_as_traced_points_say(angle: float) -> None:
 
 @pytest.mark.parametrize("angle", [0.0, 0.15])
 @pytest.mark.parametrize("error", ["yaw", "baseline", "focal_length", "principal_point"])
-def test_errors_are_read_as_traced_pictures_say(error: str, angle: float) -> None:
+def test_errors_act_as_traced_pictures_say(error: str, angle: float) -> None:
     """A rig that is off by the error takes the picture; the design reads it, or its calibration has the error."""
     off = {name: SIGMA if name == error else 0.0 for name in ("yaw", "baseline", "focal_length", "principal_point")}
     base, sensor = BASE + off["baseline"], sensor_by_rays() + off["focal_length"]
@@ -121,7 +121,7 @@ def test_views_and_overlap_are_those_of_the_ends_of_the_sensor() -> None:
     assert across / 1600 == pytest.approx(15e-6, rel=5e-3)
 
 
-def test_the_exact_model_stands_where_the_rays_land() -> None:
+def test_the_exact_model_agrees_with_traced_rays() -> None:
     rig = pair()
     x, y = 2e-3, -1.5e-3
     seen = rig.observe({}, np.array([x]), np.array([y]), np.array([60e-3]))
@@ -156,7 +156,7 @@ def test_rules_agree_at_infinity_and_the_default_is_the_focal_length() -> None:
     assert pair(focus_distance=1e9).principal_distance == pytest.approx(F * (1 + F / 1e9), rel=1e-15)
 
 
-def test_lenses_that_refocus_have_no_one_focused_distance() -> None:
+def test_lenses_that_refocus_have_no_single_focused_distance() -> None:
     with pytest.raises(OutOfRangeError, match=r": focused .allowed: focal_length.*; give a focus distance"):
         pair(focus_distance=None)
     assert pair(focus_distance=None, principal_distance_rule="focal_length").principal_distance == F

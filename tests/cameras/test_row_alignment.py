@@ -98,7 +98,7 @@ def test_without_texture_rows_are_left_alone() -> None:
 
 @pytest.mark.parametrize("degrees", [0, 5, 20, 45, 60, 90])
 @pytest.mark.parametrize("noise", [0.0, 5.0])
-def test_texture_that_slides_along_itself_or_repeats_leaves_rows_alone(degrees: int, noise: float) -> None:
+def test_ambiguous_texture_leaves_rows_alone(degrees: int, noise: float) -> None:
     """Waves of one direction, as of wood or fabric, fix no row; nor does one wave that repeats within the search."""
     rng, angle = np.random.default_rng(degrees), math.radians(degrees)
     rows, columns = np.indices((ROWS, COLUMNS + 50)).astype(np.float64)

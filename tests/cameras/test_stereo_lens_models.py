@@ -59,7 +59,7 @@ def test_a_perfect_calibration_reads_the_truth_wherever_both_see(lens: LensModel
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.name)
-def test_disparity_its_inverse_and_its_slope_belong_together(lens: LensModel) -> None:
+def test_disparity_its_inverse_and_its_slope_are_consistent(lens: LensModel) -> None:
     rig, z = wide(lens, convergence_angle=0.1), np.array([0.4, 0.8, 2.0])
     np.testing.assert_allclose(rig.depth_of_disparity(rig.disparity(z), z), z, rtol=1e-12)
     # One disparity step by finite differences of what both pictures show, and the depth that the noise of a step reads.

@@ -115,7 +115,7 @@ def read_with(found, distance, **off):
         {"pixel_noise": -5e-6, "mla_distance": 2e-6, "focal_length": 3e-6, "microlens_gap": -1e-6},
     ],
 )
-def test_errors_of_calibration_read_a_fixed_picture_as_intersected_rays_do(off):
+def test_calibration_errors_act_on_a_fixed_picture_as_intersected_rays_do(off):
     found = camera()
     for distance in DISTANCES:
         assert depth_read(found, distance, **off)[0] == pytest.approx(read_with(found, distance, **off), rel=1e-9)
@@ -158,7 +158,7 @@ def traced_views(found, point, distance, *, z=0.0, f=0.0, gap=0.0, pupil=0.0, pi
     ],
 )
 @pytest.mark.parametrize("slope", [0.0, 0.3])
-def test_what_is_seen_and_read_is_what_two_traced_rays_give(off, slope):
+def test_disparity_and_depth_agree_with_two_traced_rays(off, slope):
     """A camera that is off takes the picture; it is seen as traced, and one that knows it reads the truth from it."""
     found = camera()
     names = {
@@ -179,7 +179,7 @@ def test_what_is_seen_and_read_is_what_two_traced_rays_give(off, slope):
     assert valid.all()
 
 
-def test_a_pupil_that_is_elsewhere_is_read_as_intersected_rays_do():
+def test_a_displaced_pupil_acts_as_intersected_rays_say():
     """A fixed picture of the design, its two rays drawn back with another exit pupil."""
     found, pupil = camera(), 2e-3
     z, half = found.mla_distance, found.estimator_baseline * F_L / found.mla_distance / 2
@@ -195,7 +195,7 @@ def test_a_pupil_that_is_elsewhere_is_read_as_intersected_rays_do():
         )
 
 
-def test_a_tilted_array_is_one_that_stands_elsewhere_at_that_place():
+def test_a_tilted_array_acts_locally_like_a_displaced_one():
     found, tilt, field = camera(), 1e-3, 0.8
     at = field * 2048 * PIXEL / 2
     there = depth_read(found, DISTANCES, field, array_tilt_x=tilt)
@@ -208,7 +208,7 @@ def test_a_tilted_array_is_one_that_stands_elsewhere_at_that_place():
     np.testing.assert_allclose(depth_read(found, DISTANCES, array_rotation=0.02), turned, rtol=1e-11)
 
 
-def test_components_of_a_target_count_in_microlenses():
+def test_residual_components_of_a_target_count_in_microlenses():
     found = camera()
     ratio = PITCH / PIXEL
     np.testing.assert_allclose(found.target_noise_px(0.05), [0.1 * ratio, 0.05 * ratio, 0.05 * ratio])
@@ -216,7 +216,7 @@ def test_components_of_a_target_count_in_microlenses():
     assert seen.tolist() == [[True] * 3, [False] * 3]
 
 
-def test_it_measures_as_well_as_the_stereo_rig_of_its_equivalent_baseline():
+def test_it_measures_as_well_as_a_stereo_rig_with_its_equivalent_baseline():
     found = camera(disparity_error_px=1e-4, discrimination_step_px=1e-4)
     error = 1e-4 * PITCH  # in microlenses, and so small that depth is linear in it
     # dZ = Z² δd/(f B).
@@ -262,7 +262,7 @@ def test_limits_of_the_usable_range():
         ),
     ],
 )
-def test_impossible_cameras_are_refused_in_words(changes, what):
+def test_impossible_cameras_are_refused_with_a_message(changes, what):
     with pytest.raises(OutOfRangeError, match=what):
         camera(**changes)
 

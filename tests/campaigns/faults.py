@@ -217,7 +217,7 @@ def killed(bench: Bench, trials: int) -> Row:
 
 
 def _phase(bench: Bench, out: Path, prepare: Prepare) -> str:
-    """How far a killed run had come, as its folder tells."""
+    """How far a killed run had come, by its folder."""
     if prepare is finished:
         return "over finished results"
     if is_finished(bench, out):
@@ -375,9 +375,9 @@ def another_version(bench: Bench, trials: int) -> Row:
         finished(bench, out)
         with h5py.File(out / "results.nc", "r+") as file:
             file.attrs["format_version"] = (0, 2, 999)[trial % 3]
-        told = json.loads((out / "run.json").read_text(encoding="utf-8"))
-        told["results_sha256"] = hashlib.sha256((out / "results.nc").read_bytes()).hexdigest()
-        (out / "run.json").write_text(json.dumps(told), encoding="utf-8")
+        reported = json.loads((out / "run.json").read_text(encoding="utf-8"))
+        reported["results_sha256"] = hashlib.sha256((out / "results.nc").read_bytes()).hexdigest()
+        (out / "run.json").write_text(json.dumps(reported), encoding="utf-8")
         _refused_then_resumed(bench, row, out)
     return row
 

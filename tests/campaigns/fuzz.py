@@ -96,9 +96,9 @@ def _outcome(path: Path, overrides: tuple[str, ...]) -> str:
         study = api.load(path, overrides)
         assert study.check_summary().strip()
     except StudyError as error:
-        told = [str(problem) for problem in error.problems]
-        if not told or any(not problem.what.strip() for problem in error.problems):
-            raise AssertionError(f"refused without a word: {told}") from error
+        reported = [str(problem) for problem in error.problems]
+        if not reported or any(not problem.what.strip() for problem in error.problems):
+            raise AssertionError(f"refused without a word: {reported}") from error
         return "refused"
     try:
         assert str(study.plan()).strip()

@@ -28,7 +28,7 @@ from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import ChainAccuracy
 from tradestudy.plan.light_pilot import predicted_picture_seconds
-from tradestudy.plan.pieces.light_spot import TOLERANCES, LightSpotPiece, spot_models
+from tradestudy.plan.problems.light_spot import TOLERANCES, LightSpotProblem, spot_models
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 
 METHODS: tuple[MethodName, ...] = ("exact-rays", "fresnel", "fresnel-kirchhoff", "kirchhoff")
@@ -69,8 +69,8 @@ def measured(number: int, seed: int) -> Outcome | None:
         truth = _picture(part, SpotModels(method="kirchhoff", tolerance=max(tolerance / 10, 2e-3)))
     except TradestudyError:
         return None
-    trial_seconds = _least(lambda: choose(LightSpotPiece(part, {}), {"pixel_intensity": tolerance}, {}))
-    chosen = spot_models(choose(LightSpotPiece(part, {}), {"pixel_intensity": tolerance}, {}).models)
+    trial_seconds = _least(lambda: choose(LightSpotProblem(part, {}), {"pixel_intensity": tolerance}, {}))
+    chosen = spot_models(choose(LightSpotProblem(part, {}), {"pixel_intensity": tolerance}, {}).models)
     seconds, change = _timed(part, chosen, truth)
     seconds = min(seconds, *(_timed(part, chosen, truth)[0] for _ in range(2)))
     best, least = chosen, seconds if change <= tolerance else math.inf

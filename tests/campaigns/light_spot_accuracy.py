@@ -18,7 +18,7 @@ from tradestudy import load
 from tradestudy.analysis import spot_images
 from tradestudy.effects.choice import choose
 from tradestudy.plan.light_pilot import predicted_picture_seconds
-from tradestudy.plan.pieces.light_spot import LightSpotPiece, spot_models
+from tradestudy.plan.problems.light_spot import LightSpotProblem, spot_models
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
 ASKED = (0.1, 0.01, 0.001)
@@ -32,7 +32,7 @@ def main() -> None:
     found = []
     for asked in ASKED:
         start = time.perf_counter()
-        models = choose(LightSpotPiece(part, {}), {"pixel_intensity": asked}, {}).models
+        models = choose(LightSpotProblem(part, {}), {"pixel_intensity": asked}, {}).models
         selecting = time.perf_counter() - start
         predicted = predicted_picture_seconds(part, spot_models(models))
         wall, cpu = time.perf_counter(), time.process_time()

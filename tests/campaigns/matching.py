@@ -102,11 +102,11 @@ def row(words: str, tried: Scene, pairs: int, rng: np.random.Generator) -> Seque
     # is as wide as the window for outliers, whatever it is: no ratio says anything there.
     ends = (-OUTLIER / value, OUTLIER / value)
     least, tails = value * float(truncnorm.std(*ends)), 2.0 * float(norm.cdf(ends[0]))
-    told = tails < MOST_TAILS
+    reported = tails < MOST_TAILS
     return (
         words, f"{tried.electrons:g}", f"{tried.contrast:g}", f"{tried.length_px:g}", f"{tried.blur_px:g}",
         f"{tried.noise:g}", tried.window, pairs, f"{value:.4f}", "; ".join(broken) or "yes", f"{least:.4f}",
-        f"{rms:.4f}", f"{rms / least:.2f}" if told else "—", f"{uncertain / least:.2f}" if told else "—",
+        f"{rms:.4f}", f"{rms / least:.2f}" if reported else "—", f"{uncertain / least:.2f}" if reported else "—",
         f"{100 * lost:.1f} %", f"{100 * tails:.1f} %", f"{locking:.4f}",
     )  # fmt: skip
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tradestudy.cost import measuring
-from tradestudy.cost.measuring import Candidate, Entry, Piece, Reference, forget, measure, next_digit, on_frontier
+from tradestudy.cost.measuring import Candidate, CostProblem, Entry, Reference, forget, measure, next_digit, on_frontier
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.quadrature import gauss_legendre
@@ -44,13 +44,13 @@ def relative(values: FloatArray, reference: FloatArray) -> float:
     return float(np.max(np.abs(values / reference - 1.0)))
 
 
-def piece(clock: Clock, *, references: int = 2) -> Piece:
+def problem(clock: Clock, *, references: int = 2) -> CostProblem:
     """Truth 1: a quick rough candidate, the choice between, a slow exact one; references of 4 and of 12 s."""
 
     def reference(seconds: float, error: float) -> Callable[[], tuple[FloatArray, float]]:
         return lambda: (clock.taking(seconds, 1.0)(), error)
 
-    return Piece(
+    return CostProblem(
         name="p",
         title="P",
         difference=relative,
@@ -66,8 +66,8 @@ def piece(clock: Clock, *, references: int = 2) -> Piece:
     )
 
 
-def test_errors_are_those_against_the_finest_reference_and_never_below_its_own(clock: Clock) -> None:
-    found = measure(piece(clock), 100.0)
+def test_errors_refer_to_the_finest_reference_and_are_never_below_its_own(clock: Clock) -> None:
+    found = measure(problem(clock), 100.0)
     assert found.reference == "fine"
     assert [(one.models, one.chosen) for one in found.entries] == [("rough", False), ("choice", True), ("exact", False)]
     assert [one.error for one in found.entries] == pytest.approx([0.5, 0.1, 0.004])
@@ -88,7 +88,7 @@ def test_errors_are_those_against_the_finest_reference_and_never_below_its_own(c
 def test_what_does_not_fit_is_left_out_and_named(
     clock: Clock, seconds: float, reference: str, models: tuple[str, ...], left_out: list[str]
 ) -> None:
-    found = measure(piece(clock), seconds)
+    found = measure(problem(clock), seconds)
     assert found.reference == reference
     assert tuple(one.models for one in found.entries) == models
     assert len(found.left_out) == len(left_out)
@@ -99,9 +99,9 @@ def test_what_cannot_be_computed_is_left_out_and_named(clock: Clock) -> None:
     def refuse() -> FloatArray:
         raise UnaffordableError("too many nodes")
 
-    one = piece(clock)
+    one = problem(clock)
     failing = Candidate(models="failing", compute=refuse)
-    found = measure(Piece(**{**vars(one), "candidates": (*one.candidates, failing)}), 100.0)
+    found = measure(CostProblem(**{**vars(one), "candidates": (*one.candidates, failing)}), 100.0)
     assert found.left_out == ("failing: too many nodes",)
 
 
@@ -119,7 +119,7 @@ ENTRIES = (
 )
 
 
-def test_the_frontier_is_what_nothing_beats() -> None:
+def test_the_frontier_contains_what_nothing_beats() -> None:
     names = [one.models for one, on in zip(ENTRIES, on_frontier(ENTRIES), strict=True) if on]
     assert names == ["rough", "choice", "slow tenth", "tenth"]
 

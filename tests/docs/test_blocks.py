@@ -42,7 +42,7 @@ def test_links_between_files_lead_somewhere(page: Path) -> None:
             assert (base / target.lstrip("/")).exists(), target
 
 
-def test_numbers_of_an_output_are_held_against_it(tmp_path: Path) -> None:
+def test_numbers_of_an_output_are_compared_with_it(tmp_path: Path) -> None:
     session = Session(page=ROOT / "README.md", folder=tmp_path)
     session.run(Block(language="python", text="print('worst 0.832 % at 3 m in 12.5 s')\n", line=1, said={}))
     session.run(Block(language="text", text="0.832 % at 3 m in 99 s\n", line=2, said={"output": ""}))

@@ -1,4 +1,4 @@
-"""The choice of models against a search by hand, on pieces whose changes are known."""
+"""The choice of models against a search by hand, on problems whose changes are known."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tradestudy.effects.choice import Change, Changes, Choice, Piece, Slot, choose
+from tradestudy.effects.choice import Change, Changes, Choice, SimulationProblem, Slot, choose
 from tradestudy.effects.models import EFFECTS, Models, SlotName, models_of
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 
 TOLERANCE = {"depth_uncertainty": 0.05}
 
 
-class Known(Piece):
-    """A piece whose omissions add up; some are known only within a factor until they are tried."""
+class Known(SimulationProblem):
+    """A problem whose omissions add up; some are known only within a factor until they are tried."""
 
-    name, title = "known", "A known piece"
+    name, title = "known", "A known problem"
     asked = ("depth_uncertainty",)
 
     def __init__(
@@ -69,7 +69,7 @@ def test_the_simplest_models_that_fit_together_are_taken() -> None:
     assert names(choose(blur_and_noise(), {"depth_uncertainty": 1e-4}, {})) == ("kirchhoff", "exact")
 
 
-def test_a_cheap_omission_does_not_use_up_the_tolerance_that_spares_a_costly_model() -> None:
+def test_a_cheap_omission_does_not_use_up_the_tolerance_that_saves_a_costly_model() -> None:
     """With Airy's law (4 %), draws would remain necessary; with Fresnel's (0.1 %), a line (2 %) suffices instead."""
     costly = blur_and_noise(costly={"main_lens_diffraction": 1, "calibration": 2})
     assert names(choose(costly, {"depth_uncertainty": 0.05}, {})) == ("fresnel", "linear")
@@ -91,7 +91,7 @@ def test_only_what_can_change_the_choice_is_tried() -> None:
     assert (names(choice), near.tried) == (("airy", "linear"), 1)
 
 
-def test_every_model_is_told_with_what_it_alone_changes() -> None:
+def test_every_model_is_listed_with_the_change_that_it_alone_causes() -> None:
     choice = choose(blur_and_noise(), {"depth_uncertainty": 0.06}, {})
     alone = {(one.slot, one.model): one.changes["depth_uncertainty"].relative for one in choice.decisions}
     assert alone["main_lens_diffraction", "airy"] == 0.04
@@ -100,10 +100,10 @@ def test_every_model_is_told_with_what_it_alone_changes() -> None:
     assert [one.model for one in choice.decisions if one.chosen] == ["airy", "linear"]
 
 
-def test_what_not_even_the_most_complete_models_give_is_refused_with_value_limit_and_remedy() -> None:
+def test_a_tolerance_beyond_the_most_complete_models_is_refused_with_value_limit_and_remedy() -> None:
     coarse = Known({"sampling": {"5 %": 0.05, "1 %": 0.01}})
     with pytest.raises(
-        UnaffordableError, match=r"A known piece: .*depth uncertainty.*1 %.*0\.1 %.*loosen the tolerance"
+        UnaffordableError, match=r"A known problem: .*depth uncertainty.*1 %.*0\.1 %.*loosen the tolerance"
     ):
         choose(coarse, {"depth_uncertainty": 0.001}, {})
 

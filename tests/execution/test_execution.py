@@ -192,10 +192,10 @@ class TestExecutors:
         self, tmp_path: Path, make: Callable[[Processes], Executor], two_processes: Processes
     ) -> None:
         refused = points(tmp_path, 8, seconds=0.02, p2="is refused", p3="is refused")
-        with pytest.raises(OutOfRangeError, match="the number: 2") as told:
+        with pytest.raises(OutOfRangeError, match="the number: 2") as reported:
             mapped(make(two_processes), refused)
-        assert str(told.value) == "the number: 2 (allowed: another); choose it"
-        assert (told.value.value, told.value.remedy) == ("2", "choose it")
+        assert str(reported.value) == "the number: 2 (allowed: another); choose it"
+        assert (reported.value.value, reported.value.remedy) == ("2", "choose it")
 
     @pytest.mark.parametrize("make", OF_TWO)
     def test_a_point_that_ends_the_program_is_an_error_of_that_point(
@@ -241,7 +241,7 @@ class TestExecutors:
             make(count)
 
 
-def test_exact_draws_have_the_same_bits_everywhere_and_are_taken_up(tmp_path: Path, two_processes: Processes) -> None:
+def test_exact_draws_have_the_same_bits_everywhere_and_are_resumed(tmp_path: Path, two_processes: Processes) -> None:
     file = tmp_path / "exact.yaml"
     file.write_text(EXACT, encoding="utf-8")
     results = []
@@ -307,7 +307,7 @@ class TestFingerprint:
             "definition = tradestudy.load(sys.argv[1]).definition\n"
             "print(fingerprint(dict(definition.case.cameras), definition.file.cameras['rig']).hex())"
         )
-        told = {
+        reported = {
             subprocess.run(
                 [sys.executable, "-c", script, str(study_file)],
                 env={**os.environ, "PYTHONHASHSEED": seed},
@@ -317,16 +317,16 @@ class TestFingerprint:
             ).stdout
             for seed in ("1", "2")
         }
-        assert len(told) == 1
+        assert len(reported) == 1
 
     def test_tells_apart_what_differs(self) -> None:
-        told = [
+        reported = [
             1, 1.0, True, "1", b"1", None, (1,), [1], ("ab", "c"), ("a", "bc"), {"a": 1}, {"a": 2}, {"b": 1},
             {"a": 1, "b": 2}, {"b": 2, "a": 1}, 0.0, -0.0, np.float64(1.0), np.array([1.0]), np.array([[1.0]]),
             np.array([1]), np.array(["1"]), compute, LoggedPoint, Path("1"), (("a",), "b"), ("a", ("b",)),
         ]  # fmt: skip
-        told = [one for one in told if one is not LoggedPoint]
-        assert len({fingerprint(one) for one in told}) == len(told)
+        reported = [one for one in reported if one is not LoggedPoint]
+        assert len({fingerprint(one) for one in reported}) == len(reported)
 
     @pytest.mark.parametrize(
         "what",
@@ -436,8 +436,8 @@ class TestCommand:
                 time.sleep(0.005)
             running.send_signal(how)
             assert running.stderr is not None
-            told = running.stderr.read()
-        return running.returncode, told, len(keys_on_disk(out))
+            reported = running.stderr.read()
+        return running.returncode, reported, len(keys_on_disk(out))
 
     @pytest.mark.parametrize(
         ("how", "first", "second"),
@@ -459,13 +459,13 @@ class TestCommand:
         second: tuple[str, ...],
     ) -> None:
         out = tmp_path / "out"
-        status, told, kept = self.stop_after_some(study_file, out, how, *first)
+        status, reported, kept = self.stop_after_some(study_file, out, how, *first)
         assert 3 <= kept < POINTS
         if how == signal.SIGKILL:
-            assert (status, told) == (-how, "")
+            assert (status, reported) == (-how, "")
         else:
             assert status == 130
-            assert re.fullmatch(r"interrupted; .*\n", told)
+            assert re.fullmatch(r"interrupted; .*\n", reported)
         assert [path.name for path in out.iterdir()] == [FOLDER]
         done = subprocess.run(
             self.command(study_file, out, *second), capture_output=True, text=True, timeout=60, check=False
@@ -495,7 +495,7 @@ class TestCommand:
         assert path.read_bytes() == whole
 
     @pytest.mark.parametrize(
-        ("words", "told"),
+        ("words", "reported"),
         [
             (("--jobs", "0"), "number of worker processes: 0 (allowed: 1 or more)"),
             (("--threads", "-1"), "number of threads: -1 (allowed: 1 or more)"),
@@ -505,7 +505,7 @@ class TestCommand:
         ],
     )
     def test_impossible_workers_are_refused_before_anything_is_written(
-        self, study_file: Path, tmp_path: Path, words: tuple[str, ...], told: str
+        self, study_file: Path, tmp_path: Path, words: tuple[str, ...], reported: str
     ) -> None:
         from typer.testing import CliRunner
 
@@ -513,6 +513,6 @@ class TestCommand:
 
         result = CliRunner().invoke(cli.app, ["run", str(study_file), "--out", str(tmp_path / "out"), *words])
         assert result.exit_code == 2
-        assert told in result.stderr
+        assert reported in result.stderr
         assert result.stderr.count("\n") == 1
         assert not (tmp_path / "out").exists()

@@ -27,7 +27,7 @@ def parts_of(image_of: object, source: object = DISC) -> list[Part]:
     """What one picture hands over to be computed."""
     heard: list[Part] = []
 
-    def compute(parts: list[Part], told: object) -> list[object]:
+    def compute(parts: list[Part], reported: object) -> list[object]:
         heard.extend(parts)
         return in_turn(parts, lambda _share: None)
 
@@ -37,7 +37,7 @@ def parts_of(image_of: object, source: object = DISC) -> list[Part]:
 
 def test_a_picture_is_cut_into_rings_and_into_microlenses() -> None:
     rings = parts_of(chain_image)
-    assert len(rings) > 8  # even and odd angles of four rings at least, and what tells the error
+    assert len(rings) > 8  # even and odd angles of four rings at least, and those for the error
     assert all(len(part.args[1]) <= 16 for part in rings if isinstance(part, partial) and part.func is follow_points)
     assert len(parts_of(separate_image, DISC.centre)) == len(PATH.microlenses.centres)
 
@@ -100,7 +100,7 @@ def test_microlenses_apart_have_the_same_bits_everywhere(two_processes: Processe
     assert len({one.numerical_error for one in images}) == 1
 
 
-def test_an_interrupted_spot_is_taken_up(tmp_path: Path) -> None:
+def test_an_interrupted_spot_is_resumed(tmp_path: Path) -> None:
     part = tradestudy.load(SPOT_STUDY, SMALL).file.light_spot
     assert part is not None
     images: list[ChainImage] = []

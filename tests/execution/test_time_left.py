@@ -1,4 +1,4 @@
-"""What is left of a run, told by a clock that is set by hand."""
+"""The time left of a run, by a clock that the test sets."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def left(clock: Clock) -> TimeLeft:
     return found
 
 
-def test_a_step_that_has_hardly_begun_takes_what_was_predicted(clock: Clock, left: TimeLeft) -> None:
+def test_a_step_that_has_hardly_begun_has_its_predicted_time(clock: Clock, left: TimeLeft) -> None:
     left("depth", 0.0)
     clock.now += 2.0
     assert left.of_step == pytest.approx(8.0)
@@ -38,16 +38,16 @@ def test_a_step_that_has_hardly_begun_takes_what_was_predicted(clock: Clock, lef
     assert left.of_step == 0.0  # overdue, and nothing to go by
 
 
-def test_after_a_tenth_a_step_goes_on_as_it_began(clock: Clock, left: TimeLeft) -> None:
+def test_after_a_tenth_a_step_continues_at_its_own_pace(clock: Clock, left: TimeLeft) -> None:
     left("depth", 0.0)
     clock.now += 4.0
     left("depth", 0.1)
     assert left.of_step == pytest.approx(36.0)
-    clock.now += 1.0  # nothing new is told, but time goes by
+    clock.now += 1.0  # no new progress, but time passes
     assert left.of_step == pytest.approx(35.0)
 
 
-def test_steps_to_come_are_scaled_by_how_far_off_past_steps_were(clock: Clock, left: TimeLeft) -> None:
+def test_later_steps_are_scaled_by_the_error_of_past_predictions(clock: Clock, left: TimeLeft) -> None:
     left("depth", 0.0)
     clock.now += 30.0
     left("depth", 1.0)
@@ -57,7 +57,7 @@ def test_steps_to_come_are_scaled_by_how_far_off_past_steps_were(clock: Clock, l
     assert left.of_run == pytest.approx(24.0)
 
 
-def test_what_was_taken_up_is_no_pace(clock: Clock, left: TimeLeft) -> None:
+def test_resumed_parts_do_not_count_as_pace(clock: Clock, left: TimeLeft) -> None:
     left("depth", 0.6)
     assert left.of_step == pytest.approx(4.0)
     clock.now += 5.0
@@ -65,7 +65,7 @@ def test_what_was_taken_up_is_no_pace(clock: Clock, left: TimeLeft) -> None:
     assert left.of_step == pytest.approx(5.0)
 
 
-def test_a_step_that_nobody_predicted_is_told_by_its_own_pace_alone(clock: Clock, left: TimeLeft) -> None:
+def test_an_unpredicted_step_is_extrapolated_from_its_own_pace(clock: Clock, left: TimeLeft) -> None:
     left("something", 0.0)
     assert math.isnan(left.of_step)
     clock.now += 5.0

@@ -33,14 +33,14 @@ def test_a_fault_loses_nothing_and_the_rerun_resumes(bench: faults.Bench, fault:
 
 
 @pytest.mark.parametrize("fault", [faults.file_too_large, faults.read_only], ids=lambda f: f.__name__)
-def test_a_folder_that_takes_no_more_keeps_what_it_has(bench: faults.Bench, fault: Callable[..., faults.Row]) -> None:
+def test_a_folder_that_refuses_writes_keeps_what_it_has(bench: faults.Bench, fault: Callable[..., faults.Row]) -> None:
     row = fault(bench, 1)
     assert row.details == []
     if row.trials == 0:
         pytest.skip(row.note)
 
 
-def test_the_look_through_a_folder_sees_what_is_broken(bench: faults.Bench, tmp_path: Path) -> None:
+def test_the_inspection_of_a_folder_finds_what_is_broken(bench: faults.Bench, tmp_path: Path) -> None:
     out = tmp_path / "out"
     faults.finished(bench, out)
     assert faults.half_written(out) == []
@@ -51,7 +51,7 @@ def test_the_look_through_a_folder_sees_what_is_broken(bench: faults.Bench, tmp_
         (out / name).write_bytes(whole)
 
 
-def test_bad_input_is_refused_in_words(tmp_path: Path) -> None:
+def test_bad_input_is_refused_with_a_message(tmp_path: Path) -> None:
     kept: list[int] = []
     tally = fuzz.campaign(tmp_path, inputs=INPUTS, seed=2, keep=lambda _path, number: kept.append(number))
     assert tally.findings == []
@@ -61,7 +61,7 @@ def test_bad_input_is_refused_in_words(tmp_path: Path) -> None:
     assert INPUTS // 100 < tally.outcomes["planned"] + tally.outcomes["no plan"] < INPUTS // 2
 
 
-def test_the_fuzzer_tells_a_breach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_fuzzer_detects_a_breach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def crash(*_: object) -> None:
         raise RuntimeError("boom")
 

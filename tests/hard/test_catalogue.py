@@ -36,7 +36,7 @@ def cases() -> Iterator[tuple[Family, NumericCase | OutcomeCase]]:
 
 
 @pytest.mark.parametrize(("family", "case"), [pytest.param(f, c, id=f"{f.name}: {c.name}") for f, c in cases()])
-def test_ours_is_right(family: Family, case: NumericCase | OutcomeCase) -> None:
+def test_the_program_s_results_are_right(family: Family, case: NumericCase | OutcomeCase) -> None:
     verdict = judge(family, case, references().get(family.name, {}))
     assert verdict.met, verdict
     if isinstance(case, NumericCase):
@@ -76,7 +76,7 @@ def test_the_usual_formula_breaks_somewhere_in_every_family() -> None:
             assert sum(not v.naive_error <= v.bound for v in verdicts) >= len(verdicts) / 4, family.name
 
 
-def test_a_wrong_answer_is_told() -> None:
+def test_a_wrong_answer_is_detected() -> None:
     reference = Reference(value="1.00000000000000000000000000001", scale="1", condition_number=1.0)
     assert relative_error(1.0, reference) == pytest.approx(1e-29)
     assert relative_error(math.nan, reference) == math.inf

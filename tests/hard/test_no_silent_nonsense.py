@@ -40,13 +40,13 @@ def starter(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
     return api.load(path, changed).run().data
 
 
-def test_what_is_not_finite_says_why(starter: xr.DataTree) -> None:
+def test_results_that_are_not_finite_give_a_reason(starter: xr.DataTree) -> None:
     assert unexplained(starter) == []
     assert np.isinf(starter["depth"]["depth_uncertainty"].values).any()
     assert np.isnan(starter["depth"]["variance_share"].values).any()
 
 
-def test_what_is_not_sharp_says_why() -> None:
+def test_results_that_are_not_sharp_give_a_reason() -> None:
     changed = ("scene.distances.points=5", "depth_of_field.range=[20 mm, 10 m]")
     tree = api.load(STUDIES / "hand_lens.yaml", changed).run().data
     assert unexplained(tree) == []
@@ -56,7 +56,7 @@ def test_what_is_not_sharp_says_why() -> None:
     assert all(data["reason"].values[empty])
 
 
-def test_hard_cases_say_why() -> None:
+def test_hard_cases_explain_every_missing_number() -> None:
     study = api.load(STUDIES / "hard_cases.yaml", ("hard_cases.families=[thin-lens, depth-of-field, propagation]",))
     tree = study.run().data
     assert unexplained(tree) == []

@@ -48,7 +48,7 @@ def test_every_case_has_both_errors_a_bound_and_a_verdict(tree: xr.DataTree) -> 
     assert rows["shift of infinity"][3] == "wrong: nan"
 
 
-def test_the_figure_tells_its_numbers_in_words(tree: xr.DataTree) -> None:
+def test_the_figure_s_alternative_text_gives_its_numbers(tree: xr.DataTree) -> None:
     drawing = figures.build(tree)["hard_cases"]
     data = tree["hard_cases"].to_dataset()
     numbers = int((~data["outcome"].values.astype(bool)).sum())
@@ -60,7 +60,7 @@ def test_the_figure_tells_its_numbers_in_words(tree: xr.DataTree) -> None:
     assert marks == numbers
 
 
-def test_what_is_not_met_is_named_first(tree: xr.DataTree) -> None:
+def test_cases_that_are_not_met_come_first(tree: xr.DataTree) -> None:
     tone, words = verdict(tree)
     count = tree["hard_cases"].sizes["case"]
     assert tone == "answer"

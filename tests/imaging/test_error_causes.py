@@ -77,7 +77,7 @@ def test_a_wide_blur_counts_most() -> None:
     ],
     ids=["light over which texture stands out", "light in which it drowns", "reading in which it drowns"],
 )
-def test_ten_times_the_light_helps_as_its_noise_has_it(
+def test_ten_times_the_light_lowers_the_error_as_its_noise_says(
     electrons: float, read_noise: float, texture: Texture, blur: float, expected: float
 ) -> None:
     """Where nothing is aliased the bound follows noise over signal, and its square once noise is the larger."""
@@ -91,7 +91,7 @@ def test_ten_times_the_light_helps_as_its_noise_has_it(
     assert factor(found, "ten times the light") == pytest.approx(expected, rel=0.005)
 
 
-def test_the_light_of_another_is_that_light_declared() -> None:
+def test_the_light_of_another_camera_equals_that_light_declared() -> None:
     brightest = np.array([3.0, math.nan])
     found = causes(hand_lens(22.0), [53e-3, FOCUS], brightest=brightest)
     light = replace(SETTINGS.light, electrons=3.0 * SETTINGS.light.electrons)
@@ -105,7 +105,7 @@ def test_the_light_of_another_is_that_light_declared() -> None:
     assert np.isnan(found.changed_error[k, 1])
 
 
-def test_without_diffraction_means_of_every_lens() -> None:
+def test_without_diffraction_removes_it_from_every_lens() -> None:
     """And can be worse: texture far finer than the micro-image's pixels is no longer kept out of them."""
     models = replace(CLOSED, microlens_diffraction="airy")
     found = causes(r5(), 0.3, models=models)
@@ -114,7 +114,7 @@ def test_without_diffraction_means_of_every_lens() -> None:
     assert found.changed[CHANGES.index("no diffraction")] == pytest.approx(short.value, rel=2e-3)
 
 
-def test_where_there_is_no_picture_nothing_is_known() -> None:
+def test_without_a_picture_all_values_are_nan() -> None:
     found = causes(hand_lens(), [10e-3, FOCUS], brightest=2.0)
     assert np.isnan(found.value[0])
     assert np.all(np.isnan(found.changed[:, 0]))

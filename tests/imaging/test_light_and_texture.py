@@ -58,7 +58,7 @@ def test_the_variance_is_that_of_a_simulated_sensor(model: str) -> None:
     assert noise_variance(900.0, SENSOR, "off") == 0.0
 
 
-def test_illumination_is_cos4_times_what_two_stops_leave() -> None:
+def test_illumination_is_cos4_times_the_area_that_two_stops_leave() -> None:
     assert field_illumination(math.radians(30), pupil_diameter=5e-3, stop_separation=0.0) == pytest.approx(9 / 16)
     angle, pupil, apart = math.radians(20), 4e-3, 6e-3
     shift = apart * math.tan(angle)
@@ -83,6 +83,6 @@ def test_illumination_is_cos4_times_what_two_stops_leave() -> None:
         lambda: field_illumination(0.1, pupil_diameter=1.0, stop_separation=-1.0),
     ],
 )
-def test_what_cannot_be_is_refused(make) -> None:
+def test_impossible_values_are_refused(make) -> None:
     with pytest.raises(OutOfRangeError):
         make()

@@ -28,7 +28,7 @@ def test_noise_floor_and_locking_scatter_as_simulated() -> None:
     assert float(REAL.error_px(bound)) == pytest.approx(math.sqrt(0.005286), rel=1e-12)
 
 
-def test_each_value_alone() -> None:
+def test_each_value_acts_alone() -> None:
     assert float(Matcher(factor=2.0).error_px(0.04)) == pytest.approx(0.08)
     assert float(Matcher(floor=0.03).error_px(0.04)) == pytest.approx(0.05)
     assert float(Matcher(pixel_locking=0.03 * math.sqrt(2.0)).error_px(0.04)) == pytest.approx(0.05)
@@ -52,7 +52,7 @@ def test_a_change_of_the_bound_changes_the_error_by_less(bound: float, factor: f
     assert float(REAL.numerical_error_px(bound, step)) == pytest.approx(slope, rel=1e-4)
 
 
-def test_changes_of_bounds_that_are_not_known() -> None:
+def test_changes_of_unknown_bounds_are_unknown() -> None:
     np.testing.assert_array_equal(REAL.change([np.nan, np.inf, 0.0], [1.2, 1.2, np.inf]), [1.2, 1.2, np.inf])
     assert float(REAL.change(0.0, 5.0)) == 1.0  # the rest is all there is
 
@@ -66,7 +66,7 @@ def test_the_best_matcher_changes_nothing() -> None:
     assert AT_BOUND.words == ""
 
 
-def test_a_law_adds_its_matcher_and_keeps_what_the_picture_says() -> None:
+def test_a_matcher_adds_to_the_error_and_keeps_the_picture_s_statements() -> None:
     camera, law = hand_lens(), replace(BOUND, matcher=REAL)
     bound = BOUND.error_px(camera, PLACES)
     np.testing.assert_allclose(

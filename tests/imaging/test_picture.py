@@ -63,7 +63,7 @@ def error_of(camera, distance, settings=SETTINGS, **models):
 # ---- geometry -------------------------------------------------------------------------------------------------------
 
 
-def test_a_stereo_picture_by_hand() -> None:
+def test_a_stereo_picture_agrees_with_a_written_out_calculation() -> None:
     geometry = hand_lens().picture_geometry(np.array([50e-3, 55e-3, 10e-3]))
     image = 18.3e-3 * 55 / (55 - 18.3)
     assert geometry.main_lens.f_number[:2] == pytest.approx([image / (18.3e-3 / 9.8)] * 2)
@@ -101,7 +101,7 @@ def test_in_focus_the_picture_is_that_of_the_airy_pattern_by_another_quadrature(
     assert abs(found.value[0] / expected - 1) <= 5e-4 + found.error[0] / expected
 
 
-def test_a_micro_image_by_hand() -> None:
+def test_a_micro_image_agrees_with_a_written_out_calculation() -> None:
     camera, a = r5(), np.array([0.15, 0.3])
     geometry = camera.picture_geometry(a)
     image = a * F_MAIN / (a - F_MAIN)
@@ -180,7 +180,7 @@ def test_the_stated_error_covers_a_much_finer_quadrature(camera, distances, monk
     assert np.all(found.error[found.applies] < 1e-2 * found.value[found.applies])
 
 
-def test_a_distance_is_answered_alike_alone_and_among_others() -> None:
+def test_a_distance_gives_the_same_answer_alone_and_among_others() -> None:
     distance = np.linspace(45e-3, 70e-3, 26)
     together = error_of(hand_lens(), distance)
     alone = [error_of(hand_lens(), a).value[0] for a in distance]
@@ -197,7 +197,7 @@ def test_the_bound_alone_is_the_value_of_the_whole_answer() -> None:
 
 
 @pytest.mark.parametrize("camera", [hand_lens(5.6), hand_lens(22.0), r5()], ids=["f/5.6", "f/22", "r5"])
-def test_models_weighed_one_after_another_have_the_bound_of_each_alone(camera) -> None:
+def test_models_evaluated_in_turn_have_the_bound_of_each_alone(camera) -> None:
     distance = np.geomspace(45e-3, 0.5, 14)
     settings = replace(SETTINGS, spectrum=((500e-9, 1.0), (640e-9, 2.0)))
     geometry = camera.picture_geometry(distance)
@@ -214,7 +214,7 @@ def test_models_weighed_one_after_another_have_the_bound_of_each_alone(camera) -
 
 
 @pytest.mark.parametrize(("defocus", "count"), [("disc", 10), ("off", 4)])
-def test_kirchhoff_takes_the_points_that_are_said_beforehand_and_no_others(defocus: DefocusModel, count: int) -> None:
+def test_kirchhoff_evaluates_exactly_the_announced_points(defocus: DefocusModel, count: int) -> None:
     """Six around two neighbouring defoci, and four in focus, which serve where rays do and where defocus is off."""
     geometry = hand_lens(5.6).picture_geometry(np.array([55.3e-3, 55.6e-3, 30e-3, 28e-3]))
     models = replace(CLOSED, main_lens_diffraction="kirchhoff", defocus_blur=defocus)
@@ -229,7 +229,7 @@ def test_kirchhoff_takes_the_points_that_are_said_beforehand_and_no_others(defoc
 
 
 @pytest.mark.parametrize("f_number", [1.4, 5.6, 22.0])
-def test_no_lens_passes_anything_that_is_left_out_beyond_its_cutoff(f_number: float) -> None:
+def test_no_lens_passes_frequencies_beyond_its_cutoff(f_number: float) -> None:
     geometry = hand_lens(f_number).picture_geometry(np.linspace(45e-3, 70e-3, 7))
     frequency = np.concatenate([np.linspace(0.0, 0.7, 30), np.linspace(0.5, 5.0, 400)])
     models = replace(CLOSED, main_lens_diffraction="fresnel")
@@ -257,7 +257,7 @@ def test_the_margin_is_negative_exactly_where_a_matcher_misses_the_bound(f_numbe
     np.testing.assert_array_equal(met, law.derived(camera, distance).applies)
 
 
-def test_the_error_does_not_know_how_well_the_camera_is_calibrated() -> None:
+def test_the_error_does_not_depend_on_the_calibration() -> None:
     law = PictureDisparityError(settings=SETTINGS, models=CLOSED)
     distance = np.array([50e-3, 55e-3])
     perfect = replace(hand_lens(), calibration=Calibration())
@@ -344,7 +344,7 @@ def test_conditions_are_named(change: dict, words: str) -> None:
     assert any(words in name for name in broken)
 
 
-def test_full_pixels_are_told_apart_from_bad_matching() -> None:
+def test_saturated_pixels_are_distinguished_from_bad_matching() -> None:
     usual = error_of(hand_lens(), 55e-3)
     bright = error_of(hand_lens(), 55e-3, replace(SETTINGS, light=Light(electrons=5e5, f_number=9.8)))
     assert usual.filled_share[0] < 1.0 < bright.filled_share[0]
@@ -380,7 +380,7 @@ def test_impossible_settings_are_refused(change: dict) -> None:
 
 
 @pytest.mark.parametrize("diffraction", ["airy", "fresnel"])
-def test_the_ends_of_the_world_have_answers(diffraction: str) -> None:
+def test_extreme_distances_have_answers(diffraction: str) -> None:
     """The lens itself, its focal plane, where the main lens images onto the microlenses, and far away."""
     camera = r5()
     onto_array = F_MAIN * camera.mla_distance / (camera.mla_distance - F_MAIN)
@@ -405,7 +405,7 @@ def test_the_ends_of_the_world_have_answers(diffraction: str) -> None:
 # ---- as the law of a camera -----------------------------------------------------------------------------------------
 
 
-def test_the_law_follows_its_camera_and_survives_transport() -> None:
+def test_the_error_law_follows_its_camera_and_can_be_pickled() -> None:
     law = pickle.loads(pickle.dumps(PictureDisparityError(settings=SETTINGS, models=CLOSED)))
     camera = replace(hand_lens(), disparity_error_px=law)
     distance = np.array([[54e-3, 55e-3], [56e-3, 5e-3]])

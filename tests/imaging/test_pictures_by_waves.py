@@ -1,4 +1,4 @@
-"""Pictures by waves against direct integration, closed forms, rays, and what a study is told of them."""
+"""Pictures by waves against direct integration, closed forms, rays, and what a study reports of them."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def unlike(one: FloatArray, other: FloatArray) -> float:
     return float(np.linalg.norm(scaled - other) / np.linalg.norm(other))
 
 
-def test_a_plane_is_what_direct_integration_of_all_its_points_makes_of_it() -> None:
+def test_the_picture_of_a_plane_agrees_with_direct_integration_over_its_points() -> None:
     """Strong contrast up to a period of five pixels behind microlenses of 2.4 Fresnel zones; rays are 7 % wrong."""
     direct = integrated_picture()
     sample = 2e-6 * DISTANCE / IMAGE
@@ -113,7 +113,7 @@ def test_a_stop_passes_the_light_that_falls_on_it() -> None:
 
 
 @pytest.mark.parametrize("reach", [14.2e-3, 0.14e-3], ids=["soft", "sharp"])
-def test_a_lens_that_has_been_used_travels_to_another_process(reach: float) -> None:
+def test_a_used_lens_can_be_sent_to_another_process(reach: float) -> None:
     stop = Stop(scale=-10.9, reach=reach, radius=1.64e-3)
     lens = TwoApertures(wavelength=WAVELENGTH, radius=63e-6, stop=stop)
     offsets = np.array([0.0, 1.2e-3, 1.7e-3])
@@ -141,7 +141,7 @@ def test_a_stop_that_cuts_sends_light_where_its_rays_go() -> None:
 
 
 @pytest.mark.parametrize("kind", ["plenoptic", "single lens", "two stops"])
-def test_light_of_ever_shorter_waves_goes_the_way_of_rays(kind: str) -> None:
+def test_light_approaches_rays_as_the_wavelength_shrinks(kind: str) -> None:
     exposure: Exposure = figure_7(pixels=48)
     if kind != "plenoptic":
         exposure = SingleLensExposure(
@@ -162,7 +162,7 @@ def test_light_of_ever_shorter_waves_goes_the_way_of_rays(kind: str) -> None:
     assert changes[0] > changes[1]
 
 
-def test_the_edge_of_a_surface_before_nothing_is_blurred_as_its_transfer_says() -> None:
+def test_the_edge_of_a_surface_against_darkness_is_blurred_as_its_transfer_says() -> None:
     """Half of the pixels look past it: ``½ + (1/π) ∫ H(ν) sinc(νw) sin(2πνp)/ν dν`` at p from the edge."""
     f, focus, distance, pitch = 12.5e-3, 0.16, 0.15, 4e-6
     lens = Lens(focal_length=f, f_number=8.0)
@@ -195,7 +195,7 @@ def small(folder: Path, *more: str, effects: str) -> api.Study:
     return study(folder, "{shape: plane, distance: 150 mm}", "cameras: [pair]", *more, effects=effects)
 
 
-def test_the_plan_says_why_rays_and_the_picture_what_they_leave_out(tmp_path: Path) -> None:
+def test_the_plan_justifies_rays_and_the_picture_states_what_they_leave_out(tmp_path: Path) -> None:
     plain = small(tmp_path, effects="accuracy: {pixel_intensity: 10 %}")
     (line,) = (line for line in str(plain.plan()).splitlines() if line.startswith("pair-pictures"))
     assert "no diffraction; leaving out diffraction at the main lens changes the pixel intensity" in line
@@ -207,7 +207,7 @@ def test_the_plan_says_why_rays_and_the_picture_what_they_leave_out(tmp_path: Pa
     assert left["within_tolerance"] is True
 
 
-def test_a_study_can_insist_on_waves(tmp_path: Path) -> None:
+def test_a_study_can_force_waves(tmp_path: Path) -> None:
     forced = small(
         tmp_path,
         "noise: 'off'",

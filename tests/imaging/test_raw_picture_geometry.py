@@ -107,7 +107,7 @@ def test_micro_images_of_a_small_spot(distance: float, spacing: float, blur: flo
     assert micro_image(partly_lit)[:2] == pytest.approx((lands, 0.0), abs=0.01)
 
 
-def test_opaque_gaps_pass_the_share_of_the_array_that_is_glass() -> None:
+def test_opaque_gaps_pass_the_fraction_of_the_array_that_microlenses_fill() -> None:
     exposure = figure_7(pixels=600)
     cones = exposure.cones(*places(exposure, slice(10, 589), slice(1, 598)))  # 14 and 25 periods of the white picture
     conventional = SingleLensExposure(

@@ -19,7 +19,7 @@ SIDE, PLACES = 24, 5
 
 
 @pytest.mark.parametrize("count", [*range(5, 21), 64, 192])
-def test_with_its_filter_every_number_of_nodes_has_the_moments_of_pixel_and_disc(count: int) -> None:
+def test_any_number_of_nodes_with_its_filter_has_the_moments_of_pixel_and_disc(count: int) -> None:
     """A unit square has 1/12 along an axis, a unit disc 1/4; place on the pixel and on the lens are independent."""
     found = nodes(count)
     both = np.concatenate([found.pixel, found.disc], axis=1)
@@ -32,7 +32,7 @@ def test_with_its_filter_every_number_of_nodes_has_the_moments_of_pixel_and_disc
 
 @pytest.mark.parametrize("count", range(6, 17))
 @pytest.mark.parametrize("blend", [0.0, 0.5, -0.5, 1.0])
-def test_few_rays_meet_at_no_depth(count: int, blend: float) -> None:
+def test_few_rays_do_not_coincide_at_any_depth(count: int, blend: float) -> None:
     """Neither on an object in focus, where places on the pixel count, nor in the pupil, nor in between."""
     found = nodes(count)
     seen = 2.0 * (1.0 - abs(blend)) * found.pixel + blend * found.disc

@@ -44,7 +44,7 @@ def test_a_pixel_holds_no_more_than_its_full_well() -> None:
     assert np.all(bright == 2**BITS - 1)
 
 
-def test_without_noise_the_light_itself_comes_out() -> None:
+def test_without_noise_the_picture_is_the_light_itself() -> None:
     light = np.linspace(0.0, 100.0, 11)
     assert recording(model="off").record(light, np.random.default_rng(0)) == pytest.approx(light)
 

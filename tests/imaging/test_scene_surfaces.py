@@ -158,7 +158,7 @@ def test_depth_maps_are_read_from_every_format(tmp_path: Path, name: str) -> Non
     assert read_depths(tmp_path / name, 1e-4) == pytest.approx(depths * 1e-4)
 
 
-def test_a_depth_map_with_holes_or_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_a_depth_map_with_holes_and_a_file_that_is_not_one_are_refused(tmp_path: Path) -> None:
     Image.fromarray(np.array([[0, 7], [9, 9]], np.uint8)).save(tmp_path / "holes.png")
     with pytest.raises(OutOfRangeError, match=r"1 pixels of .*fill the holes"):
         read_depths(tmp_path / "holes.png", 1e-3)

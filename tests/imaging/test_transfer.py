@@ -168,7 +168,7 @@ def test_kirchhoff_of_a_converging_wave_and_of_a_distant_point() -> None:
 
 
 @pytest.mark.parametrize(("f_number", "lens_phase", "digits"), [(9.8, "perfect", 1e-5), (5.6, "parabolic", 1e-4)])
-def test_the_lattice_of_kirchhoff_is_as_good_as_every_distance_by_itself(f_number, lens_phase, digits) -> None:
+def test_interpolating_kirchhoff_is_as_good_as_computing_every_distance(f_number, lens_phase, digits) -> None:
     f, focus = 18.3e-3, 55e-3
     plane, aperture = f * focus / (focus - f), f / f_number
     distance = np.array([50.3e-3, 55.02e-3, 58e-3, focus])

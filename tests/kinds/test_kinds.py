@@ -84,7 +84,7 @@ def call(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
-def tell(folder: Path, *arguments: str) -> str:
+def invoke(folder: Path, *arguments: str) -> str:
     """What a call that succeeds prints."""
     found = call(folder, *arguments)
     assert found.returncode == 0, found.stdout + found.stderr
@@ -107,9 +107,9 @@ def test_a_new_kind_is_one_file_and_one_entry(copy: Path) -> None:
     replace_once(copy / KINDS, "KINDS: Final", imported)
     (copy / "laser.yaml").write_text(STUDY, encoding="utf-8")
 
-    assert "3 cameras" in tell(copy, "check", "laser.yaml")
-    assert "scanner" in tell(copy, "plan", "laser.yaml")
-    tell(copy, "run", "laser.yaml", "--out", "out", "--quiet")
+    assert "3 cameras" in invoke(copy, "check", "laser.yaml")
+    assert "scanner" in invoke(copy, "plan", "laser.yaml")
+    invoke(copy, "run", "laser.yaml", "--out", "out", "--quiet")
     assert (copy / "out" / "report.pdf").stat().st_size > 10_000
     report = (copy / "out" / "report.html").read_text(encoding="utf-8")
     assert "Depth from a projected line" in report
@@ -139,7 +139,7 @@ def test_a_new_kind_is_one_file_and_one_entry(copy: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_kind_can_be_taken_out(copy: Path) -> None:
+def test_a_kind_can_be_removed(copy: Path) -> None:
     shutil.rmtree(copy / "tradestudy" / "cameras" / "unfocused_plenoptic")
     kinds = (copy / KINDS).read_text(encoding="utf-8").splitlines(keepends=True)
     (copy / KINDS).write_text("".join(line for line in kinds if "Unfocused" not in line), encoding="utf-8")
@@ -153,4 +153,4 @@ def test_a_kind_can_be_taken_out(copy: Path) -> None:
     assert with_such_a_camera == ["hand_lens.yaml", "rock_scene.yaml"]
     for name in ("plenoptic_vs_stereo", "close_range"):
         few = ["--set", "scene.distances.points=11"]
-        tell(copy, "run", f"studies/{name}.yaml", "--out", name, "--no-pdf", "--quiet", *few)
+        invoke(copy, "run", f"studies/{name}.yaml", "--out", name, "--no-pdf", "--quiet", *few)

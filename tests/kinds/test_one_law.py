@@ -48,14 +48,14 @@ def scaled(monkeypatch: pytest.MonkeyPatch) -> Any:
     forget()
 
 
-def test_a_disparity_is_read_by_it(scaled: Any) -> None:
+def test_scaling_the_law_scales_depth_from_disparity(scaled: Any) -> None:
     rig, disparity = stereo(), stereo().disparity(DISTANCES)
     before = rig.depth_of_disparity(disparity, DISTANCES)
     scaled()
     np.testing.assert_allclose(rig.depth_of_disparity(disparity, DISTANCES) * SCALE, before, rtol=1e-12)
 
 
-def test_draws_read_by_it(scaled: Any) -> None:
+def test_scaling_the_law_scales_the_depth_of_draws(scaled: Any) -> None:
     rng = np.random.default_rng(0)
     errors = {"yaw": 1e-3 * rng.standard_normal((50, 1)), "baseline": 1e-4 * rng.standard_normal((50, 1))}
     before = stereo().read(DISTANCES, 0.5, errors).inverse_depth
@@ -63,14 +63,14 @@ def test_draws_read_by_it(scaled: Any) -> None:
     np.testing.assert_allclose(stereo().read(DISTANCES, 0.5, errors).inverse_depth, SCALE * before, rtol=1e-12)
 
 
-def test_a_posterior_reads_by_it(scaled: Any) -> None:
+def test_scaling_the_law_scales_the_depth_of_a_posterior(scaled: Any) -> None:
     draws = WEBCAMS + 1e-6 * np.random.default_rng(0).standard_normal((50, 18))
     before = depth_of_draws(WEBCAMS, draws, DISTANCES)
     scaled()
     np.testing.assert_allclose(depth_of_draws(WEBCAMS, draws, DISTANCES) * SCALE, before, rtol=1e-12)
 
 
-def test_inverse_questions_are_answered_by_it(scaled: Any) -> None:
+def test_inverse_questions_follow_the_scaled_law(scaled: Any) -> None:
     """All depths of the rig shrink, so a yaw larger by as much makes it as uncertain as the other camera."""
     definition = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml").definition
     question = definition.file.solve["yaw-at-half-metre"]

@@ -131,7 +131,7 @@ def test_a_point_at_infinity_and_its_image_at_infinity_are_ordinary() -> None:
     np.testing.assert_allclose(parallel, near, rtol=1e-6, atol=1e-6 * near.max())
 
 
-def test_what_has_no_answer_is_refused() -> None:
+def test_cases_beyond_the_axial_integral_are_refused() -> None:
     of = case(80e-3, 4.0, 550e-9, 0.0)
     with pytest.raises(OutOfRangeError, match="stigmatic"):
         axial_kirchhoff_spot(np.zeros(1), **of, lens_phase="stigmatic")

@@ -120,7 +120,7 @@ def test_defocused_microlens_image_agrees_with_kirchhoff(phase, obliquity, toler
     assert hybrid.effort.nodes < 0.1 * area.effort.nodes
 
 
-def test_near_focus_everything_is_handed_over_and_right():
+def test_near_focus_every_point_goes_to_kirchhoff_and_is_right():
     lens = micro("perfect")
     _, _, b = lens.image_of(OBJECT)
     targets = detector("perfect", b, count=24)
@@ -188,7 +188,7 @@ def test_interpolated_grid_equals_points():
     np.testing.assert_allclose(fields[0][::37], fields[1], atol=5e-3 * np.abs(fields[1]).max())
 
 
-def test_what_the_leading_term_cannot_give_is_refused():
+def test_points_beyond_the_leading_term_are_refused():
     with pytest.raises(NotConvergedError, match="boundary wave"):
         aperture_field(
             source=OBJECT,

@@ -11,7 +11,7 @@ from tradestudy.optics.propagation import CircularLens, FieldAccuracy, PointSour
 
 @pytest.mark.parametrize("tolerance", [3e-2, 1e-2, 1e-3])
 @pytest.mark.parametrize("seed", range(3))
-def test_errors_beside_targets_handed_over_are_stated_or_refused(tolerance, seed):
+def test_errors_next_to_targets_left_to_kirchhoff_are_stated_or_refused(tolerance, seed):
     """A tilted beam with a caustic: the error sits in few dim targets whose rays pass just outside the aperture."""
     settings = {
         "source": PointSource(x=-9.887692785585942e-3, distance=0.11331031715784066),

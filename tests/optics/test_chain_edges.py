@@ -48,7 +48,7 @@ def test_a_point_is_kirchhoffs_within_its_stated_error(first: LegMethod, source:
 
 
 @pytest.mark.parametrize("width", [24e-6, 48e-6])
-def test_far_from_focus_it_is_as_good_as_the_integral(width: float) -> None:
+def test_far_from_focus_it_equals_the_integral(width: float) -> None:
     """The closed form is exact for spheres, but for the obliquity: no leading term of anything."""
     path = camera(
         centres=np.zeros((1, 2)), focal_lengths=np.full(1, 300e-6), aperture_width=width, pitch=2 * PITCH,
@@ -68,7 +68,7 @@ def test_far_from_focus_it_is_as_good_as_the_integral(width: float) -> None:
     ],
     ids=["cut", "in focus", "steeper than any ray"],
 )
-def test_what_a_shadow_cuts_and_what_is_in_focus_is_left_to_kirchhoff(changes: dict[str, object]) -> None:
+def test_points_in_focus_or_cut_by_a_shadow_are_left_to_kirchhoff(changes: dict[str, object]) -> None:
     """No microlens is lit as a whole, or all are in focus, or have no rays: the very same picture, all handed over."""
     edge, area = (image(camera(**changes), OFF, "geometric", last, 1e-3) for last in ("boundary_wave", "kirchhoff"))
     assert edge.handed_over == 1.0
@@ -85,7 +85,7 @@ def test_a_disc_is_kirchhoffs_within_its_stated_error(first: LegMethod) -> None:
     assert edge.handed_over < 1e-12 if first == "geometric" else 1e-3 < edge.handed_over < 0.5
 
 
-def test_light_beside_the_lenses_goes_on_by_kirchhoff() -> None:
+def test_light_through_gaps_is_left_to_kirchhoff() -> None:
     """Clear gaps: their share of the light, and no more, is handed over; perfect lenses keep the rest from focus."""
     path = camera(main_lens=WIDE, lens_phase="perfect", gaps="clear", focal_lengths=OUT_OF_FOCUS)
     edge, area = (image(path, ON, "geometric", last, 1e-2) for last in ("boundary_wave", "kirchhoff"))
@@ -94,7 +94,7 @@ def test_light_beside_the_lenses_goes_on_by_kirchhoff() -> None:
     assert gap - 1e-9 < edge.handed_over < gap + 0.02
 
 
-def test_microlenses_alone() -> None:
+def test_microlenses_without_a_main_lens() -> None:
     path = camera(
         main_lens=WIDE, lens_phase="perfect", focal_lengths=OUT_OF_FOCUS, pixels=PixelGrid(pitch=4e-6, shape=(6, 20))
     )

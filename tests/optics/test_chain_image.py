@@ -175,7 +175,7 @@ def test_stated_error_covers_the_true_one_on_random_cameras_and_is_tight() -> No
 
 
 @pytest.mark.parametrize("accuracy", [FAST, ChainAccuracy(tolerance=0.15), ChainAccuracy(diffraction_reach=0.5)])
-def test_what_an_image_is_compared_with_reaches_farther_and_is_coarser_else(accuracy: ChainAccuracy) -> None:
+def test_the_comparison_of_an_image_reaches_farther_and_is_otherwise_coarser(accuracy: ChainAccuracy) -> None:
     """Edges of far microlenses come in steps of their pitch: a shorter reach may miss the very same ones."""
     other = accuracy.compared()
     assert other.fresnel_lengths / accuracy.fresnel_lengths == pytest.approx(max(1.5, 1 / accuracy.diffraction_reach))
@@ -183,7 +183,7 @@ def test_what_an_image_is_compared_with_reaches_farther_and_is_coarser_else(accu
     assert all(getattr(other, knob) < 1 for knob in ("pupil_nodes", "microlens_nodes", "field_sampling"))
 
 
-def test_fewer_nodes_are_confessed() -> None:
+def test_the_stated_error_grows_with_fewer_nodes() -> None:
     """At half and a quarter of the microlens nodes the statement grows with the error."""
     truth = image(camera(), OFF, accuracy=ChainAccuracy(tolerance=1e-5)).pixels
     stated, true = [], []
@@ -201,7 +201,7 @@ def test_direct_check_confirms_the_fast_path() -> None:
     assert done.direct_check["intensity on the detector"] < 1e-2
 
 
-def test_clear_cells_without_power_are_not_there() -> None:
+def test_clear_cells_without_power_have_no_effect() -> None:
     """Lenses without power in clear cells let the main lens's light pass as if there were no array."""
     lenses = square_centres(pitch=PITCH, count=3)
     path = camera(
@@ -444,7 +444,7 @@ def test_types_break_the_symmetry() -> None:
     assert symmetries(path, DiscSource(diameter=1e-4, distance=24e-3)) == [(1, 1, False), (1, -1, False)]
 
 
-def test_what_cannot_be_done_is_refused() -> None:
+def test_impossible_combinations_are_refused() -> None:
     with pytest.raises(OutOfRangeError, match="method"):
         Legs(to_array="ray", to_detector="fresnel")
     with pytest.raises(OutOfRangeError, match="coherent"):

@@ -413,7 +413,7 @@ def test_what_the_boundary_wave_of_a_disc_leaves_out_is_stated(second: str) -> N
 
 
 @pytest.mark.parametrize("legs", [RAYS_KIRCHHOFF, KIRCHHOFF_RAYS])
-def test_microlenses_alone_and_one_in_the_dark(legs: Legs) -> None:
+def test_microlenses_without_a_main_lens_and_one_in_the_dark(legs: Legs) -> None:
     """Each microlens with its own pixels; the one beyond the shadow of the pupil gives none by rays."""
     path = camera(array_distance=2.35e-3, pixels=PixelGrid(pitch=4e-6, shape=(6, 20)))
     alone = separate_image(path, ON, wavelength=WAVELENGTH, legs=legs, accuracy=FAST, rng=np.random.default_rng(0))
@@ -437,7 +437,7 @@ def test_squares_of_pixels_without_microlens_light_are_dark_by_rays() -> None:
         assert image(camera(), away, legs).microlens_share == 0
 
 
-def test_what_rays_cannot_do_is_refused() -> None:
+def test_cases_beyond_rays_are_refused() -> None:
     disc = DiscSource(diameter=1e-4, distance=24e-3, coherent=True)
     for legs in (*MIXED, Legs(to_array="boundary_wave", to_detector="kirchhoff")):
         with pytest.raises(OutOfRangeError, match="coherent"):

@@ -159,7 +159,7 @@ def test_main_lens_field_agrees_with_direct_quadrature_on_just_enough_samples(to
     chief = np.array(wave.path.chief_point(wave.source))
     rng = np.random.default_rng(2)
     at = chief + rng.uniform(-25e-6, 25e-6, (60, 2))
-    at[:20, 0] = chief[0] + 25e-6  # where the end of the table tells most
+    at[:20, 0] = chief[0] + 25e-6  # where the end of the table matters most
     truth = direct_field(wave, at[:, 0], at[:, 1])
     enough = field_spacing(wave, accuracy)
     errors = []
@@ -195,7 +195,7 @@ def test_without_its_fast_phase_the_field_holds_no_steeper_waves_than_from_the_r
     assert shares[1] < 1e-6 < 1e-3 < shares[0]
 
 
-def test_memory_is_refused_with_the_knob_to_turn() -> None:
+def test_too_much_memory_is_refused_with_the_setting_to_change() -> None:
     wave = PupilWave(path=small_path(), source=PointSource(distance=24e-3), wavelength=WAVELENGTH, method="fresnel")
     with pytest.raises(UnaffordableError, match="field sampling"):
         field_table(

@@ -82,7 +82,7 @@ def blur_of_edge_rays(distance, a0, f, A):
 
 @settings(max_examples=150, deadline=None)
 @given(camera=cameras)
-def test_edge_rays_from_every_limit_make_the_blur_allowed(camera):
+def test_edge_rays_from_every_limit_give_the_allowed_blur(camera):
     a0, f, A, c = lens(camera)
     assume(c / A > 1e-5)  # below it, rounding of the edge ray (1e-16 A) shows at 1e-9 of the blur
     found = depth_of_field(a0, f, A, c)
@@ -130,7 +130,7 @@ def test_published_depth_of_field_of_the_conventional_camera():
     assert hyperfocal_distance(**R5_LENS, blur_diameter=PIXEL) == pytest.approx(7.49, abs=5e-3)
 
 
-def test_mahli_by_its_scale_on_the_object():
+def test_the_mahli_camera_given_by_its_scale_on_the_object():
     a = object_distance_of_magnification(18.3e-3, 7.4 / 15.0)
     assert a == pytest.approx(55.4e-3, abs=0.05e-3)
     extent = depth_of_field(a, 18.3e-3, 18.3e-3 / 9.8, np.array([1.0, 2.0]) * 7.4e-6).extent
@@ -161,7 +161,7 @@ def test_published_airy_diameters_of_the_flagships(f_number, magnification, diam
     assert found * 1e6 == pytest.approx(diameter_um, abs=0.06)
 
 
-def test_diffraction_alone_beyond_the_criterion_is_said_in_words_and_numbers():
+def test_diffraction_alone_beyond_the_criterion_is_reported_with_numbers():
     found = diffraction_inclusive_depth_of_field(
         [0.15, 1.0], *R5_LENS.values(), PIXEL, wavelength=550e-9, measure="airy-diameter"
     )

@@ -90,7 +90,7 @@ def micro_image_blur(object_distance, inverse_focus, part):
     gap=st.floats(0.2e-3, 1e-3),
     blur=st.floats(1e-6, 20e-6),
 )
-def test_rays_through_the_edges_of_a_microlens_make_the_blur_allowed(inverse, focus, gap, blur):
+def test_rays_through_the_edges_of_a_microlens_give_the_allowed_blur(inverse, focus, gap, blur):
     part = {
         "focal_length": 12.5e-3,
         "mla_distance": 12.5e-3 * focus,
@@ -114,7 +114,7 @@ def test_rays_through_the_edges_of_a_microlens_make_the_blur_allowed(inverse, fo
         assert micro_image_blur(middle, inverse, part) <= blur * (1 + 1e-9)
 
 
-def test_blur_of_a_microlens_is_what_its_edge_rays_make():
+def test_blur_of_a_microlens_agrees_with_its_edge_rays():
     for a in (0.12, 0.15, 0.3, 2.0):
         part = R5_RELAY
         s = part["focal_length"] ** 2 / (a - part["focal_length"])
@@ -132,7 +132,7 @@ def test_galilean_types_are_ordered_the_other_way_and_reach_infinity_with_the_fi
     assert union(found).complete
 
 
-def test_types_without_a_sharp_distance_say_why():
+def test_types_without_a_sharp_distance_give_a_reason():
     other_side = relay_depth_of_field(-0.5, **R5_RELAY, blur_diameter=PIXEL, keplerian=True)
     assert other_side.empty
     assert "other side" in other_side.reason
@@ -144,7 +144,7 @@ def test_types_without_a_sharp_distance_say_why():
     assert "no blur" in nothing.reason
 
 
-def test_types_that_would_pass_an_infinitely_distant_image_are_refused_with_how_many_fit():
+def test_types_beyond_an_infinitely_distant_image_are_refused_with_the_number_that_fits():
     with pytest.raises(OutOfRangeError, match="≤ 5") as refused:
         touching_inverse_virtual_depths(pixels_per_lens=20.0, types=6)
     assert refused.value.value == "6"

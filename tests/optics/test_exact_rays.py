@@ -96,7 +96,7 @@ def test_perfect_lenses_leave_paraxial_rays_as_they_are() -> None:
     assert exact.pixels.sum() == pytest.approx(paraxial.pixels.sum(), rel=3e-3)
 
 
-def test_kirchhoff_comes_to_it_as_the_wavelength_shrinks() -> None:
+def test_kirchhoff_approaches_rays_as_the_wavelength_shrinks() -> None:
     path = fast()
     rays = image(path, CENTRED, EXACT_RAYS, accuracy=ChainAccuracy(tolerance=5e-3)).pixels
     apart = [
@@ -132,7 +132,7 @@ def test_all_ways_of_tracing_agree_on_every_array(changes: dict[str, object], mo
 
 
 @pytest.mark.parametrize("diameter", [2e-3, 10e-3])
-def test_an_array_that_sees_nothing_but_the_disc_takes_its_area_of_it(diameter: float) -> None:
+def test_an_array_lit_only_by_the_disc_receives_light_in_proportion_to_its_area(diameter: float) -> None:
     """d²s d²u = (a²/z²) d²x d²u cos⁴: the area of the array, seen through the middle of the pupil, over the disc's."""
     path = camera(gaps="clear", pixels=PixelGrid(pitch=20e-6, shape=(9, 9)))
     found = image(path, DiscSource(diameter=diameter, distance=24e-3), EXACT_RAYS, accuracy=FINE)
@@ -144,7 +144,7 @@ def test_an_array_that_sees_nothing_but_the_disc_takes_its_area_of_it(diameter: 
 
 @pytest.mark.parametrize("diameter", [0.1e-3, 0.5e-3, 2e-3, 10e-3])
 @pytest.mark.parametrize("pitch", [4e-6, 2e-3])
-def test_every_disc_meets_the_tolerance_with_the_rays_that_are_foreseen(diameter: float, pitch: float) -> None:
+def test_every_disc_meets_the_tolerance_with_the_predicted_number_of_rays(diameter: float, pitch: float) -> None:
     path = camera(pixels=PixelGrid(pitch=pitch, shape=(9, 23) if pitch < 1e-3 else (3, 3)))
     disc = DiscSource(diameter=diameter, distance=24e-3)
     found = image(path, disc, EXACT_RAYS, accuracy=FINE)
@@ -152,7 +152,7 @@ def test_every_disc_meets_the_tolerance_with_the_rays_that_are_foreseen(diameter
     assert found.effort["rays"] < 2.1 * exact_rays.ray_count(path, disc, FINE) < 1e7
 
 
-def test_symmetry_spares_work_and_changes_nothing() -> None:
+def test_symmetry_saves_work_and_changes_nothing() -> None:
     path = camera(
         centres=square_centres(pitch=PITCH, count=3),
         focal_lengths=np.full(9, 76e-6),
@@ -166,7 +166,7 @@ def test_symmetry_spares_work_and_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize("start", ["detector", "array", "source"])
-def test_the_stated_error_holds_the_true_one_and_shrinks_with_the_tolerance(start: str) -> None:
+def test_the_stated_error_covers_the_true_one_and_shrinks_with_the_tolerance(start: str) -> None:
     lenses = {"centres": np.zeros((1, 2)), "focal_lengths": np.array([76e-6])} if start == "array" else {}
     path = camera(pixels=PixelGrid(pitch=4e-6 if start == "array" else 1.8e-6, shape=(11, 45)), **lenses)
     source = {"detector": ASIDE, "array": replace(ASIDE, diameter=1.5e-3), "source": SMALL}[start]
@@ -206,7 +206,7 @@ def test_samples_of_the_detector_are_refined_too(monkeypatch: pytest.MonkeyPatch
     assert relative(found.pixels, truth) < found.numerical_error <= wanted.tolerance
 
 
-def test_what_rays_cannot_do_is_refused() -> None:
+def test_cases_beyond_rays_are_refused() -> None:
     with pytest.raises(OutOfRangeError, match="exact rays beside waves"):
         Legs(to_array="geometric", to_detector="kirchhoff", exact=True)
     centres = PixelGrid(pitch=4e-6, shape=(9, 23), integrated=False)

@@ -19,7 +19,7 @@ from tradestudy.optics.chain.spot_points import point_light, prepare_spot, table
 from tradestudy.optics.propagation.lens import CircularLens
 
 
-def test_it_is_what_leaves_the_patches() -> None:
+def test_the_transfer_equals_the_light_that_leaves_the_patches() -> None:
     """All of it over the plane: beyond a square of half side H falls the share h/H. None falls on the patch."""
     grid = PixelGrid(pitch=2e-6, shape=(801, 801))
     found = far_light(grid, np.array([[5e-6, -3e-6], [0.0, 8e-6]]), 40e-6, np.array([0.25, 0.5]), np.zeros(2))
@@ -27,7 +27,7 @@ def test_it_is_what_leaves_the_patches() -> None:
     assert np.all(found[400 - 15 : 400 + 15, 400 - 15 : 400 + 15] == 0.0)
 
 
-def test_its_law_is_airys() -> None:
+def test_its_decay_follows_airy_s_law() -> None:
     """Beyond v a focused lens leaves J₀² + J₁² of its light, on average 2/(π v): as 1/r³ does."""
     v = np.linspace(60.0, 60.0 + 20 * math.pi, 4001)
     left = special.j0(v) ** 2 + special.j1(v) ** 2
@@ -41,7 +41,7 @@ def test_its_law_is_airys() -> None:
 
 @pytest.mark.parametrize("pitch", [1e-6, 17e-6])
 @pytest.mark.parametrize("radius", [10e-6, 25e-6, 34e-6])
-def test_a_blurred_disc_keeps_it_too(radius: float, pitch: float) -> None:
+def test_a_blurred_disc_follows_the_same_law(radius: float, pitch: float) -> None:
     """Its law, integrated over pixels, is all that left: over those as well that are wider than from rays to patch."""
     half, side = 40e-6, 2 * round(600e-6 / pitch) + 1
     grid = PixelGrid(pitch=pitch, shape=(side, side))

@@ -47,7 +47,7 @@ def test_printed_criterion_agrees_with_fifty_digits(focal: str, distance: str, w
     assert float(result.second_zero_f_number) == pytest.approx(float(second), rel=1e-13)
 
 
-def test_a_hundredth_of_a_nanometre_triples_the_first_zero() -> None:
+def test_one_hundredth_of_a_nanometre_triples_the_first_zero() -> None:
     result = paper_eq27(wavelength=[550e-9, 550.01e-9], **MAIN)
     assert np.round(result.first_zero_f_number, 1).tolist() == [5.4, 16.6]
 
@@ -140,7 +140,7 @@ def test_bounded_criterion_leaves_the_exact_path_at_its_bound(lens: dict[str, fl
 
 
 @pytest.mark.parametrize("legs", [(0.15, 0.0136), (-1.6e-3, 0.587e-3), (np.inf, 0.0125)])
-def test_dropped_path_against_forty_digits(legs: tuple[float, float]) -> None:
+def test_the_neglected_path_agrees_with_forty_digits(legs: tuple[float, float]) -> None:
     for radius in (1e-6, 1e-4, 5e-4):
         with mpmath.workdps(60):
             r = mpmath.mpf(radius)

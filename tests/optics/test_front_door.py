@@ -20,7 +20,7 @@ EXAMPLES = [
 ] + doctest.DocTestFinder(recurse=False).find(optics, "optics", globs={})
 
 
-def test_the_front_door_shows_what_there_is_to_use_and_nothing_else() -> None:
+def test_the_package_lists_exactly_its_public_names() -> None:
     assert dir(optics) == sorted(optics.__all__)
     assert not [name for name in dir(optics) if name.startswith("_") or inspect.ismodule(getattr(optics, name))]
     with pytest.raises(AttributeError, match="no attribute 'point_spreed'"):
@@ -37,7 +37,7 @@ def test_importing_it_loads_no_heavy_library() -> None:
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_every_function_says_law_parameters_result_errors_source_and_example(name: str) -> None:
+def test_every_docstring_gives_law_parameters_result_errors_source_and_example(name: str) -> None:
     text = inspect.getdoc(getattr(optics, name))
     assert text is not None
     wanted = ("Parameters", "Returns", "Raises", "References", "Examples")

@@ -96,7 +96,7 @@ def test_focused_plenoptic_resolution_is_what_backward_rays_of_the_pixels_cover(
     pitch=st.floats(1e-6, 200e-6),
     resolution=st.floats(2e-6, 5e-3),
 )
-def test_limits_at_equal_resolution_hold_exactly_the_distances_that_resolve(focus, f_number, pitch, resolution):
+def test_limits_at_equal_resolution_enclose_exactly_the_resolved_distances(focus, f_number, pitch, resolution):
     f = 20e-3
     part = {
         "focus_distance": focus * f,
@@ -126,7 +126,7 @@ def test_limits_at_equal_resolution_hold_exactly_the_distances_that_resolve(focu
     resolution=st.floats(3e-6, 2e-3),
     keplerian=st.booleans(),
 )
-def test_limits_of_a_microlens_type_at_equal_resolution_hold_exactly_what_resolves(
+def test_limits_of_a_microlens_type_enclose_exactly_the_resolved_distances(
     array, gap, inverse, aperture, pixel, resolution, keplerian
 ):
     f = 12.5e-3
@@ -187,7 +187,7 @@ def test_impossible_arguments_are_refused(call):
     assert refused.value.remedy
 
 
-def test_a_resolution_that_nothing_reaches_is_said_so():
+def test_a_resolution_that_nothing_reaches_is_reported():
     too_fine = depth_of_field_at_resolution(1e-6, **LENS)
     assert too_fine.empty
     assert all(cause in too_fine.reason for cause in ("samples", "blur"))

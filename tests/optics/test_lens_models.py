@@ -97,7 +97,7 @@ def test_wide_points_are_where_geometry_puts_them_at_30_digits(model, radius):
     )
 
 
-def test_the_field_of_view_model_bends_its_own_field_to_one():
+def test_the_field_of_view_model_maps_its_own_field_to_one():
     """Of a lens with the full field w, the edge of the ideal fisheye, w/2, is imaged at r = 1/2; atan at 30 digits."""
     w = 0.9
     assert FieldOfView(w=w).project(directions(w / 2, 0.0))[0] == pytest.approx(

@@ -43,7 +43,7 @@ def test_a_lens_without_aberration_has_airys_numbers_within_the_stated_errors() 
         assert mtf.error.max() < 0.02
 
 
-def test_a_star_is_what_ever_farther_points_tend_to() -> None:
+def test_a_star_is_the_limit_of_ever_farther_points() -> None:
     star = optics.point_spread(**LENS, source=optics.PointSource.at_infinity(angle_x=0.02, angle_y=-0.01), window=6)
     differences = []
     for distance in (1e4, 1e6):
@@ -160,7 +160,7 @@ def test_the_plot_has_spot_cuts_energy_and_transfer(tmp_path: Path) -> None:
     assert "± " in figure.axes[0].get_title()
 
 
-def test_no_width_of_a_spot_wider_than_its_window() -> None:
+def test_a_spot_wider_than_its_window_has_no_width() -> None:
     """A source at 1 m before a 50 mm lens at f/2.8 focused at 2 m: geometry alone makes a disc of 460 µm."""
     lens = {"focal_length": 50e-3, "f_number": 2.8, "wavelength": 550e-9, "focus_distance": 2.0, "tolerance": 1e-3}
     blurred = optics.point_spread(source=optics.PointSource(distance=1.0), **lens)

@@ -54,7 +54,7 @@ def image(path: LightPath, tolerance: float, legs: Legs = KIRCHHOFF) -> ChainIma
 
 
 @pytest.mark.parametrize("legs", [KIRCHHOFF, WAVES_THEN_RAYS])
-def test_work_follows_the_light_and_not_the_array(legs: Legs) -> None:
+def test_work_grows_with_the_light_and_not_with_the_array(legs: Legs) -> None:
     nodes = [image(array(across), 5e-2, legs).effort["microlens nodes"] for across in (9, 15, 21)]
     assert nodes[0] == nodes[1] == nodes[2]
 
@@ -79,7 +79,7 @@ def whole_by_rays() -> FloatArray:
 
 
 @pytest.mark.parametrize("tolerance", [5e-2, 1e-2, 2e-3])
-def test_what_is_left_out_is_within_what_is_stated(tolerance: float, whole_by_waves: FloatArray) -> None:
+def test_omitted_light_is_within_the_stated_error(tolerance: float, whole_by_waves: FloatArray) -> None:
     path = array(9)
     found = image(path, tolerance)
     assert lit_part(wave(path), ChainAccuracy(tolerance=tolerance)).lost > 0.0
@@ -94,7 +94,7 @@ def test_rays_behind_waves_state_what_is_left_out(tolerance: float, whole_by_ray
     assert 0.0 < found.error_terms["unlit microlenses"] <= tolerance / 2
 
 
-def test_the_law_of_the_dark_is_that_of_direct_quadrature() -> None:
+def test_the_estimate_of_dark_microlenses_agrees_with_direct_quadrature() -> None:
     """The power on each microlens that is left out, over that on all of them, within the fringes of the law."""
     path = array(9)
     lit = lit_part(wave(path), ChainAccuracy(tolerance=5e-2))
@@ -110,13 +110,13 @@ def test_the_law_of_the_dark_is_that_of_direct_quadrature() -> None:
     assert np.sqrt(np.sum(power**2)) <= lit.lost <= 10 * np.sqrt(np.sum(power**2))
 
 
-def test_all_stay_where_light_may_come_from_everywhere() -> None:
+def test_all_microlenses_stay_where_light_may_come_from_everywhere() -> None:
     path = array(9)
     coherent = replace(wave(path), coherent_radius=1e-4)
     assert lit_part(coherent, ChainAccuracy(tolerance=5e-2)).wave is coherent
 
 
-def test_pixels_beside_the_light_are_left_out() -> None:
+def test_pixels_outside_the_light_are_left_out() -> None:
     path = replace(array(9), microlenses=array(1).microlenses)
     rows, columns = reached_pixels(path, 10e-6)
     edges = path.pixels.edges_y

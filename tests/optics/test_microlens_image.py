@@ -27,7 +27,7 @@ CAMERA = optics.MicrolensCamera(
 POINT = optics.PointSource(x=0.3e-3, y=-0.2e-3, distance=20e-3)
 
 
-def test_one_call_is_the_chain_put_together_by_hand_with_more_of_the_array() -> None:
+def test_one_call_equals_the_chain_assembled_from_parts() -> None:
     """The microlenses and pixels that were left out hardly see any light."""
     image = module.microlens_image(CAMERA, POINT, wavelength=WAVELENGTH, tolerance=1e-3)
     path = CAMERA.light_path(POINT, wavelength=WAVELENGTH)
@@ -66,7 +66,7 @@ def test_one_call_is_the_chain_put_together_by_hand_with_more_of_the_array() -> 
     assert edge == pytest.approx(np.rint(edge), abs=1e-6)  # whole pixels of the sensor
 
 
-def test_what_misses_its_tolerance_is_refined_and_else_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_image_that_misses_its_tolerance_is_refined_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     coma = replace(CAMERA, pupil=optics.Pupil.from_waves({8: 0.25}, wavelength=WAVELENGTH))
     good = module.microlens_image(coma, POINT, wavelength=WAVELENGTH, tolerance=1e-4)
     assert good.numerical_error <= 1e-4

@@ -60,7 +60,7 @@ def test_no_step_and_no_baseline_hide_nothing():
     baseline=st.floats(0.0, 0.2),
     lateral=st.floats(-0.3, 0.3),
 )
-def test_ratio_is_that_of_the_images_of_a_short_piece_of_surface(tilt, distance, baseline, lateral):
+def test_the_ratio_is_that_of_the_images_of_a_short_segment(tilt, distance, baseline, lateral):
     length = 1e-7 * distance
     images = []
     for view in (-baseline / 2, baseline / 2):

@@ -86,7 +86,7 @@ def test_airy_encircled_energy_radius_is_of_the_pupils_power(share: float) -> No
     assert_true_within_stated(encircled_energy_radius(airy(), centre=CENTRE, share=share), truth, 5e-10)
 
 
-def test_share_that_the_window_does_not_hold_is_refused() -> None:
+def test_a_fraction_of_energy_beyond_the_window_is_refused() -> None:
     with pytest.raises(OutOfRangeError, match="widen the window"):
         encircled_energy_radius(airy(), centre=CENTRE, share=0.99)
 
@@ -184,7 +184,7 @@ def test_neighbouring_pixels() -> None:
     assert_true_within_stated(measured, truth, 1e-7)
 
 
-def test_statement_grows_as_the_sampling_is_thinned_and_still_covers_the_error() -> None:
+def test_the_stated_error_grows_with_coarser_sampling_and_still_covers_the_true_one() -> None:
     truth = airy_energy(4e-6)
     stated = []
     for samples in (193, 97, 49):
@@ -222,7 +222,7 @@ def test_impossible_samples_are_refused(change: dict[str, object]) -> None:
         lambda p: pixel_shares(p, pitch=5e-6, corner=(0.0, 0.0), shape=(9, 9)),
     ],
 )
-def test_what_leaves_the_window_is_refused(call) -> None:
+def test_light_that_leaves_the_window_is_refused(call) -> None:
     with pytest.raises(OutOfRangeError):
         call(gaussian())
 

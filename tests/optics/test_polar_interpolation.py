@@ -50,14 +50,14 @@ def test_noise_of_the_field_is_not_magnified_at_the_rim(tolerance: float) -> Non
     assert np.abs(value - j0(wavenumber * r)).max() < 3 * tolerance
 
 
-def test_field_that_turns_with_the_angle_is_left_to_others() -> None:
+def test_a_field_that_varies_with_the_angle_is_left_to_other_methods() -> None:
     def wave(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return np.exp(1j * WAVENUMBER * (x + y))
 
     assert polar_field(wave, centre=CENTRE, radius=RADIUS, wavenumber=21.0, tolerance=1e-3, most=800) is None
 
 
-def test_singular_field_is_left_to_others() -> None:
+def test_a_singular_field_is_left_to_other_methods() -> None:
     assert (
         polar_field(lambda x, y: None, centre=CENTRE, radius=RADIUS, wavenumber=WAVENUMBER, tolerance=1e-3, most=5000)
         is None

@@ -73,7 +73,7 @@ def test_stated_errors_hold_and_are_not_far_above_on_random_cameras():
 
 
 @pytest.mark.parametrize("seed", [4, 5, 6])
-def test_with_too_few_nodes_the_statement_grows_with_the_error(seed: int):
+def test_with_too_few_nodes_the_stated_error_grows_with_the_true_one(seed: int):
     cases = load_cases()
     rng = np.random.default_rng(seed)
     case = cases.random_case(rng, most_nodes=3000)
@@ -128,7 +128,7 @@ def test_limits_of_memory_and_time_are_kept_too():
             )
 
 
-def test_nothing_is_stated_of_nodes_that_twice_as_many_contradict():
+def test_no_error_is_stated_for_nodes_that_twice_as_many_contradict():
     """Beside the image, in the dark, starved nodes and twice as many both invent light, and by thousands of times."""
     image = MAIN.image_of(SOURCE)
     targets = TargetGrid.centred(centre=(image[0] + 0.1e-3, 0.0), pitch=0.5e-6, count=24, distance=image[2])
@@ -147,7 +147,7 @@ def test_nothing_is_stated_of_nodes_that_twice_as_many_contradict():
         assert starved.error.nodes >= 1.0
 
 
-def test_the_stated_error_of_starved_nodes_goes_on_growing():
+def test_the_stated_error_keeps_growing_with_fewer_nodes():
     """Where too few nodes invent light, errors count against the light that there is: no statement stops near 4."""
     arguments = {
         "source": PointSource(distance=0.15),
@@ -168,7 +168,7 @@ def test_the_stated_error_of_starved_nodes_goes_on_growing():
         assert starved.error.intensity > max(0.3 * true, 10.0)
 
 
-def test_time_allowed_holds_refinement_too():
+def test_the_time_limit_includes_refinement():
     """Each round takes a quarter of a second and is not enough: the third would end too late."""
     wave = lens_wave(source=SOURCE, lens=MAIN, wavelength=550e-9)
     asked = []
@@ -248,7 +248,7 @@ def attempt(**changes):
         (lambda: NodeCounts(radial=0, angular=4), "node counts"),
     ],
 )
-def test_what_has_no_meaning_is_refused(make, word: str):
+def test_meaningless_arguments_are_refused(make, word: str):
     with pytest.raises(OutOfRangeError, match=word):
         make()
 
@@ -368,7 +368,7 @@ def test_rays_of_a_perfect_lens_in_focus_and_outside_the_shadow():
     assert result.intensity[3] == 0.0
 
 
-def test_darkness_is_not_sold_as_a_result():
+def test_darkness_is_refused_as_a_result():
     """So far from the image that rounding of the light in focus is all there is: refused, with the remedy."""
     lens = CircularLens(radius=56.8e-6, focal_length=0.432e-3, lens_phase="perfect")
     source = PointSource(distance=13.64e-3)

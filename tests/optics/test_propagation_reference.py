@@ -66,7 +66,7 @@ CASES = [
 
 @pytest.mark.parametrize(("method", "phase", "obliquity"), CASES)
 @pytest.mark.parametrize("shape", ["grid", "points", "surface"])
-def test_fast_path_equals_direct_quadrature_at_every_target(method: str, phase: str, obliquity: str, shape: str):
+def test_the_fast_path_equals_direct_quadrature_at_every_target(method: str, phase: str, obliquity: str, shape: str):
     source, element = PointSource(x=1.5e-3, y=-1e-3, distance=0.15), lens(phase)
     x, y, b = element.image_of(source)
     grid = TargetGrid(

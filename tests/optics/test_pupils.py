@@ -79,7 +79,7 @@ def test_strehl_ratio_on_the_axis_has_its_closed_form(waves: float) -> None:
     assert value == pytest.approx(abs(np.sqrt(np.pi / (-1j * c)) * erf(np.sqrt(-1j * c) / 2)) ** 2, abs=error + 1e-12)
 
 
-def test_several_aberrations_are_another_programs_pattern_and_transfer() -> None:
+def test_several_aberrations_agree_with_another_program() -> None:
     """Coma and the rest point where prysm has them; its staircase rim shrinks with its samples."""
     ours = optics.point_spread(
         **LENS, method="fresnel", pupil=Pupil.from_waves(SEVERAL, wavelength=WAVELENGTH), window=8
@@ -205,7 +205,7 @@ def test_rays_and_boundary_waves_follow_zernike_aberrations() -> None:
     assert np.abs(smooth[1] / smooth[0] - 1).max() < 0.25 * np.abs(smooth[2] / smooth[0] - 1).max()
 
 
-def test_what_pupils_cannot_be_is_refused() -> None:
+def test_impossible_pupils_are_refused() -> None:
     for wrong in (
         {"zernikes": {0: 1e-7}},
         {"zernikes": {154: 1e-7}},

@@ -12,7 +12,7 @@ from tradestudy.optics.chain.table_interpolation import TableKernel, fast_count
 
 @pytest.mark.parametrize("oversampling", [1.5, 2.0, 2.5])
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5, 1e-6, 1e-7])
-def test_a_table_is_read_to_the_tolerance_of_its_kernel_up_to_its_band(oversampling: float, tolerance: float) -> None:
+def test_a_table_is_interpolated_to_its_tolerance_up_to_its_band(oversampling: float, tolerance: float) -> None:
     kernel = TableKernel.within(oversampling, tolerance)
     rng, count = np.random.default_rng(4), (fast_count(160), fast_count(143))
     at = [rng.uniform(kernel.end_effect, n - 1 - kernel.end_effect, 300) for n in count]
@@ -26,7 +26,7 @@ def test_a_table_is_read_to_the_tolerance_of_its_kernel_up_to_its_band(oversampl
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])
 @pytest.mark.parametrize("oversampling", [1.2, 1.5, 2.5])
-def test_the_smallest_table_can_be_read(tolerance: float, oversampling: float) -> None:
+def test_the_smallest_table_can_be_interpolated(tolerance: float, oversampling: float) -> None:
     kernel = TableKernel.within(oversampling, tolerance)
     count = fast_count(1.0)
     coefficients = kernel.coefficients(np.ones((count, count), dtype=complex))

@@ -55,7 +55,7 @@ def errors_of_points(path: LightPath, legs: Legs, accuracy: ChainAccuracy) -> li
 
 
 @pytest.mark.parametrize("legs", [KIRCHHOFF, MIXED], ids=["waves", "rays to the array"])
-def test_points_keep_to_a_thousandth_where_patches_cannot(legs: Legs, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_points_keep_a_thousandth_where_patches_cannot(legs: Legs, monkeypatch: pytest.MonkeyPatch) -> None:
     """In focus, what microlenses throw on their neighbours' pixels interferes; patches know only how much it is."""
     path = camera(main_lens=WIDE)
     assert patch(path, FINE).whole_detector
@@ -66,7 +66,7 @@ def test_points_keep_to_a_thousandth_where_patches_cannot(legs: Legs, monkeypatc
     assert min(errors_of_points(path, legs, FINE)) > 5e-4
 
 
-def test_the_cheaper_one_is_taken_unless_it_misses_the_tolerance() -> None:
+def test_the_cheaper_method_is_chosen_unless_it_misses_the_tolerance() -> None:
     row = camera(main_lens=WIDE)
     assert not patch(row, COARSE).whole_detector
     large = camera(
@@ -92,7 +92,7 @@ def test_the_cheaper_one_is_taken_unless_it_misses_the_tolerance() -> None:
     [(PixelGrid(pitch=50e-3, shape=(3, 3)), 2e9), (PixelGrid(pitch=4e-6, shape=(9, 23)), 1e6)],
     ids=["wide pixels", "little memory"],
 )
-def test_what_memory_does_not_hold_is_refused_before_any_work(pixels: PixelGrid, limit: float) -> None:
+def test_work_beyond_the_memory_is_refused_before_it_starts(pixels: PixelGrid, limit: float) -> None:
     shares: list[float] = []
     with pytest.raises(UnaffordableError, match=r"nodes, .* samples, .* GB .*raise the memory limit"):
         chain_image(
@@ -102,7 +102,7 @@ def test_what_memory_does_not_hold_is_refused_before_any_work(pixels: PixelGrid,
     assert shares == []
 
 
-def test_corners_of_patches_hold_no_light_that_starved_nodes_invent() -> None:
+def test_corners_of_patches_contain_no_light_invented_by_too_few_nodes() -> None:
     """On wide patches more nodes of the microlenses change nothing, far from the ray images, too."""
     path = camera(main_lens=WIDE, pixels=PixelGrid(pitch=4e-6, shape=(61, 61)))
     found = []
@@ -117,10 +117,10 @@ def test_corners_of_patches_hold_no_light_that_starved_nodes_invent() -> None:
 
 @pytest.mark.parametrize("x", [0.0, 0.6e-3])
 @pytest.mark.slow
-def test_averages_over_the_source_are_as_wrong_as_is_stated(x: float) -> None:
+def test_averages_over_the_source_have_the_stated_error(x: float) -> None:
     """Against a disc of many more nodes, whose shadow moves across every microlens: a slow fall of all spectra.
 
-    Off the axis one side of the disc is dark, and tells nothing of the other.
+    Off the axis one side of the disc is dark, and shows nothing of the other.
     """
     path, disc = camera(main_lens=WIDE), DiscSource(x=x, diameter=1.2e-3, distance=24e-3)
 

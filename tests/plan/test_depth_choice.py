@@ -15,13 +15,13 @@ from tests.campaigns.depth_cases import base_study
 from tests.campaigns.depth_regret import run, shift_of_ends
 from tradestudy.accuracy import Quantity
 from tradestudy.analysis.depth import depth_uncertainty, evaluate_depth
-from tradestudy.effects.choice import Change, Changes, Piece, Slot, choose
+from tradestudy.effects.choice import Change, Changes, SimulationProblem, Slot, choose
 from tradestudy.effects.models import Models
 from tradestudy.errors import StudyError
 from tradestudy.plan.choice import choose_models
-from tradestudy.plan.pieces.depth import depth_pieces
-from tradestudy.plan.pieces.depth_variant import DepthVariant
-from tradestudy.study.acting import acting
+from tradestudy.plan.problems.depth import depth_problems
+from tradestudy.plan.problems.depth_variant import DepthVariant
+from tradestudy.study.applied_models import apply_models
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
 
@@ -47,11 +47,11 @@ DIFFRACTION = 0.269  # of the noise, that leaving it out would change
 def rig(folder: Path, yaw: float) -> DepthVariant:
     file = folder / "rig.yaml"
     file.write_text(STEREO.format(studies=STUDIES.as_posix(), yaw=yaw), encoding="utf-8")
-    (piece,) = depth_pieces(load_definition(file, ()), {})
-    return piece._variants[0]
+    (problem,) = depth_problems(load_definition(file, ()), {})
+    return problem._variants[0]
 
 
-class Diffraction(Piece):
+class Diffraction(SimulationProblem):
     """One effect that moves the noise of a rig by a known share."""
 
     name, title = "rig", "One rig"
@@ -72,7 +72,7 @@ class Diffraction(Piece):
 # Of the whole uncertainty at 1 m: √(1 + s (1.269² − 1)) − 1, s the share of noise in its variance: 1 µm of disparity
 # beside 8 mm times the yaw.
 @pytest.mark.parametrize(("yaw", "change"), [(0.2, 0.00039), (0.02, 0.0341), (0.002, 0.251)])
-def test_what_noise_hardly_decides_changes_the_whole_by_little(tmp_path: Path, yaw: float, change: float) -> None:
+def test_effects_on_noise_matter_little_where_noise_is_small(tmp_path: Path, yaw: float, change: float) -> None:
     variant = rig(tmp_path, yaw)
     moved = variant.moved({}, DIFFRACTION)
     assert variant.places[1] == pytest.approx(1.0)
@@ -89,8 +89,8 @@ def test_the_question_decides_whether_diffraction_is_simulated(tmp_path: Path) -
     tolerances: dict[Quantity, float] = {"depth_uncertainty": 0.02, "depth_noise": 0.02}
 
     def chosen(yaw: float, *asked: Quantity) -> str:
-        piece = Diffraction(rig(tmp_path, yaw), asked)
-        return choose(piece, tolerances, {}).models["main_lens_diffraction"]
+        problem = Diffraction(rig(tmp_path, yaw), asked)
+        return choose(problem, tolerances, {}).models["main_lens_diffraction"]
 
     assert chosen(0.2, "depth_uncertainty") == "off"
     assert chosen(0.02, "depth_uncertainty") == "kirchhoff"
@@ -99,11 +99,11 @@ def test_the_question_decides_whether_diffraction_is_simulated(tmp_path: Path) -
 
 def test_a_declared_tolerance_of_noise_is_asked_and_any_other_is_shown_and_drives_nothing() -> None:
     robot = tradestudy.load(STUDIES / "robot.yaml").plan()
-    assert all("depth_noise" not in one.asked for one in robot.pieces)
-    stereo = next(one for one in robot.pieces if one.name == "stereo-75mm")
+    assert all("depth_noise" not in one.asked for one in robot.problems)
+    stereo = next(one for one in robot.problems if one.name == "stereo-75mm")
     assert stereo.choice.changes["depth_noise"].relative > 0.02 > stereo.choice.changes["depth_uncertainty"].relative
     asked = tradestudy.load(STUDIES / "robot.yaml", ["accuracy.depth_noise=2 %"]).plan()
-    stereo = next(one for one in asked.pieces if one.name == "stereo-75mm")
+    stereo = next(one for one in asked.problems if one.name == "stereo-75mm")
     assert stereo.models["main_lens_diffraction"] not in ("off", "airy")
     assert stereo.choice.changes["depth_noise"].relative <= 0.02
 
@@ -112,13 +112,13 @@ def test_the_robot_needs_no_diffraction_or_airy_for_its_stereo_heads() -> None:
     """And what is left out, forced in turn, moves the depth uncertainty by less than is said."""
     plan = tradestudy.load(STUDIES / "robot.yaml").plan()
     for name in ("stereo-50mm", "stereo-75mm"):
-        piece = next(one for one in plan.pieces if one.name == name)
-        assert piece.models["main_lens_diffraction"] in ("off", "airy")
+        problem = next(one for one in plan.problems if one.name == name)
+        assert problem.models["main_lens_diffraction"] in ("off", "airy")
         distance = np.array([0.3, 0.6, 1.2, 4.0])
-        exact = plan.definition.with_models({name: {**piece.models, "main_lens_diffraction": "kirchhoff"}})
+        exact = plan.definition.with_models({name: {**problem.models, "main_lens_diffraction": "kirchhoff"}})
         own, other = (depth_uncertainty(one.case.cameras[name], distance) for one in (plan.definition, exact))
         change = float(np.max(np.abs(own / other - 1.0)))
-        assert change < piece.choice.changes["depth_uncertainty"].relative < 0.02
+        assert change < problem.choice.changes["depth_uncertainty"].relative < 0.02
 
 
 def test_a_narrow_focus_between_two_distances_of_the_study_is_caught(tmp_path: Path) -> None:
@@ -131,23 +131,23 @@ def test_a_narrow_focus_between_two_distances_of_the_study_is_caught(tmp_path: P
         "scene.distances": {"from": "500 mm", "to": "560 mm", "points": 2, "spacing": "linear"},
         "scene.picture.spectrum": None,
     }
-    (piece,) = depth_pieces(base_study("stereo", tmp_path).with_values(values), {})
-    (variant,) = piece._variants
+    (problem,) = depth_problems(base_study("stereo", tmp_path).with_values(values), {})
+    (variant,) = problem._variants
     np.testing.assert_allclose(variant.places, [0.50, 0.53, 0.56], rtol=1e-3)
     near, focus, far = np.abs(variant.moved_noise({"pixel_integration": "off"}))
     assert focus > 0.5 > 0.05 > max(near, far)
 
 
 @pytest.mark.parametrize("model", ["off", "airy", "kirchhoff"])
-def test_a_forced_model_is_obeyed_and_what_it_does_is_told(model: str) -> None:
+def test_a_forced_model_is_applied_and_its_change_reported(model: str) -> None:
     plan = tradestudy.load(STUDIES / "robot.yaml", [f"effects.main_lens_diffraction={model}"]).plan()
-    for piece in plan.pieces:
-        assert piece.models["main_lens_diffraction"] == model
-        law = plan.definition.case.cameras[piece.name].disparity_error_px
+    for problem in plan.problems:
+        assert problem.models["main_lens_diffraction"] == model
+        law = plan.definition.case.cameras[problem.name].disparity_error_px
         assert law.models.main_lens_diffraction == model
-        assert (piece.by_forcing == {}) == (model == "kirchhoff")
-        told = plan.text()
-    assert (f"main lens diffraction: {model}, as the study requires, changes the" in told) == (model != "kirchhoff")
+        assert (problem.by_forcing == {}) == (model == "kirchhoff")
+        reported = plan.text()
+    assert (f"main lens diffraction: {model}, as the study requires, changes the" in reported) == (model != "kirchhoff")
 
 
 def test_a_model_that_acts_nowhere_is_a_mistake_with_a_position() -> None:
@@ -189,9 +189,14 @@ def test_intervals_far_from_normal_are_computed_anew(tmp_path: Path, end: float,
         "cameras.one.focus.distance": "176.5 mm",
     }
     definition = base_study("unfocused", tmp_path).with_values(values)
-    (piece,) = depth_pieces(definition, {})
-    (variant,) = piece._variants
-    points = {**piece.complete, "main_lens_diffraction": "fresnel", "calibration": "linear", "pixel_integration": "off"}
+    (problem,) = depth_problems(definition, {})
+    (variant,) = problem._variants
+    points = {
+        **problem.complete,
+        "main_lens_diffraction": "fresnel",
+        "calibration": "linear",
+        "pixel_integration": "off",
+    }
     pixels = {**points, "pixel_integration": "square"}
     alone, whole = (
         depth_uncertainty(definition.with_models({"one": models}).case.cameras["one"], variant.places)
@@ -222,14 +227,14 @@ def test_a_sweep_that_goes_through_focus_counts_there_too(tmp_path: Path) -> Non
         swept: "100 mm",
     }
     one = base_study("stereo", tmp_path).with_values(values)
-    (swept_piece,) = depth_pieces(one.with_values({"sweep": {swept: ["100 mm", "0.3 m", "5 m"]}}), {})
-    pieces = {end: depth_pieces(one.with_values({swept: end}), {})[0] for end in ("100 mm", "0.3 m", "5 m")}
+    (swept_problem,) = depth_problems(one.with_values({"sweep": {swept: ["100 mm", "0.3 m", "5 m"]}}), {})
+    problems = {end: depth_problems(one.with_values({swept: end}), {})[0] for end in ("100 mm", "0.3 m", "5 m")}
 
-    def change(piece: Piece) -> float:
-        return piece.unasked({**piece.complete, "pixel_integration": "off"})["depth_noise"].relative
+    def change(problem: SimulationProblem) -> float:
+        return problem.unasked({**problem.complete, "pixel_integration": "off"})["depth_noise"].relative
 
-    assert change(swept_piece) == pytest.approx(change(pieces["0.3 m"]))
-    assert change(swept_piece) > 3.0 * max(change(pieces["100 mm"]), change(pieces["5 m"]))
+    assert change(swept_problem) == pytest.approx(change(problems["0.3 m"]))
+    assert change(swept_problem) > 3.0 * max(change(problems["100 mm"]), change(problems["5 m"]))
 
 
 # What a line does not see: errors whose first-order effect vanishes on the axis or everywhere, products of two errors,
@@ -244,7 +249,7 @@ def test_a_sweep_that_goes_through_focus_counts_there_too(tmp_path: Path) -> Non
         ({"yaw": {"shape": "student-t", "degrees_of_freedom": 2, "scale": "0.2 deg", "standard_deviation": None}}, []),
     ],
 )
-def test_errors_that_a_line_does_not_see_are_not_left_out(
+def test_errors_that_a_linear_model_misses_are_not_left_out(
     tmp_path: Path, errors: dict[str, Any], fields: list[str]
 ) -> None:
     file = tmp_path / "rig.yaml"
@@ -253,12 +258,12 @@ def test_errors_that_a_line_does_not_see_are_not_left_out(
     values = {f"cameras.rig.calibration.errors.{name}": one for name, one in ({"yaw": None} | own).items()}
     if fields:
         values["propagation.field_places"] = fields
-    (piece,) = choose_models(load_definition(file, ()).with_values(values))
-    assert piece.models["calibration"] != "off"
-    assert fields or piece.models["calibration"] == "exact"
+    (problem,) = choose_models(load_definition(file, ()).with_values(values))
+    assert problem.models["calibration"] != "off"
+    assert fields or problem.models["calibration"] == "exact"
 
 
-def test_a_reading_and_a_question_that_no_line_describes_draw_by_themselves() -> None:
+def test_a_nonlinear_reading_or_question_uses_draws_of_its_own() -> None:
     """The one takes the yaw for a uniform one, the other tries yaws of up to 5°."""
     plan = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml").plan()
     assert plan.models("stereo-65-across")["calibration"] == "linear"
@@ -274,17 +279,17 @@ def test_a_reading_and_a_question_that_no_line_describes_draw_by_themselves() ->
     assert "(exact for yaw-uniform, yaw-at-half-metre)" in plan.text()
 
 
-def test_what_a_study_forces_acts_under_every_reading() -> None:
+def test_forced_models_apply_under_every_reading() -> None:
     override = ["effects.calibration=linear"]
     definition = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", override).plan().definition
     cases = [definition, *definition.readings.values(), definition.under("yaw-at-half-metre")]
     assert {one.case.cameras["stereo-65-across"].propagation.model for one in cases} == {"linear"}
 
 
-def test_a_tolerance_that_no_line_keeps_calls_for_draws() -> None:
+def test_a_tolerance_beyond_the_linear_model_requires_draws() -> None:
     plan = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", tolerance="0.0002 %").plan()
-    assert {one.models["calibration"] for one in plan.pieces} == {"exact"}
-    assert {one.choice.changes["depth_uncertainty"].relative for one in plan.pieces} == {0.0}
+    assert {one.models["calibration"] for one in plan.problems} == {"exact"}
+    assert {one.choice.changes["depth_uncertainty"].relative for one in plan.problems} == {0.0}
 
 
 @pytest.mark.parametrize(
@@ -311,13 +316,13 @@ def test_a_range_vanishes_where_its_ends_meet(
 
 @pytest.mark.slow
 def test_choices_for_random_cameras_keep_their_tolerance() -> None:
-    """A sample of the campaign, which tells how often and what the choices cost beside the cheapest."""
+    """A sample of the campaign, which measures how well choices keep their tolerance and what they cost."""
     found = list(run(range(3), seed=21))
     assert {one.name.split()[0] for one in found} == {"stereo", "focused", "unfocused"}
     assert all(one.change <= one.tolerance for one in found)
 
 
-def test_models_are_weighed_in_the_light_that_is_left_off_the_axis() -> None:
+def test_models_are_judged_in_the_light_that_is_left_off_the_axis() -> None:
     """Against depth evaluated there by either set of models, its noise and its calibration."""
     picture = (
         "propagation.field_places=[60 %]",
@@ -325,10 +330,10 @@ def test_models_are_weighed_in_the_light_that_is_left_off_the_axis() -> None:
         "scene.picture.light.electrons=100 electrons",
     )
     definition = load_definition(STUDIES / "close_range.yaml", picture)
-    piece = next(one for one in depth_pieces(definition, {}) if one.name == "pair-f9.8")
-    (variant,) = piece._variants
+    problem = next(one for one in depth_problems(definition, {}) if one.name == "pair-f9.8")
+    (variant,) = problem._variants
     bare = {"main_lens_diffraction": "off"}
-    without = acting(variant.reference, bare)
+    without = apply_models(variant.reference, bare)
     found = variant.moved_of_field(bare)
     whole, less = (
         evaluate_depth(camera, variant.places, 0.6).uncertainty[2] for camera in (variant.reference, without)

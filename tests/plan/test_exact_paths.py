@@ -14,13 +14,13 @@ from tradestudy.effects.models import Models
 from tradestudy.errors import TradestudyError
 from tradestudy.imaging.kirchhoff import kirchhoff_transfers
 from tradestudy.imaging.transfer import airy_transfer
-from tradestudy.plan.pieces.depth import depth_pieces
-from tradestudy.plan.pieces.depth_variant import DepthVariant
-from tradestudy.study.acting import acting
+from tradestudy.plan.problems.depth import depth_problems
+from tradestudy.plan.problems.depth_variant import DepthVariant
+from tradestudy.study.applied_models import apply_models
 
 
 @pytest.mark.parametrize("f_number", [2.0, 3.8])
-def test_angles_at_the_rim_take_their_share_of_what_diffraction_takes(f_number: float) -> None:
+def test_angles_at_the_rim_reduce_transfer_in_proportion_to_diffraction(f_number: float) -> None:
     """Kirchhoff's transfer in focus against Airy's: their logarithms differ by sin² θ of Airy's, about."""
     aperture, wavelength = 0.1e-3, 550e-9
     plane = f_number * aperture
@@ -37,8 +37,8 @@ def test_angles_at_the_rim_take_their_share_of_what_diffraction_takes(f_number: 
 
 
 def variant(kind: str, folder: Path, values: dict[str, Any], forced: Models) -> DepthVariant:
-    (piece,) = depth_pieces(base_study(kind, folder).with_values(values), forced)
-    return piece._variants[0]
+    (problem,) = depth_problems(base_study(kind, folder).with_values(values), forced)
+    return problem._variants[0]
 
 
 # A hand lens that is held to be in focus everywhere, which aberration blurs all the same; and a plenoptic camera in
@@ -99,10 +99,10 @@ def test_exact_paths_of_random_cameras_stay_within_their_rule_and_it_is_not_idle
         kind, rng = KINDS[number % 3], np.random.default_rng((31, number))
         try:
             definition = random_study(base_study(kind, tmp_path), kind, rng)
-            (piece,) = depth_pieces(definition, {})
+            (problem,) = depth_problems(definition, {})
         except TradestudyError:  # parts that make no camera
             continue
-        found = piece._variants[0]
+        found = problem._variants[0]
         if found.places.size:
             ratios.append(found.tried_by_exact_paths()[0] / float(np.nanmax(sum(found.by_exact_paths))))
     assert len(ratios) > 5
@@ -110,23 +110,23 @@ def test_exact_paths_of_random_cameras_stay_within_their_rule_and_it_is_not_idle
     assert max(ratios) > 0.1
 
 
-def test_a_trial_tells_the_change_of_the_uncertainty_and_not_only_of_the_noise(tmp_path: Path) -> None:
+def test_a_trial_measures_the_change_of_the_uncertainty_and_not_only_of_the_noise(tmp_path: Path) -> None:
     """Against depth by Kirchhoff's and by Fresnel's law at every place, also where calibration errors dominate."""
     found = []
     for number in range(0, 15, 3):
         rng = np.random.default_rng((32, number))
-        (piece,) = depth_pieces(random_study(base_study("stereo", tmp_path), "stereo", rng), {})
-        (variant,), kirchhoff = piece._variants, piece.complete
+        (problem,) = depth_problems(random_study(base_study("stereo", tmp_path), "stereo", rng), {})
+        (variant,), kirchhoff = problem._variants, problem.complete
         if not variant.usable.any():  # where depth hardly has a far end, its uncertainty exceeds all proportion
             continue
         fresnel = {**kirchhoff, "main_lens_diffraction": "fresnel"}
-        while piece.try_out(fresnel):
+        while problem.try_out(fresnel):
             pass
         by_fresnel, exact = (
-            depth_uncertainty(acting(variant.camera, {**models, "calibration": "linear"}), variant.places)
+            depth_uncertainty(apply_models(variant.camera, {**models, "calibration": "linear"}), variant.places)
             for models in (fresnel, kirchhoff)
         )
         real = float(np.max(np.abs(by_fresnel / exact - 1.0)))
-        found.append((piece.changes(fresnel)["depth_uncertainty"].relative / real, variant.noise_share.min()))
+        found.append((problem.changes(fresnel)["depth_uncertainty"].relative / real, variant.noise_share.min()))
     assert min(share for _, share in found) < 0.5
     assert all(1.0 < ratio < 2.0 for ratio, _ in found), found

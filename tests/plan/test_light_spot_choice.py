@@ -19,9 +19,9 @@ from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.optics.chain import DiscSource
 from tradestudy.plan import light_pilot
 from tradestudy.plan.light_pilot import predicted_picture_seconds
-from tradestudy.plan.pieces.light_spot import TOLERANCES, LightSpotPiece, extent_rule, spot_models
-from tradestudy.plan.pieces.light_trial import LightTrial, probes
-from tradestudy.plan.pieces.point_spread import PointSpreadPiece
+from tradestudy.plan.problems.light_spot import TOLERANCES, LightSpotProblem, extent_rule, spot_models
+from tradestudy.plan.problems.light_trial import LightTrial, probes
+from tradestudy.plan.problems.point_spread import PointSpreadProblem
 from tradestudy.study.schema.light_spot import LightSpotPart
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
@@ -40,25 +40,25 @@ def spot(*overrides: str) -> LightSpotPart:
 
 def chosen(part: LightSpotPart, tolerance: float, forced: dict[str, str] | None = None) -> Choice:
     insisted = forced or {}
-    return choose(LightSpotPiece(part, insisted), {"pixel_intensity": tolerance}, insisted)  # type: ignore[arg-type]  # names of slots
+    return choose(LightSpotProblem(part, insisted), {"pixel_intensity": tolerance}, insisted)  # type: ignore[arg-type]  # names of slots
 
 
 def relative(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.linalg.norm(one - other) / np.linalg.norm(other))
 
 
-def test_the_light_spot_calls_for_less_the_less_is_asked() -> None:
+def test_the_light_spot_needs_simpler_models_at_looser_tolerances() -> None:
     found = [spot_models(chosen(spot(), asked).models) for asked in (0.2, 0.1, 0.01)]
     assert [one.method for one in found] == ["exact-rays", "exact-rays", "kirchhoff"]
     assert all(one.integrated and not one.separate and not one.point for one in found)
 
 
-@pytest.mark.xfail(strict=True, reason="Fresnel changes it by 4.1 %, but trials of laws scatter too much to tell")
+@pytest.mark.xfail(strict=True, reason="Fresnel changes it by 4.1 %, but trials of laws scatter too much to show it")
 def test_the_light_spot_to_5_percent_needs_no_kirchhoff() -> None:
     assert spot_models(chosen(spot(), 0.05).models).method in ("exact-rays", "fresnel", "fresnel-kirchhoff")
 
 
-def test_a_disc_that_lights_a_microlens_unevenly_is_no_point() -> None:
+def test_a_disc_that_lights_a_microlens_unevenly_does_not_count_as_a_point() -> None:
     """Its blur alone changes the pixels by 3 %, its shadows by 37 %."""
     part = random_part(np.random.default_rng([1, 102]))
     complete = SpotModels(method="kirchhoff", tolerance=0.01, monochromatic=True)
@@ -75,7 +75,7 @@ def test_changes_of_a_choice_stay_within_the_tolerance_sampling_included() -> No
         assert spot_models(found.models).tolerance <= found.changes["pixel_intensity"].relative <= asked
 
 
-def test_a_trial_tells_what_the_whole_picture_changes() -> None:
+def test_a_trial_predicts_the_change_of_the_whole_picture() -> None:
     """Images of a few points, against pictures of the whole disc."""
     part = spot(*SMALL, "light_spot.spot.diameter=1 mm")
     complete = SpotModels(method="kirchhoff", tolerance=0.01, monochromatic=True)
@@ -93,7 +93,7 @@ def test_a_trial_tells_what_the_whole_picture_changes() -> None:
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
-def test_a_trial_or_a_rule_tells_whether_a_disc_is_a_point(number: int) -> None:
+def test_a_trial_or_a_rule_decides_whether_a_disc_counts_as_a_point(number: int) -> None:
     """Against pictures of the whole disc, behind one to nine microlenses."""
     part = random_part(np.random.default_rng([1, number]))
     complete = SpotModels(method="kirchhoff", tolerance=2e-3, monochromatic=True)
@@ -106,7 +106,7 @@ def test_a_trial_or_a_rule_tells_whether_a_disc_is_a_point(number: int) -> None:
     assert extent_rule(light_path(part), source, part.mean_wavelength) > change
 
 
-def test_a_wide_disc_is_no_point() -> None:
+def test_a_wide_disc_does_not_count_as_a_point() -> None:
     complete = SpotModels(method="kirchhoff", tolerance=0.01, monochromatic=True)
     for diameter in (1, 4):
         part = spot(*SMALL, f"light_spot.spot.diameter={diameter} mm")
@@ -157,12 +157,12 @@ def test_rays_act_on_both_legs_or_on_none() -> None:
     rays = chosen(spot(*SMALL), 0.05, {"main_lens_diffraction": "off"})
     assert spot_models(rays.models).method == "exact-rays"
     with pytest.raises(OutOfRangeError, match="off on both legs"):
-        LightSpotPiece(spot(), {"main_lens_diffraction": "off", "microlens_diffraction": "kirchhoff"})
+        LightSpotProblem(spot(), {"main_lens_diffraction": "off", "microlens_diffraction": "kirchhoff"})
     with pytest.raises(OutOfRangeError, match=r"pixel_integration: off.*; force off on both legs"):
-        LightSpotPiece(spot(), {"main_lens_diffraction": "off", "pixel_integration": "off"})
+        LightSpotProblem(spot(), {"main_lens_diffraction": "off", "pixel_integration": "off"})
 
 
-def test_forced_models_are_obeyed_and_what_they_change_is_reported() -> None:
+def test_forced_models_are_applied_and_their_change_reported() -> None:
     forced = {"main_lens_diffraction": "boundary_wave", "crosstalk": "off"}
     found = chosen(spot(*SMALL), 0.05, forced)
     assert {slot: found.models[slot] for slot in forced} == forced  # type: ignore[index]  # names of slots
@@ -170,7 +170,7 @@ def test_forced_models_are_obeyed_and_what_they_change_is_reported() -> None:
 
 
 def test_boundary_waves_act_only_where_they_are_forced() -> None:
-    slots = {slot.name: slot.models for slot in LightSpotPiece(spot(), {}).slots}
+    slots = {slot.name: slot.models for slot in LightSpotProblem(spot(), {}).slots}
     assert slots["main_lens_diffraction"] == slots["microlens_diffraction"] == ("off", "fresnel", "kirchhoff")
     square = "light_spot.microlenses.aperture=square"
     for wrong in (["light_spot.methods=[kirchhoff-boundary-wave]"], ["effects={microlens_diffraction: boundary_wave}"]):
@@ -185,8 +185,8 @@ def test_a_spot_below_resolution_is_a_point() -> None:
 
 def test_a_coherent_disc_has_no_rays() -> None:
     part = spot(*SMALL)
-    piece = LightSpotPiece(part.model_copy(update={"spot": part.spot.model_copy(update={"coherent": True})}), {})
-    slots = {slot.name: slot.models for slot in piece.slots}
+    problem = LightSpotProblem(part.model_copy(update={"spot": part.spot.model_copy(update={"coherent": True})}), {})
+    slots = {slot.name: slot.models for slot in problem.slots}
     assert slots["main_lens_diffraction"] == ("fresnel", "kirchhoff")
 
 
@@ -213,10 +213,10 @@ def test_a_tolerance_belongs_to_methods() -> None:
 
 
 def test_tolerances_are_their_own_bounds() -> None:
-    piece = LightSpotPiece(spot(), {})
-    complete = {slot.name: slot.models[-1] for slot in piece.slots}
-    for model, tolerance in zip(piece.slots[-1].models, TOLERANCES, strict=True):
-        change = piece.changes({**complete, "sampling": model})["pixel_intensity"]
+    problem = LightSpotProblem(spot(), {})
+    complete = {slot.name: slot.models[-1] for slot in problem.slots}
+    for model, tolerance in zip(problem.slots[-1].models, TOLERANCES, strict=True):
+        change = problem.changes({**complete, "sampling": model})["pixel_intensity"]
         assert (change.relative, change.evidence) == (pytest.approx(tolerance), "rule")
 
 
@@ -225,10 +225,10 @@ def test_images_of_points_keep_kirchhoff_unless_fresnel_is_forced() -> None:
     assert part is not None
     small = part.model_copy(update={"window": 4.0, "tolerance": 1e-3})
     wanted = {"psf_width": 0.01}
-    assert choose(PointSpreadPiece(small, {}), wanted, {}).models["main_lens_diffraction"] == "kirchhoff"
-    free = PointSpreadPiece(small, {})
+    assert choose(PointSpreadProblem(small, {}), wanted, {}).models["main_lens_diffraction"] == "kirchhoff"
+    free = PointSpreadProblem(small, {})
     fresnel: Models = {"main_lens_diffraction": "fresnel"}
-    assert choose(PointSpreadPiece(small, fresnel), wanted, fresnel).models == fresnel
+    assert choose(PointSpreadProblem(small, fresnel), wanted, fresnel).models == fresnel
     assert free.try_out(fresnel)
     assert free.changes(fresnel)["psf_width"].relative > 0.01  # parabolic phases spread Kirchhoff's images
 
@@ -264,7 +264,7 @@ def test_a_disc_that_blurs_many_cycles_is_not_tried_as_a_point(monkeypatch: pyte
     """Trials are made only where they can change the choice: the spot of 4 mm is no point by any tolerance."""
     tried = []
     monkeypatch.setattr(LightTrial, "_as_point", lambda *models: tried.append(models) or (0.0, 1.0))
-    piece = LightSpotPiece(spot(), {})
-    assert piece.changes({**piece.complete, "source_extent": "off"})["pixel_intensity"].least == math.inf
-    assert choose(piece, {"pixel_intensity": 0.1}, {}).models["source_extent"] == "disc"
+    problem = LightSpotProblem(spot(), {})
+    assert problem.changes({**problem.complete, "source_extent": "off"})["pixel_intensity"].least == math.inf
+    assert choose(problem, {"pixel_intensity": 0.1}, {}).models["source_extent"] == "disc"
     assert not tried

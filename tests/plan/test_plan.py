@@ -26,9 +26,9 @@ def close_plan(close_range: Study) -> Plan:
     return close_range.plan()
 
 
-def test_a_plan_is_one_line_for_each_piece_and_one_for_the_run(close_plan: Plan) -> None:
+def test_a_plan_is_one_line_for_each_problem_and_one_for_the_run(close_plan: Plan) -> None:
     lines = str(close_plan).splitlines()
-    assert [line.split()[0] for line in lines] == [*(one.name for one in close_plan.pieces), "run"]
+    assert [line.split()[0] for line in lines] == [*(one.name for one in close_plan.problems), "run"]
     assert "about" in lines[-1]
     wide = next(line for line in lines if line.startswith("pair-f5.6"))
     assert "leaving out the exact path (Kirchhoff) at the main lens changes the" in wide
@@ -36,7 +36,7 @@ def test_a_plan_is_one_line_for_each_piece_and_one_for_the_run(close_plan: Plan)
 
 
 def test_a_small_omission_is_stated_with_its_number(close_plan: Plan) -> None:
-    declared = next(one for one in close_plan.pieces if one.name == "pair-declared")
+    declared = next(one for one in close_plan.problems if one.name == "pair-declared")
     change = declared.choice.changes["depth_uncertainty"].relative
     assert 0.0 < change < 1e-5
     line = str(close_plan).split("pair-declared")[1].splitlines()[0].replace("\N{NO-BREAK SPACE}", " ")
@@ -55,23 +55,23 @@ def test_a_small_omission_is_stated_with_its_number(close_plan: Plan) -> None:
 )
 def test_a_study_that_compares_models_says_why_none_is_chosen(study: str, line: str) -> None:
     plan = tradestudy.load(STUDIES / f"{study}.yaml").plan()
-    assert not plan.pieces
+    assert not plan.problems
     assert str(plan).splitlines()[0].startswith(line)
 
 
-def test_every_decision_and_every_step_stand_in_the_verbose_plan(close_plan: Plan) -> None:
+def test_the_verbose_plan_lists_every_decision_and_every_step(close_plan: Plan) -> None:
     text = close_plan.text(verbose=True)
-    for piece in close_plan.pieces:
-        for decision in piece.choice.decisions:
+    for problem in close_plan.problems:
+        for decision in problem.choice.decisions:
             assert f"{decision.slot.replace('_', ' ')}: {decision.model}" in text
-        for reason in piece.reasons.values():
+        for reason in problem.reasons.values():
             assert reason in text
     for step in close_plan.steps:
         assert step.work in text
 
 
 def test_a_declared_disparity_error_leaves_the_picture_out_and_says_why(close_plan: Plan) -> None:
-    declared = next(one for one in close_plan.pieces if one.name == "pair-declared")
+    declared = next(one for one in close_plan.problems if one.name == "pair-declared")
     assert set(declared.models.values()) - {declared.models["calibration"]} == {"off"}
     assert declared.reasons["main_lens_diffraction"].startswith("the disparity error is declared, 0.1 px")
 
@@ -79,21 +79,21 @@ def test_a_declared_disparity_error_leaves_the_picture_out_and_says_why(close_pl
 def test_a_hand_lens_that_asks_for_noise_simulates_diffraction(close_plan: Plan) -> None:
     """At f/22 diffraction takes the finest texture, which the yaw would hide if noise were not asked for."""
     assert close_plan.models("pair-f22")["main_lens_diffraction"] != "off"
-    assert "depth_noise" in next(one for one in close_plan.pieces if one.name == "pair-f22").asked
+    assert "depth_noise" in next(one for one in close_plan.problems if one.name == "pair-f22").asked
 
 
-def test_what_was_left_out_moves_depth_by_no_more_than_is_said(close_range: Study, close_plan: Plan) -> None:
+def test_omissions_change_depth_by_no_more_than_stated(close_range: Study, close_plan: Plan) -> None:
     """Between the distances of the study as well."""
     places = np.array([53e-3, 54.9e-3, 58e-3])
     for name in ("pair-f9.8", "pair-f5.6", "pair-f22"):
-        piece = next(one for one in close_plan.pieces if one.name == name)
-        whole = piece.models | {"main_lens_diffraction": "kirchhoff", "calibration": "linear"}
+        problem = next(one for one in close_plan.problems if one.name == name)
+        whole = problem.models | {"main_lens_diffraction": "kirchhoff", "calibration": "linear"}
         own, complete = (
-            close_range.definition.with_models({name: models}).case.cameras[name] for models in (piece.models, whole)
+            close_range.definition.with_models({name: models}).case.cameras[name] for models in (problem.models, whole)
         )
         for way, quantity in (("both", "depth_uncertainty"), ("noise", "depth_noise")):
             moved = np.abs(depth_uncertainty(own, places, way) / depth_uncertainty(complete, places, way) - 1.0)
-            assert moved.max() <= piece.choice.changes[quantity].relative <= 0.05
+            assert moved.max() <= problem.choice.changes[quantity].relative <= 0.05
 
 
 def test_a_looser_tolerance_leaves_more_out(close_range: Study) -> None:
@@ -136,4 +136,4 @@ def test_check_refuses_in_the_same_words_what_plan_refuses(study: str, override:
 def test_check_passes_what_plan_passes(override: str) -> None:
     loaded = tradestudy.load(STUDIES / "close_range.yaml", [override])
     assert loaded.check() == loaded.check_summary()
-    assert loaded.plan().pieces
+    assert loaded.plan().problems

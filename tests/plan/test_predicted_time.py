@@ -64,7 +64,7 @@ def a_second_each(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pilots, "seconds_of", seconds_of)
 
 
-def test_work_takes_what_the_clock_says() -> None:
+def test_the_predicted_time_follows_the_clock() -> None:
     ticks = itertools.count(10.0, 2.5)
     done: list[int] = []
     assert pilots.seconds_of(lambda: done.append(1), clock=lambda: next(ticks)) == 2.5
@@ -128,7 +128,7 @@ def test_wide_windows_off_the_axis_cost_more_than_their_targets() -> None:
     assert target_count(windows, symmetric=True) < 0.01 * wide
 
 
-def test_reading_a_picture_that_was_made_costs_nothing() -> None:
+def test_reading_an_existing_picture_costs_nothing() -> None:
     """Two readings of the spot make pictures anew for the claims; without them claims take no time."""
     (anew,) = (step.seconds for step in measured("light_spot") if step.name == "claims")
     none = seconds_by_step("light_spot", "claims.S2.under=[]", "claims.S3.under=[]")["claims"]

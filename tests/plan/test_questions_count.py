@@ -50,11 +50,11 @@ def propagation(found: tradestudy.Study) -> str:
     return found.plan().models("pair")["calibration"]
 
 
-def test_near_by_a_line_will_do(tmp_path: Path) -> None:
+def test_at_close_range_the_linear_model_is_enough(tmp_path: Path) -> None:
     assert propagation(study(tmp_path, FAR)) == "linear"
 
 
-def test_a_claim_far_beyond_the_scene_is_looked_at(tmp_path: Path) -> None:
+def test_a_claim_far_beyond_the_scene_counts(tmp_path: Path) -> None:
     claim = {
         "says": "the pair is more certain", "source": "nobody", "tolerance_reason": "none", "under": "all",
         "quantity": "uncertainty_ratio", "camera": "pair", "against": "bare", "over": ["19 m", "20 m"],
@@ -65,7 +65,7 @@ def test_a_claim_far_beyond_the_scene_is_looked_at(tmp_path: Path) -> None:
     assert asked.run().data["claims"]["met"].values[0, 0] == 0  # 3.69 by draws; a line makes it 3.22
 
 
-def test_the_farthest_of_many_questions_is_looked_at(tmp_path: Path) -> None:
+def test_the_farthest_of_many_questions_counts(tmp_path: Path) -> None:
     question = {
         "says": "which yaw?", "vary": "pair.calibration.errors.yaw.half_width", "low": "0.005 deg",
         "high": "0.02 deg", "camera": "pair", "relative": "3 %", "at": "20 m",
@@ -108,14 +108,14 @@ def test_failures_that_calibration_adds_end_a_usable_range(tmp_path: Path, toler
 
 def test_readings_may_derive_the_disparity_error_or_take_the_spectrum_back(tmp_path: Path) -> None:
     derived = {"derived": {"says": "derived", "set": {"pair.depth.disparity_error": "derived"}}}
-    piece = next(one for one in study(tmp_path, FAR, readings=derived).plan().pieces if one.name == "pair")
-    assert piece.models["defocus_blur"] == "disc"
+    problem = next(one for one in study(tmp_path, FAR, readings=derived).plan().problems if one.name == "pair")
+    assert problem.models["defocus_blur"] == "disc"
     grey = {"grey": {"says": "one colour", "set": {"scene.picture.spectrum": None}}}
     found = study(tmp_path, FAR, readings=grey, **{"cameras.pair.depth.disparity_error": "derived"}).plan()
     assert found.definition.readings["grey"].case.cameras["pair"].disparity_error_px.models.spectrum == "off"
 
 
-def test_cameras_without_errors_rank_beside_others_when_draws_are_forced(tmp_path: Path) -> None:
+def test_cameras_without_errors_are_ranked_with_others_when_draws_are_forced(tmp_path: Path) -> None:
     decision = {"between": ["pair", "bare"], "at": ["0.3 m"]}
     ran = study(tmp_path, FAR, decision=decision, effects={"calibration": "exact"}).run()
     chance = ran.data["decision"]["rank_first"].values

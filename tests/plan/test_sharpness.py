@@ -10,8 +10,8 @@ import pytest
 import tradestudy
 from tradestudy.cameras.focus import BlurCriterion, SingleLensFocus
 from tradestudy.cameras.parts import Lens
-from tradestudy.plan.pieces.depth_of_field import DepthOfFieldPiece
-from tradestudy.study.schema.depth_of_field import PIECE
+from tradestudy.plan.problems.depth_of_field import DepthOfFieldProblem
+from tradestudy.study.schema.depth_of_field import PROBLEM
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
@@ -23,24 +23,24 @@ def test_the_diffraction_spot_moves_sharp_ends_as_the_closed_form_says() -> None
     with_spot, without = (
         BlurCriterion(blur_px=2.0, measure=measure, wavelength=wavelength) for measure in ("airy-diameter", "none")
     )
-    piece = DepthOfFieldPiece([focus], [with_spot], {})
+    problem = DepthOfFieldProblem([focus], [with_spot], {})
     working = n * a / (a - f)
     allowed = np.sqrt((2 * pitch) ** 2 - (2 * 1.2196698912665045 * wavelength * working) ** 2)
     pupil, image = f / n, a * f / (a - f)
     behind = np.array([[image / (1 - sign * c / pupil) for sign in (1, -1)] for c in (2 * pitch, allowed)])
     ends = f * behind / (behind - f)
     expected = np.max(np.abs(ends[0] / ends[1] - 1))
-    change = piece.changes({"main_lens_diffraction": "off"})["depth_of_field"].relative
+    change = problem.changes({"main_lens_diffraction": "off"})["depth_of_field"].relative
     assert change == pytest.approx(expected, rel=1e-6)
-    assert DepthOfFieldPiece([focus], [without], {}).complete == {"main_lens_diffraction": "off"}
+    assert DepthOfFieldProblem([focus], [without], {}).complete == {"main_lens_diffraction": "off"}
 
 
-def test_a_study_keeps_the_spot_and_is_told_what_leaving_it_out_moves() -> None:
+def test_a_study_keeps_the_spot_and_reports_what_omitting_it_changes() -> None:
     kept = tradestudy.load(STUDIES / "hand_lens.yaml").plan()
-    assert kept.models(PIECE) == {"main_lens_diffraction": "airy"}
+    assert kept.models(PROBLEM) == {"main_lens_diffraction": "airy"}
     forced = tradestudy.load(STUDIES / "hand_lens.yaml", ["effects.main_lens_diffraction=off"]).plan()
-    piece = next(one for one in forced.pieces if one.name == PIECE)
-    assert piece.models == {"main_lens_diffraction": "off"}
+    problem = next(one for one in forced.problems if one.name == PROBLEM)
+    assert problem.models == {"main_lens_diffraction": "off"}
     case, asked = forced.definition.case, forced.definition.file.depth_of_field
     assert asked is not None
     counts = {
@@ -50,4 +50,4 @@ def test_a_study_keeps_the_spot_and_is_told_what_leaving_it_out_moves() -> None:
         for bare in [BlurCriterion(blur_px=criterion.blur_px, measure="none", wavelength=case.wavelength)]
     }
     assert any(own != without for own, without in counts)  # sharp slices appear or vanish with the spot …
-    assert piece.by_forcing["depth_of_field"].relative == np.inf  # … which no tolerance covers
+    assert problem.by_forcing["depth_of_field"].relative == np.inf  # … which no tolerance covers

@@ -1,4 +1,4 @@
-"""Where calibrations come from, what a reading is worth, ties, ranks, and depth off the axis, as reports tell them."""
+"""Sources of calibrations, the worth of averaging, ties, ranks, and depth off the axis in reports."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def with_best(tree: xr.DataTree, best: list[str]) -> xr.DataTree:
     )
 
 
-def test_tied_cameras_are_one_answer(make_tree: MakeTree) -> None:
+def test_tied_cameras_are_named_together(make_tree: MakeTree) -> None:
     tree = with_best(make_tree(), ["r5"] * 5 + [f"{RIG}, {WIDE}"] * 5)
     sentence = next(text for text in texts(report_of(tree)) if "(tied)" in text)
     assert ": Stereo 100 mm, f = 30.5 mm, and Stereo 100 mm, 65.24° across (tied), ±" in sentence
@@ -69,7 +69,7 @@ def _rgb(color: str) -> tuple[float, ...]:
 
 
 @pytest.mark.parametrize(
-    ("best", "told"),
+    ("best", "reported"),
     [
         (["r5"] * 50 + [f"r5, {WIDE}"] + [WIDE] * 50, ["r5", WIDE]),  # the error of a crossover
         (["r5"] * 50 + [f"r5, {WIDE}"] + ["r5"] * 50, ["r5"]),
@@ -78,10 +78,10 @@ def _rgb(color: str) -> tuple[float, ...]:
         ([""] * 50 + [f"r5, {WIDE}"] + [WIDE] * 50, ["", f"r5, {WIDE}", WIDE]),
     ],
 )
-def test_a_brief_tie_at_a_crossover_is_a_handover(make_tree: MakeTree, best: list[str], told: list[str]) -> None:
+def test_a_brief_tie_at_a_crossover_is_a_handover(make_tree: MakeTree, best: list[str], reported: list[str]) -> None:
     tree = with_best(make_tree(), best)
     found = list(reported_winners(tree))
-    assert [names for _, _, names in found] == told
+    assert [names for _, _, names in found] == reported
     assert (found[0][0], found[-1][1]) == (pytest.approx(0.05), pytest.approx(10.0))
     assert all(a[1] == b[0] for a, b in itertools.pairwise(found))
     assert len(list(winners(tree))) == 3
@@ -98,7 +98,7 @@ def test_the_table_of_verdicts_names_ties(make_tree: MakeTree) -> None:
     assert answer_title({"a": "A"}, "", "neither") == "neither"
 
 
-def test_a_handover_carries_its_error(make_tree: MakeTree) -> None:
+def test_a_handover_is_given_with_its_error(make_tree: MakeTree) -> None:
     tree = make_tree()
     decision = tree["decision"].to_dataset().copy(deep=True)
     decision["change_error"][0] = 0.02
@@ -117,11 +117,11 @@ def test_a_handover_carries_its_error(make_tree: MakeTree) -> None:
         (0.5, math.nan, "500 mm"),
     ],
 )
-def test_an_error_is_told_where_it_is_not_negligible(value: float, error: float, text: str) -> None:
+def test_an_error_is_shown_where_it_is_not_negligible(value: float, error: float, text: str) -> None:
     assert with_error(value, error, length).replace("\u00a0", " ") == text
 
 
-def test_an_interval_of_nothing_is_a_dash() -> None:
+def test_an_empty_interval_is_a_dash() -> None:
     assert interval(math.nan, math.nan) == "—"
 
 
@@ -137,7 +137,7 @@ def test_what_did_not_converge_is_marked_and_the_widest_interval_is_shown(make_t
     assert stars == [True, False, False] * 3
 
 
-def test_where_every_calibration_comes_from_is_told(make_tree: MakeTree) -> None:
+def test_the_source_of_every_calibration_is_given(make_tree: MakeTree) -> None:
     tree = make_tree()
     inputs = {
         "cameras.r5.calibration.errors.mla_distance.standard_deviation": "1 um",
@@ -188,7 +188,7 @@ def test_the_first_page_names_rigs_whose_views_support_less_than_they_claim(make
     assert "65.24" not in said[-1].partition("The calibration of")[2].partition("they claim.")[0]
 
 
-def test_readings_worth_averaging_make_noise_as_large_as_calibration(make_tree: MakeTree) -> None:
+def test_measurements_worth_averaging_make_noise_as_large_as_calibration(make_tree: MakeTree) -> None:
     rows = table(report_of(make_tree()), "averaging-table")
     # 0.12 z² of noise over 0.006 z² of calibration; of the stereo rigs calibration is the larger part.
     assert rows[0][1:] == ["400"] * 3
@@ -227,7 +227,7 @@ def with_ranks(tree: xr.DataTree) -> xr.DataTree:
     return tree
 
 
-def test_ranks_are_told_drawn_and_tabled(make_tree: MakeTree) -> None:
+def test_ranks_appear_in_text_figure_and_table(make_tree: MakeTree) -> None:
     tree = with_ranks(make_tree())
     report = report_of(tree)
     rows = [row for row in table(report, "rank-table") if len(row) > 1]
@@ -252,7 +252,7 @@ def with_field(tree: xr.DataTree) -> xr.DataTree:
     return tree
 
 
-def test_depth_off_the_axis_stands_beside_that_on_it(make_tree: MakeTree) -> None:
+def test_depth_off_the_axis_is_shown_next_to_depth_on_it(make_tree: MakeTree) -> None:
     tree = with_field(make_tree())
     drawing = figures.build(tree)["off_axis"]
     assert "Stereo 100 mm, 65.24° across: 2 to 2 times as large." in drawing.alt

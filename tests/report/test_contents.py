@@ -99,7 +99,7 @@ def test_the_answer_says_where_nothing_is_usable_and_why(tree: xr.DataTree) -> N
     assert "calibration alone favours Raytrix R5, Keplerian at 3 of 3" in ways
 
 
-def test_who_is_usable_without_being_a_candidate_is_told(make_tree: Callable[..., xr.DataTree]) -> None:
+def test_usable_cameras_that_are_not_candidates_are_named(make_tree: Callable[..., xr.DataTree]) -> None:
     tree = make_tree()
     depth = tree["depth"].to_dataset().copy(deep=True)
     depth["usable_near"][1] = 0.05
@@ -115,7 +115,7 @@ def test_who_is_usable_without_being_a_candidate_is_told(make_tree: Callable[...
     assert "Smallest uncertainty of the candidates: 0.05 to 0.15\N{NO-BREAK SPACE}m no candidate, " in drawing.alt
 
 
-def test_a_sliver_of_the_range_is_not_told(make_tree: Callable[..., xr.DataTree]) -> None:
+def test_a_sliver_of_the_range_is_not_reported(make_tree: Callable[..., xr.DataTree]) -> None:
     tree = make_tree()
     depth = tree["depth"].to_dataset().copy(deep=True)
     decision = tree["decision"].to_dataset().copy(deep=True)
@@ -127,7 +127,7 @@ def test_a_sliver_of_the_range_is_not_told(make_tree: Callable[..., xr.DataTree]
     found = list(sentences(document_of(tree)))
     assert found[0].startswith("0.05 to 10 m: Raytrix R5, Keplerian, ±")
     assert "Smallest uncertainty: 0.05 to 10\u00a0m Raytrix" in figures.build(tree)["whole_range"].alt
-    # A study of so narrow a range is told all the same, with more digits.
+    # Even such a narrow range is reported, with more digits.
     narrow = np.linspace(1.0, 1.0004, decision.sizes["distance"])
     depth["usable_near"][:], depth["usable_far"][:] = 1.0001, 1.0004
     tree["depth"] = xr.DataTree(depth.assign_coords(distance=narrow))
@@ -139,7 +139,7 @@ def test_a_sliver_of_the_range_is_not_told(make_tree: Callable[..., xr.DataTree]
     ]
 
 
-def test_equal_uncertainties_are_no_loss(make_tree: Callable[..., xr.DataTree]) -> None:
+def test_equal_uncertainties_do_not_count_as_a_loss(make_tree: Callable[..., xr.DataTree]) -> None:
     tree = make_tree()
     decision = tree["decision"].to_dataset().copy(deep=True)
     # Noise: two wins of the second camera and a tie; calibration: a win of the first, a tie, and both unbounded.
@@ -161,7 +161,7 @@ def test_equal_uncertainties_are_no_loss(make_tree: Callable[..., xr.DataTree]) 
     assert ways.endswith("calibration alone ties them at 3 of 3 declared distances.")
 
 
-def test_the_answer_gives_both_ends_of_a_stretch_in_millimetres_and_per_cent(tree: xr.DataTree) -> None:
+def test_the_answer_gives_both_ends_of_a_range_in_millimetres_and_per_cent(tree: xr.DataTree) -> None:
     sentence = next(text for text in sentences(document_of(tree)) if text.startswith("0.391 to 10 m"))
     first = 0.391  # between two distances of the study
     sigma = np.hypot(6.9e-4, 0.0349)
@@ -226,6 +226,6 @@ def test_a_margin_of_over_a_thousand_errors_is_not_counted() -> None:
     assert margins == ["12", "> 1000", "−30", "< −1000", "—"]
 
 
-def test_a_factor_next_to_1_shows_the_digits_that_tell_it_from_1() -> None:
+def test_a_factor_close_to_1_shows_the_digits_that_distinguish_it_from_1() -> None:
     factors = [_factor(ratio) for ratio in (1.0, 1.004, 1.0 / 1.004, 1.00001, 2.5, math.nan, 0.0)]
     assert factors == ["1", "1.004", "1.004", "about 1", "2.5", "—", "∞"]

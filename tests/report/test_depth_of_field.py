@@ -48,7 +48,7 @@ def test_the_first_page_says_which_camera_at_what_resolution_exposures_and_movin
     assert "Figure 1" in first_page
 
 
-def test_the_figures_have_words_for_who_does_not_see_them(result: Result) -> None:
+def test_the_figures_have_alternative_texts(result: Result) -> None:
     drawings = figures.build(result.data)
     assert list(drawings)[:2] == ["depth-of-field", "lateral-resolution"]
     for title in camera_titles(result.data).values():
@@ -57,7 +57,7 @@ def test_the_figures_have_words_for_who_does_not_see_them(result: Result) -> Non
     assert "MAHLI, one image 53.3 µm" in drawings["lateral-resolution"].alt
 
 
-def test_bars_stand_where_the_results_say(result: Result) -> None:
+def test_bars_end_where_the_results_say(result: Result) -> None:
     data = result.data["depth_of_field"].to_dataset()
     figure = figures.figure(result.data, "depth-of-field")
     bars = [(bar.get_x(), bar.get_x() + bar.get_width()) for bar in figure.axes[0].patches if bar.get_height() < 0.5]
@@ -71,7 +71,7 @@ def test_bars_stand_where_the_results_say(result: Result) -> None:
     np.testing.assert_allclose(sorted(bars), sorted(expected), rtol=1e-9)
 
 
-def test_equal_drawings_again(result: Result, written: Path) -> None:
+def test_drawing_again_gives_equal_figures(result: Result, written: Path) -> None:
     for name in ("depth-of-field", "lateral-resolution"):
         drawn = plotted(figures.figure(result.data, name)).svg
         assert (written / "figures" / f"{name}.svg").read_bytes() == drawn
@@ -108,7 +108,7 @@ def test_gaps_of_a_short_stack_are_written_out() -> None:
     assert f"gap {float(gaps[0]) * 1e3:.3g} mm" in said(tree)
 
 
-def test_cameras_that_measure_no_depth_make_a_report_alone(result: Result) -> None:
+def test_cameras_that_measure_no_depth_have_a_report_of_their_own(result: Result) -> None:
     only = ["mahli", "mahli-stack", "mahli-contact"]
     tree = xr.DataTree.from_dict(
         {name: result.data[name].to_dataset().sel(camera=only) for name in ("cameras", "depth_of_field", "criteria")}

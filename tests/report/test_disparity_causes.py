@@ -58,10 +58,10 @@ def rows(blocks: tuple[Block, ...]) -> list[list[str]]:
     return [[plain(cell) for cell in row] for row in table.rows]
 
 
-def test_the_largest_numerical_error_says_of_which_camera_and_where(found: xr.Dataset) -> None:
+def test_the_largest_numerical_error_names_camera_and_place(found: xr.Dataset) -> None:
     (table,) = (block for block in section(found) if isinstance(block, Table) and block.name == NAME)
-    told = re.search(r"Estimated numerical error: at most (\S+) %, of (.+) at (.+)\.$", plain(table.notes[0]))
-    assert told is not None
+    reported = re.search(r"Estimated numerical error: at most (\S+) %, of (.+) at (.+)\.$", plain(table.notes[0]))
+    assert reported is not None
     relative = {
         (camera, place): max(
             float((found[f"{name}_error"] / found[name]).sel(camera=camera, distance=place).max())
@@ -71,12 +71,12 @@ def test_the_largest_numerical_error_says_of_which_camera_and_where(found: xr.Da
         for place in found["distance"].values
     }
     camera, place = max(relative, key=lambda key: relative[key])
-    assert float(told[1]) == pytest.approx(100.0 * relative[camera, place], rel=0.05)
-    assert told[2] == load_definition(STUDY, QUICK).file.cameras[camera].title
-    assert told[3] == f"{1e3 * place:g} mm"
+    assert float(reported[1]) == pytest.approx(100.0 * relative[camera, place], rel=0.05)
+    assert reported[2] == load_definition(STUDY, QUICK).file.cameras[camera].title
+    assert reported[3] == f"{1e3 * place:g} mm"
 
 
-def test_the_disparity_errors_that_depth_uses_are_told_from_those_with_every_effect(found: xr.Dataset) -> None:
+def test_disparity_errors_used_by_depth_are_distinguished_from_those_with_every_effect(found: xr.Dataset) -> None:
     cameras = cameras_group(load_definition(STUDY, QUICK))
     used = found[["disparity_error_px"]].copy(deep=True)
     tree = {"/cameras": cameras, "/disparity_causes": found}
@@ -85,14 +85,14 @@ def test_the_disparity_errors_that_depth_uses_are_told_from_those_with_every_eff
     used["disparity_error_px"][0, 1] *= 0.9
     used["disparity_error_px"][0, 2] *= 0.8
     other = xr.DataTree.from_dict({**tree, "/depth": used, "/depth_at_places": used})
-    (told,) = (
+    (reported,) = (
         plain(block.text)
         for block in section_of(other)
         if isinstance(block, Paragraph) and "px for" in plain(block.text)
     )
     whole = float(found["disparity_error_px"][0, 2])
     title = load_definition(STUDY, QUICK).file.cameras["pair-f9.8"].title
-    assert told.endswith(f"{0.8 * whole:.3g} px instead of {whole:.3g} px for {title} at 58 mm.")
+    assert reported.endswith(f"{0.8 * whole:.3g} px instead of {whole:.3g} px for {title} at 58 mm.")
 
 
 # ---- the numbers ----------------------------------------------------------------------------------------------------
@@ -109,7 +109,7 @@ def test_light_follows_the_f_number_and_diffraction_counts_more_at_the_smaller_a
 
 
 def test_in_the_light_of_the_brightest_cameras_of_one_cone_are_one() -> None:
-    """Without diffraction and blur only light tells them apart, but for how finely the band is divided."""
+    """Without diffraction and blur only light distinguishes them, apart from how finely the band is divided."""
     found = causes("effects={main_lens_diffraction: off, defocus_blur: off}")
     lit = found["disparity_error_px_changed"].sel(camera=["pair-f22", "pair-f9.8"], change="light of the brightest")
     own = found["disparity_error_px"].sel(camera="pair-f5.6")
@@ -146,18 +146,18 @@ def test_the_report_says_what_counts_most_and_has_the_table() -> None:
     depth = data["depth_at_places"].to_dataset().sel(camera=found["camera"])
     np.testing.assert_allclose(found["disparity_error_px"], depth["disparity_error_px"], rtol=1e-12)
     blocks = tuple(all_blocks(compose_report(data, {}, {}).blocks))
-    told = [text for text in bullets(blocks) if "electrons, a disparity error of" in text]
-    assert [text.split(":")[0] for text in told] == [f"Hand-lens pair, f/{n}" for n in ("9.8", "22", "5.6")]
+    reported = [text for text in bullets(blocks) if "electrons, a disparity error of" in text]
+    assert [text.split(":")[0] for text in reported] == [f"Hand-lens pair, f/{n}" for n in ("9.8", "22", "5.6")]
     one = found.sel(camera="pair-f22").isel(distance=1)
     error, changed = float(one["disparity_error_px"]), one["disparity_error_px_changed"]
     lit, sharp = (error / float(changed.sel(change=name)) for name in ("light of the brightest", "no diffraction"))
-    assert told[1] == (
+    assert reported[1] == (
         f"Hand-lens pair, f/22: 799 electrons, a disparity error of {error:.3g} px. What counts most is the light that "
         f"it lacks: with the light of Hand-lens pair, f/5.6 it would be {lit:.3g} times smaller; without diffraction "
         f"{sharp:.3g} times smaller, without blur the same."
     )
-    assert "What counts most is diffraction" in told[2]
-    assert "What counts most elsewhere: at 53 mm defocus blur (" in told[2]
+    assert "What counts most is diffraction" in reported[2]
+    assert "What counts most elsewhere: at 53 mm defocus blur (" in reported[2]
     table = rows(blocks)
     assert [row[0] for row in table if len(row) == 1] == ["At 53 mm", "At 55.3 mm", "At 58 mm"]
     assert table[6][:4] == ["Hand-lens pair, f/22", "799", "20.1", f"{error:.3g}"]  # 0.3 mm on the object
@@ -181,8 +181,10 @@ def test_declared_errors_have_no_causes(tree: xr.DataTree) -> None:
         assert not any("What counts most" in text for text in bullets(blocks))
 
 
-@pytest.mark.parametrize(("used", "told"), [(1.0, False), (1.1, True), (np.nan, False)])
-def test_errors_that_depth_uses_are_compared_only_where_both_exist(found: xr.Dataset, used: float, told: bool) -> None:
+@pytest.mark.parametrize(("used", "reported"), [(1.0, False), (1.1, True), (np.nan, False)])
+def test_errors_that_depth_uses_are_compared_only_where_both_exist(
+    found: xr.Dataset, used: float, reported: bool
+) -> None:
     found = found.sel(camera=["pair-f9.8"]).copy(deep=True)
     found["disparity_error_px"][:, 0] = np.nan
     found["disparity_error_px_changed"][:, 0] = np.nan
@@ -192,7 +194,7 @@ def test_errors_that_depth_uses_are_compared_only_where_both_exist(found: xr.Dat
         {"/cameras": cameras, "/disparity_causes": found, "/depth": depth, "/depth_at_places": depth}
     )
     words = [plain(block.text) for block in section_of(tree) if isinstance(block, Paragraph)]
-    assert any("px instead of" in text for text in words) == told
+    assert any("px instead of" in text for text in words) == reported
 
 
 def test_a_camera_alone_is_compared_with_none(found: xr.Dataset) -> None:
@@ -203,7 +205,7 @@ def test_a_camera_alone_is_compared_with_none(found: xr.Dataset) -> None:
     assert "light of" not in bullets(blocks)[0]
 
 
-def test_what_is_larger_the_same_or_not_there_at_all_is_told(found: xr.Dataset) -> None:
+def test_larger_equal_and_missing_errors_are_described(found: xr.Dataset) -> None:
     found = found.sel(camera=["pair-f9.8"]).copy(deep=True)
     found["disparity_error_px"][:] = [[np.nan, 0.04, np.inf]]
     found["disparity_error_px_changed"][:] = [

@@ -58,7 +58,7 @@ def test_a_place_without_a_value_is_an_error() -> None:
         say("{name}")
 
 
-def test_what_xml_forbids_and_direction_overrides_are_replaced() -> None:
+def test_characters_forbidden_by_xml_and_direction_overrides_are_replaced() -> None:
     assert literal("a\x00b\u202ec\nd\ud800e") == "a\ufffdb\ufffdc d\ufffde"
 
 

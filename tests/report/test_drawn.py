@@ -51,7 +51,7 @@ def test_another_interpreter_writes_the_same_file(
         assert list(shared.pictures(drawings)) == list(drawings)
 
 
-def test_what_could_not_be_made_elsewhere_is_made_here(
+def test_figures_that_another_process_could_not_draw_are_drawn_here(
     small: xr.DataTree, drawings: Mapping[str, Drawing], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, "path", [])  # where the other interpreter finds nothing

@@ -37,47 +37,47 @@ def table_of(plan: Plan, name: str) -> Table:
 def test_one_row_for_each_camera_and_effect_that_matters(plan: Plan) -> None:
     rows = [[plain(cell) for cell in row] for row in table_of(plan, "effects-that-matter").rows]
     expected = [
-        (piece.title, decision.slot.replace("_", " "))
-        for piece in plan.pieces
-        for decision in piece.choice.decisions
+        (problem.title, decision.slot.replace("_", " "))
+        for problem in plan.problems
+        for decision in problem.choice.decisions
         if decision.chosen
         and (
             decision.forced
-            or (decision.model != "off" and decision.slot not in piece.reasons)
-            or any(change.relative > 0.0 for q, change in decision.changes.items() if q in piece.asked)
+            or (decision.model != "off" and decision.slot not in problem.reasons)
+            or any(change.relative > 0.0 for q, change in decision.changes.items() if q in problem.asked)
         )
     ]
     assert [(row[0], row[1]) for row in rows] == expected
 
 
-def test_what_changes_nothing_is_one_sentence_for_each_reason(plan: Plan) -> None:
+def test_models_that_change_nothing_share_one_sentence_for_each_reason(plan: Plan) -> None:
     notes = [plain(note) for note in table_of(plan, "effects-that-matter").notes]
-    reasons = {reason for piece in plan.pieces for reason in piece.reasons.values()}
+    reasons = {reason for problem in plan.problems for reason in problem.reasons.values()}
     for reason in reasons:
         assert sum(note.endswith(f"because {reason}.") for note in notes) == 1
 
 
 def test_every_model_that_was_compared_is_listed_with_its_number(plan: Plan) -> None:
     rows = [[plain(cell) for cell in row] for row in table_of(plan, "effects-all").rows]
-    for piece in plan.pieces:
-        for decision in piece.choice.decisions:
-            if decision.slot in piece.reasons:
+    for problem in plan.problems:
+        for decision in problem.choice.decisions:
+            if decision.slot in problem.reasons:
                 continue
-            quantity = max(piece.asked, key=lambda q: decision.changes[q].relative / piece.asked[q])
+            quantity = max(problem.asked, key=lambda q: decision.changes[q].relative / problem.asked[q])
             change = decision.changes[quantity].relative
             name = f"● {decision.model}" if decision.chosen else decision.model
-            (row,) = (r for r in rows if r[:3] == [piece.title, decision.slot.replace("_", " "), name])
+            (row,) = (r for r in rows if r[:3] == [problem.title, decision.slot.replace("_", " "), name])
             if change == 0.0:
                 assert row[3] == "nothing"
             elif change < float("inf"):
                 assert row[3] == pretty(change, FRACTION, digits=2)
 
 
-def test_what_all_omissions_change_stands_beside_what_is_allowed(plan: Plan) -> None:
+def test_the_joint_change_is_shown_next_to_the_tolerance(plan: Plan) -> None:
     tree = xr.DataTree.from_dict({"/effects": effects_group(plan)})
     text = " ".join(plain(block.text) for block in describe_effects(tree) if isinstance(block, Paragraph))
-    worst = max(piece.choice.changes["depth_uncertainty"].relative for piece in plan.pieces)
+    worst = max(problem.choice.changes["depth_uncertainty"].relative for problem in plan.problems)
     allowed = plan.accuracy.tolerances["depth_uncertainty"]
-    told = f"by up to {pretty(worst, FRACTION, digits=2)}; the tolerance is {pretty(allowed, FRACTION, digits=2)}."
-    assert told in text
+    reported = f"by up to {pretty(worst, FRACTION, digits=2)}; the tolerance is {pretty(allowed, FRACTION, digits=2)}."
+    assert reported in text
     assert (f"{IN_WORDS['depth_noise']} has no tolerance" in text) == ("depth_noise" not in plan.accuracy.tolerances)

@@ -79,13 +79,13 @@ def _is_known(digits: str, unit: str, known: np.ndarray) -> bool:
     """Whether a number of the results rounds to these digits."""
     last = 10.0 ** -len(digits.partition(".")[2])
     value, half = float(digits) * _UNITS[unit], 0.51 * last * _UNITS[unit]
-    if "." not in digits:  # three digits are told at most
+    if "." not in digits:  # at most three digits are shown
         half = max(half, 0.0051 * value)
     at = np.searchsorted(known, value - half)
     return bool(at < known.size and known[at] <= value + half)
 
 
-def test_things_side_by_side_keep_their_order_their_distance_and_the_room() -> None:
+def test_labels_keep_their_order_distance_and_bounds() -> None:
     rng = np.random.default_rng(3)
     for _ in range(200):
         count = int(rng.integers(1, 9))
@@ -103,13 +103,13 @@ def test_things_side_by_side_keep_their_order_their_distance_and_the_room() -> N
             np.testing.assert_allclose(placed, wanted)
 
 
-def test_two_names_that_would_touch_move_apart_alike() -> None:
+def test_two_labels_that_would_touch_move_apart_equally() -> None:
     np.testing.assert_allclose(spread(np.array([0.52, 0.5]), np.array([0.1, 0.1])), [0.56, 0.46])
     np.testing.assert_allclose(spread(np.array([0.99, 1.0]), np.array([0.1, 0.1])), [0.85, 0.95])
     np.testing.assert_allclose(spread(np.array([0.9, 0.1]), np.array([0.8, 0.8])), [0.9, 0.1])  # about the middle
 
 
-def test_a_curve_under_others_is_told_from_one_that_crosses_them() -> None:
+def test_a_hidden_curve_is_distinguished_from_one_that_crosses_others() -> None:
     x = np.geomspace(0.1, 10.0, 200)
     level = np.full_like(x, 3.0)
     assert beneath([level, 1.001 * level, x, level], (1e-2, 1e2)) == [2, 1, 0, 0]
@@ -117,7 +117,7 @@ def test_a_curve_under_others_is_told_from_one_that_crosses_them() -> None:
 
 
 @pytest.mark.parametrize("order", range(7))
-def test_letters_stand_out(order: int) -> None:
+def test_letters_contrast_with_their_background(order: int) -> None:
     def luminance(color: str) -> float:
         rgb = np.array([int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)])
         return float(np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4) @ (0.2126, 0.7152, 0.0722))

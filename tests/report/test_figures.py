@@ -24,7 +24,7 @@ from tradestudy.units import LENGTH, NUMBER, pretty
 HOSTILE = r"_R5 $x_1$ \frac{1}{0} <b>&amp; %s {0} #id '\"" + "日本"
 
 
-def test_what_can_be_drawn_follows_from_the_groups(tree: xr.DataTree, make_tree: Callable[..., xr.DataTree]) -> None:
+def test_the_available_figures_follow_from_the_groups(tree: xr.DataTree, make_tree: Callable[..., xr.DataTree]) -> None:
     base = ["whole_range", "close_range", "mid_range", "variance_shares"]
     assert list(figures.build(tree)) == [*base, "readings"]
     only_depth = xr.DataTree.from_dict({"/cameras": tree["cameras"].to_dataset(), "/depth": tree["depth"].to_dataset()})
@@ -49,7 +49,7 @@ def test_hostile_names_are_drawn_as_they_are(
         ET.fromstring(drawing.draw().svg())  # well formed, and no warning about letters or layout on the way
 
 
-def test_a_title_that_starts_with_an_underscore_stands_at_its_curve(make_tree: Callable[..., xr.DataTree]) -> None:
+def test_a_title_that_starts_with_an_underscore_labels_its_curve(make_tree: Callable[..., xr.DataTree]) -> None:
     figure = figures.figure(make_tree(titles={"r5": "_hidden $a$"}), "close_range")
     for axes in figure.axes:
         name = next(text for text in axes.texts if text.get_text() == "_hidden $a$")
@@ -60,7 +60,7 @@ def test_letters_that_the_font_lacks_are_named() -> None:
     assert printable("α 日 µ") == "α ⟨U+65E5⟩ µ"
 
 
-def test_the_settings_of_the_caller_neither_leak_in_nor_change(tree: xr.DataTree) -> None:
+def test_the_caller_s_settings_neither_leak_in_nor_change(tree: xr.DataTree) -> None:
     usual = figures.figure(tree, "readings").svg()
     with mpl.rc_context({"font.size": 31.0, "lines.linewidth": 9.0, "svg.hashsalt": "other"}):
         before = dict(mpl.rcParams)
@@ -164,7 +164,7 @@ def test_an_unbounded_step_shades_to_the_top_and_an_infinite_uncertainty_ends_th
     assert np.isfinite(figure.axes[0].get_ylim()).all()
 
 
-def test_stretches_of_one_winner_touch_and_cover_the_range(tree: xr.DataTree) -> None:
+def test_ranges_of_one_winner_touch_and_cover_the_whole_range(tree: xr.DataTree) -> None:
     stretches = list(winners(tree))
     assert [key for _, _, key in stretches] == ["", "r5", "stereo-65deg"]
     assert stretches[0][0] == pytest.approx(0.05)
@@ -263,7 +263,7 @@ def test_no_word_of_a_legend_is_cut_off(tree: xr.DataTree) -> None:
         assert not any(text.endswith("…") for text in texts)
 
 
-def test_curves_stand_at_the_declared_design_or_say_where(make_tree: Callable[..., xr.DataTree]) -> None:
+def test_curves_are_drawn_at_the_declared_design_or_name_theirs(make_tree: Callable[..., xr.DataTree]) -> None:
     sweep = {"b": [0.05, 0.1, 0.2]}  # the uncertainty is divided by 1, 2, 3
     declared, unknown = make_tree(sweep=sweep, declared={"b": 0.1}), make_tree(sweep=sweep)
     at_first = make_tree()["depth"].to_dataset()["depth_uncertainty"].values
@@ -317,7 +317,7 @@ def test_without_a_usable_design_there_is_no_chart_of_them(make_tree: Callable[.
         drawing.draw().svg()
 
 
-def test_captions_say_why_designs_are_compared_beside_the_declared_distance(
+def test_captions_say_why_designs_are_compared_near_the_declared_distance(
     make_tree: Callable[..., xr.DataTree],
 ) -> None:
     """Grid points are 3.4 % apart, so that none is 1 m."""
@@ -355,7 +355,7 @@ def test_the_frontier_keeps_what_nothing_beats() -> None:
         (2e8, "2·10⁸"),
     ],
 )
-def test_ticks_are_written_as_a_person_would(value: float, text: str) -> None:
+def test_tick_labels_are_readable(value: float, text: str) -> None:
     assert plain_number(value) == text
 
 
@@ -363,7 +363,7 @@ def test_ticks_are_written_as_a_person_would(value: float, text: str) -> None:
     ("millimetres", "text"),
     [(1e-3, "1 µm"), (0.02, "20 µm"), (1.0, "1 mm"), (500.0, "500 mm"), (1e4, "10 m"), (1e6, "1 km")],
 )
-def test_lengths_on_axes_have_the_unit_a_person_expects(millimetres: float, text: str) -> None:
+def test_lengths_on_axes_have_the_expected_unit(millimetres: float, text: str) -> None:
     assert length_tick(millimetres) == text
 
 
@@ -372,7 +372,7 @@ def test_figures_show_themselves_in_notebooks_in_the_same_style(tree: xr.DataTre
     assert shown == figures.figure(tree, "readings").svg().decode()
 
 
-def test_bars_and_maps_are_told_as_tables(make_tree: Callable[..., xr.DataTree]) -> None:
+def test_bars_and_maps_have_tables_of_their_values(make_tree: Callable[..., xr.DataTree]) -> None:
     tree = make_tree(sweep={"b": [1.0, 2.0, 3.0], "f": [1.0, 4.0]})
     drawings = figures.build(tree)
     decision = tree["decision"].to_dataset()
@@ -382,7 +382,7 @@ def test_bars_and_maps_are_told_as_tables(make_tree: Callable[..., xr.DataTree])
             assert row == (reading, *(pretty(float(one), NUMBER) for one in ratio))
     depth = tree["depth"].to_dataset().sel(distance=reference_distance(tree))["depth_uncertainty"]
     for table, camera in zip(drawings["sweep_map"].values(), moved_cameras(tree), strict=True):
-        told = [list(row[1:]) for row in table.rows]
+        reported = [list(row[1:]) for row in table.rows]
         values = depth.sel(camera=camera.key).transpose("f", "b").values
-        assert told == [[pretty(float(one), LENGTH) for one in row] for row in values]
+        assert reported == [[pretty(float(one), LENGTH) for one in row] for row in values]
     assert drawings["whole_range"].values() == ()

@@ -79,9 +79,7 @@ def test_a_report_that_cannot_be_made_costs_no_results(
     assert storage.read_finished(tmp_path)[0].identical(kept)
 
 
-def test_a_write_that_fails_leaves_the_old_file_and_nothing_beside_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "x"
     storage.replace_file(target, b"old")
 
@@ -94,7 +92,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_beside_it(
     assert _content(tmp_path) == {"x": b"old"}
 
 
-def test_figures_and_tables_of_an_earlier_report_go(tree: xr.DataTree, tmp_path: Path) -> None:
+def test_figures_and_tables_of_an_earlier_report_are_removed(tree: xr.DataTree, tmp_path: Path) -> None:
     report.write(_quick(tree, "decision", "assumptions"), {}, tmp_path, pdf=False)
     assert (tmp_path / "figures/readings.svg").exists()
     assert (tmp_path / "tables/assumptions_by_path.csv").exists()
@@ -137,7 +135,7 @@ def test_intervals_have_one_unit_and_the_digits_that_matter(low: float, high: fl
     assert interval(low, high).replace("\u00a0", " ") == text
 
 
-def test_distances_read_as_on_the_axes() -> None:
+def test_distances_are_written_as_on_the_axes() -> None:
     assert [distance(x).replace("\u00a0", " ") for x in (0.05, 0.391, 10.0, np.inf)] == [
         "50 mm",
         "0.391 m",

@@ -109,7 +109,7 @@ def test_nothing_is_fetched(page: Page, written: Path) -> None:
     assert "http" not in re.sub(r'src="[^"]*"', "", source)
 
 
-def test_figures_in_the_page_are_the_files_beside_it(written: Path) -> None:
+def test_figures_in_the_page_equal_the_svg_files(written: Path) -> None:
     """All outlines but those of letters, which the page holds once, in the same order and to hundredths of a point."""
     source = (written / "report.html").read_text(encoding="utf-8")
     files = list((written / "figures").glob("*.svg"))
@@ -159,8 +159,8 @@ def test_numbers_read_alike_as_single_floats() -> None:
     noise = np.random.default_rng(1).lognormal(sigma=9.0, size=20000)
     near = np.round(noise, 3) + 5e-4 * (1.0 + 1e-9)
     for values in (ties, noise, near, -noise):
-        told = page_data({}, {"one": CurveValues(x=values, value=values)})
-        assert _decoded(json.loads(told), 0) == _read(values)
+        reported = page_data({}, {"one": CurveValues(x=values, value=values)})
+        assert _decoded(json.loads(reported), 0) == _read(values)
 
 
 def test_every_colour_of_cameras_follows_the_page() -> None:
@@ -174,7 +174,7 @@ def test_the_script_is_short() -> None:
     assert len(html.script().encode()) <= 30_000
 
 
-def test_sections_stand_in_their_order(page: Page) -> None:
+def test_sections_follow_their_order(page: Page) -> None:
     text = page.text.partition("The answer")[2]  # behind the contents
     sentences = (
         "The claims and their verdicts",
@@ -208,7 +208,7 @@ def test_the_first_page_says_what_flips_the_verdict(page: Page) -> None:
     assert "and nowhere under 1 of 3" in page.text
 
 
-def test_numbers_of_the_table_are_those_of_the_tree(page: Page, tree: xr.DataTree) -> None:
+def test_numbers_in_the_table_equal_those_of_the_results(page: Page, tree: xr.DataTree) -> None:
     start = next(i for i, row in enumerate(page.rows) if row == ["At 1 m"])
     cells = next(row for row in page.rows[start:] if row[0].startswith("Stereo 100 mm, 65.24°"))
     distance = float(tree["depth"]["distance"].sel(distance=1.0, method="nearest"))

@@ -51,7 +51,7 @@ def pages(printed: bytes) -> list[str]:
     return texts(printed)
 
 
-def test_headings_stand_on_their_pages_in_order(pages: list[str]) -> None:
+def test_headings_appear_on_their_pages_in_order(pages: list[str]) -> None:
     assert "1 The answer" in pages[0]
     main, appendices = " ".join(pages[1:]).split(" Appendices ")[-2:]  # behind the contents, which name them too
     names = ["Cameras", "Which camera each error source favours", "Claims", "Results"]
@@ -75,7 +75,7 @@ def test_headings_stand_on_their_pages_in_order(pages: list[str]) -> None:
         assert f"{number} of {len(pages)}" in text
 
 
-def test_the_outline_and_the_tags_serve_readers_who_do_not_see(printed: bytes) -> None:
+def test_the_outline_and_the_tags_are_accessible(printed: bytes) -> None:
     with pdfium.PdfDocument(printed) as document:
         titles = [bookmark.get_title() for bookmark in document.get_toc()]
     assert any("The answer" in title for title in titles)
@@ -154,7 +154,7 @@ def test_hostile_text_stays_text() -> None:
 
 
 @pytest.mark.parametrize("lines", range(36, 48))
-def test_a_heading_of_rows_stands_on_the_page_of_its_first_row_and_again_where_they_go_on(lines: int) -> None:
+def test_a_row_heading_is_on_the_page_of_its_first_row_and_repeated_where_rows_continue(lines: int) -> None:
     def rows(heading: str, count: int) -> tuple[tuple[str, ...], ...]:
         return ((heading,), *((f"{heading} row {number};", "") for number in range(count)))
 

@@ -149,7 +149,7 @@ def test_correlations_to_the_edge_of_what_is_possible(written: Written) -> None:
         written(text.format(rho=-0.501))
 
 
-def test_what_has_happened_since_is_drawn_for_every_session(written: Written) -> None:
+def test_drift_is_drawn_for_every_session(written: Written) -> None:
     study = written(
         rig("""
       stability:
@@ -178,7 +178,7 @@ def test_without_a_change_of_the_surroundings_there_is_no_environment(written: W
 
 
 @pytest.mark.parametrize("suffix", ["csv", "nc"])
-def test_a_saved_posterior_stands_beside_what_it_does_not_determine(
+def test_a_saved_posterior_joins_the_errors_that_it_does_not_determine(
     written: Written, tmp_path: Path, suffix: str
 ) -> None:
     names = ("yaw", "right_principal_point_x")
@@ -202,7 +202,7 @@ def test_a_saved_posterior_stands_beside_what_it_does_not_determine(
         assert study.posterior_keys == {}
 
 
-def test_a_file_lies_beside_the_camera_file_that_names_it(written: Written, tmp_path: Path) -> None:
+def test_files_are_found_relative_to_the_camera_file_that_names_them(written: Written, tmp_path: Path) -> None:
     (tmp_path / "cameras/rig.csv").write_text("parameter,mean,yaw\nyaw,0,1e-6\n")
     camera = (tmp_path / "cameras/stereo-100mm.yaml").read_text()
     own = camera[: camera.index("calibration:")] + "calibration: {posterior: {file: rig.csv}}\n"
@@ -216,7 +216,7 @@ def target(calibration: str = "", more: str = "") -> str:
     return rig(f"      target: {BOARD}\n{calibration}") + more
 
 
-def test_a_calibration_is_inferred_once_for_all_that_have_it_in_common(written: Written) -> None:
+def test_a_shared_calibration_is_inferred_once(written: Written) -> None:
     study = written(
         target(
             "      stability: {ageing: {roll: {standard_deviation: 1 mrad}}}",

@@ -23,7 +23,7 @@ def variants(definition: StudyDefinition) -> Iterator[StudyDefinition]:
 
 
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.yaml")), ids=lambda path: path.stem)
-def test_every_variant_is_what_a_whole_validation_makes_of_it(path: Any) -> None:
+def test_every_variant_equals_its_full_validation(path: Any) -> None:
     for one in variants(load(path).definition):
         assert one.declared == validate(one.document, StudyFile)
         whole = StudyDefinition.of(one.document)
@@ -47,7 +47,7 @@ def test_every_variant_is_what_a_whole_validation_makes_of_it(path: Any) -> None
         {"nowhere.at.all": 1},
     ],
 )
-def test_a_part_that_comes_goes_or_changes_its_kind_is_refused_or_taken_as_in_a_file(
+def test_a_part_that_is_added_removed_or_replaced_is_treated_as_in_a_file(
     headline: Study, values: dict[str, Any]
 ) -> None:
     def answer(make: Callable[[], StudyDefinition]) -> StudyFile | list[Problem]:

@@ -78,7 +78,7 @@ def valued() -> Result:
     return ran(ASKED, WORTH)
 
 
-def test_the_terminal_says_which_camera_from_which_baseline_on_and_on_what_that_rests(swept: Result) -> None:
+def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on(swept: Result) -> None:
     best, met, wish, weighed, rests = swept.lines()
     assert best == "Best, as declared: Stereo head, 75 mm from 0.3 to 4 m"
     found = re.fullmatch(
@@ -111,17 +111,17 @@ def test_the_terminal_says_which_camera_from_which_baseline_on_and_on_what_that_
 
 
 def test_json_has_the_numbers_of_the_results(swept: Result) -> None:
-    told = json.loads(json.dumps(swept.conclusions("somewhere"), allow_nan=False))
+    reported = json.loads(json.dumps(swept.conclusions("somewhere"), allow_nan=False))
     data = swept.data["requirements"].to_dataset()
-    assert told["format"] == 1
-    assert told["report"] == str(Path("somewhere") / "report.html")
-    one = next(row for row in told["requirements"] if row["name"] == "per-cent")
+    assert reported["format"] == 1
+    assert reported["report"] == str(Path("somewhere") / "report.html")
+    one = next(row for row in reported["requirements"] if row["name"] == "per-cent")
     here = data.sel(requirement="per-cent")
     assert one["met"] is True
     assert one["margin"] == pytest.approx(float(here["margin_percent"]) / 100.0)
     assert one["met_with"][0]["from"] == float(here["met_from"].values[0])
     assert one["designs_met"] == int((here["design_met"].values == 1).sum())
-    assert told["best"] == [{"near": 0.3, "far": 4.0, "cameras": ["Stereo head, 75 mm"]}]
+    assert reported["best"] == [{"near": 0.3, "far": 4.0, "cameras": ["Stereo head, 75 mm"]}]
 
 
 def test_what_must_hold_comes_first_and_counts_for_strict(swept: Result) -> None:
@@ -129,8 +129,8 @@ def test_what_must_hold_comes_first_and_counts_for_strict(swept: Result) -> None
     assert swept.unmet_requirements == []
 
 
-def test_every_requirement_is_told_in_the_cases_it_can_be_in(swept: Result) -> None:
-    def told(**changes: Any) -> str:
+def test_every_outcome_of_a_requirement_is_reported(swept: Result) -> None:
+    def reported(**changes: Any) -> str:
         tree = swept.data.copy()
         data = tree["requirements"].to_dataset().copy(deep=True)
         for name, value in changes.items():
@@ -139,14 +139,14 @@ def test_every_requirement_is_told_in_the_cases_it_can_be_in(swept: Result) -> N
         one = next(c for c in requirement_conclusions(tree) if c.name == "per-cent")
         return requirement_sentence(one)
 
-    assert told(met=0, margin_percent=-12.0).startswith("Not met: 1 % from 0.4 to 3 m, closest: Stereo head")
-    assert "missed by a factor of 1.14" in told(met=0, margin_percent=-12.0)
-    assert "factor" not in told(met=0, margin_percent=-12.0, limited_by="overlap")
-    assert told(met=-1, margin_percent=np.nan).startswith("Cannot be decided: 1 %")
-    assert told(met_from=0.06, met_to=0.09).endswith("from 60 mm to 90 mm")
-    assert told(met_from=0.03, met_to=0.09).endswith("up to 90 mm (tried from 30 mm)")
-    assert told(met_from=0.03, met_to=0.15).endswith("anywhere from 30 mm to 150 mm")
-    assert told(met_from=np.nan, met_to=np.nan).endswith("met by no design that was tried")
+    assert reported(met=0, margin_percent=-12.0).startswith("Not met: 1 % from 0.4 to 3 m, closest: Stereo head")
+    assert "missed by a factor of 1.14" in reported(met=0, margin_percent=-12.0)
+    assert "factor" not in reported(met=0, margin_percent=-12.0, limited_by="overlap")
+    assert reported(met=-1, margin_percent=np.nan).startswith("Cannot be decided: 1 %")
+    assert reported(met_from=0.06, met_to=0.09).endswith("from 60 mm to 90 mm")
+    assert reported(met_from=0.03, met_to=0.09).endswith("up to 90 mm (tried from 30 mm)")
+    assert reported(met_from=0.03, met_to=0.15).endswith("anywhere from 30 mm to 150 mm")
+    assert reported(met_from=np.nan, met_to=np.nan).endswith("met by no design that was tried")
 
 
 def test_a_few_lines_are_enough_and_the_rest_is_counted(swept: Result) -> None:
@@ -178,13 +178,13 @@ def test_the_terminal_says_whose_calibration_is_assumed_perfect(swept: Result) -
     assert next(terminal_lines(tree, 1)).startswith("and ")  # a shorter answer still counts what it leaves out
 
 
-def test_paths_are_read_as_words(swept: Result) -> None:
+def test_paths_are_written_in_words(swept: Result) -> None:
     assert path_words(swept.data, "stereo-75mm.baseline") == "baseline of Stereo head, 75 mm"
     assert path_words(swept.data, "cameras.raytrix-r5.main_lens.f_number") == "main lens f number of Raytrix R5"
     assert path_words(swept.data, "scene.wavelength") == "scene wavelength"
 
 
-def test_assumptions_are_ranked_and_chances_are_shares(valued: Result) -> None:
+def test_assumptions_are_ranked_and_probabilities_lie_between_0_and_1(valued: Result) -> None:
     data = valued.data["value_of_information"].to_dataset()
     assert [one.worth for one in worths(valued.data)] == sorted(data["worth"].values.tolist(), reverse=True)
     assert np.all(data["best_probability"].values >= 0.0)
@@ -225,7 +225,7 @@ def test_one_assumption_alone_is_worth_what_nested_quadrature_says() -> None:
     assert data.attrs["worth_of_all"] == pytest.approx(truth, abs=3.0 * data.attrs["worth_of_all_error"] + 1e-3)
 
 
-def test_a_run_with_something_set_has_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_with_changed_values_has_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     study = STUDIES / "robot.yaml"
     plain = tradestudy.load(study)
@@ -236,15 +236,15 @@ def test_a_run_with_something_set_has_a_folder_of_its_own(tmp_path: Path, monkey
     assert len(long.folder_name) < 100
     assert long.folder_name != tradestudy.load(study, ["title=" + "x" * 301]).folder_name
     few = ["--set", "scene.distances.points=5", "--set", "title=Few"]
-    told = CliRunner().invoke(app, ["run", str(study), *few, "--no-pdf", "--json"])
-    assert told.exit_code == 0, told.output
-    assert json.loads(told.stdout)["study"] == "robot"
+    reported = CliRunner().invoke(app, ["run", str(study), *few, "--no-pdf", "--json"])
+    assert reported.exit_code == 0, reported.output
+    assert json.loads(reported.stdout)["study"] == "robot"
     assert [one.name for one in (tmp_path / "reports").iterdir()] == [
         tradestudy.load(study, [few[1], few[3]]).folder_name
     ]
 
 
-def test_what_it_rests_on_names_the_basis(swept: Result) -> None:
+def test_the_inputs_that_the_answer_rests_on_have_their_basis(swept: Result) -> None:
     assert rests_on(swept.data)[0].startswith("yaw of Stereo head, 75 mm, assumed 0.01 deg")
     causes = swept.data["decision"].to_dataset()["cause"]
     assert str(causes.sel(camera="raytrix-r5").item()) == "matching noise of Raytrix R5, derived from the picture"
@@ -292,7 +292,7 @@ def test_comparing_begins_with_conclusions_that_changed(swept: Result) -> None:
     assert same.unchanged[0] == "2 requirements"
 
 
-def test_a_stretch_of_a_sweep_that_moved_is_a_conclusion(swept: Result) -> None:
+def test_a_range_of_a_sweep_that_moved_is_a_conclusion(swept: Result) -> None:
     """Depth uncertainty by yaw goes as Z² ψ / B: a third more yaw takes a third more baseline."""
     yaw = "stereo-75mm.calibration.errors.yaw.standard_deviation"
     found = compare_runs(["x", "y"], [{}, {}], [swept.data, ran(ASKED, SWEPT, {yaw: "0.0133 deg"}).data])
@@ -356,7 +356,7 @@ def test_margins_without_an_end_are_not_drawn(swept: Result) -> None:
     assert "requirement_margins" not in figures.build(tree)
 
 
-def test_readings_can_be_what_is_not_known() -> None:
+def test_readings_can_be_unknowns() -> None:
     """A sharper and a duller reading of the yaw: knowing which decides nothing that the declared heads do not."""
     readings = {
         "careless": {

@@ -39,7 +39,7 @@ def test_the_field_of_a_head_is_that_of_its_sensor(found) -> None:
     np.testing.assert_allclose(data["field_height"].values, 800 * 3e-6 * data["sheet_distance"].values / behind)
 
 
-def test_fill_is_what_both_views_share_and_none_where_nothing_is_usable(found) -> None:
+def test_fill_is_the_share_seen_by_both_views_and_nan_where_nothing_is_usable(found) -> None:
     data = found[1].data["datasheet"].to_dataset()
     head = data.sel(camera="stereo-75mm")
     behind = 1.0 / (1.0 / 2.65e-3 - 1.0)

@@ -59,7 +59,7 @@ def grid(*rows: tuple[float, float]) -> np.ndarray:
     return np.repeat(np.array(rows)[..., None], 2, axis=-1)
 
 
-def test_the_feasible_region_is_told_by_the_values_that_designs_in_it_have() -> None:
+def test_the_feasible_region_is_described_by_the_values_of_its_designs() -> None:
     results = tree(grid((0, 0), (1, 0), (1, 1)), grid((-50, -60), (5, -3), (20, 12)))
     assert feasible_words(results) == (
         "3 of 6 designs meet both requirements: Rig with baseline 100 mm to 200 mm and focal length 4 mm to 8 mm (not "
@@ -73,13 +73,13 @@ def test_the_feasible_region_is_told_by_the_values_that_designs_in_it_have() -> 
     assert found.best.margin == pytest.approx(0.2)
 
 
-def test_a_single_feasible_design_and_all_of_them() -> None:
+def test_one_feasible_design_and_all_feasible_designs_are_described() -> None:
     one = feasible_words(tree(grid((0, 0), (1, 0), (0, 0)), grid((-5, -5), (5, -5), (-5, -5))))
     assert one.startswith("1 of 6 designs meets both requirements: Rig with baseline 100 mm and focal length 4 mm.")
     assert feasible_words(tree(1, 7)).startswith("Every design meets both requirements: ")
 
 
-def test_without_a_feasible_design_the_nearest_is_named_with_what_it_misses() -> None:
+def test_without_a_feasible_design_the_nearest_one_is_named_with_the_requirement_it_misses() -> None:
     margins = grid((-50, -60), (-40, -30), (-20, -25))
     margins[2, 0] = (10.0, -4.0)
     assert feasible_words(tree(0, margins)) == (
@@ -103,12 +103,15 @@ def test_a_design_without_a_margin_is_never_nearest() -> None:
     assert found.best.margin == pytest.approx(-0.2)
 
 
-def test_the_favoured_camera_is_counted_over_designs_and_places_alike_are_told_once() -> None:
+def test_the_favoured_camera_is_counted_over_designs_and_equal_places_are_merged() -> None:
     dims = ("rig.baseline", "rig.lenses.focal_length", "design_place")
     mixed = np.array([["rig", "r5"], ["rig", "rig"], ["rig", ""]], dtype=object)
     best = np.stack([mixed, mixed], axis=-1)
-    (told,) = favoured_words(tree(design_best_camera=(dims, best)))
-    assert told.replace("\N{NO-BREAK SPACE}", " ") == "at 0.5 m and 1 m: Rig in 4 of 6 designs, no camera in 1, R5 in 1"
+    (reported,) = favoured_words(tree(design_best_camera=(dims, best)))
+    assert (
+        reported.replace("\N{NO-BREAK SPACE}", " ")
+        == "at 0.5 m and 1 m: Rig in 4 of 6 designs, no camera in 1, R5 in 1"
+    )
     nobody = np.full((3, 2, 2), "", dtype=object)
     nobody[..., 1] = "r5"
     first, second = favoured_words(tree(design_best_camera=(dims, nobody)))
@@ -116,22 +119,22 @@ def test_the_favoured_camera_is_counted_over_designs_and_places_alike_are_told_o
     assert second.endswith("R5 in every design")
 
 
-def test_the_crossover_is_told_with_its_range_and_where_there_is_none() -> None:
+def test_the_range_of_the_crossover_is_given_or_that_there_is_none() -> None:
     dims = ("rig.baseline", "rig.lenses.focal_length", "design_crossing")
 
-    def told(values: Any) -> str:
+    def reported(values: Any) -> str:
         places = np.broadcast_to(values, (3, 2, 1))
         return crossover_words(tree(design_crossover_distance=(dims, places))).replace("\N{NO-BREAK SPACE}", " ")
 
-    assert re.search(r"Rig and R5 .*\bno distance", told(np.nan))
-    assert told(0.5) == "Rig and R5 are equally certain at 0.5 m"
+    assert re.search(r"Rig and R5 .*\bno distance", reported(np.nan))
+    assert reported(0.5) == "Rig and R5 are equally certain at 0.5 m"
     some = np.array([[0.2, 0.3], [0.4, 0.5], [np.nan, np.nan]])[..., None]
-    assert told(some) == (
+    assert reported(some) == (
         "Rig and R5 are equally certain between 0.2 m and 0.5 m, depending on the design; in 2 designs nowhere"
     )
 
 
-def test_usable_ranges_are_told_only_of_cameras_that_the_sweep_moves() -> None:
+def test_usable_ranges_are_given_only_for_cameras_that_the_sweep_changes() -> None:
     dims = ("rig.baseline", "rig.lenses.focal_length", "camera", "interval")
     near, far = np.full((3, 2, 2, 1), 0.3), np.full((3, 2, 2, 1), 4.0)
     near[:, 0, 0, 0] = (0.1, 0.2, np.nan)
@@ -146,8 +149,8 @@ def test_usable_ranges_are_told_only_of_cameras_that_the_sweep_moves() -> None:
         coords={"camera": list(CAMERAS), "distance": [0.1, 4.0]},
     )
     results["depth"] = xr.DataTree(depth)
-    (told,) = usable_span_words(results)
-    assert told.replace("\N{NO-BREAK SPACE}", " ") == (
+    (reported,) = usable_span_words(results)
+    assert reported.replace("\N{NO-BREAK SPACE}", " ") == (
         "Depending on the design, the usable range of Rig begins between 0.1 m and 0.3 m and ends at 4 m; "
         "in 1 design it is usable nowhere"
     )
@@ -166,10 +169,10 @@ def test_ranges_of_several_requirements_are_intersected_and_takeovers_joined() -
     assert common_ranges(data, np.array([True, False])) == [(1.0, 5.0), (7.0, 9.0)]
 
 
-def test_a_design_that_only_its_guard_band_breaks_blames_the_right_requirement() -> None:
+def test_a_design_that_misses_only_a_guard_band_names_the_right_requirement() -> None:
     met = np.ones((3, 2, 2))
     met[..., 0] = 0.0
     margins = np.zeros((3, 2, 2))
     margins[..., 0], margins[..., 1] = 50.0, 5.0
-    told = feasible_words(tree(met, margins))
-    assert told.endswith("comes closest: it misses “close enough” (worst 1 %)")
+    reported = feasible_words(tree(met, margins))
+    assert reported.endswith("comes closest: it misses “close enough” (worst 1 %)")

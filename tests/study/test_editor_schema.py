@@ -1,4 +1,4 @@
-"""What editors are told about study files, judged by an outside validator on files as they are written."""
+"""The schema of study files for editors, checked by an outside validator on files as they are written."""
 
 from __future__ import annotations
 

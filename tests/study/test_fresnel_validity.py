@@ -267,7 +267,7 @@ def test_figures_and_report_show_it(result: Result, tmp_path: Path) -> None:
         ("fresnel_validity.f_numbers=[4, 2.8]", "must increase"),
     ],
 )
-def test_mistakes_are_told(override: str, complaint: str) -> None:
+def test_mistakes_are_reported(override: str, complaint: str) -> None:
     with pytest.raises(StudyError, match=complaint):
         tradestudy.load(STUDY, [override])
 

@@ -186,7 +186,7 @@ def test_data_light_and_size(criteria: xr.Dataset) -> None:
     assert "34.5 mm" in size  # 20 mm of baseline and the 14.5 mm diagonal of a sensor
 
 
-def test_what_is_declared_says_on_what_it_rests(criteria: xr.Dataset) -> None:
+def test_declared_values_have_their_basis(criteria: xr.Dataset) -> None:
     basis = criteria["basis"].sel(criterion="moving parts")
     assert str(basis.sel(camera="mahli").item()) == "datasheet"
     assert str(basis.sel(camera="stereo").item()) == "derived"
@@ -258,7 +258,7 @@ def studies(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_every_kind_of_camera_stands_in_the_headline_study(studies: Path) -> None:
+def test_the_headline_study_contains_every_kind_of_camera(studies: Path) -> None:
     path = studies / "plenoptic_vs_stereo.yaml"
     text = path.read_text(encoding="utf-8")
     added = "cameras:\n  mahli: {from: cameras/mahli.yaml}\n  unfocused: {from: cameras/r5-unfocused.yaml}\n"
@@ -305,7 +305,7 @@ def test_a_study_of_cameras_that_measure_no_depth_has_no_depth(studies: Path) ->
         ("r5-unfocused.microlenses.aperture_diameter=100 um", "at most one of aperture_diameter and f_number"),
     ],
 )
-def test_mistakes_are_told_in_words_that_help(change: str, what: str) -> None:
+def test_mistakes_are_reported_with_a_remedy(change: str, what: str) -> None:
     with pytest.raises(StudyError, match=what):
         load(STUDIES / "hand_lens.yaml", ["scene.distances.points=3", change])
 
@@ -315,7 +315,7 @@ def test_criteria_need_a_scene() -> None:
         load(STUDIES / "hand_lens.yaml", ["depth_of_field=null"])
 
 
-def test_what_the_criteria_call_sharp_is_what_the_selection_does() -> None:
+def test_the_criteria_and_the_selection_agree_on_what_is_sharp() -> None:
     """With the spot of diffraction the hand lens is nowhere sharp within a pixel; without it, it is."""
     images = []
     for forced in ("airy", "off"):

@@ -133,7 +133,7 @@ def test_flips_are_counted_against_the_study_as_declared(headline_result: Result
     assert winner["reading"].values[winner.values].tolist() == ["printed-focal-length", "diagonal"]
 
 
-def test_the_answer_changes_hands_where_overlap_begins(headline_result: Result) -> None:
+def test_the_preferred_camera_switches_where_overlap_begins(headline_result: Result) -> None:
     table = headline_result.data["decision"].to_dataset().sel(way="both")
     own = table.sel(reading="as declared")
     found = [
@@ -153,7 +153,7 @@ def test_the_answer_changes_hands_where_overlap_begins(headline_result: Result) 
     assert set(table["best_camera"].values.tolist()) == {"", "raytrix-r5", "stereo-65-across", "stereo-short"}
 
 
-def test_other_cameras_give_sensible_different_answers(headline: Study, headline_result: Result) -> None:
+def test_other_cameras_give_plausible_different_answers(headline: Study, headline_result: Result) -> None:
     """A 300 mm baseline and a 25 mm plenoptic lens: nearer end of stereo and plenoptic noise move as geometry says."""
     changed = headline.with_values(
         {"stereo-65-across.baseline": "300 mm", "raytrix-r5.main_lens.focal_length": "25 mm", **ALONE}
@@ -176,7 +176,7 @@ def test_other_cameras_give_sensible_different_answers(headline: Study, headline
     assert r5_new > r5_old
 
 
-def test_a_sweep_holds_the_study_as_declared_too(headline: Study) -> None:
+def test_a_sweep_includes_the_declared_design(headline: Study) -> None:
     study = headline.with_values({"sweep": str({"stereo-short.baseline": ["10 mm", "40 mm"]}), "readings": "{}"})
     assert [axis.labels for axis in sweep_axes(study.definition)] == [(0.01, 0.02, 0.04)]
     choices = {"raytrix-r5.depth.estimator": ["adjacent-pair", "widest-pair"]}
@@ -186,7 +186,7 @@ def test_a_sweep_holds_the_study_as_declared_too(headline: Study) -> None:
     ]
 
 
-def test_a_sweep_adds_its_dimensions_and_holds_each_point(headline: Study) -> None:
+def test_a_sweep_adds_its_dimensions_and_contains_each_point(headline: Study) -> None:
     axes = {
         "stereo-short.baseline": ["10 mm", "20 mm", "40 mm"],
         "raytrix-r5.depth.estimator": ["adjacent-pair", "same-type-pair"],
@@ -204,7 +204,7 @@ def test_a_sweep_adds_its_dimensions_and_holds_each_point(headline: Study) -> No
     np.testing.assert_array_equal(at["limit_met"], alone["limit_met"])
 
 
-def test_a_wrong_name_is_reported_beside_every_other_mistake() -> None:
+def test_a_wrong_name_is_reported_along_with_every_other_mistake() -> None:
     overrides = (
         "decision.between=[raytrix-r6, stereo-short]",
         "stereo-short.baseline=20",
@@ -212,7 +212,7 @@ def test_a_wrong_name_is_reported_beside_every_other_mistake() -> None:
     )
     with pytest.raises(StudyError) as caught:
         load(STUDIES / "plenoptic_vs_stereo.yaml", overrides)
-    told = str(caught.value)
-    assert "decision.between.0: no camera is called 'raytrix-r6'; nearest: 'raytrix-r5'" in told
-    assert "'20' has no unit" in told
-    assert "claims.C1.under.0: no reading is called 'diagonale'; nearest: 'diagonal'" in told
+    reported = str(caught.value)
+    assert "decision.between.0: no camera is called 'raytrix-r6'; nearest: 'raytrix-r5'" in reported
+    assert "'20' has no unit" in reported
+    assert "claims.C1.under.0: no reading is called 'diagonale'; nearest: 'diagonal'" in reported

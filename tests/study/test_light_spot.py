@@ -57,7 +57,7 @@ def test_a_looser_tolerance_loosens_the_pictures_that_are_compared() -> None:
     assert tolerances == {"50 %": 0.2, "10 %": 0.1, "1 %": 0.01, "0.1 %": 0.01}
 
 
-def test_the_scene_is_closed_as_declared() -> None:
+def test_the_declared_scene_is_consistent() -> None:
     """Microlenses in focus at 150 mm and f-numbers matched: z 15.271 mm, b_L 0.587 mm, |v| 2.78."""
     spot = tradestudy.load(STUDY).file.light_spot
     assert spot is not None
@@ -71,7 +71,7 @@ def test_the_scene_is_closed_as_declared() -> None:
 
 
 @pytest.mark.parametrize("propagator", ["geometric", "kirchhoff-fresnel", "kirchhoff"])
-def test_the_image_is_as_large_as_two_thin_lenses_make_it(result: Result, propagator: str) -> None:
+def test_the_image_has_the_size_that_two_thin_lenses_give(result: Result, propagator: str) -> None:
     """Diameter 2 mm × (b_M/a) × (b_L/a_L); the area above half of the plateau is that of this disc."""
     pixels = image(result, propagator)
     main_image = 1 / (1 / 12.5e-3 - 1 / 0.150)
@@ -99,7 +99,7 @@ def test_images_keep_the_symmetry_of_the_scene(result: Result) -> None:
             assert np.linalg.norm(turned - pixels) < within * np.linalg.norm(pixels)
 
 
-def test_a_spot_off_the_axis_is_imaged_on_the_side_where_it_stands() -> None:
+def test_a_spot_off_the_axis_is_imaged_on_its_own_side() -> None:
     """Twice inverted is upright; rows count along y, columns along x."""
     part = tradestudy.load(STUDY, [*SMALL, "light_spot.spot.x=0.5 mm", "light_spot.spot.y=-0.25 mm"]).file.light_spot
     assert part is not None
@@ -110,7 +110,7 @@ def test_a_spot_off_the_axis_is_imaged_on_the_side_where_it_stands() -> None:
     assert pixels.sum(axis=1) @ place / pixels.sum() == pytest.approx(-250 * scale, abs=1.0)
 
 
-def test_measures_of_the_images_are_what_they_say(result: Result) -> None:
+def test_measures_of_the_images_agree_with_their_definitions(result: Result) -> None:
     data = result.data["images"].to_dataset()
     exact, rays = image(result, "kirchhoff"), image(result, "geometric")
     difference = data["difference"].sel(propagator="geometric", against="kirchhoff")
@@ -123,7 +123,7 @@ def test_measures_of_the_images_are_what_they_say(result: Result) -> None:
     assert float(data["difference"].sel(propagator="kirchhoff-fresnel", against="kirchhoff")) < 0.05
 
 
-def test_claims_of_figure_7_are_answered_from_the_same_images(result: Result) -> None:
+def test_claims_of_figure_7_are_checked_on_the_same_images(result: Result) -> None:
     claims, data = result.data["claims"].to_dataset(), result.data["images"].to_dataset()
     declared = claims["value"].sel(reading="as declared")
     lit = data["lit_pixels"]
@@ -133,7 +133,7 @@ def test_claims_of_figure_7_are_answered_from_the_same_images(result: Result) ->
         assert float(declared.sel(claim=claim)) == float(against)
 
 
-def test_seconds_stand_in_the_record_and_never_in_the_results(result: Result) -> None:
+def test_seconds_are_in_the_record_and_never_in_the_results(result: Result) -> None:
     for propagator in ("geometric", "kirchhoff-fresnel", "kirchhoff"):
         assert result.run_record["seconds"][f"image: {propagator}"] > 0
     hours = result.data["images"]["published_seconds"]
@@ -155,7 +155,7 @@ def findings(result: Result, data: xr.Dataset) -> list[str]:
     return ["".join(span.text for span in spans(item)).replace("\u00a0", " ") for item in bullets.items]
 
 
-def test_the_answer_says_what_the_picture_of_the_study_is(result: Result) -> None:
+def test_the_answer_describes_the_picture_of_the_study(result: Result) -> None:
     data = result.data["images"].to_dataset()
     assert findings(result, data)[-1].endswith(" s.")
     for method, said in (
@@ -249,7 +249,7 @@ def test_half_a_wave_of_defocus_follows_the_sinc() -> None:
     assert 0 < found["outside_geometric"][0] < 1
 
 
-def test_what_the_window_does_not_hold_is_nan() -> None:
+def test_values_beyond_the_window_are_nan() -> None:
     found = spread_measures(
         case(lens_phase="parabolic", f_number=2.8), method="kirchhoff", window=3.0, rms_radius=2.0, pixel_pitch=5.5e-6,
         tolerance=1e-4,
@@ -294,6 +294,6 @@ def test_the_spread_group_varies_one_thing_at_a_time(result: Result) -> None:
         ),
     ],
 )
-def test_mistakes_are_told(override: str, complaint: str) -> None:
+def test_mistakes_are_reported(override: str, complaint: str) -> None:
     with pytest.raises(StudyError, match=complaint):
         tradestudy.load(STUDY, [override])

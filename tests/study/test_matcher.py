@@ -11,14 +11,14 @@ from scipy.special import ndtr
 
 import tradestudy
 from tradestudy.analysis.depth import distribution, evaluate_depth, model_error
-from tradestudy.analysis.requirements import hold
+from tradestudy.analysis.requirements import check_requirement
 from tradestudy.api import Result
 from tradestudy.cameras.depth_camera import disparity_error_at
 from tradestudy.errors import StudyError
 from tradestudy.execution.fingerprint import fingerprint
 from tradestudy.imaging.derived_error import at_bound
-from tradestudy.plan.pieces.depth import depth_pieces
 from tradestudy.plan.plan import plan_of
+from tradestudy.plan.problems.depth import depth_problems
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Block, Bullets, Heading, Paragraph, Table, Text, all_blocks, spans
 from tradestudy.results.views.matching import best_of_any_matcher
@@ -71,7 +71,7 @@ def first_page(blocks: tuple[Block, ...]) -> list[str]:
 # ---- depth ----------------------------------------------------------------------------------------------------------
 
 
-def test_depth_follows_what_the_matcher_reaches() -> None:
+def test_depth_uses_the_error_of_the_matcher() -> None:
     real, bound = (study(*change).case.cameras[HEAD] for change in ((OF_SCENE,), ()))
     by_matcher, at_best = disparity_error_at(real, PLACES), disparity_error_at(bound, PLACES)
     np.testing.assert_allclose(by_matcher**2, (1.5 * at_best) ** 2 + 0.05**2 + 0.1**2 / 2.0, rtol=1e-12)
@@ -83,7 +83,7 @@ def test_depth_follows_what_the_matcher_reaches() -> None:
 
 
 @pytest.mark.parametrize("model", ["linear", "exact"])
-def test_false_matches_fail_beside_what_ends_beyond_infinity(model: str) -> None:
+def test_false_matches_add_to_failures_beyond_infinity(model: str) -> None:
     """Of a pair of 0.05 mm base at 4 m, Φ(−d/σ) ends beyond infinity; of what is left a share is falsely matched."""
     far = np.array([2.0, 4.0])
     changes = ("stereo-75mm.baseline=0.05 mm", f"effects.calibration={model}", "accuracy.tolerance=5 %")
@@ -109,18 +109,18 @@ def _without_false(definition: StudyDefinition, model: str) -> object:
     return plan_of(found).definition.case.cameras[HEAD]
 
 
-def test_a_line_is_held_against_draws_with_the_same_false_matches() -> None:
+def test_the_linear_model_is_compared_with_draws_that_have_the_same_false_matches() -> None:
     cameras = [study(*change).case.cameras[HEAD] for change in ((OF_SCENE,), ())]
     error = [model_error(one, PLACES).failed_fraction for one in cameras]
     np.testing.assert_allclose(error, 0.0, atol=1e-12)
 
 
-def test_the_best_matcher_is_none() -> None:
+def test_the_best_matcher_equals_no_matcher() -> None:
     best = study("scene.picture.matcher={factor: 1, floor: 0 px, pixel_locking: 0 px, false_matches: 0 %}")
     assert best.case.cameras == study().case.cameras
 
 
-def test_a_camera_has_its_own_key_by_key() -> None:
+def test_a_camera_overrides_the_matcher_key_by_key() -> None:
     found = study(OF_SCENE, "raytrix-r5.depth.matcher.factor=3").case.cameras
     matchers = {name: camera.disparity_error_px.matcher for name, camera in found.items()}
     assert matchers["raytrix-r5"].factor == 3.0
@@ -131,7 +131,7 @@ def test_a_camera_has_its_own_key_by_key() -> None:
     assert alone["raytrix-r5"].disparity_error_px.matcher.floor == 0.1
 
 
-def test_checkpoints_tell_matchers_apart() -> None:
+def test_checkpoints_distinguish_matchers() -> None:
     cameras = [
         study(f"stereo-75mm.depth.matcher={{{one}}}").case.cameras[HEAD]
         for one in ("factor: 1", "factor: 1.1", "floor: 0.1 px", "pixel_locking: 0.1 px", "false_matches: 1 %")
@@ -140,36 +140,36 @@ def test_checkpoints_tell_matchers_apart() -> None:
 
 
 def test_a_floor_makes_the_physics_of_the_picture_matter_less() -> None:
-    """What leaving diffraction out changes of the depth noise, told by the plan and by computing it anew."""
+    """How much leaving diffraction out changes the depth noise, by the plan and by computing it again."""
     off = {"main_lens_diffraction": "off"}
     moved = {}
     for name, changes in {"bound": (), "real": (OF_SCENE,)}.items():
         definition = study("accuracy.depth_noise=5 %", *changes)
-        piece = next(one for one in depth_pieces(definition, {}) if one.name == HEAD)
-        (variant,) = piece._variants
-        told = variant.moved_noise({**piece.complete, **off})
+        problem = next(one for one in depth_problems(definition, {}) if one.name == HEAD)
+        (variant,) = problem._variants
+        reported = variant.moved_noise({**problem.complete, **off})
         models = {HEAD: {"main_lens_diffraction": "off"}}, {HEAD: {"main_lens_diffraction": "fresnel"}}
         without, complete = (
             evaluate_depth(definition.with_models(one).case.cameras[HEAD], variant.places).uncertainty[0]
             for one in models
         )
-        np.testing.assert_allclose(told, without / complete - 1.0, atol=1e-9)
-        moved[name] = float(np.max(np.abs(told)))
+        np.testing.assert_allclose(reported, without / complete - 1.0, atol=1e-9)
+        moved[name] = float(np.max(np.abs(reported)))
     assert moved["real"] < 0.3 * moved["bound"]
 
 
-def test_the_plan_sees_through_false_matches_to_what_else_fails() -> None:
+def test_the_plan_separates_false_matches_from_other_failures() -> None:
     """A limit of 5 % with 2 % of false matches is one of 3/98 without; an end that it sets moves as far."""
     short = ("stereo-75mm.baseline=0.5 mm", "usable_range.relative_uncertainty=null")
     false = study(*short, "usable_range.failed_fraction=5 %", "stereo-75mm.depth.matcher.false_matches=2 %")
     true = study(*short, f"usable_range.failed_fraction={0.03 / 0.98!r}")
-    found = [next(one for one in depth_pieces(each, {}) if one.name == HEAD) for each in (false, true)]
-    for piece in found:
-        assert piece._variants[0].ends.size
-        while piece.try_out({**piece.complete, "calibration": "linear"}):
+    found = [next(one for one in depth_problems(each, {}) if one.name == HEAD) for each in (false, true)]
+    for problem in found:
+        assert problem._variants[0].ends.size
+        while problem.try_out({**problem.complete, "calibration": "linear"}):
             pass
     for model in ("off", "linear"):
-        changes = [piece.changes({**piece.complete, "calibration": model}) for piece in found]
+        changes = [problem.changes({**problem.complete, "calibration": model}) for problem in found]
         assert changes[0]["usable_range"].relative > 0.0
         for quantity, change in changes[0].items():
             assert change.relative == pytest.approx(changes[1][quantity].relative, rel=1e-3)
@@ -194,11 +194,11 @@ def test_the_plan_sees_through_false_matches_to_what_else_fails() -> None:
         ("scene.picture.matcher={}", "scene.picture.matcher", "at least one of factor, floor, pixel_locking and"),
     ],
 )
-def test_mistakes_are_told_at_their_place(change: str, place: str, words: str) -> None:
+def test_mistakes_are_reported_at_their_place(change: str, place: str, words: str) -> None:
     with pytest.raises(StudyError) as caught:
         study(change)
-    told = [one for one in caught.value.problems if one.path.endswith(place)]
-    assert any(words in one.what for one in told), caught.value
+    reported = [one for one in caught.value.problems if one.path.endswith(place)]
+    assert any(words in one.what for one in reported), caught.value
 
 
 def edited(folder: Path, *edits: tuple[str, str]) -> Path:
@@ -232,16 +232,16 @@ def test_a_matcher_of_the_scene_that_no_camera_has_warns_at_its_line(tmp_path: P
     declared = ("value: derived, basis: derived", "value: 0.1 px, basis: assumed")
     file = edited(tmp_path, declared, ("    read_noise:", "    matcher: {factor: 2}\n    read_noise:"))
     line = line_of(file, "matcher: {factor: 2}")
-    (told,) = tradestudy.load(file).warnings
-    assert told.startswith(f"{file}:{line}:")
-    assert "scene.picture.matcher: " in told
-    assert "derived disparity errors" in told
+    (reported,) = tradestudy.load(file).warnings
+    assert reported.startswith(f"{file}:{line}:")
+    assert "scene.picture.matcher: " in reported
+    assert "derived disparity errors" in reported
     assert not tradestudy.load(ROBOT, [OF_SCENE]).warnings
 
 
-def test_a_value_hardly_ever_meant_warns() -> None:
-    (told,) = tradestudy.load(ROBOT, ["scene.picture.matcher.floor=5 px"]).warnings
-    assert "5 px is unusual" in told.replace("\u00a0", " ")
+def test_an_implausible_value_causes_a_warning() -> None:
+    (reported,) = tradestudy.load(ROBOT, ["scene.picture.matcher.floor=5 px"]).warnings
+    assert "5 px is unusual" in reported.replace("\u00a0", " ")
 
 
 def test_both_places_can_be_swept() -> None:
@@ -288,21 +288,21 @@ def test_both_disparity_errors_stand_side_by_side(real: Result, ideal: Result) -
     assert [float(cell) for cell in row[3:5]] == pytest.approx(
         [float(one["matched_error_px"]), float(one["disparity_error_px"])], rel=5e-3
     )
-    told = " ".join(texts(blocks))
+    reported = " ".join(texts(blocks))
     assert (
         "The declared matcher of Stereo head, 50 mm, Stereo head, 75 mm and Raytrix R5 adds noise 1.5 times the bound, "
-        "a floor of 0.05 px, pixel locking of 0.1 px (0.0707 px rms) and 2 % false matches." in told
+        "a floor of 0.05 px, pixel locking of 0.1 px (0.0707 px rms) and 2 % false matches." in reported
     )
-    assert "does not average out within one distance" in told
-    assert "or are false matches, noise and calibration together" in told
-    assert "bound for any matcher" not in told
+    assert "does not average out within one distance" in reported
+    assert "or are false matches, noise and calibration together" in reported
+    assert "bound for any matcher" not in reported
 
 
-def test_a_requirement_says_what_the_bound_alone_would_give(real: Result) -> None:
+def test_a_requirement_reports_whether_the_bound_alone_would_meet_it(real: Result) -> None:
     definition = study(REQUIRED)
     (required,) = definition.file.requirements.values()
     case = plan_of(study(OF_SCENE, REQUIRED)).definition.case
-    by_matcher = hold(required, case, HEAD)
+    by_matcher = check_requirement(required, case, HEAD)
     row = real.data["requirements"].to_dataset().isel(requirement=0)
     assert float(row["value"]) == pytest.approx(by_matcher.value, rel=1e-9)
     best = evaluate_depth(at_bound(case.cameras[HEAD]), np.array([3.0])).uncertainty[2, 0] / 3.0
@@ -313,11 +313,11 @@ def test_a_requirement_says_what_the_bound_alone_would_give(real: Result) -> Non
     sentence = requirement_sentence(one).replace("\u00a0", " ")
     assert sentence.startswith("Not met: 0.78 % up to 3 m, not by Stereo head, 75 mm (worst ")
     assert sentence.endswith(f"; met if matching reached its bound (worst {100 * best:.3g} % at 3 m)")
-    told = json.loads(json.dumps(real.conclusions()))["requirements"][0]["bound_alone"]
-    assert told["met"] is True
+    reported = json.loads(json.dumps(real.conclusions()))["requirements"][0]["bound_alone"]
+    assert reported["met"] is True
 
 
-def test_without_a_matcher_the_report_says_whose_error_that_is(ideal: Result) -> None:
+def test_without_a_matcher_the_report_says_that_the_error_is_the_bound(ideal: Result) -> None:
     assert not any(str(name).startswith("bound_alone") for name in ideal.data["requirements"].data_vars)
     assert "matched_error_px" not in ideal.data["disparity_causes"].data_vars
     (one,) = requirement_conclusions(ideal.data)
@@ -338,10 +338,10 @@ def test_one_matcher_of_several_cameras_leaves_the_others_at_the_bound() -> None
     np.testing.assert_array_equal(
         causes["matched_error_px"].sel(camera=heads), causes["disparity_error_px"].sel(camera=heads)
     )
-    told = texts(tuple(compose_report(result.data, {}, {}).blocks))
+    reported = texts(tuple(compose_report(result.data, {}, {}).blocks))
     assert any(
         text.startswith("The disparity errors of Stereo head, 50 mm and Stereo head, 75 mm are derived")
-        for text in told
+        for text in reported
     )
 
 

@@ -110,7 +110,7 @@ def test_a_rig_with_another_corner_file_measures_as_its_posterior_says(own_corne
     np.testing.assert_allclose(found["depth_quantile"].values[:, [1, 3]], np.stack([low, high], axis=-1), rtol=1e-3)
 
 
-def test_fewer_views_leave_more_open_and_decide_the_range(own_corners: Result) -> None:
+def test_fewer_views_leave_more_uncertain_and_limit_the_range(own_corners: Result) -> None:
     """All 29 views leave 0.49, 16 and 118 mm at 0.5, 2 and 5 m; 12 leave more, beside the same noise."""
     found = depth_of(own_corners).sel(camera="webcams")
     width = found["depth_uncertainty_way"].sel(way="calibration")
@@ -151,7 +151,7 @@ def test_corners_leave_the_rig_surer_than_a_yaw_of_a_fifth_of_a_degree(before: R
     assert known < 0.03 * declared
 
 
-def test_noise_decides_the_rig_then(before: Result, after: Result) -> None:
+def test_matching_noise_then_dominates_the_rig(before: Result, after: Result) -> None:
     """0.1 px of 10 µm by 8 mm at 1 m: 1.25 mm, and no group of the calibration comes near."""
     shares = [
         depth_of(one, "depth_at_places").sel(camera=RIG, distance=1.0)["variance_share"] for one in (before, after)
@@ -176,18 +176,18 @@ def test_answer_and_requirements_follow_from_the_posterior(before: Result, after
 
 
 def test_declared_geometry_that_contradicts_the_corners_is_refused(folder: Path, tmp_path: Path) -> None:
-    """Ten views tell the 100 mm of the generator well enough."""
+    """Ten views determine the 100 mm of the generator well enough."""
     rows = SIMULATED.read_text(encoding="utf-8").splitlines()
     few = [rows[0], *(row for row in rows[1:] if int(row.split(",")[0]) % 3 == 0)]
     (folder / "few_corners.csv").write_text("\n".join(few) + "\n", encoding="utf-8")
     calibrated = (one.replace(SIMULATED.name, "few_corners.csv") for one in CALIBRATED)
     changes = [*SMALLER, *calibrated, f"{RIG}.baseline=60 mm"]
     options = [word for change in changes for word in ("--set", change)]
-    told = CliRunner().invoke(
+    reported = CliRunner().invoke(
         app, ["run", str(folder / "plenoptic_vs_stereo.yaml"), "--out", str(tmp_path / "out"), "--quiet", *options]
     )
-    assert told.exit_code == 2
-    (line,) = told.output.splitlines()
+    assert reported.exit_code == 2
+    (line,) = reported.output.splitlines()
     assert line.startswith(f"--set:12:1: cameras.{RIG}.calibration.corners: ")
     assert all(part in line for part in ("60 mm", f"correct cameras.{RIG}.baseline"))
     fitted = re.search(r"(\d+\.\d+) ± (\d+\.\d+) mm", line)
@@ -224,11 +224,11 @@ calibration:
 """
 
 
-def test_a_study_of_format_1_is_told_per_key_what_to_write_instead(tmp_path: Path) -> None:
+def test_a_study_of_format_1_gets_the_new_key_for_each_old_one(tmp_path: Path) -> None:
     study = tmp_path / "rig.yaml"
     study.write_text(FORMAT_1, encoding="utf-8")
-    told = CliRunner().invoke(app, ["run", str(study), "--out", str(tmp_path / "out")])
-    assert told.exit_code == 2
+    reported = CliRunner().invoke(app, ["run", str(study), "--out", str(tmp_path / "out")])
+    assert reported.exit_code == 2
     expected = {
         (1, "format"): "format: 2",
         (12, "axes_meet_at"): "convergence_distance",
@@ -240,7 +240,7 @@ def test_a_study_of_format_1_is_told_per_key_what_to_write_instead(tmp_path: Pat
         (23, "budget"): "propagation.max_draws",
         (24, "corners"): "cameras.webcams.calibration.corners",
     }
-    lines = told.output.splitlines()
+    lines = reported.output.splitlines()
     for line, ((number, key), instead) in zip(lines, expected.items(), strict=True):
         assert line.startswith(f"{study}:{number}:")
         assert key in line

@@ -43,11 +43,11 @@ def test_the_study_is_the_same_again(study: str, values: list[str], tolerance: s
     assert again(path, options(given.definition)).hash == given.hash
 
 
-def test_a_study_as_it_is_needs_none() -> None:
+def test_an_unchanged_study_needs_no_options() -> None:
     assert options(load(STUDIES / "close_range.yaml").definition) == ()
 
 
-def test_a_tolerance_is_one_option_whatever_it_takes_back() -> None:
+def test_a_tolerance_is_one_option_whatever_it_overrides() -> None:
     finer = ["accuracy.depth_uncertainty=3 %"]
     given = load(STUDIES / "calibration.yaml", finer, tolerance="10 %").definition
     assert given.file.accuracy.asked().tolerances["depth_uncertainty"] == 0.1
@@ -62,7 +62,7 @@ def test_pictures_that_a_tolerance_loosens_need_no_option_of_their_own() -> None
     assert options(finer.definition) == ("--set", "light_spot.tolerance=3 %", "--tolerance", "2 %")
 
 
-def test_a_tolerance_that_is_none_is_reported_where_it_was_given() -> None:
+def test_an_invalid_tolerance_is_reported_where_it_was_given() -> None:
     with pytest.raises(StudyError) as error:
         load(STUDIES / "close_range.yaml", tolerance="300 %")
     (problem,) = error.value.problems

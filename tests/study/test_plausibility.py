@@ -1,4 +1,4 @@
-"""Input that is possible and hardly ever meant is told at its place, and a basis silences it."""
+"""Implausible input causes a warning at its place, which a basis silences."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ UNUSUAL = {
 
 
 @pytest.mark.parametrize(("path", "said"), [(path, said) for path, (_, said) in UNUSUAL.items()])
-def test_what_is_hardly_ever_meant_warns_at_its_place_and_goes_on(path: str, said: str) -> None:
-    told = CliRunner().invoke(app, ["check", str(ROBOT), "--set", f"{path}={UNUSUAL[path][0]}"])
-    assert told.exit_code == 0, told.output
-    (line,) = [one for one in told.stderr.splitlines() if one.startswith("warning: ")]
+def test_implausible_values_cause_a_warning_at_their_place_only(path: str, said: str) -> None:
+    reported = CliRunner().invoke(app, ["check", str(ROBOT), "--set", f"{path}={UNUSUAL[path][0]}"])
+    assert reported.exit_code == 0, reported.output
+    (line,) = [one for one in reported.stderr.splitlines() if one.startswith("warning: ")]
     assert line.startswith("warning: --set:")
     assert path.split(".")[-1] in line
     assert said.replace("\N{NO-BREAK SPACE}", " ") in line.replace("\N{NO-BREAK SPACE}", " ")
 
 
-def test_a_basis_silences_a_warning_and_a_place_is_told_once() -> None:
+def test_a_basis_silences_a_warning_and_each_place_is_reported_once() -> None:
     stated = "stereo-75mm.baseline={value: 50 m, basis: datasheet}"
     assert tradestudy.load(ROBOT, [stated]).warnings == ()
     both = tradestudy.load(ROBOT, ["stereo-50mm.sensor.pixel_pitch=3 mm"]).warnings  # which the other head inherits
     assert len(both) == 1
 
 
-def test_a_tolerance_without_its_per_cent_is_told() -> None:
-    (told,) = tradestudy.load(ROBOT, tolerance="0.1").warnings
-    assert told.startswith("--tolerance:1:1: accuracy.tolerance: 0.1 means 10")
+def test_a_tolerance_without_a_percent_sign_is_warned_about() -> None:
+    (reported,) = tradestudy.load(ROBOT, tolerance="0.1").warnings
+    assert reported.startswith("--tolerance:1:1: accuracy.tolerance: 0.1 means 10")
     assert tradestudy.load(ROBOT, tolerance="10 %").warnings == ()
     assert tradestudy.load(ROBOT, tolerance="0.01").warnings == ()
 

@@ -48,7 +48,7 @@ def test_a_study_is_read_by_the_declared_distance() -> None:
     assert float(noise) == pytest.approx(turned * (float(noise["distance"]) ** 2 + 4e-3**2) / 8e-3, rel=0.02)
 
 
-def test_what_the_report_says_of_it() -> None:
+def test_the_report_describes_it() -> None:
     rows = dict(rig_of().properties())
     assert rows["principal distance"] == rows["thin lens to sensor, as focused"] == "27.35 mm"
     rows = dict(rig_of("cameras.pair-declared.principal_distance=focal_length").properties())

@@ -47,7 +47,7 @@ def test_limits(name: str, accepted: object, refused: object) -> None:
 
 
 @pytest.mark.parametrize("slip", ["1e31 m", "-1e31 m", "1e-31 m"])
-def test_what_no_study_can_hold_is_a_slip(slip: str) -> None:
+def test_numbers_beyond_any_study_are_refused(slip: str) -> None:
     assert message(quantities.Length, slip) == (
         f"'{slip}' is out of range; a number from 1e-30 to 1e30 in SI units is expected"
     )
@@ -66,7 +66,7 @@ def test_what_no_study_can_hold_is_a_slip(slip: str) -> None:
         ("FNumber", 0.05, 1e5, 1e6, "f-number of a lens; 0.05 to 100000"),
     ],
 )
-def test_sizes_that_nothing_has_are_slips_of_the_unit(
+def test_impossible_sizes_are_refused_as_wrong_units(
     name: str, smallest: object, largest: object, slip: object, words: str
 ) -> None:
     adapter = TypeAdapter(getattr(quantities, name))
@@ -93,7 +93,7 @@ def test_sizes_that_nothing_has_are_slips_of_the_unit(
         ("FNumber", 500),  # of a pinhole
     ],
 )
-def test_what_exists_is_not_refused(name: str, value: object) -> None:
+def test_real_values_are_not_refused(name: str, value: object) -> None:
     assert TypeAdapter(getattr(quantities, name)).validate_python(value) > 0.0
 
 

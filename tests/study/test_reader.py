@@ -102,7 +102,7 @@ def base(write: Write) -> Document:
     return read(write(BASE))
 
 
-def told(document: Document) -> list[str]:
+def reported(document: Document) -> list[str]:
     with pytest.raises(StudyError) as caught:
         validate(document, Study)
     return [str(problem) for problem in caught.value.problems]
@@ -110,7 +110,7 @@ def told(document: Document) -> list[str]:
 
 class TestDocument:
     def test_every_reading_of_a_text_tells_its_own_mistakes(self, write: Write) -> None:
-        """A text is parsed once, and what one reader adds to its mistakes is not told to the next."""
+        """A text is parsed once, and mistakes that one reader adds do not reach the next."""
         path = write(BASE + "    title: Again\n")
         first, second = (load_entries(path) for _ in range(2))
         first[1].append(first[1][0])
@@ -225,20 +225,20 @@ class TestSharing:
 
     def test_a_forgotten_value_takes_nothing_back(self, write: Write) -> None:
         path = write("title: t\ncameras:\n  a: {kind: mono, lens: {power: 2 %}}\n  b: {like: a, lens: {power: }}\n")
-        assert told(read(path)) == [
+        assert reported(read(path)) == [
             "s.yaml:4:29: cameras.b.lens.power: an empty value is not a quantity; a fraction is expected, such as 2 %"
         ]
 
     def test_a_broken_camera_is_told_once(self, write: Write) -> None:
         path = write("title: t\ncameras:\n  a: {from: nowhere.yaml}\n  b: {like: a}\n  c: {kind: mono, sice: full}\n")
-        assert told(read(path)) == [
+        assert reported(read(path)) == [
             "s.yaml:3:13: cameras.a.from: 'nowhere.yaml': there is no such file",
             "s.yaml:5:19: cameras.c.sice: unknown key; nearest: 'size'",
         ]
 
     def test_a_long_chain_is_refused(self, write: Write) -> None:
         links = "".join(f"  c{i}: {{like: c{i + 1}}}\n" for i in range(3000))
-        problems = told(read(write(f"title: t\ncameras:\n{links}  c3000: {{kind: mono}}\n")))
+        problems = reported(read(write(f"title: t\ncameras:\n{links}  c3000: {{kind: mono}}\n")))
         assert any("more than 50 cameras " in problem for problem in problems)
 
 
@@ -320,10 +320,10 @@ class TestValuesFromOutside:
         ],
     )
     def test_mistakes_in_set(self, write: Write, override: str, message: str) -> None:
-        assert told(read(write(BASE), [override])) == [f"--set:1:{message}"]
+        assert reported(read(write(BASE), [override])) == [f"--set:1:{message}"]
 
     def test_what_composes_a_camera_cannot_be_set(self, write: Write) -> None:
-        (said,) = told(read(write(BASE), ["eye.like=two.eyes"]))
+        (said,) = reported(read(write(BASE), ["eye.like=two.eyes"]))
         assert re.fullmatch(r"--set:1:1: cameras\.eye\.like: like: .*cannot be set; edit the file.*", said)
 
     def test_values_are_told_where_they_come_from(self, write: Write) -> None:
@@ -332,8 +332,8 @@ class TestValuesFromOutside:
         source = ("sweep", "eye.lens.focal_length", 1)
         path = "eye.lens.focal_length"
         message = "cameras.eye.lens.focal_length: '3' has no unit; a length is expected, such as 30.5 mm"
-        assert told(with_values(document, {path: "3"}, written_at={path: source})) == [f"s.yaml:14:39: {message}"]
-        assert told(with_values(document, {path: "3"})) == [f"--set:1:1: {message}"]
+        assert reported(with_values(document, {path: "3"}, written_at={path: source})) == [f"s.yaml:14:39: {message}"]
+        assert reported(with_values(document, {path: "3"})) == [f"--set:1:1: {message}"]
 
 
 class TestMistakesOfValidators:
@@ -350,17 +350,17 @@ class TestMistakesOfValidators:
     )
     def test_point_where_they_say(self, write: Write, value: str, messages: list[str]) -> None:
         text = f"title: t\ncameras:\n  a: {{kind: mono, lens: {{focal_length: {value}}}}}\n"
-        assert sorted(told(read(write(text)))) == sorted(message.replace("3:30", "3:40") for message in messages)
+        assert sorted(reported(read(write(text)))) == sorted(message.replace("3:30", "3:40") for message in messages)
 
     def test_the_member_of_a_union_that_was_meant_speaks(self, write: Write) -> None:
         text = "title: t\ncameras: {}\ndistances: "
-        assert told(read(write(text + "[1 m, 2]"))) == [
+        assert reported(read(write(text + "[1 m, 2]"))) == [
             "s.yaml:3:18: distances.1: '2' has no unit; a length is expected, such as 30.5 mm"
         ]
-        assert told(read(write(text + "{focal: 3 mm}"))) == [
+        assert reported(read(write(text + "{focal: 3 mm}"))) == [
             "s.yaml:3:13: distances.focal: unknown key; nearest: 'focal_length'"
         ]
-        assert told(read(write(text + "far"))) == [
+        assert reported(read(write(text + "far"))) == [
             "s.yaml:3:12: distances: 'far' is given; a list or a mapping is expected"
         ]
 
@@ -452,7 +452,7 @@ def mutated(draw: st.DrawFn) -> bytes:
 @settings(
     max_examples=100, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-def test_a_mutated_study_is_valid_or_told_what_is_wrong(content: bytes, tmp_path: Path) -> None:
+def test_a_mutated_study_is_valid_or_refused_with_a_reason(content: bytes, tmp_path: Path) -> None:
     study = tmp_path / "study.yaml"
     if not (tmp_path / "cameras").exists():
         (tmp_path / "cameras").symlink_to(WRONG / "cameras")

@@ -23,7 +23,7 @@ HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
 
 
 @pytest.mark.parametrize(
-    ("override", "told"),
+    ("override", "reported"),
     [
         ("sweep={scene.distances.from: [50 mm, 500 mm]}", "cannot be swept"),
         ("sweep={stereo-short.baseline: {from: 0 mm, to: 5 mm, points: 3, spacing: log}}", "log range from '0 mm'"),
@@ -40,10 +40,10 @@ HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
         ("scene.distances=[0.4 m]", "1 value is given; at least 2 are expected"),
     ],
 )
-def test_check_refuses(override: str, told: str) -> None:
+def test_check_refuses(override: str, reported: str) -> None:
     with pytest.raises(StudyError) as caught:
         load(HEADLINE, (override,))
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
 
 
 def test_a_mistake_of_a_reading_names_the_reading() -> None:
@@ -104,12 +104,12 @@ def test_mappings_may_be_given_as_python_has_them() -> None:
     assert quoted.with_values({"title": '"it\'s: [one], #2"'}).file.title == "it's: [one], #2"
 
 
-def test_a_path_that_is_no_text_is_refused_in_words() -> None:
+def test_a_path_that_is_not_text_is_refused_with_a_message() -> None:
     with pytest.raises(TypeError, match=r"a path to a value is a text such as 'scene.distances.to', not 3"):
         load(HEADLINE).with_values({3: "1 m"})  # type: ignore[dict-item]  # the mistake that is tested
 
 
-def test_distances_and_pixels_of_spacecraft_are_no_slips() -> None:
+def test_distances_and_pixels_of_spacecraft_are_accepted() -> None:
     far = load(HEADLINE).with_values({"scene.distances": ["1 m", "1 au", "1e20 m"], "readings": {}, "claims": {}})
     for camera in far.definition.case.cameras.values():
         depth = evaluate_depth(camera, far.definition.case.distance)

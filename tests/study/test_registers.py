@@ -48,7 +48,7 @@ def test_a_value_shared_by_cameras_is_set_for_the_named_one_alone() -> None:
     assert rows["lenses.f_number", "pair-declared"] == ("9.8", "datasheet", "as above")
 
 
-def test_what_is_added_taken_back_or_given_with_its_own_basis_is_told() -> None:
+def test_added_removed_and_annotated_values_are_recorded() -> None:
     rows = register(
         "scene.picture.texture.contrast={value: 20 %, basis: measured, note: on a slab}",
         "pair-f22.attributes.moving_parts=2",
@@ -74,7 +74,7 @@ def test_a_tolerance_is_set_for_the_run_and_a_reading_s_value_is_the_study_s_own
     assert all(not reading.document.overrides for reading in headline.readings.values())
 
 
-def test_what_was_set_is_part_of_what_a_stored_run_is_known_by() -> None:
+def test_set_values_identify_a_stored_run() -> None:
     same_number = load(CLOSE, ["pair-f22.lenses.f_number={value: 22, basis: assumed, note: the end of a usual iris}"])
     assert same_number.definition.document.tree == load(CLOSE).definition.document.tree
     assert same_number.hash != load(CLOSE).hash  # its register differs
@@ -97,7 +97,7 @@ def test_lines_of_sight_by_the_focal_length_contradict_a_blur_by_the_focus() -> 
 
 
 @pytest.mark.parametrize(("focus", "named"), [("384 mm", True), ("385 mm", False), ("infinity", False)])
-def test_two_scales_within_the_accuracy_wanted_are_none(focus: str, named: bool) -> None:
+def test_two_scales_within_the_tolerance_are_not_a_contradiction(focus: str, named: bool) -> None:
     """Five percent is 18.3 mm over 366 mm: at 384.3 mm."""
     assert bool(found("principal_distance=focal_length", f"focus_distance={focus}")) == named
 

@@ -26,7 +26,7 @@ from tradestudy.optics.chain import (
     spectral_image,
 )
 from tradestudy.optics.propagation import CircularLens, PointSource
-from tradestudy.plan.pieces.light_spot import LightSpotPiece
+from tradestudy.plan.problems.light_spot import LightSpotProblem
 from tradestudy.study.schema.light_spot import LightSpotPart
 
 STUDY = """
@@ -108,7 +108,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(7)
 
 
-def test_a_picture_tells_how_far_it_is_and_is_the_same_whoever_listens(tmp_path: Path) -> None:
+def test_a_picture_reports_progress_and_does_not_depend_on_it(tmp_path: Path) -> None:
     part = spot(tmp_path, (SPECTRUM, "spectrum: {wavelengths: [500 nm, 600 nm], weights: [1, 1]}"))
     models = SpotModels(method="fresnel", tolerance=0.2)
     heard: list[float] = []
@@ -180,10 +180,10 @@ def test_microlenses_apart_have_a_spectrum_too(tmp_path: Path) -> None:
     assert found.numerical_error == pytest.approx(worst, rel=0.5)
 
 
-def test_what_has_no_light_is_not_computed(tmp_path: Path) -> None:
+def test_wavelengths_without_light_are_not_computed(tmp_path: Path) -> None:
     one = spot(tmp_path, ("weights: [1, 2, 1]", "weights: [0, 2, 0]"))
     assert one.lines == ((550e-9, 1.0),)
-    slots = {slot.name: slot.models for slot in LightSpotPiece(one, {}).slots}
+    slots = {slot.name: slot.models for slot in LightSpotProblem(one, {}).slots}
     assert slots["spectrum"] == ("off",)
 
 
@@ -209,7 +209,7 @@ def test_a_coherent_disc_is_one_wave(tmp_path: Path) -> None:
 
 def test_a_coherent_disc_has_no_rays(tmp_path: Path) -> None:
     part = spot(tmp_path, MEAN_ALONE, ("distance: 150 mm}", "distance: 150 mm, coherent: true}"))
-    slots = {slot.name: slot.models for slot in LightSpotPiece(part, {}).slots}
+    slots = {slot.name: slot.models for slot in LightSpotProblem(part, {}).slots}
     assert slots["main_lens_diffraction"] == slots["microlens_diffraction"] == ("fresnel", "kirchhoff")
 
 
@@ -243,13 +243,13 @@ def test_a_point_is_simulated_as_a_point(tmp_path: Path) -> None:
     assert data.attrs["source"] == "point"
     part = loaded.file.light_spot
     assert part is not None
-    slots = {slot.name: slot.models for slot in LightSpotPiece(part, {}).slots}
+    slots = {slot.name: slot.models for slot in LightSpotProblem(part, {}).slots}
     assert slots["source_extent"] == ("off",)
     page = (result.write(tmp_path / "out", pdf=False) / "report.html").read_text(encoding="utf-8")
     assert "The spot is a point." in page
 
 
-def test_three_types_on_a_hexagonal_array_stand_on_arrays_of_their_own(tmp_path: Path) -> None:
+def test_three_types_on_a_hexagonal_array_form_three_arrays(tmp_path: Path) -> None:
     """Each on one of √3 times the pitch, as microlenses of three types are made."""
     part = spot(
         tmp_path,

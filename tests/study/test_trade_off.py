@@ -96,7 +96,9 @@ def test_the_shipped_study_ranks_its_cameras_by_the_weights_it_leaves_open() -> 
         ({"criteria": {"moving parts": {"worst": 2, "best": 0}}}, "criteria.moving parts", "add relief"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_weighed_is_refused_at_its_place(trade_off: dict[str, Any], path: str, message: str) -> None:
+def test_criteria_that_cannot_be_weighed_are_refused_at_their_place(
+    trade_off: dict[str, Any], path: str, message: str
+) -> None:
     with pytest.raises(StudyError, match=message) as raised:
         robot(trade_off)
     assert raised.value.problems[0].path == f"trade_off.{path}"

@@ -1,4 +1,4 @@
-"""Wrong study files: every mistake of each is told at once, at its place, in words that help."""
+"""Wrong study files: every mistake is reported at once, at its place, with a remedy."""
 
 from __future__ import annotations
 
@@ -42,18 +42,18 @@ def test_every_mistake_is_reported_at_its_place_with_value_limit_and_remedy(
         assert len(said) > len("".join(facts))  # it explains them
 
 
-def test_no_wrong_file_is_forgotten() -> None:
+def test_every_wrong_file_is_listed() -> None:
     assert {path.stem for path in HERE.glob("*.yaml")} == {*MISTAKES, "right"}
 
 
-def test_the_files_are_wrong_by_their_mistakes_alone() -> None:
+def test_the_files_contain_no_other_mistakes() -> None:
     definition = load(HERE / "right.yaml").definition
     assert list(definition.case.cameras) == ["rig", "array", "near"]
     assert definition.file.cameras["near"].baseline == 0.02  # type: ignore[union-attr]  # a stereo rig
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_the_place_holds_what_the_message_quotes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reported_place_contains_what_the_message_quotes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Found by looking into the file, not by trusting the reader: a quoted value stands at the place that is named."""
     monkeypatch.chdir(HERE)
     for message in messages(Path(f"{name}.yaml")):
@@ -67,7 +67,7 @@ def test_the_place_holds_what_the_message_quotes(name: str, monkeypatch: pytest.
             assert text.startswith(unknown[1].rpartition(".")[2])
 
 
-def test_files_that_are_no_text(tmp_path: Path) -> None:
+def test_files_that_are_not_text_are_refused(tmp_path: Path) -> None:
     contents = {
         "nothing": (b"", r"1:1: it is empty; `tradestudy new NAME` .*"),
         "binary": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", r"1:1: it is a binary file; text is expected"),
@@ -83,7 +83,7 @@ def test_files_that_are_no_text(tmp_path: Path) -> None:
         assert re.fullmatch(rf"{re.escape(str(path))}:{expected}", said)
 
 
-def test_files_that_are_no_files(tmp_path: Path) -> None:
+def test_paths_that_are_not_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text("format: 2")
     near = tmp_path / "stduy.yaml"
     assert messages(near) == [f"{near}:1:1: there is no such file; nearest: '{tmp_path / 'study.yaml'}'"]

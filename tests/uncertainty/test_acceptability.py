@@ -42,7 +42,7 @@ def test_three_alternatives_of_two_criteria() -> None:
     np.testing.assert_allclose(found.rank.sum(axis=0), 1.0, rtol=1e-12)
 
 
-def test_an_order_of_two_criteria_leaves_the_half_of_the_weights() -> None:
+def test_an_order_of_two_criteria_leaves_half_of_the_weights() -> None:
     found = ranked(TRIANGLE, WeightSpace(low=(0.0, 0.0), high=(1.0, 1.0), order=(0, 1)))
     close(found.rank[:, 0], [0.8, 0.0, 0.2], found.rank_error[:, 0])
     close(found.central[[0, 2], 0], [0.8, 0.55], found.central_error[[0, 2], 0])
@@ -68,7 +68,7 @@ def test_fixed_weights_rank_exactly_and_ties_share_their_ranks() -> None:
     assert found.draws == 1
 
 
-def test_ties_among_some() -> None:
+def test_some_alternatives_can_tie() -> None:
     shares = np.array(rank_shares(np.array([[3.0, 1.0, 3.0, 2.0], [1.0, 1.0, 1.0, 1.0]])))
     np.testing.assert_array_equal(shares[:, 0], [[0.5, 0, 0.5, 0], [0.5, 0, 0.5, 0], [0, 0, 0, 1], [0, 1, 0, 0]])
     np.testing.assert_array_equal(shares[:, 1], np.full((4, 4), 0.25))
@@ -102,7 +102,7 @@ def quadrature(values: FloatArray, allowed: WeightSpace, cells: int = 700) -> tu
         WeightSpace(low=(0.2, 0.1, 0.0), high=(0.4, 0.5, 1.0)),
     ],
 )  # fmt: skip
-def test_three_criteria_are_what_a_fine_grid_of_weights_says(weights: WeightSpace) -> None:
+def test_three_criteria_agree_with_a_fine_grid_of_weights(weights: WeightSpace) -> None:
     values = np.array([[0.9, 0.1, 0.3], [0.2, 0.95, 0.25], [0.3, 0.2, 0.8], [0.5, 0.45, 0.5]])
     found, (share, central) = ranked(values, weights), quadrature(values, weights)
     grid = 3e-3  # of this grid: about its perimeter over its cells
@@ -173,7 +173,7 @@ def test_ranges_without_weights_are_refused(low: tuple[float, ...], high: tuple[
         WeightSpace(low=low, high=high)
 
 
-def test_values_beyond_the_ends_are_worth_as_much_as_these() -> None:
+def test_values_beyond_the_ends_score_as_the_ends() -> None:
     falling = ValueScale(worst=2.0, best=0.5)
     measured = np.array([3.0, 2.0, 1.25, 0.5, 0.1, np.nan, np.inf, -np.inf])
     np.testing.assert_allclose(falling.value(measured), [0, 0, 0.5, 1, 1, 0, 0, 1])

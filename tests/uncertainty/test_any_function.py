@@ -45,7 +45,7 @@ def test_correlated_inputs_cancel_or_add_and_outputs_keep_their_shape() -> None:
     np.testing.assert_allclose(found.median, 0.0, atol=0.02)
 
 
-def test_a_budget_that_is_too_small_is_told() -> None:
+def test_a_budget_that_is_too_small_is_reported() -> None:
     found = propagate_through(lambda x: x, {"x": UNIT}, coverage=[0.999999], tolerance=1e-4, most_draws=2**15)
     assert not found.converged
     assert found.draws <= 2**15

@@ -51,7 +51,7 @@ def test_a_source_that_both_cameras_share_is_shared():
     np.testing.assert_array_equal(mine.first_error, 0.0)
 
 
-def test_failures_and_infinities_lose_and_two_of_them_are_neither():
+def test_failures_and_infinities_lose_and_two_of_them_rank_neither():
     truth = np.array([1.0])
 
     def failing(v):

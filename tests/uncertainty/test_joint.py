@@ -72,7 +72,7 @@ def test_a_constant_takes_no_coordinate():
     np.testing.assert_array_equal(group.draw(scores(group, 64))[1], 7.0)
 
 
-def test_what_no_distribution_has_is_refused_with_its_eigenvalue_and_a_remedy():
+def test_an_invalid_covariance_is_refused_with_its_eigenvalue_and_a_remedy():
     with pytest.raises(OutOfRangeError, match=r"not positive definite.*-4\.000e-01.*joint draws"):
         joint([[1.0, 0.7, -0.7], [0.7, 1.0, 0.7], [-0.7, 0.7, 1.0]])
 
@@ -174,7 +174,7 @@ def test_copula_of_normals_has_the_covariance_of_the_joint_normal():
     np.testing.assert_allclose(tied.covariance, [[4.0, rho], [rho, 0.25]], rtol=1e-12)
 
 
-def test_copula_without_variance_says_so():
+def test_a_copula_without_variance_is_refused():
     group = GaussianCopula(
         name="rig",
         parameters=("a", "b"),

@@ -119,7 +119,7 @@ def test_a_line_beyond_infinity_is_infinite():
     np.testing.assert_array_equal(np.isinf(line.mapped_quantiles([0.5, 0.975])[:, 0]), [False, True])
 
 
-def test_a_model_that_fails_beside_the_nominal_point_gives_nan():
+def test_a_model_that_fails_near_the_nominal_point_gives_nan():
     line = linear(
         lambda v: Outcome(values=1.0 + v["yaw"] + np.zeros(2), no_overlap=(v["yaw"] > 0.0) & np.array([True, False])),
         independent(yaw=1e-3),
@@ -171,7 +171,7 @@ def test_the_verdict_is_undecided_where_monte_carlo_is_too_coarse():
     assert verdicts(mapped, 2**10, 2**7, 4) == ["undecided", "undecided"]
 
 
-def test_an_unbounded_interval_is_valid_only_if_both_methods_call_it_so():
+def test_an_unbounded_interval_is_valid_only_if_both_methods_find_it_unbounded():
     uniform = Source(name="x", distribution=Uniform(low=0.0, high=1.0), error_class=RIG)
     model = lambda v: Outcome(values=v["x"] - 0.1)  # noqa: E731  one line is the whole model
     sampling = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**16)

@@ -233,7 +233,7 @@ def test_memory_that_keeps_replicates_too_short_for_the_budget_is_named():
     assert mine.draws == 2**16
 
 
-def test_what_does_not_fit_into_memory_is_refused_before_it_starts():
+def test_evaluations_beyond_the_memory_are_refused_before_they_start():
     with pytest.raises(UnaffordableError, match=r"3 outputs.*1024 bytes.*memory_bytes"):
         run(stereo, STEREO, replace(ALL, memory_bytes=1024), inverse_depth=True)
 

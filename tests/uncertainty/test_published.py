@@ -57,7 +57,7 @@ def propagated():
 
 
 @pytest.mark.parametrize("case", PROPAGATION_CASES, ids=lambda case: case.name)
-def test_monte_carlo_agrees_with_what_is_printed(case, propagated):
+def test_monte_carlo_agrees_with_the_published_numbers(case, propagated):
     mine, printed = propagated[case.name], case.monte_carlo
     assert mine.moments_exist[0]
     assert mine.mean[0] == pytest.approx(printed.estimate, abs=printed.rounding + 3.0 * mine.mean_error[0])
@@ -69,7 +69,7 @@ def test_monte_carlo_agrees_with_what_is_printed(case, propagated):
 
 
 @pytest.mark.parametrize("case", PROPAGATION_CASES, ids=lambda case: case.name)
-def test_linear_propagation_agrees_with_what_is_printed(case):
+def test_linear_propagation_agrees_with_the_published_numbers(case):
     mine, printed = linear(model_of(case), sources_of(case), inverse_depth=False), case.linear
     assert mine.estimate[0] == pytest.approx(printed.estimate, abs=printed.rounding)
     assert mine.standard_uncertainty[0] == pytest.approx(printed.standard_uncertainty, abs=printed.rounding)

@@ -37,7 +37,7 @@ def test_seeds_have_no_upper_bound(seed):
     assert np.all(found != scramble_scores(2, 64, seed=seed - 1, point="a", scramble=0))
 
 
-def test_kept_scores_cannot_be_changed():
+def test_cached_scores_cannot_be_changed():
     with pytest.raises(ValueError, match="read-only"):
         scramble_scores(2, 64, seed=0, point="a", scramble=0)[0, 0] = 0.0
 

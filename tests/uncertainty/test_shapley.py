@@ -78,7 +78,7 @@ def test_independent_parts_have_their_share_of_the_sum_of_variances():
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_two_that_are_one_share_alike(sign):
+def test_two_fully_correlated_parameters_share_equally(sign):
     covariance = covariance_of([2e-6, 1e-3, 1.0], [[1.0, sign, 0.0], [sign, 1.0, 0.0], [0.0, 0.0, 1.0]])
     shares = shapley_shares(np.array([[1e6], [0.0], [1.0]]), covariance, [[0], [1], [2]])
     np.testing.assert_allclose(shares[:, 0], [0.4, 0.4, 0.2], rtol=1e-12)
@@ -144,7 +144,7 @@ def test_double_loop_sampling_agrees():
     np.testing.assert_allclose(shares, sampled, atol=0.015)
 
 
-def test_what_cannot_be_shared_is_refused():
+def test_groups_that_do_not_partition_the_parameters_are_refused():
     with pytest.raises(OutOfRangeError, match="at most 12"):
         shapley_shares(np.ones((13, 1)), np.eye(13), [[i] for i in range(13)])
     with pytest.raises(OutOfRangeError, match="each of the 3 once"):

@@ -42,7 +42,7 @@ def test_perfect_and_partial_information_of_a_normal_difference() -> None:
         assert one.error < 0.006
 
 
-def test_estimates_of_few_draws_scatter_as_they_say() -> None:
+def test_estimates_of_few_draws_scatter_as_stated() -> None:
     """The mean over repetitions keeps the closed form within its own scatter, and errors are about that scatter."""
     rng = np.random.default_rng(5)
     found = [worth_of_one(utility, parts[:, 0], rng) for parts, utility in (draws(256, seed) for seed in range(40))]
@@ -52,7 +52,7 @@ def test_estimates_of_few_draws_scatter_as_they_say() -> None:
     assert 0.5 < np.mean([one.error for one in found]) / scatter < 2.0
 
 
-def test_what_changes_nothing_is_worth_nothing_though_the_maximum_is_biased() -> None:
+def test_an_assumption_that_changes_nothing_is_worth_nothing_despite_the_biased_maximum() -> None:
     rng = np.random.default_rng(3)
     found = []
     for seed in range(20):
@@ -84,7 +84,7 @@ def test_a_constant_parameter_and_bad_utilities() -> None:
         worth_of_all(np.where(np.arange(64)[:, None] == 3, [[math.inf, 0.0]], utility))
 
 
-def test_a_choice_of_two_is_worth_the_mean_of_its_better_answers() -> None:
+def test_a_choice_of_two_is_worth_the_mean_of_the_better_answers() -> None:
     """U₂ − U₁ is 1 or −2, as likely, beside noise: knowing which is worth (1 + 0)/2 − max(0, −1/2) = 1/2."""
     rng = np.random.default_rng(3)
     choice = (np.arange(4096) % 2).astype(float)

@@ -30,7 +30,7 @@ _MOST_PLACES: Final = 100  # distances where leads are evaluated; two crossings 
 
 
 TIED: Final = ", "
-"""Between the names of cameras whose difference is below its stated error: they share one answer."""
+"""Separates the names of tied cameras, whose difference is below its stated error."""
 # A difference must exceed this many standard errors to decide. With eight scrambles, chance exceeds it once in a
 # thousand. With a lower limit, answers over many distances would alternate between equal cameras.
 _SURE: Final = 5.4

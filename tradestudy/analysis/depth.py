@@ -224,7 +224,7 @@ class ModelError:
 def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", field: float = 0.0) -> ModelError:
     """Estimate the error of a camera's model of propagation.
 
-    If all errors are normal, the exact reading to second order gives the error. Otherwise draws at some of these
+    If all errors are normal, the exact model to second order gives the error. Otherwise draws at some of these
     distances do: between two of them the larger error counts, with twice the standard error of the draws added.
     """
     known = distance[~np.isnan(distance)]

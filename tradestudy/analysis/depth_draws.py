@@ -39,16 +39,16 @@ _CERTAIN: Final = 2.4  # standard errors of eight scrambles that cover 95 %
 _TRIAL_DRAWS: Final = 2**9
 _DIRECTIONS: Final = 6  # distances at which the effect of a posterior on depth is evaluated
 _MANY_DRAWS: Final = 2**13  # per scramble; from here on scrambles are drawn on several threads
-_AT_ONCE: Final = 2**14  # readings that fit into a processor's cache
+_AT_ONCE: Final = 2**14  # depths that fit into a processor's cache
 _WORTH_THREADS: Final = 2**18  # readings; fewer are done before a thread has started
 _OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances in focal lengths, used when none is judged
 
 
 class ReadsDepth(Protocol):
-    """What propagation asks of a camera."""
+    """What propagation needs of a camera."""
 
     def __hash__(self) -> int:
-        """Of the camera as it is: what is drawn of it is remembered."""
+        """Hash of all properties of the camera; draws are cached by it."""
 
     @property
     def calibration(self) -> Calibration:
@@ -232,7 +232,7 @@ def trial_distribution(camera: DepthCamera, distance: FloatArray, field: float, 
 
 
 def exact_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
-    """The distribution of depth by draws through the exact reading, as many as the tolerance requires."""
+    """The distribution of depth by draws through the exact model, as many as the tolerance requires."""
     return _of_draws(camera, distance, field, way, settled_draws(camera, field, way))
 
 

@@ -1,4 +1,4 @@
-"""Depth uncertainty over the picture of a rig, by the line through its exact reading at every place."""
+"""Depth uncertainty over the picture of a rig, by linearising its exact model at every place."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from tradestudy.optics.arrays import FloatArray
 ACROSS: Final = 25
 DOWN: Final = 15
 """Places across and down; odd, so that the middle of the picture is one of them."""
-_RADII: Final = 6  # at which a disparity error that follows from the picture is asked for
-_MODEL_PLACES: Final = (0.0, 0.5, 1.0)  # at which the line is held against the exact reading
+_RADII: Final = 6  # at which a derived disparity error is evaluated
+_MODEL_PLACES: Final = (0.0, 0.5, 1.0)  # at which the line is compared with the exact model
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,7 +42,7 @@ class UncertaintyMap:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _AtPlaces:
-    """A camera that is asked at places of its picture instead of one place in its field."""
+    """A camera evaluated at places in its picture instead of one field position."""
 
     camera: DepthCamera
     places: PicturePlaces
@@ -89,7 +89,7 @@ def map_places() -> tuple[FloatArray, FloatArray]:
 def depth_map(camera: DepthCamera, distance: FloatArray) -> UncertaintyMap | None:
     """Map the depth uncertainty of a camera at distances [m], shape (D,).
 
-    None of a camera whose `mapped` is false, or of which something uncertain has no variance.
+    None for a camera whose `mapped` is false, or one of whose uncertain parameters has no variance.
     """
     if not camera.mapped or not has_covariance(camera):
         return None

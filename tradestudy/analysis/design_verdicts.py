@@ -70,7 +70,7 @@ class Curve:
         own = np.interp(np.log(places), logs, relative)
         uncertainty = np.exp(found)
         share = own + np.where(on_grid, 0.0, np.nan_to_num(missed))
-        with np.errstate(over="ignore"):  # the error is unlimited beside an unbounded interval
+        with np.errstate(over="ignore"):  # the error is unlimited next to an unbounded interval
             return uncertainty, np.multiply(share, uncertainty, out=np.zeros_like(share), where=share > 0.0)
 
 

@@ -100,7 +100,7 @@ def paper_zeros(element: ElementPart, wavelengths: Sequence[float]) -> tuple[Flo
 
 
 def path_error_f_number(element: ElementPart, wavelength: FloatArray | float, waves: FloatArray | float) -> FloatArray:
-    """Smallest f-number at which the neglected path is at most so many waves."""
+    """Smallest f-number at which the neglected path is at most a number of waves."""
     return bounded_minimum_f_number(
         focal_length=element.focal_length,
         object_distance=element.object_distance,

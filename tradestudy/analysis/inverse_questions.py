@@ -100,14 +100,14 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
         return Solved(solutions=(), dimension=dimension, answer=answer)
     answer = _answer(definition, question, found)
     if ratios.plans > 1:
-        answer += f"; mean over {ratios.plans} ways to spread the views of the calibration"
+        answer += f"; mean over {ratios.plans} arrangements of the views of the calibration"
     if question.errors == "calibration" and question.equal is None:
         answer += _larger_noise(definition.with_values(varying.changes(found[0].value)), question)
     return Solved(solutions=tuple(found), dimension=dimension, answer=answer)
 
 
 class _Ratios:
-    """Logarithms of the uncertainty over the one that it is to equal, over the logarithm of what is varied."""
+    """Logarithm of the ratio of the uncertainty to its target, against the logarithm of the varied value."""
 
     def __init__(self, definition: StudyDefinition, question: SolvePart, varying: Varying) -> None:
         self._definition, self._question, self._varying = definition, question, varying
@@ -116,7 +116,7 @@ class _Ratios:
 
     @property
     def plans(self) -> int:
-        """In how many spreads of its views a calibration is planned; one where none is."""
+        """Number of arrangements of the views for which a calibration is planned; 1 if none is."""
         return len(self._plans)
 
     def mean(self, log_value: float) -> float:

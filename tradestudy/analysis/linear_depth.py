@@ -85,7 +85,7 @@ def has_covariance(camera: ReadsDepth) -> bool:
 
 
 def linear_reading(camera: ReadsDepth, distance: FloatArray, field: float, way: str = "both") -> LinearReading:
-    """Linearise the reading of a camera at distances [m] about the means of its errors.
+    """Linearise the depth measurement of a camera at distances [m] about the means of its errors.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def linear_reading(camera: ReadsDepth, distance: FloatArray, field: float, way: 
 
 @lru_cache(maxsize=4)
 def _linearised(camera: ReadsDepth, distances: bytes, field: float, way: str) -> LinearReading:
-    """What the ways of one table have in common."""
+    """What noise alone, calibration alone and both have in common."""
     distance = np.frombuffer(distances)
     names, mean, covariance = _covariance(camera, way)
     deviation = np.sqrt(np.diag(covariance))
@@ -119,7 +119,7 @@ def _linearised(camera: ReadsDepth, distances: bytes, field: float, way: str) ->
 
 
 def linear_distribution(camera: ReadsDepth, distance: FloatArray, field: float, way: str) -> DepthDistribution:
-    """The distribution of depth where every error acts as so many deviations of the noise.
+    """The distribution of depth where every error acts like a multiple of the noise's standard deviation.
 
     Inverse depth is linear in all errors. The ratio of its standard deviation to that from noise alone scales the
     noise at which the ends of intervals are read, so that noise alone is treated exactly.
@@ -156,7 +156,7 @@ def scaled_noise(camera: ReadsDepth, distance: FloatArray, field: float, scale: 
 
 
 def _under_noise(camera: ReadsDepth, distance: FloatArray, field: float, scores: FloatArray) -> FloatArray:
-    """Inverse depth [1/m] read where the noise has so many of its standard deviations, (scores, distances)."""
+    """Inverse depth [1/m] measured with the noise at given scores, shape (scores, distances)."""
     errors = {**fixed_errors(camera, "noise"), PIXEL_NOISE: scores}
     return read_draws(camera, errors, distance, field, camera.noise(distance, field))
 

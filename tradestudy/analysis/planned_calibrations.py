@@ -9,11 +9,11 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.varying import Varying
 
 PLANS: Final = range(8)
-"""Spreads of the views by which the scatter of an answer is told; the first is that of the run."""
+"""Arrangements of the views from which the scatter of an answer is estimated; the first is that of the run."""
 
 
 def planned(definition: StudyDefinition, plan: int = 0) -> StudyDefinition:
-    """The study with what its targets are expected to determine, where nothing has been inferred from them yet.
+    """The study with the calibrations expected from its targets, where none has been inferred yet.
 
     Raises
     ------
@@ -31,7 +31,7 @@ def planned(definition: StudyDefinition, plan: int = 0) -> StudyDefinition:
 
 
 def to_be_planned(definition: StudyDefinition, varying: Varying) -> StudyDefinition:
-    """The study without what was inferred from targets that a question varies, so that all its values compare."""
+    """The study without calibrations inferred from targets that a question varies, so that its values compare."""
     keys = definition.posterior_keys
     ends = [definition.with_values(varying.changes(end)).posterior_keys for end in (varying.low, varying.high)]
     varied = {keys[name] for name in keys if any(end.get(name) != keys[name] for end in ends)}
@@ -40,7 +40,7 @@ def to_be_planned(definition: StudyDefinition, varying: Varying) -> StudyDefinit
 
 
 def plans(definition: StudyDefinition) -> range:
-    """Spreads of the views to be tried: one where nothing is left to plan, or every pose is given."""
+    """Arrangements of the views to try: one where nothing is left to plan, or every pose is given."""
     from tradestudy.calibration.target.camera_target import TargetToInfer
 
     asked = definition.calibrations_to_infer().values()

@@ -1,4 +1,4 @@
-"""The probability that one of two cameras errs less than the other in one reading."""
+"""The probability that one of two cameras errs less than the other in one measurement."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def rank(first: DepthCamera, second: DepthCamera, distance: FloatArray, way: str
 
 
 def _model(camera: DepthCamera, prefix: str, groups: tuple[Group, ...], distance: FloatArray) -> Model:
-    """The reading of one of two cameras, whose own parameters carry a prefix."""
+    """The depth measurement of one of two cameras, whose own parameters have a prefix."""
     names = [name for group in groups for name in group.parameters]
     alone = outcome_model(camera, distance)
 

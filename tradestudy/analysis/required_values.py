@@ -11,9 +11,9 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.halving import bracketed
-from tradestudy.analysis.held import Held
 from tradestudy.analysis.inverse_questions import Solution, Solved, beside_declared
 from tradestudy.analysis.planned_calibrations import planned, to_be_planned
+from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.analysis.requirements import Judge
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.questions import SolvePart
@@ -30,7 +30,7 @@ class _Trial:
     """The answer to the requirement at one value, in SI."""
 
     value: float
-    held: Held
+    answer: RequirementAnswer
 
 
 def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solved:
@@ -51,7 +51,7 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
     varying, judge = Varying.of(definition, question), Judge()
     requirement, dimension = definition.file.requirements[question.requirement or ""], varying.dimension
     definition = to_be_planned(definition, varying)
-    known: dict[float, Held] = {}
+    known: dict[float, RequirementAnswer] = {}
 
     def is_met(value: float) -> bool | None:
         known[value] = judge.answer(requirement, planned(definition.with_values(varying.changes(value))).case)[0]
@@ -60,15 +60,15 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
     places = {varying.possible(float(value)) for value in np.geomspace(varying.low, varying.high, _PLACES)}
     for value in places | varying.declared(definition):
         is_met(value)
-    trials = [_Trial(value=value, held=held) for value, held in sorted(known.items())]
-    if undecided := [one.held.reason for one in trials if one.held.met is None]:
+    trials = [_Trial(value=value, answer=answer) for value, answer in sorted(known.items())]
+    if undecided := [one.answer.reason for one in trials if one.answer.met is None]:
         reason = undecided[0]
         return Solved(solutions=(), dimension=dimension, answer=f"cannot be decided: {reason}")
     solutions: list[Solution] = []
     for before, after in itertools.pairwise(trials):
-        if before.held.met == after.held.met:
+        if before.answer.met == after.answer.met:
             continue
-        inside, outside = (before, after) if before.held.met else (after, before)
+        inside, outside = (before, after) if before.answer.met else (after, before)
         ends = bracketed(inside.value, outside.value, is_met, possible=varying.possible, close=_CLOSE)
         # A count has no values between neighbouring integers.
         error = 0.0 if varying.is_counted else _error(known[ends[0]], abs(ends[1] - ends[0]), before, after)
@@ -77,10 +77,10 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
     return Solved(solutions=tuple(solutions), dimension=dimension, answer=beside_declared(definition, question, answer))
 
 
-def _error(held: Held, bracket: float, before: _Trial, after: _Trial) -> float:
+def _error(answer: RequirementAnswer, bracket: float, before: _Trial, after: _Trial) -> float:
     """Half of the bracket, combined with the shift of the end due to the error of the worst value."""
-    slope = abs(after.held.margin - before.held.margin) / abs(after.value - before.value)
-    own = held.error / abs(held.value) if held.error > 0.0 and math.isfinite(held.value) else 0.0
+    slope = abs(after.answer.margin - before.answer.margin) / abs(after.value - before.value)
+    own = answer.error / abs(answer.value) if answer.error > 0.0 and math.isfinite(answer.value) else 0.0
     return math.hypot(bracket / 2.0, own / slope if slope > 0.0 and math.isfinite(slope) else 0.0)
 
 
@@ -90,10 +90,12 @@ def _answer(trials: Sequence[_Trial], solutions: Sequence[Solution], dimension: 
     if not solutions:
         between = f"between {ends[0]} and {ends[1]}"
         return (
-            f"met anywhere {between}" if trials[0].held.met else f"met nowhere {between}: {_nearest(trials, dimension)}"
+            f"met anywhere {between}"
+            if trials[0].answer.met
+            else f"met nowhere {between}: {_nearest(trials, dimension)}"
         )
     changes = [pretty_with_error(one.value, one.error, dimension) for one in solutions]
-    begins = [None, *changes] if trials[0].held.met else changes
+    begins = [None, *changes] if trials[0].answer.met else changes
     parts = []
     for first, last in itertools.zip_longest(begins[::2], begins[1::2]):
         if first is None:
@@ -104,13 +106,13 @@ def _answer(trials: Sequence[_Trial], solutions: Sequence[Solution], dimension: 
 
 
 def _nearest(trials: Sequence[_Trial], dimension: Dimension) -> str:
-    margins = np.array([one.held.margin for one in trials])
+    margins = np.array([one.answer.margin for one in trials])
     nearest = int(np.argmax(margins))
     words = f"closest at {pretty(trials[nearest].value, dimension)}"
     if margins[nearest] > 0.0:
         words += ", where only its guard band is violated"
     else:
-        words += f" ({trials[nearest].held.reason})"
+        words += f" ({trials[nearest].answer.reason})"
     # A margin that rises towards an end may rise further.
     if nearest in (0, len(trials) - 1) and np.ptp(margins) > 0.0:
         words += "; it may be met beyond that end"

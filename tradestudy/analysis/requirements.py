@@ -12,8 +12,8 @@ import numpy as np
 
 from tradestudy.analysis.decision import is_usable
 from tradestudy.analysis.depth import DepthErrors, depth_uncertainty, depth_uncertainty_error, evaluate_depth
-from tradestudy.analysis.held import Held
-from tradestudy.analysis.requirements_of_any_camera import hold_criterion, hold_sharp
+from tradestudy.analysis.requirement_answer import RequirementAnswer
+from tradestudy.analysis.requirements_of_any_camera import check_criterion, check_sharp
 from tradestudy.analysis.usable import END_OF_STUDY, Interval, evaluate_limits, usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.execution import Steps
@@ -41,26 +41,28 @@ _LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # relative allowance for rounding of dist
 _ABSENT: Final = "the camera has no overlap"
 
 
-def hold(requirement: RequirementPart, case: Case, name: str, known: Sequence[Interval] | None = None) -> Held:
+def check_requirement(
+    requirement: RequirementPart, case: Case, name: str, known: Sequence[Interval] | None = None
+) -> RequirementAnswer:
     """Check a requirement against one camera, which must measure depth if the requirement asks for depth.
 
     Its usable intervals over the distances of the study are computed unless they are ``known``.
     """
     match requirement.required:
         case CriterionPart() as criterion:
-            return hold_criterion(criterion, case, name)
+            return check_criterion(criterion, case, name)
         case SharpPart() as sharp:
-            return hold_sharp(sharp, case, name)
+            return check_sharp(sharp, case, name)
         case UsablePart() as usable:
-            return _hold_use(usable, _intervals(case, name, usable.over, known), case, name)
+            return _check_use(usable, _intervals(case, name, usable.over, known), case, name)
         case measured:
             intervals = _intervals(case, name, measured.over, known)
-            return _hold_measured(requirement, measured, case, name, intervals)
+            return _check_measured(requirement, measured, case, name, intervals)
 
 
-def _hold_measured(
+def _check_measured(
     requirement: RequirementPart, required: MeasuredPart, case: Case, name: str, intervals: Sequence[Interval]
-) -> Held:
+) -> RequirementAnswer:
     camera = case.cameras[name]
     above = isinstance(required, ShareAbovePart)
     bound, dimension = _bound(required)
@@ -74,7 +76,7 @@ def _hold_measured(
         return np.where(np.isnan(values), np.inf, -values if above else values)
 
     if requirement.quantity == "overlap" and np.isnan(measured(np.array(required.over))).all():
-        return Held.unknown(name, bound, _ABSENT)
+        return RequirementAnswer.unknown(name, bound, _ABSENT)
     place = _worst_place(broken_by, required.over)
     at = np.array([place])
     value = float(measured(at)[0])
@@ -89,7 +91,7 @@ def _hold_measured(
     limit = _limit_of(intervals, gap[0], case, name) if unusable > 0.0 else ""
     if unusable > 0.0:
         reason = f"{_not_usable(gap, limit)}; {reason}"
-    return Held(
+    return RequirementAnswer(
         camera=name,
         met=bool(kept and abs(bound - value) >= guard and unusable == 0.0),
         value=value,
@@ -114,9 +116,9 @@ class _Alone:
     known: Sequence[Interval] | None
 
 
-def _hold_alone(point: _Alone) -> Held:
+def _check_alone(point: _Alone) -> RequirementAnswer:
     (name,) = point.case.cameras
-    return hold(point.requirement, point.case, name, point.known)
+    return check_requirement(point.requirement, point.case, name, point.known)
 
 
 class Judge:
@@ -130,10 +132,10 @@ class Judge:
 
     def __init__(self, usable: Mapping[tuple[DepthCamera, UsableCriteria], Sequence[Interval]] | None = None) -> None:
         self._usable = usable or {}
-        self._known: dict[tuple[RequirementPart, DepthCamera, UsableCriteria], Held] = {}
+        self._known: dict[tuple[RequirementPart, DepthCamera, UsableCriteria], RequirementAnswer] = {}
 
     def check(self, requirements: Collection[RequirementPart], cases: Iterable[Case], steps: Steps) -> None:
-        """Check all cameras of several designs in one step, before they are asked for."""
+        """Check all cameras of several designs in one step, before their answers are needed."""
         points: dict[tuple[RequirementPart, DepthCamera, UsableCriteria], _Alone] = {}
         for case in cases:
             for requirement in requirements:
@@ -149,10 +151,12 @@ class Judge:
                         )
                         points[key] = _Alone(requirement=requirement, case=alone, known=self._usable.get(key[1:]))
         labels = [f"{one.requirement.says}, {next(iter(one.case.cameras))}" for one in points.values()]
-        held = steps.map("requirements", _hold_alone, list(points.values()), labels)
-        self._known.update(zip(points, held, strict=True))
+        answer = steps.map("requirements", _check_alone, list(points.values()), labels)
+        self._known.update(zip(points, answer, strict=True))
 
-    def answer(self, requirement: RequirementPart, case: Case) -> tuple[Held, Mapping[str, Held]]:
+    def answer(
+        self, requirement: RequirementPart, case: Case
+    ) -> tuple[RequirementAnswer, Mapping[str, RequirementAnswer]]:
         """The camera that decides a requirement, and the answers of all cameras that it concerns.
 
         For ``any``, the best camera decides; for ``all``, the worst. A camera without a value leaves the requirement
@@ -160,7 +164,7 @@ class Judge:
         decides.
         """
         names = _names(requirement, case)
-        found = {name: self._held(requirement, case, name) for name in names}
+        found = {name: self._answer_of(requirement, case, name) for name in names}
         known = [one for one in found.values() if one.met is not None]
         silent = [one for one in found.values() if one.met is None]
         settled = any(one.met is not (requirement.camera == ALL) for one in known)
@@ -170,12 +174,12 @@ class Judge:
         above = isinstance(requirement.required, ShareAbovePart)
         return deciding(known, key=lambda one: _nearness(one, above=above)), found
 
-    def _held(self, requirement: RequirementPart, case: Case, name: str) -> Held:
+    def _answer_of(self, requirement: RequirementPart, case: Case, name: str) -> RequirementAnswer:
         if not requirement.asks_for_depth:  # closed forms that depend on more than the camera
-            return hold(requirement, case, name)
+            return check_requirement(requirement, case, name)
         key = (requirement, case.cameras[name], case.criteria)
         if key not in self._known:
-            self._known[key] = hold(requirement, case, name, self._usable.get(key[1:]))
+            self._known[key] = check_requirement(requirement, case, name, self._usable.get(key[1:]))
         return replace(self._known[key], camera=name)
 
 
@@ -183,7 +187,7 @@ def is_kept(requirement: RequirementPart, case: Case) -> bool:
     """Whether a requirement is met, on a coarse grid of distances and without its guard band: for many draws."""
     names, together = _names(requirement, case), all if requirement.camera == ALL else any
     if not requirement.asks_for_depth:
-        return together(hold(requirement, case, name).met is True for name in names)
+        return together(check_requirement(requirement, case, name).met is True for name in names)
     points = np.geomspace(requirement.over[0], requirement.over[1], _COARSE)
     return together(_is_kept_by(requirement, case, name, points) for name in names)
 
@@ -207,18 +211,18 @@ def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: Flo
 
 
 def _unlike(bound: float, value: float, dimension: Dimension) -> str:
-    """A value with the digits that tell it from its bound."""
+    """A value with the digits that distinguish it from its bound."""
     limit = pretty(bound, dimension, 6)
     return pretty(value, dimension, fewest_digits(lambda digits: pretty(value, dimension, digits) != limit))
 
 
-def _nearness(held: Held, *, above: bool) -> tuple[bool, float, float]:
+def _nearness(answer: RequirementAnswer, *, above: bool) -> tuple[bool, float, float]:
     """Sort key, larger for better; among cameras that miss the same share of the range, the worst value decides."""
-    value = -math.inf if math.isnan(held.value) else held.value if above else -held.value
-    return bool(held.met), -math.inf if math.isnan(held.margin) else held.margin, value
+    value = -math.inf if math.isnan(answer.value) else answer.value if above else -answer.value
+    return bool(answer.met), -math.inf if math.isnan(answer.margin) else answer.margin, value
 
 
-def _hold_use(required: UsablePart, intervals: Sequence[Interval], case: Case, name: str) -> Held:
+def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, name: str) -> RequirementAnswer:
     """How far the usable range extends beyond the required range, at the end where it extends least."""
     near, far = required.over
     unusable, gap = _unusable(intervals, required.over)
@@ -233,7 +237,7 @@ def _hold_use(required: UsablePart, intervals: Sequence[Interval], case: Case, n
     else:
         place, limit = gap[0], _limit_of(intervals, gap[0], case, name)
         margin, words = -unusable, _not_usable(gap, limit)
-    return Held(
+    return RequirementAnswer(
         camera=name,
         met=unusable == 0.0,
         value=1.0 - unusable,
@@ -274,7 +278,7 @@ def _shift_to_decide(intervals: Sequence[Interval], over: tuple[float, ...]) -> 
     """The least relative shift of ends of usable intervals that makes a gap in a range, or closes all that it has.
 
     A gap between two intervals closes if its ends meet, or if one of them passes the range. The ends of the study move
-    nothing, and an interval that would split cannot be told from its ends.
+    nothing, and a split of an interval cannot be recognised from its ends.
     """
     near, far = over
     closing = []

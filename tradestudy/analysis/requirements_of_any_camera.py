@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.held import Held
+from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.analysis.trade_criteria import criterion_of
 from tradestudy.cameras.focus import SharpRange
 from tradestudy.optics.arrays import FloatArray
@@ -22,13 +22,13 @@ _LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # relative allowance for rounding of dist
 _LEAST_MISS: Final = 1e-9  # share of a range: a miss within rounding is still a miss
 
 
-def hold_criterion(required: CriterionPart, case: Case, name: str) -> Held:
+def check_criterion(required: CriterionPart, case: Case, name: str) -> RequirementAnswer:
     """Check a bound on a criterion of one camera; undecided if the camera has no number for it."""
     dimension = criterion_dimension(required.name, case.attributes.values())
     assert dimension is not None  # in a valid study
     bound, found = parse(required.bound, dimension), criterion_of(case, name, required.name)
     if math.isnan(found.number):
-        return Held.unknown(name, bound, f"{required.name}: {found.text}")
+        return RequirementAnswer.unknown(name, bound, f"{required.name}: {found.text}")
     value = found.number
     is_above = required.side == "above"
     kept = value >= bound if is_above else value < bound
@@ -44,7 +44,7 @@ def hold_criterion(required: CriterionPart, case: Case, name: str) -> Held:
     )
 
 
-def hold_sharp(required: SharpPart, case: Case, name: str) -> Held:
+def check_sharp(required: SharpPart, case: Case, name: str) -> RequirementAnswer:
     """Check a requirement on the sharp range of one camera, all its slices together, by a blur criterion."""
     criterion = required.criterion or next(iter(case.sharp))
     found = case.all_cameras[name].focus.sharp_range(case.sharp[criterion])
@@ -54,11 +54,11 @@ def hold_sharp(required: SharpPart, case: Case, name: str) -> Held:
         kept, margin = depth >= required.above, depth / required.above - 1.0
         return _exact(name, kept=kept, value=depth, bound=required.above, margin=margin, reason=reason)
     assert required.over is not None  # exactly one of the two is given
-    return _hold_range(found, (required.over[0], required.over[1]), name)
+    return _check_range(found, (required.over[0], required.over[1]), name)
 
 
-def _hold_range(found: SharpRange, over: tuple[float, float], name: str) -> Held:
-    """How far the sharp range extends beyond the required one, at its weaker end; or how much it misses."""
+def _check_range(found: SharpRange, over: tuple[float, float], name: str) -> RequirementAnswer:
+    """How far the sharp range extends beyond the required one, at its weaker end, or by how much it falls short."""
     near, far = over
     around = [row for row in found.union.covered if row[0] <= near * _MORE and row[1] >= far * _LESS]
     if around:
@@ -87,9 +87,9 @@ def _first_gap(covered: FloatArray, near: float, far: float) -> tuple[float, flo
 
 def _exact(
     name: str, *, kept: bool, value: float, bound: float, margin: float, reason: str, place: float = math.nan
-) -> Held:
+) -> RequirementAnswer:
     """An answer from closed forms and declared values, exact up to rounding."""
-    return Held(
+    return RequirementAnswer(
         camera=name,
         met=kept,
         value=value,

@@ -1,4 +1,4 @@
-"""How far a linear model of normal errors misses the exact distribution of depth, from the curvature of the reading."""
+"""How far a linear model of normal errors misses the exact distribution of depth, from the model's curvature."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def second_order(
     Parameters
     ----------
     camera
-        The camera with its exact reading and its errors.
+        The camera with its exact model and its errors.
     distance
         True distances [m] where the camera forms an image.
     field

@@ -168,7 +168,7 @@ def spot_picture(
     part, models
         The spot, and the models that compute its picture.
     done
-        Hears the share that is done, where a picture takes long enough to tell.
+        Called with the fraction done, for pictures that take long enough.
     steps
         How independent parts are computed; here one after another, if not given.
     """
@@ -177,16 +177,16 @@ def spot_picture(
 
 @dataclass(frozen=True, kw_only=True)
 class _Surroundings:
-    """Who hears of a picture's progress, and what computes it: no part of what picture it is, so that all are equal."""
+    """Receiver of a picture's progress, and what computes its parts; all are equal, since none affects the picture."""
 
     done: Callable[[float], None] = field(compare=False)
     steps: Steps | None = field(compare=False)
 
-    def compute(self, parts: Sequence[Part], told: Callable[[float], None]) -> list[Any]:
+    def compute(self, parts: Sequence[Part], progress: Callable[[float], None]) -> list[Any]:
         """Compute parts of the picture as `ComputeParts` says."""
         if self.steps is None:
-            return in_turn(parts, told)
-        steps = replace(self.steps, progress=lambda _step, share: told(share))
+            return in_turn(parts, progress)
+        steps = replace(self.steps, progress=lambda _step, share: progress(share))
         return steps.map(STEP, call, parts, [f"part {number}" for number in range(1, len(parts) + 1)])
 
 

@@ -155,7 +155,7 @@ def _holds(found: BoolArray | FloatArray) -> BoolArray:
 
 
 def _even(count: int, divisions: int = SUBDIVISIONS) -> FloatArray:
-    """Shares that divide each of so many brackets evenly; shape (divisions − 1, brackets)."""
+    """Shares that divide each of a number of brackets evenly; shape (divisions − 1, brackets)."""
     return np.repeat(np.linspace(0.0, 1.0, divisions + 1)[1:-1, np.newaxis], count, axis=1)
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # whoever draws errors has loaded it
     from tradestudy.uncertainty.sources import Group
 
 Reading = Callable[[FloatArray, Field, Errors, Environment | None], InverseDepthReading]
-"""Inverse depths that a camera reads at true distances [m] and a place in the field, with given errors."""
+"""Inverse depths that a camera measures at true distances [m] and a place in the field, with given errors."""
 PropagationModel = Literal["off", "linear", "exact"]
 SourceName = Literal["errors", "target", "corners", "posterior"]
 ONE_SIGMA: Final = 0.6826894921370859
@@ -85,9 +85,9 @@ class Propagation:
     Parameters
     ----------
     model
-        ``off``: the total uncertainty is that of noise alone. ``linear``: the Jacobian of the exact reading propagates
+        ``off``: the total uncertainty is that of noise alone. ``linear``: the Jacobian of the exact model propagates
         the covariance of all parameters to inverse depth; its standard deviation over that by noise alone scales the
-        noise at which interval ends are read. ``exact``: scrambled Sobol draws go through the exact reading. With
+        noise at which interval ends are read. ``exact``: scrambled Sobol draws go through the exact model. With
         ``off``, the uncertainty by calibration alone is linear.
     seed
         Seed of the draws.

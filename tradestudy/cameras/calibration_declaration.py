@@ -102,7 +102,7 @@ class StabilityPart(Part):
             using = [user for user in users if user in changes]
             given = name in self.model_fields_set and getattr(self, name) is not None
             if using and not given and name != "calibrated_at":
-                yield MistakeAt((using[0],), f"needs stability.{name} beside it")
+                yield MistakeAt((using[0],), f"needs stability.{name} too")
             if given and not using:
                 yield MistakeAt(
                     (name,), f"needs stability.{' or stability.'.join(users)}, without which it does nothing"
@@ -204,7 +204,7 @@ class CalibrationPart(Part):
                 if len(pair) == 1:
                     wrong.append(MistakeAt(path, "an error is not correlated with itself"))
                 elif pair in seen:
-                    wrong.append(MistakeAt(path, f"{second} with {first} is given already; each pair once"))
+                    wrong.append(MistakeAt(path, f"{second} with {first} is given already; give each pair once"))
                 elif pair <= given.keys() and (classes := self._classes(first, second)) is not None:
                     wrong.append(MistakeAt(path, f"errors drawn {classes} cannot be correlated"))
                 seen.add(pair)

@@ -220,7 +220,7 @@ class CameraDeclaration(Part, ABC):
 
     @classmethod
     def stated_by(cls, imported: Imported) -> Iterator[Stated]:
-        """The values of such a camera that a calibration file states; its types are those in `imports`."""
+        """The values of such a camera in a calibration file, whose content has one of the types in `imports`."""
         raise NotImplementedError(imported)
 
     @abstractmethod

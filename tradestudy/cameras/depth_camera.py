@@ -184,7 +184,7 @@ class DepthCamera(Camera):
     def read(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
     ) -> InverseDepthReading:
-        """Inverse depths read in changed surroundings with a calibration in error by ``errors``.
+        """Inverse depths measured in changed surroundings with a calibration in error by ``errors``.
 
         Parameters
         ----------
@@ -238,7 +238,7 @@ class DepthCamera(Camera):
         return replace(self, calibration=PERFECT, propagation=LINEAR, disparity_error_px=1.0)
 
     def reading(self, distance: FloatArray, field: float, values: Mapping[str, FloatArray]) -> InverseDepthReading:
-        """Inverse depths read for draws of its calibration and noise, by the exact model that these belong to."""
+        """Inverse depths measured for draws of its calibration and noise, by the exact model that these belong to."""
         read = self.read if self.calibration.reading is None else self.calibration.reading
         return read(distance, field, self.calibration.errors(values), self.calibration.environment)
 

@@ -143,7 +143,7 @@ def smoothed(values: Samples) -> Samples:
 def with_correlated_noise(gradient: Samples, window: int) -> Samples:
     """A gradient convolved with the correlation that `smoothed` leaves in white noise, (1 12 38 12 1)/64 along an axis.
 
-    A window of n pixels along an axis holds pairs of pixels k apart in a share of 1 − k/n; missing pixels count as 0.
+    In a window of n pixels along an axis, the share of pairs of pixels k apart is 1 − k/n; missing pixels count as 0.
     """
     from scipy.ndimage import correlate1d
 

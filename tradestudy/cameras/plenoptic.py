@@ -1,4 +1,4 @@
-"""The common part of cameras with a microlens array behind the main lens: their errors and their reading of depth."""
+"""The common part of cameras with a microlens array behind the main lens: their errors and their depth measurement."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class PlenopticCamera(DepthCamera):
     @property
     @abstractmethod
     def geometry(self) -> ArrayGeometry:
-        """The design, on which both observations and readings are based."""
+        """The design, on which both observations and depth measurements are based."""
 
     def geometry_at(self, mla_distance: float) -> ArrayGeometry:
         """The geometry with the array at a distance [m] behind the main lens."""
@@ -86,7 +86,7 @@ class PlenopticCamera(DepthCamera):
 
     @abstractmethod
     def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:
-        """The inverse depth [1/m] read with a calibration in error by ``errors``, and where it is valid.
+        """The inverse depth [1/m] measured with a calibration in error by ``errors``, and where it is valid.
 
         The true distance [m] determines which microlenses or views the estimator uses.
         """

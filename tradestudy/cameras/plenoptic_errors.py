@@ -15,16 +15,16 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
         unit="m", part="array", meaning="Mean distance between neighbouring microlens centres."
     ),
     "array_rotation": ErrorParameter(
-        unit="rad", part="array", meaning="Rotation of the array against the pixel rows, about the optical axis."
+        unit="rad", part="array", meaning="Rotation of the array relative to the pixel rows, about the optical axis."
     ),
     "array_tilt_x": ErrorParameter(
         unit="rad",
         part="array",
-        meaning="Slope of the array against the sensor along x: farther from the main lens at larger x, nearer to the "
-        "sensor.",
+        meaning="Slope of the array relative to the sensor along x: at larger x it is farther from the main lens and "
+        "nearer to the sensor.",
     ),
     "array_tilt_y": ErrorParameter(
-        unit="rad", part="array", meaning="Slope of the array against the sensor along y, as array_tilt_x along x."
+        unit="rad", part="array", meaning="Slope of the array relative to the sensor along y, as array_tilt_x along x."
     ),
     "array_offset_x": ErrorParameter(unit="m", part="array", meaning="Centre of the array on the sensor along x."),
     "array_offset_y": ErrorParameter(unit="m", part="array", meaning="Centre of the array on the sensor along y."),
@@ -32,7 +32,7 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
         unit="m",
         part=INTERIOR,
         meaning="Distance from exit pupil to array minus that from main lens to array; it shifts the centres of white "
-        "images against microlens centres.",
+        "images relative to microlens centres.",
     ),
     "principal_point_x": ErrorParameter(
         unit="m",

@@ -18,7 +18,7 @@ Errors = Mapping[str, ArrayLike]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PicturePlaces:
-    """Places anywhere in the picture, one for each distance that is read.
+    """Places anywhere in the picture, one for each measured distance.
 
     Parameters
     ----------
@@ -31,12 +31,12 @@ class PicturePlaces:
 
 
 Field = float | PicturePlaces
-"""Where points lie: the share of the way from the axis to the corner of the sensor, or any places in the picture."""
+"""Field position (0 on the axis, 1 in the corner of the sensor), or any places in the picture."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InverseDepthReading:
-    """Inverse depths that a camera read.
+    """Inverse depths that a camera measured.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def require_field(field: float) -> None:
             "place outside the field",
             value=f"{field:g}",
             limit="0 (axis) to 1 (corner of the sensor)",
-            remedy="give the share of the way from the axis to the corner",
+            remedy="give the field position as a fraction of the distance from axis to corner",
         )
 
 

@@ -1,4 +1,4 @@
-"""Values that a source states about a camera beside those that determine it."""
+"""Values that a source states about a camera besides those that determine it."""
 
 from __future__ import annotations
 

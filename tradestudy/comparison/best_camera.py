@@ -102,7 +102,7 @@ def _ranges(winners: Sequence[Sequence[Winner]], ends: tuple[float, float]) -> I
 
 
 def _best_at(found: Sequence[Winner], place: float) -> str:
-    """Of the range that holds the place, or of the nearest one where a sliver is not reported."""
+    """Of the range that contains the place, or of the nearest one where a sliver is not reported."""
     return min(found, key=lambda one: max(one[0] - place, place - one[1]))[2]
 
 

@@ -110,7 +110,7 @@ def _notes(runs: Sequence[Run], results: Results) -> Iterator[str]:
 
 
 def _labels(runs: Sequence[Run]) -> tuple[str, ...]:
-    """The shortest ends of the runs' paths that tell them apart; numbered where the whole paths are the same."""
+    """The shortest ends of the runs' paths that distinguish them; numbered where the whole paths are the same."""
     parts = [PurePath(run.name).parts for run in runs]
     for length in range(1, max(map(len, parts)) + 1):
         ends = tuple("/".join(one[-length:]) for one in parts)

@@ -21,7 +21,7 @@ _RESULTS: Final = "Results that differ by more than their error"
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """What differs between runs, in their order, and how much does not.
+    """What differs between runs, in the order of the runs, and how much does not.
 
     Parameters
     ----------

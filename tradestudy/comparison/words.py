@@ -44,7 +44,7 @@ def known_dimension(array: xr.DataArray) -> Dimension | None:
 
 
 def values_in_words(values: Sequence[float], dimension: Dimension | None) -> tuple[str, ...]:
-    """Values with their unit and the digits that tell different ones apart; "none" for NaN."""
+    """Values with their unit and the digits that distinguish different ones; "none" for NaN."""
     different = len({value for value in values if not math.isnan(value)}) + any(map(math.isnan, values))
 
     def written(digits: int) -> tuple[str, ...]:

@@ -15,11 +15,11 @@ from tradestudy.analysis.depth_draws import SCRAMBLES
 from tradestudy.analysis.linear_depth import has_covariance
 from tradestudy.analysis.usable import all_met, evaluate_limits
 from tradestudy.cameras.depth_camera import DepthCamera, disparity_error_at, numerical_error_of_disparity_error
-from tradestudy.cost.measuring import Candidate, Piece, Reference
+from tradestudy.cost.measuring import Candidate, CostProblem, Reference
 from tradestudy.effects.models import LENSES, OFF, Models, SlotName
 from tradestudy.effects.words import MODEL
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.acting import acting
+from tradestudy.study.applied_models import apply_models
 from tradestudy.study.definition import Case
 from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import listed
@@ -33,7 +33,7 @@ _DRAWS: Final = ((2**13, 1.0), (2**16, 8.0), (2**20, 16.0))  # numbers of draws 
 _FEWEST: Final = 2  # candidates needed for a choice
 
 
-def depth_piece(case: Case, name: str, title: str, chosen: Models, offered: Offered) -> Piece | None:
+def depth_problem(case: Case, name: str, title: str, chosen: Models, offered: Offered) -> CostProblem | None:
     """Candidates for the depth uncertainty of a camera at up to nine distances where it is usable.
 
     They are the chosen models with every way to propagate the calibration, the chosen models with every law of
@@ -50,14 +50,14 @@ def depth_piece(case: Case, name: str, title: str, chosen: Models, offered: Offe
 
     Returns
     -------
-    Piece or None
+    CostProblem or None
         None if there is only one way to compute the camera's depth uncertainty.
     """
     declared, taken = case.all_cameras[name], case.cameras[name]
     assert isinstance(declared, DepthCamera)  # its depth is asked for
     sets: dict[DepthCamera, str] = {}
     for models, tighter in _sets(declared, chosen, offered):
-        camera = acting(declared, models)
+        camera = apply_models(declared, models)
         tolerance = tighter * camera.propagation.tolerance
         camera = replace(camera, propagation=replace(camera.propagation, tolerance=tolerance))
         sets.setdefault(camera, _words(models, offered, tolerance))
@@ -65,9 +65,9 @@ def depth_piece(case: Case, name: str, title: str, chosen: Models, offered: Offe
         return None
     places = _usable_places(case, taken)
     if not places.size:
-        return Piece(name=name, title=title, difference=_worst, left_out=("usable at no distance of the study",))
-    complete = acting(declared, _complete(declared, offered))
-    return Piece(
+        return CostProblem(name=name, title=title, difference=_worst, left_out=("usable at no distance of the study",))
+    complete = apply_models(declared, _complete(declared, offered))
+    return CostProblem(
         name=name,
         title=title,
         difference=_worst,

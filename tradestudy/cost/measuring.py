@@ -20,7 +20,7 @@ _REPEATS: Final = 3
 _SHORT: Final = 2.0  # seconds up to which a computation is timed more than once
 _SHARE_OF_REFERENCES: Final = 0.5  # of the time left, so that time remains for candidates to compare with the reference
 _TENTH: Final = 0.1 * (1.0 + 1e-12)  # allows for rounding
-# Modules whose caches hold nothing of the physics: the process's sources and libraries, its processor, this module.
+# Modules whose caches contain no physics: the process's sources and libraries, its processor, this module.
 _KEPT: Final = ("tradestudy.provenance", "tradestudy.machine", "tradestudy.units", __name__)
 
 
@@ -56,7 +56,7 @@ class Reference:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Piece:
+class CostProblem:
     """A problem of a study: a camera or a light path.
 
     Parameters
@@ -95,28 +95,28 @@ class Entry:
 class Measured:
     """A measured problem; without a reference there are no entries, and ``left_out`` says why."""
 
-    piece: Piece
+    problem: CostProblem
     entries: tuple[Entry, ...] = ()
     reference: str = ""
     reference_error: float = np.nan
     left_out: tuple[str, ...]
 
 
-def measure(piece: Piece, seconds: float) -> Measured:
+def measure(problem: CostProblem, seconds: float) -> Measured:
     """Measure the chosen candidate, then the finest reference that half of the remaining time allows, then the others.
 
     A computation predicted to exceed the remaining time is not started; one that has started is finished.
 
     Parameters
     ----------
-    piece
+    problem
         The problem.
     seconds
         Wall time for all measurements [s].
     """
     begin = time.perf_counter()
     found: list[tuple[Candidate, FloatArray, float]] = []
-    left_out = list(piece.left_out)
+    left_out = list(problem.left_out)
 
     def left() -> float:
         return seconds - (time.perf_counter() - begin)
@@ -131,12 +131,12 @@ def measure(piece: Piece, seconds: float) -> Measured:
         except TradestudyError as error:
             left_out.append(f"{candidate.models}: {error}")
 
-    for candidate in piece.candidates:
+    for candidate in problem.candidates:
         if candidate.chosen:
             take(candidate)
     held: tuple[Reference, FloatArray, float] | None = None
     took = max((one for _, _, one in found), default=0.0)
-    for reference in piece.references:
+    for reference in problem.references:
         predicted = reference.growth * took / (_SHARE_OF_REFERENCES if held else 1.0)
         if predicted >= left():
             if held is None:
@@ -152,17 +152,17 @@ def measure(piece: Piece, seconds: float) -> Measured:
             break
         took = time.perf_counter() - started
     if held is None:
-        return Measured(piece=piece, left_out=tuple(left_out))
-    for candidate in piece.candidates:
+        return Measured(problem=problem, left_out=tuple(left_out))
+    for candidate in problem.candidates:
         if not candidate.chosen:
             take(candidate)
     reference, values, floor = held
     entries = [
-        Entry(models=one.models, error=max(piece.difference(own, values), floor), seconds=took, chosen=one.chosen)
+        Entry(models=one.models, error=max(problem.difference(own, values), floor), seconds=took, chosen=one.chosen)
         for one, own, took in found
     ]
     return Measured(
-        piece=piece,
+        problem=problem,
         entries=tuple(sorted(entries, key=lambda entry: entry.seconds)),
         reference=reference.words,
         reference_error=floor,

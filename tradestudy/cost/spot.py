@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.spot_images import RAYS, SpotModels, compared_models, light_source, picture_of
-from tradestudy.cost.measuring import Candidate, Piece, Reference
+from tradestudy.cost.measuring import Candidate, CostProblem, Reference
 from tradestudy.light_methods import short_title
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import ChainAccuracy, ChainImage, DiscSource
@@ -22,7 +22,7 @@ _OF_RAYS: Final = 0.2  # time of a picture by rays over that of one by waves
 _REFERENCES: Final = ((0.5, 2.0), (0.15, 4.0), (0.05, 4.0))  # tolerance over that of the choice, and growth of the time
 
 
-def spot_piece(part: LightSpotPart, name: str, chosen: SpotModels) -> Piece:
+def spot_problem(part: LightSpotPart, name: str, chosen: SpotModels) -> CostProblem:
     """Candidates for all pixels of the picture of the spot.
 
     They are the chosen models, every law that the study names, and Kirchhoff's law at several tolerances.
@@ -51,7 +51,7 @@ def spot_piece(part: LightSpotPart, name: str, chosen: SpotModels) -> Piece:
 
         return Reference(words=_words(part, models), compute=compute, growth=growth)
 
-    return Piece(
+    return CostProblem(
         name=name,
         title="Picture of the light spot",
         difference=_relative_norm,

@@ -12,15 +12,15 @@ import xarray as xr
 
 from tradestudy import machine, provenance
 from tradestudy.cost import DEFAULT_BUDGET
-from tradestudy.cost.depth import Offered, depth_piece
-from tradestudy.cost.measuring import Measured, Piece, measure, next_digit, on_frontier
-from tradestudy.cost.spot import spot_piece
+from tradestudy.cost.depth import Offered, depth_problem
+from tradestudy.cost.measuring import CostProblem, Measured, measure, next_digit, on_frontier
+from tradestudy.cost.spot import spot_problem
 from tradestudy.effects.models import Models, SlotName, models_of
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
 from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.plan.pieces import light_spot
 from tradestudy.plan.plan import Plan
+from tradestudy.plan.problems import light_spot
 from tradestudy.results import dataset
 from tradestudy.run.inference import infer_calibrations
 from tradestudy.study.definition import StudyDefinition
@@ -78,13 +78,13 @@ def study_cost(plan: Plan, steps: Steps | None = None, *, budget: float = DEFAUL
     require_prices(plan.definition)
     steps = Steps() if steps is None else steps
     definition, _ = infer_calibrations(plan.definition, steps)
-    pieces = list(_pieces(plan, definition))
+    problems = list(_problems(plan, definition))
     found: list[Measured] = []
     end = time.perf_counter() + budget
-    for number, piece in enumerate(pieces):
-        steps.progress("cost", number / len(pieces))
+    for number, problem in enumerate(problems):
+        steps.progress("cost", number / len(problems))
         # Time that one problem does not use goes to those after it.
-        found.append(measure(piece, (end - time.perf_counter()) / (len(pieces) - number)))
+        found.append(measure(problem, (end - time.perf_counter()) / (len(problems) - number)))
     steps.progress("cost", 1.0)
     return _dataset(found, budget)
 
@@ -97,37 +97,37 @@ def cost_json(study: str, cost: xr.Dataset) -> str:
     return json.dumps({"study": study, **cost.attrs, **rows}, indent=2) + "\n"
 
 
-def _pieces(plan: Plan, definition: StudyDefinition) -> Iterator[Piece]:
+def _problems(plan: Plan, definition: StudyDefinition) -> Iterator[CostProblem]:
     for name in definition.case.cameras:
         chosen, offered = _models(plan, name)
-        piece = depth_piece(definition.case, name, definition.file.cameras[name].title, chosen, offered)
-        if piece is not None:
-            yield piece
+        problem = depth_problem(definition.case, name, definition.file.cameras[name].title, chosen, offered)
+        if problem is not None:
+            yield problem
     if (part := definition.file.light_spot) is not None:
-        yield spot_piece(part, light_spot.NAME, light_spot.spot_models(plan.models(light_spot.NAME)))
+        yield spot_problem(part, light_spot.NAME, light_spot.spot_models(plan.models(light_spot.NAME)))
 
 
 def _models(plan: Plan, name: str) -> tuple[Models, Offered]:
     """The models applied to a problem, and those available."""
-    (piece,) = (one for one in plan.pieces if one.name == name)
+    (problem,) = (one for one in plan.problems if one.name == name)
     offered: dict[SlotName, tuple[str, ...]] = {}
-    for decision in piece.choice.decisions:
+    for decision in problem.choice.decisions:
         named = models_of(decision.slot, "depth") if decision.forced else (decision.model,)
         offered[decision.slot] = (*offered.get(decision.slot, ()), *named)
-    return piece.models, offered
+    return problem.models, offered
 
 
 def _dataset(found: list[Measured], budget: float) -> xr.Dataset:
     entries = [(one, entry) for one in found for entry in one.entries]
     values = {
-        "piece_of": [one.piece.name for one, _ in entries],
+        "piece_of": [one.problem.name for one, _ in entries],
         "models": [entry.models for _, entry in entries],
         "relative_error": [entry.error for _, entry in entries],
         "seconds": [entry.seconds for _, entry in entries],
         "chosen": [entry.chosen for _, entry in entries],
         "frontier": [bool(on) for one in found for on in on_frontier(one.entries)],
         "next_digit": [entry is next_digit(one.entries) for one, entry in entries],
-        "title": [one.piece.title for one in found],
+        "title": [one.problem.title for one in found],
         "reference": [one.reference for one in found],
         "reference_error": [one.reference_error for one in found],
         "left_out": ["\n".join(one.left_out) for one in found],
@@ -135,7 +135,7 @@ def _dataset(found: list[Measured], budget: float) -> xr.Dataset:
     return dataset(
         "cost",
         values,
-        {"piece": [one.piece.name for one in found]},
+        {"piece": [one.problem.name for one in found]},
         attributes={
             "machine": json.dumps(machine.identity(), sort_keys=True),
             "measured": datetime.now(UTC).isoformat(timespec="seconds"),

@@ -85,7 +85,7 @@ class Slot:
             )
 
 
-class Piece(ABC):
+class SimulationProblem(ABC):
     """A problem of a study: a camera, a light path or a lens, and how its models change its answers."""
 
     name: str
@@ -104,7 +104,7 @@ class Piece(ABC):
     def changes(self, models: Models) -> Changes:
         """How much a set of models changes each asked quantity, as far as is known yet."""
 
-    def elsewhere(self, models: Models) -> Mapping[str, Models]:  # noqa: ARG002  # most problems use one set everywhere
+    def other_models(self, models: Models) -> Mapping[str, Models]:  # noqa: ARG002  # most problems use one set everywhere
         """Readings and inverse questions that need other models than these, by name."""
         return {}
 
@@ -149,7 +149,7 @@ class Choice:
 
     Parameters
     ----------
-    piece
+    problem
         The problem.
     models
         The applied models.
@@ -157,38 +157,38 @@ class Choice:
         The models that the study forces.
     """
 
-    piece: Piece
+    problem: SimulationProblem
     models: Models
     forced: Models
 
     @cached_property
     def changes(self) -> Changes:
         """Changes due to all omissions together, of the asked quantities and of others that are shown."""
-        return {**self.piece.changes(self.models), **self.piece.unasked(self.models)}
+        return {**self.problem.changes(self.models), **self.problem.unasked(self.models)}
 
     @cached_property
-    def elsewhere(self) -> Mapping[str, Models]:
+    def other_models(self) -> Mapping[str, Models]:
         """Readings and inverse questions that need other models, by name."""
-        return self.piece.elsewhere(self.models)
+        return self.problem.other_models(self.models)
 
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:
         """Every model of every effect."""
-        complete = self.piece.complete
+        complete = self.problem.complete
         return tuple(
             Decision(
                 slot=slot.name,
                 model=model,
                 chosen=self.models[slot.name] == model,
                 forced=slot.name in self.forced,
-                alone=partial(self.piece.changes, {**complete, slot.name: model}),
+                alone=partial(self.problem.changes, {**complete, slot.name: model}),
             )
-            for slot in self.piece.slots
+            for slot in self.problem.slots
             for model in slot.models
         )
 
 
-def choose(piece: Piece, tolerances: Mapping[Quantity, float], forced: Models) -> Choice:
+def choose(problem: SimulationProblem, tolerances: Mapping[Quantity, float], forced: Models) -> Choice:
     """Replace models by simpler ones, effect by effect, as long as all asked quantities stay within their tolerance.
 
     Costly models go first, so that no other omission uses up the tolerance before. Every replacement is judged together
@@ -196,7 +196,7 @@ def choose(piece: Piece, tolerances: Mapping[Quantity, float], forced: Models) -
 
     Parameters
     ----------
-    piece
+    problem
         The problem; where a model is forced, its slot offers no other.
     tolerances
         Largest relative change that all omissions together may cause, for every asked quantity.
@@ -208,41 +208,48 @@ def choose(piece: Piece, tolerances: Mapping[Quantity, float], forced: Models) -
     UnaffordableError
         If even the most complete models exceed a tolerance.
     """
-    complete = piece.complete
-    if not _fits(piece, complete, tolerances):
-        raise _out_of_reach(piece, piece.changes(complete), tolerances)
+    complete = problem.complete
+    if not _fits(problem, complete, tolerances):
+        raise _out_of_reach(problem, problem.changes(complete), tolerances)
     chosen = dict(complete)
-    saving = [slot for slot in piece.slots if slot.saves_time]
+    saving = [slot for slot in problem.slots if slot.saves_time]
     for slot in sorted((one for one in saving if one.costly), key=lambda one: -one.costly):
-        chosen[slot.name] = _first_that_fits(piece, slot.name, slot.models[-2:-1], chosen, tolerances)
+        chosen[slot.name] = _first_that_fits(problem, slot.name, slot.models[-2:-1], chosen, tolerances)
     for slot in saving:
         simpler = slot.models[: slot.models.index(chosen[slot.name])]
-        chosen[slot.name] = _first_that_fits(piece, slot.name, simpler, chosen, tolerances)
-    return Choice(piece=piece, models=chosen, forced=forced)
+        chosen[slot.name] = _first_that_fits(problem, slot.name, simpler, chosen, tolerances)
+    return Choice(problem=problem, models=chosen, forced=forced)
 
 
 def _first_that_fits(
-    piece: Piece, slot: SlotName, models: tuple[str, ...], chosen: Models, tolerances: Mapping[Quantity, float]
+    problem: SimulationProblem,
+    slot: SlotName,
+    models: tuple[str, ...],
+    chosen: Models,
+    tolerances: Mapping[Quantity, float],
 ) -> str:
     """The first of some models of an effect that fits with the models chosen so far; the chosen one if none does."""
-    return next((model for model in models if _fits(piece, {**chosen, slot: model}, tolerances)), chosen[slot])
+    return next((model for model in models if _fits(problem, {**chosen, slot: model}, tolerances)), chosen[slot])
 
 
-def _fits(piece: Piece, models: Models, tolerances: Mapping[Quantity, float]) -> bool:
+def _fits(problem: SimulationProblem, models: Models, tolerances: Mapping[Quantity, float]) -> bool:
     """Whether a set of models answers within the tolerances, with trials where these can decide."""
     while True:
-        found = piece.changes(models)
-        over = [(found[q], tolerances[q]) for q in piece.asked if found[q].relative > tolerances[q]]
+        found = problem.changes(models)
+        over = [(found[q], tolerances[q]) for q in problem.asked if found[q].relative > tolerances[q]]
         if not over:
             return True
-        if any(change.least > tolerance for change, tolerance in over) or not piece.try_out(models):
+        if any(change.least > tolerance for change, tolerance in over) or not problem.try_out(models):
             return False
 
 
-def _out_of_reach(piece: Piece, changes: Changes, tolerances: Mapping[Quantity, float]) -> UnaffordableError:
-    worst = max(piece.asked, key=lambda q: changes[q].relative / tolerances[q])
+def _out_of_reach(
+    problem: SimulationProblem, changes: Changes, tolerances: Mapping[Quantity, float]
+) -> UnaffordableError:
+    worst = max(problem.asked, key=lambda q: changes[q].relative / tolerances[q])
     return UnaffordableError(
-        f"{piece.title}: even the most complete models cannot keep the {worst.replace('_', ' ')} within the tolerance",
+        f"{problem.title}: even the most complete models cannot keep the {worst.replace('_', ' ')} "
+        "within the tolerance",
         value=pretty(changes[worst].relative, FRACTION, digits=2),
         limit=pretty(tolerances[worst], FRACTION),
         remedy="loosen the tolerance, or force the models under 'effects'",

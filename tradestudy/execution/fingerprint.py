@@ -28,7 +28,7 @@ def fingerprint(*values: object) -> bytes:
     Raises
     ------
     TypeError
-        For any other value: values that cannot be told apart must not be confused.
+        For any other value: values that cannot be distinguished must not be confused.
     """
     parts: list[bytes] = []
     _tell(values, parts)

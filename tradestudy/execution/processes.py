@@ -58,7 +58,7 @@ class _Worker:
 class Processes:
     """Worker processes, each with its own interpreter; one that dies is replaced.
 
-    They run the script that uses them again, which needs the usual ``if __name__ == "__main__":`` guard. They wait for
+    Each runs the calling script again, which needs the usual ``if __name__ == "__main__":`` guard. They wait for
     further points until `close`, or as long as this object lives. On Linux, what they are forked from begins to load at
     once, and stays until the program ends.
 

@@ -34,7 +34,7 @@ def timed(seconds: Seconds, name: str) -> Iterator[None]:
 
 
 def mixed(count: int) -> list[int]:
-    """Order so many points so that any first share of them takes about the same share of the time.
+    """Order ``count`` points so that any first fraction of them takes about the same fraction of the time.
 
     The golden ratio spreads them: neighbours often take equally long, and the first ones lie evenly among all.
     """

@@ -13,7 +13,7 @@ _TELLS: Final = 0.1  # share of a step after which its own pace predicts better 
 class TimeLeft:
     """Follows the progress of a run and extrapolates the pace of the running step.
 
-    Steps to come, and a step that has hardly begun, are taken to need their predicted time, scaled by how far off the
+    Steps to come, and a step that has hardly begun, are assumed to need their predicted time, scaled by how far off the
     predictions of the finished steps were.
 
     Parameters

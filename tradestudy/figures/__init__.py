@@ -1,6 +1,6 @@
 """Results to matplotlib figures: which figures a results tree can show, and each of them drawn on demand.
 
-matplotlib is imported when the first figure is asked for, never by importing this package.
+matplotlib is imported when the first figure is drawn, never by importing this package.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def figure(tree: xr.DataTree, name: str) -> StudyFigure:
     Raises
     ------
     OutOfRangeError
-        If the results hold no such figure; the names that exist are listed.
+        If the results have no such figure; the names that exist are listed.
     """
     drawings = build(tree)
     if name not in drawings:

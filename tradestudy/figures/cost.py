@@ -56,7 +56,7 @@ def cost_drawing(tree: xr.DataTree) -> Drawing:
 
 
 def _drawn(data: xr.Dataset) -> list[str]:
-    """Pieces that have entries."""
+    """Names of the problems that have entries."""
     return list(dict.fromkeys(str(name) for name in data["piece_of"].values))
 
 
@@ -73,7 +73,7 @@ def _in_words(data: xr.Dataset, name: str) -> str:
 
 @styled()
 def draw_cost(data: xr.Dataset) -> StudyFigure:
-    """One panel for each piece."""
+    """One panel for each problem."""
     names = _drawn(data)
     columns = min(_COLUMNS, len(names))
     rows = -(-len(names) // columns)
@@ -110,7 +110,7 @@ def _panel(axes: Axes, piece: xr.Dataset) -> None:
 
 
 def _frame(axes: Axes, which: str, values: FloatArray) -> None:
-    """A logarithmic axis over what is drawn, with few enough ticks that their labels keep apart."""
+    """A logarithmic axis over what is drawn, with so few ticks that their labels do not touch."""
     low, high = float(values.min()) / _ROOM, float(values.max()) * _ROOM
     decades = math.log10(high / low)
     log_axis(axes, which, dense=decades < _FEW_DECADES)

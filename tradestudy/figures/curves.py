@@ -18,7 +18,7 @@ SMALLEST: Final = 7.5  # points, of the names
 _LETTERS, _LINES = 24, 2  # of a name
 _LINE_HEIGHT: Final = 1.3  # times the size of the letters
 _BESIDE: Final = 12.0  # points between a panel and the names
-_TOGETHER: Final = 0.007  # of the height of a panel: two curves nearer than this cannot be told apart
+_TOGETHER: Final = 0.007  # of the height of a panel: two curves nearer than this cannot be distinguished
 _LONG_TOGETHER: Final = 0.1  # of the points that both curves have
 
 
@@ -112,7 +112,7 @@ def _end(axes: Axes, curve: NamedCurve) -> tuple[float, float] | None:
 
 
 def _fraction(axes: Axes, which: str, value: float) -> float:
-    """Where a value stands between the limits of an axis."""
+    """Position of a value between the limits of an axis."""
     axis, limits = (axes.xaxis, axes.get_xlim()) if which == "x" else (axes.yaxis, axes.get_ylim())
     low, high, here = axis.get_transform().transform(np.array([*limits, value]))
     return float((here - low) / (high - low))

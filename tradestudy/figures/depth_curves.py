@@ -84,7 +84,7 @@ def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: flo
 
 
 def depth_limits(curves: list[FloatArray], distance: FloatArray, near: float, far: float) -> tuple[float, float]:
-    """Depth limits [mm] that hold the curves between two distances, but little above the distance itself."""
+    """Depth limits [mm] that contain the curves between two distances, but extend little above the distance itself."""
     inside = (distance >= near) & (distance <= far)
     values = np.concatenate([curve[inside] for curve in curves])
     values = values[np.isfinite(values) & (values > 0)] * MM
@@ -103,7 +103,7 @@ def draw_curves(
     variable: str = "depth_uncertainty",
     names: bool = True,
 ) -> None:
-    """Draw the curve of every camera, named at its end, into axes whose scales and limits stand."""
+    """Draw the curve of every camera, named at its end, into axes whose scales and limits are set."""
     distance = np.asarray(view["distance"].values, dtype=float)
     for camera, curve, under in zip(shown, metres, covered_by(metres, axes.get_ylim()), strict=True):
         draw_curve(axes, view, camera, curve, under, variable)

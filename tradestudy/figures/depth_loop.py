@@ -26,7 +26,7 @@ from tradestudy.results.views.groups import FloatArray, camera_titles, group, ha
 from tradestudy.units import significant
 from tradestudy.wording import listed, span
 
-_TOLERANCE = 0.1  # of the spread that a fitted matcher should tell at other distances
+_TOLERANCE = 0.1  # of the spread that a fitted matcher should predict at other distances
 _LARGEST_BIAS = 0.05  # px
 _MARGIN = 1.1  # by which the axis reaches beyond the planes
 _LARGEST_MARK = 6.5  # points

@@ -104,7 +104,7 @@ class Curve:
 class Panel:
     """One pair of axes, its `box` (left, top, right, bottom) in the units of the SVG.
 
-    `anchors` are texts that stand at data, by the identifiers of their groups: whether they move with x and y.
+    `anchors` are texts placed at data coordinates, by the identifiers of their groups: whether they move with x and y.
     """
 
     id: str

@@ -131,7 +131,7 @@ def drawer() -> Iterator[Drawer]:
         yield Drawer(process.stdin, process.stdout)
     finally:
         process.kill()
-        with suppress(OSError):  # what it did not take any more
+        with suppress(OSError):  # what it no longer accepted
             process.stdin.close()
         process.stdout.close()
         process.wait()
@@ -142,7 +142,7 @@ def serve() -> None:
     gc.set_threshold(20_000, 20, 20)  # as the program itself does
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to all; the run ends this process itself
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # whatever else is printed is no answer
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # anything else printed is not an answer
     import xarray as xr
 
     from tradestudy.figures.gallery import all_drawings

@@ -282,7 +282,7 @@ def _zero_tables(data: xr.Dataset) -> Tables:
 
 
 def _ends_words(values: FloatArray) -> str:
-    """The ends of a range of f-numbers; 0 stands where even the least compared one is good enough."""
+    """The ends of a range of f-numbers; 0 where even the smallest compared one is good enough."""
     low, high = (pretty(float(end), NUMBER) if end > 0.0 else "below all" for end in (values.min(), values.max()))
     return low if low == high else f"{low} to {high}"
 
@@ -302,7 +302,7 @@ def _criteria_words(data: xr.Dataset) -> str:
 
 @styled()
 def draw_paper_eq27(tree: xr.DataTree) -> StudyFigure:
-    """Both zeros over one quarter-wave period, two panels per lens would hide that they are one criterion."""
+    """Both zeros over one quarter-wave period; two panels per lens would hide that they are one criterion."""
     data = tree["fresnel_validity"].to_dataset()
     elements = [str(name) for name in data["element"].values]
     figure = new_figure(2.9)

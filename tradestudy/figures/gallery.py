@@ -107,7 +107,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
 
 
 def _design_words(tree: xr.DataTree) -> str:
-    """Which of the swept designs the curves show; nothing to say without a sweep."""
+    """Which of the swept designs the curves show; empty without a sweep."""
     depth = nominal(tree)
     if not (names := swept(tree["depth"].to_dataset())):
         return ""

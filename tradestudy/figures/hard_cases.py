@@ -1,4 +1,4 @@
-"""Hard cases: the error of the usual formula against ours, one mark per case."""
+"""Hard cases: the error of the usual formula against the program's, one mark per case."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def hard_cases_drawing(tree: xr.DataTree) -> Drawing:
 
 @styled()
 def draw_hard_cases(tree: xr.DataTree) -> StudyFigure:
-    """Our error against that of the usual formula, a panel for each family of cases."""
+    """The program's error against that of the usual formula, a panel for each family of cases."""
     data = tree["hard_cases"].to_dataset()
     data = data.isel(case=np.flatnonzero(~data["outcome"].values.astype(bool)))
     families = list(dict.fromkeys(str(name) for name in data["family_title"].values))

@@ -233,7 +233,7 @@ def _spread_panel(axes: Axes, data: xr.Dataset, scale: float) -> None:
 
 
 def _spread_words(data: xr.Dataset) -> str:
-    """Half-energy radius and Strehl ratio of every lens as it stands."""
+    """Half-energy radius and Strehl ratio of every lens as declared."""
     sentences = []
     for element in data["element"].values:
         one = data.sel(element=element, varied="f_number")

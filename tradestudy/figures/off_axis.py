@@ -1,4 +1,4 @@
-"""Depth uncertainty off the axis beside that on it, one panel per camera."""
+"""Depth uncertainty off the axis compared with that on it, one panel per camera."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def draw_off_axis(tree: xr.DataTree) -> StudyFigure:
 
 
 def _limits(depth: xr.Dataset) -> tuple[float, float]:
-    """Limits [mm] that hold what is known on the axis, up to the farthest distance itself."""
+    """Limits [mm] that contain the known values on the axis, up to the farthest distance itself."""
     values = np.asarray(depth["depth_uncertainty"].values, dtype=np.float64)
     values = values[np.isfinite(values) & (values > 0.0)] * MM
     if not values.size:

@@ -1,4 +1,4 @@
-"""Depth uncertainty of the same cameras in several runs, over one another."""
+"""Depth uncertainty of the same cameras in several runs, in one chart."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from tradestudy.results.views.groups import group
 from tradestudy.wording import listed
 
 FEW: Final = 3
-"""So many cameras are all drawn, changed or not."""
+"""Up to this many cameras are all drawn, changed or not."""
 _MOST: Final = 6
 _LONGEST_NAME: Final = 26
 _LONGEST_LABEL: Final = 90
@@ -43,7 +43,7 @@ _LONGEST_LABEL: Final = 90
 def overlay_drawing(
     trees: Sequence[xr.DataTree], labels: Sequence[str], cameras: Sequence[str], design: Mapping[str, Any], said: str
 ) -> Drawing:
-    """The figure that lays the curves of several runs over one another.
+    """The figure that overlays the curves of several runs.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def _swept(tree: xr.DataTree) -> tuple[str, ...]:
 
 
 def _of_design(tree: xr.DataTree, design: Mapping[str, Any]) -> xr.Dataset:
-    """Depth of one design; what it does not say is as declared."""
+    """Depth of one design; everything that it does not name is as declared."""
     declared = nominal(tree)
     return group(tree, "depth").sel({path: design.get(path, declared[path].item()) for path in _swept(tree)})
 

@@ -18,7 +18,7 @@ _BRIGHT = 99.5  # per cent of the pixels that are no brighter than white
 
 
 def pictures_drawing(tree: xr.DataTree) -> Drawing | None:
-    """The figure of a study that renders a scene; None of any other."""
+    """The figure of a study that renders a scene; None for any other."""
     if not has(tree, "pictures", "brightness"):
         return None
     data, titles = group(tree, "pictures"), camera_titles(tree)

@@ -1,4 +1,4 @@
-"""Draw a figure and read the curves in it, so that a page can tell their values without reading pixels."""
+"""Draw a figure and read the curves in it, so that a page can show their values without reading pixels."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tradestudy.figures.drawing import Curve, Panel, Plotted, Scale
 from tradestudy.figures.style import SOFT, StudyFigure
 
 _POINTS_PER_INCH: Final = 72.0
-_UNNAMED: Final = re.compile(r"_child\d+|_nolegend_|")  # what matplotlib calls an artist that nobody has named
+_UNNAMED: Final = re.compile(r"_child\d+|_nolegend_|")  # the labels that matplotlib gives to unnamed artists
 _TICK: Final = re.compile(r"(\d[\d.,]*)\s*(.*)")
 _UNIT: Final = re.compile(r"\[([^\]]+)\]|\(([^)]*m)\)$")
 
@@ -44,7 +44,7 @@ def _panels(figure: StudyFigure) -> list[Axes]:
 
 @contextmanager
 def _identified(figure: StudyFigure) -> Iterator[Mapping[Artist, str]]:
-    """Give every panel and artist an identifier that is unique in the SVG; yields what each `gid` says otherwise."""
+    """Give every panel and artist an identifier that is unique in the SVG; yields the original `gid` of each."""
     names: dict[Artist, str | None] = {}
     for place, axes in enumerate(_panels(figure)):
         for number, artist in enumerate((axes, *_artists(axes))):
@@ -108,7 +108,7 @@ def _scale(axis: Axis, ends: tuple[float, float], shared: Sequence[str]) -> Scal
 
 
 def _written(ticks: Sequence[tuple[float, str]]) -> tuple[float, str] | None:
-    """By which one factor the numbers on an axis differ from its data, and what stands behind them; None for names."""
+    """The factor between the numbers on an axis and its data, and the text after them; None for names."""
     found = set()
     for place, text in ticks:
         tick = _TICK.fullmatch(text.lstrip("+"))
@@ -120,7 +120,7 @@ def _written(ticks: Sequence[tuple[float, str]]) -> tuple[float, str] | None:
 
 
 def _curves(axes: Axes, artist: Artist, name: str, errors: Mapping[Line2D, tuple[str, Numbers]]) -> Iterator[Curve]:
-    """What an artist tells; nothing where nobody has named it, or where it does not stand at data."""
+    """The curves that an artist shows; none if it has no name or is not placed at data coordinates."""
     label = str(artist.get_label() or "")  # histograms have None
     of_bars, bars = errors.get(artist, ("", None)) if isinstance(artist, Line2D) else ("", None)
     label = of_bars if _UNNAMED.fullmatch(label) else label
@@ -176,7 +176,7 @@ def _anchors(axes: Axes) -> Iterator[tuple[str, bool, bool]]:
 
 
 def _moves(axes: Axes, text: Text) -> tuple[bool, bool]:
-    """Whether a text stands at data along x and along y."""
+    """Whether a text is placed at data coordinates along x and along y."""
     of = getattr(text, "xycoords", None)
     if of is None:
         at_data = text.get_transform() is axes.transData

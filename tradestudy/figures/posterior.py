@@ -1,4 +1,4 @@
-"""A posterior as pictures: what its parameters have to do with each other, and whether its chains wander freely."""
+"""A posterior in figures: how its parameters are correlated, and whether its chains mix."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def shown_parameters(tree: xr.DataTree, posterior: str) -> tuple[str, ...]:
 
 
 def closest_tie(tree: xr.DataTree, posterior: str) -> tuple[str, str, float] | None:
-    """The two parameters of a posterior with the largest correlation, and that; None where there is one alone."""
+    """The two parameters of a posterior with the largest correlation, and its value; None for a single parameter."""
     names, correlation = _correlations(tree, posterior)
     if len(names) < 2:
         return None
@@ -107,7 +107,7 @@ def _marginal(axes: Axes, scores: FloatArray, laplace: float) -> None:
 
 
 def _plane(axes: Axes, x: FloatArray, y: FloatArray) -> None:
-    """Contours that hold the content of one and two standard deviations."""
+    """Contours that contain the content of one and two standard deviations."""
     counts, edges, _ = np.histogram2d(x, y, bins=_BINS, range=((-3.5, 3.5), (-3.5, 3.5)))
     from scipy.ndimage import gaussian_filter  # slow to load, and few studies have a posterior
 

@@ -16,11 +16,11 @@ from tradestudy.units import FRACTION, pretty
 
 _MOST = 10
 _LONGEST = 40
-_LEAST_NAMED = 9.0  # per cent: a part of a bar that holds its name
+_LEAST_NAMED = 9.0  # per cent: a part of a bar that is wide enough for its name
 
 
 def rank_drawing(tree: xr.DataTree) -> Drawing | None:
-    """The figure of a study that weighs criteria; None of any other, or of a single candidate."""
+    """The figure of a study that weighs criteria; None for any other, or for a single candidate."""
     found = candidates_by_rank(tree)[:_MOST]
     if len(found) <= 1:
         return None

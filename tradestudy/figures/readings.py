@@ -120,7 +120,7 @@ def _panel(axes: Axes, ratio: FloatArray, flips: npt.NDArray[np.bool_]) -> None:
 
 
 def _unbounded(axes: Axes, ratio: FloatArray) -> None:
-    """Ratios that no logarithmic axis holds, written at the edge they lie beyond, coloured as their marks."""
+    """Ratios beyond any logarithmic axis, written at the edge they lie beyond, coloured like their marks."""
     places = ratio.shape[1]
     for value, text, edge, side in ((np.inf, "∞", 1.0, -1), (0.0, "0", 0.0, 1)):
         for row, here in enumerate(ratio == value):

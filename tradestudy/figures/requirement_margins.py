@@ -37,7 +37,7 @@ _LINEAR_WITHIN = 10.0  # per cent, beyond which margins stand on a logarithmic s
 
 
 def margins_drawing(tree: xr.DataTree) -> Drawing | None:
-    """The figure of a study that sweeps one or two parameters and requires something; None of any other."""
+    """The figure of a study that sweeps one or two parameters and has requirements; None for any other."""
     if "requirements" not in tree.children or "design_met" not in tree["requirements"].data_vars:
         return None
     data = tree["requirements"].to_dataset()

@@ -27,7 +27,7 @@ from tradestudy.results.views.groups import FloatArray, camera_titles, titles_in
 PAGE_WIDTH = 6.8  # inches: the text width of an A4 page
 INK, SOFT, FAINT = "#1c1f24", "#5b626c", "#d9dde2"
 DECLARED = "declared"
-"""The `gid` of artists that hold for the declared design alone, and for the whole range of the axes."""
+"""The `gid` of artists that apply to the declared design alone, and for the whole range of the axes."""
 
 # Okabe and Ito's colours, safe for colour-blind readers, yellow left out (too pale on white).
 _COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -89,7 +89,7 @@ class LineStyle:
     marker: str
 
     def handle(self, **more: Any) -> Line2D:
-        """What stands for it in a legend: its line, with `more` of a line's properties or others in their place."""
+        """Its sample in a legend: its line, with `more` of a line's properties or others in their place."""
         return Line2D([], [], **{"color": self.color, "linestyle": self.dash, **more})
 
 
@@ -247,7 +247,7 @@ def legend(
     *,
     longest: int = LONGEST_LABEL,
 ) -> Legend:
-    """A legend under the figure, in as many of these columns as fit.
+    """A legend under the figure, in the largest of these numbers of columns that fits.
 
     Labels, cut where too long, are literal, also one that starts with an underscore.
     """
@@ -271,7 +271,7 @@ def _widest_row(widths: Sequence[float], columns: int) -> float:
 
 
 def camera_panels(figure: StudyFigure, count: int, farthest: float, in_a_row: int = PANELS_IN_A_ROW) -> list[Axes]:
-    """Panels for so many cameras over distances up to `farthest` [m], in rows; those left over are hidden."""
+    """Panels for ``count`` cameras over distances up to `farthest` [m], in rows; those left over are hidden."""
     columns = min(in_a_row, count)
     grid = figure.subplots(-(-count // columns), columns, sharex=True, sharey=True, squeeze=False)
     for axes in grid.flat[count:]:
@@ -299,12 +299,12 @@ class CameraTrace:
     style: LineStyle
 
     def shows(self, variable: str, where: str = "") -> dict[str, Any]:
-        """Label and identifier of an artist that shows a variable of this camera, `where` something else holds too."""
+        """Label and identifier of an artist that shows a variable of this camera; `where` adds a further condition."""
         return {"label": self.title, "gid": "/".join(filter(None, (variable, self.key, where)))}
 
 
 def traces(tree: xr.DataTree) -> tuple[CameraTrace, ...]:
-    """Of the cameras that measure depth; of all where results hold no depth."""
+    """Of the cameras that measure depth; of all where results contain no depth."""
     return traces_in(tree, "depth") if "depth" in tree.children else all_traces(tree)
 
 

@@ -79,7 +79,7 @@ AXIS_UNITS = {"m": (MM, "mm"), "rad": (180.0 / np.pi, "°"), "px": (1.0, "px")}
 
 
 def axis_values(coordinate: xr.DataArray) -> tuple[FloatArray, list[str]]:
-    """Places of the values of a swept coordinate on an axis, and their names; choices stand side by side."""
+    """Places of the values of a swept coordinate on an axis, and their names; choices are placed side by side."""
     if coordinate.dtype.kind not in "fiu":
         return np.arange(coordinate.size, dtype=np.float64), [shortened(str(v), 20) for v in coordinate.values]
     values = np.asarray(coordinate.values, dtype=np.float64) * axis_unit(coordinate)[0]
@@ -109,7 +109,7 @@ def shown_value(coordinate: xr.DataArray, value: float | str) -> str:
 def draw_sweep_map(tree: xr.DataTree) -> StudyFigure:
     """Depth uncertainty [mm] at the reference distance: a curve over one swept parameter, a map over two.
 
-    Of more than two, all but the two with the most values stand at their first value.
+    Of more than two, all but the two with the most values are at their first value.
     """
     (uncertainty, dims), moved = _mapped(tree), moved_cameras(tree)
     if len(dims) == 1:

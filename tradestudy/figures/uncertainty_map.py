@@ -37,7 +37,7 @@ def uncertainty_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 
 
 def map_sentences(tree: xr.DataTree, key: str) -> Iterator[str]:
-    """What the maps of one rig say: how the uncertainty grows towards the edges."""
+    """The maps of one rig in words: how the uncertainty grows towards the edges."""
     one, title = group(tree, "depth_map").sel(camera=key), camera_titles(tree)[key]
     for place in one["distance"].values:
         ratio = _ratio(one.sel(distance=place))

@@ -77,7 +77,7 @@ def _color(names: list[str], name: str) -> str:
 
 
 def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: list[str]) -> Iterator[str]:
-    """Draw the areas of a camera, and yield the parts whose area holds its name."""
+    """Draw the areas of a camera, and yield the parts whose area has room for its name."""
     distance = np.asarray(depth["distance"].values, dtype=np.float64)
     shares = depth["variance_share"].sel(camera=camera.key, part=names).transpose("part", "distance").values
     known = np.isfinite(shares).any(axis=0)

@@ -204,7 +204,7 @@ def _points_around(
 def _point(
     wavelength: float, aperture: float, focal_length: float, plane: float, waves: float, lens_phase: LensPhase
 ) -> LatticePoint:
-    """Arguments of `kirchhoff_correction` for a plane that is so many waves out of focus."""
+    """Arguments of `kirchhoff_correction` for a plane out of focus by a number of waves."""
     inverse = 1.0 / focal_length - 1.0 / plane + 8.0 * wavelength * waves / aperture**2
     distance = math.copysign(1.0 / max(abs(inverse), 1.0 / FARTHEST), inverse)
     return wavelength, aperture, focal_length, distance, plane, lens_phase

@@ -131,7 +131,7 @@ def axial_fresnel_spot(
 
 
 def _summed(weight: FloatArray, values: FloatArray) -> FloatArray:
-    """Weighted sum over the nodes; on one thread, since several would wait longer for each other than they work."""
+    """Weighted sum over the nodes; on one thread, since several would mostly wait for each other."""
     return np.asarray(np.einsum("n,nr->r", weight, values))
 
 
@@ -166,7 +166,7 @@ def _blocks(radius: FloatArray) -> list[FloatArray]:
 
 
 def _node_count(steepest: float) -> int:
-    """Number of nodes of Gauss's rule in t = sin² α for a phase of so many radians per radian of α."""
+    """Number of nodes of Gauss's rule in t = sin² α for a phase of that many radians per radian of α."""
     count = _STEP * math.ceil((steepest / 2.0 + 8.0) / _STEP)
     if count > _MOST_NODES:
         raise UnaffordableError(

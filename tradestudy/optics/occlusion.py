@@ -1,4 +1,4 @@
-"""Occlusion and foreshortening between two views: the hidden strip beside a depth step, and tilted surfaces."""
+"""Occlusion and foreshortening between two views: the hidden strip next to a depth step, and tilted surfaces."""
 
 from __future__ import annotations
 

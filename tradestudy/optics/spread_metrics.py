@@ -187,7 +187,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
     held = inside(largest) / psf.pupil_power
     if held <= share:
         raise OutOfRangeError(
-            "the window holds too little of the pupil's power",
+            "the window contains too little of the pupil's power",
             value=f"{held:.4g} within {largest:g} m",
             limit=f"> {share:g}",
             remedy="widen the window",

@@ -205,7 +205,7 @@ def _sums(
 ) -> tuple[Samples, Samples, Samples, Samples, Samples, BoolArray]:
     """Over windows, at every step: squared difference, B over Σ g², Σ g² itself, Σ g² times the variance, and pixels.
 
-    Last, where both pictures see the pixel in the middle of the window: beside them, depth would be a guess.
+    Last, where both pictures see the pixel in the middle of the window: elsewhere, depth would be a guess.
     """
     shape, kind = pairs[0].gradient.shape, pairs[0].gradient.dtype
     misfit, moment, size, noise, count = (np.zeros((len(steps), *shape), kind) for _ in range(5))
@@ -235,7 +235,7 @@ def _at(cube: Samples, index: NDArray[np.intp]) -> Samples:
 def _root(corner: Samples) -> tuple[Samples, Samples]:
     """Where the cubic through four values at −1, 0, 1, 2 is zero between 0 and 1, and its slope there.
 
-    A value that is missing is continued linearly from the two beside it.
+    A missing value is extrapolated linearly from its two neighbours.
     """
     before, low, high, after = corner
     high = np.where(np.isfinite(high), high, 2.0 * low - before)

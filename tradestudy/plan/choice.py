@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from tradestudy.accuracy import Quantity
-from tradestudy.effects.choice import Changes, Choice, Piece, choose
+from tradestudy.effects.choice import Changes, Choice, SimulationProblem, choose
 from tradestudy.effects.models import OFF, Models
 from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.study.definition import StudyDefinition
@@ -43,31 +43,33 @@ class Chosen:
         return self.choice.models
 
 
-def pieces(definition: StudyDefinition, forced: Models) -> Iterator[Piece]:
+def problems(definition: StudyDefinition, forced: Models) -> Iterator[SimulationProblem]:
     """Every problem of a study that needs models, in the order in which a run solves them."""
     # Imported only where needed: `check` comes here too, and few studies simulate light.
     file, case = definition.file, definition.case
     if case.cameras:
-        from tradestudy.plan.pieces.depth import depth_pieces
+        from tradestudy.plan.problems.depth import depth_problems
 
-        yield from depth_pieces(definition, forced)
+        yield from depth_problems(definition, forced)
     if (sharp := file.depth_of_field) is not None:
-        from tradestudy.plan.pieces.depth_of_field import DepthOfFieldPiece
+        from tradestudy.plan.problems.depth_of_field import DepthOfFieldProblem
 
         focuses = [camera.focus for camera in case.all_cameras.values()]
-        yield DepthOfFieldPiece(focuses, [part.criterion(case.wavelength) for part in sharp.criteria.values()], forced)
+        yield DepthOfFieldProblem(
+            focuses, [part.criterion(case.wavelength) for part in sharp.criteria.values()], forced
+        )
     if file.scene is not None and file.scene.image is not None:
-        from tradestudy.plan.pieces.scene_pictures import picture_pieces
+        from tradestudy.plan.problems.scene_pictures import picture_problems
 
-        yield from picture_pieces(definition, forced)
+        yield from picture_problems(definition, forced)
     if file.light_spot is not None:
-        from tradestudy.plan.pieces.light_spot import LightSpotPiece
+        from tradestudy.plan.problems.light_spot import LightSpotProblem
 
-        yield LightSpotPiece(file.light_spot, forced)
+        yield LightSpotProblem(file.light_spot, forced)
     if file.point_spread is not None:
-        from tradestudy.plan.pieces.point_spread import PointSpreadPiece
+        from tradestudy.plan.problems.point_spread import PointSpreadProblem
 
-        yield PointSpreadPiece(file.point_spread, forced)
+        yield PointSpreadProblem(file.point_spread, forced)
 
 
 def choose_models(definition: StudyDefinition) -> tuple[Chosen, ...]:
@@ -84,12 +86,12 @@ def choose_models(definition: StudyDefinition) -> tuple[Chosen, ...]:
     """
     forced, tolerances = definition.file.effects.forced(), definition.file.accuracy.asked().tolerances
     found, refused = [], []
-    all_pieces = tuple(pieces(definition, forced))
-    _check_forced(definition, all_pieces, forced)
-    free = {one.name: one for one in pieces(definition, {})} if forced else {}
-    for piece in all_pieces:
+    all_problems = tuple(problems(definition, forced))
+    _check_forced(definition, all_problems, forced)
+    free = {one.name: one for one in problems(definition, {})} if forced else {}
+    for problem in all_problems:
         try:
-            found.append(chosen(piece, tolerances, forced, free.get(piece.name)))
+            found.append(chosen(problem, tolerances, forced, free.get(problem.name)))
         except UnaffordableError as error:
             refused.append(error)
     if len(refused) > 1:
@@ -99,7 +101,12 @@ def choose_models(definition: StudyDefinition) -> tuple[Chosen, ...]:
     return tuple(found)
 
 
-def chosen(piece: Piece, tolerances: Mapping[Quantity, float], forced: Models, free: Piece | None = None) -> Chosen:
+def chosen(
+    problem: SimulationProblem,
+    tolerances: Mapping[Quantity, float],
+    forced: Models,
+    free: SimulationProblem | None = None,
+) -> Chosen:
     """Choose the models of one problem; ``free`` is the same problem without forced models.
 
     Raises
@@ -107,29 +114,29 @@ def chosen(piece: Piece, tolerances: Mapping[Quantity, float], forced: Models, f
     UnaffordableError
         If even the most complete models exceed a tolerance.
     """
-    choice = choose(piece, tolerances, forced)
+    choice = choose(problem, tolerances, forced)
     return Chosen(
-        name=piece.name,
-        title=piece.title,
-        asked={q: tolerances[q] for q in piece.asked},
-        reasons={slot.name: slot.reason for slot in piece.slots if slot.reason},
+        name=problem.name,
+        title=problem.title,
+        asked={q: tolerances[q] for q in problem.asked},
+        reasons={slot.name: slot.reason for slot in problem.slots if slot.reason},
         choice=choice,
-        by_forcing=_by_forcing(free, piece),
+        by_forcing=_by_forcing(free, problem),
     )
 
 
-def _by_forcing(free: Piece | None, piece: Piece) -> Changes:
+def _by_forcing(free: SimulationProblem | None, problem: SimulationProblem) -> Changes:
     """Changes due to the forced models where they differ from the most complete ones."""
-    if free is None or free.complete == piece.complete:
+    if free is None or free.complete == problem.complete:
         return {}
-    while free.try_out(piece.complete):
+    while free.try_out(problem.complete):
         pass
-    return free.changes(piece.complete)
+    return free.changes(problem.complete)
 
 
-def _check_forced(definition: StudyDefinition, found: tuple[Piece, ...], forced: Models) -> None:
+def _check_forced(definition: StudyDefinition, found: tuple[SimulationProblem, ...], forced: Models) -> None:
     """Refuse a forced model that nothing in the study has: it would be ignored."""
-    problems = []
+    mistakes = []
     for effect, name in forced.items():
         slots = [slot for one in found for slot in one.slots if slot.name == effect]
         offered = dict.fromkeys(model for slot in slots for model in slot.models)
@@ -142,6 +149,6 @@ def _check_forced(definition: StudyDefinition, found: tuple[Piece, ...], forced:
         else:
             reasons = "; ".join(dict.fromkeys(slot.reason for slot in slots if slot.reason))
             what += f": {reasons}" if reasons else ": no part of it has this effect"
-        problems.append(definition.document.locate(("effects", effect)).problem(("effects", effect), what))
-    if problems:
-        raise StudyError(problems)
+        mistakes.append(definition.document.locate(("effects", effect)).problem(("effects", effect), what))
+    if mistakes:
+        raise StudyError(mistakes)

@@ -27,7 +27,7 @@ class Plan:
         The study, with the chosen models applied.
     accuracy
         Its tolerances and time limit.
-    pieces
+    problems
         Every problem of the study with its models.
     steps
         Every step of the run, with its predicted time on this machine.
@@ -35,7 +35,7 @@ class Plan:
 
     definition: StudyDefinition
     accuracy: Accuracy
-    pieces: tuple[Chosen, ...]
+    problems: tuple[Chosen, ...]
     steps: tuple[PredictedStep, ...]
 
     @property
@@ -43,9 +43,9 @@ class Plan:
         """Predicted time of the whole run [s]."""
         return math.fsum(step.seconds for step in self.steps)
 
-    def models(self, piece: str) -> Models:
+    def models(self, problem: str) -> Models:
         """The models applied to a problem, by effect."""
-        return next(one.models for one in self.pieces if one.name == piece)
+        return next(one.models for one in self.problems if one.name == problem)
 
     def parts(self, step: str) -> tuple[float, ...]:
         """Predicted seconds of the parts of a step, in the order of computing; empty if they are equally long."""
@@ -53,7 +53,7 @@ class Plan:
 
     def text(self, *, verbose: bool = False) -> str:
         """The plan as text: one line per problem and one for the run; with every decision if verbose."""
-        return "\n".join(plan_lines(self.pieces, dict(_settled(self.definition)), self.steps, verbose=verbose))
+        return "\n".join(plan_lines(self.problems, dict(_settled(self.definition)), self.steps, verbose=verbose))
 
     def __repr__(self) -> str:
         return self.text()
@@ -89,13 +89,13 @@ def plan_of(definition: StudyDefinition) -> Plan:
     refuse_words(definition)
     watch = Stopwatch()
     accuracy = definition.file.accuracy.asked()
-    pieces = choose_models(definition)
-    elsewhere: dict[str, dict[str, Models]] = {}
-    for one in pieces:
-        for reading, models in one.choice.elsewhere.items():
-            elsewhere.setdefault(reading, {})[one.name] = models
-    applied = definition.with_models({one.name: one.models for one in pieces}, elsewhere)
-    plan = Plan(definition=applied, accuracy=accuracy, pieces=pieces, steps=predicted_steps(applied, watch))
+    problems = choose_models(definition)
+    other_models: dict[str, dict[str, Models]] = {}
+    for one in problems:
+        for reading, models in one.choice.other_models.items():
+            other_models.setdefault(reading, {})[one.name] = models
+    applied = definition.with_models({one.name: one.models for one in problems}, other_models)
+    plan = Plan(definition=applied, accuracy=accuracy, problems=problems, steps=predicted_steps(applied, watch))
     if plan.seconds > accuracy.time_limit:
         raise UnaffordableError(
             "the run is predicted to exceed its time limit",

@@ -19,15 +19,15 @@ _SIGNIFICANT: Final = 0.01  # share of the tolerance
 
 
 def plan_lines(
-    pieces: Sequence[Chosen], settled: Mapping[str, str], steps: Sequence[PredictedStep], *, verbose: bool
+    problems: Sequence[Chosen], settled: Mapping[str, str], steps: Sequence[PredictedStep], *, verbose: bool
 ) -> Iterator[str]:
     """One line per problem, with all decisions if verbose, and one for the run, with all steps if verbose.
 
     `settled` says by name how questions that leave no model open are answered.
     """
-    width = max(map(len, [*(one.name for one in pieces), *settled, "run"]))
-    seconds = {name: own for step in steps for name, own in step.pieces.items()}
-    for one in pieces:
+    width = max(map(len, [*(one.name for one in problems), *settled, "run"]))
+    seconds = {name: own for step in steps for name, own in step.problems.items()}
+    for one in problems:
         takes = f"; {pretty(seconds[one.name], DURATION, digits=2)}" if one.name in seconds else ""
         yield f"{one.name:<{width}}  {summary(one)}{takes}"
         if verbose:
@@ -55,7 +55,7 @@ def _simulated(one: Chosen) -> str:
     if one.reasons.get("calibration") and models["calibration"] == OFF and "calibration" not in one.choice.forced:
         parts.append(one.reasons["calibration"])
     elif "calibration" in models:
-        drawn = ", ".join(one.choice.elsewhere)
+        drawn = ", ".join(one.choice.other_models)
         parts.append(MODEL["calibration", models["calibration"]] + f" (exact for {drawn})" * bool(drawn))
     if "sampling" in models:
         parts.append(f"sampled to {models['sampling']}")

@@ -15,7 +15,7 @@ from tradestudy.imaging.derived_error import kirchhoff_lattice
 from tradestudy.plan import pilots
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, Value
-from tradestudy.study.schema.depth_of_field import PIECE
+from tradestudy.study.schema.depth_of_field import PROBLEM
 from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.study.schema.questions import (
     ClaimPart,
@@ -67,7 +67,7 @@ class PredictedStep:
         Wall time under the present load of the machine.
     work
         The amount of work, in words.
-    pieces
+    problems
         Seconds for each problem of the study that the step solves, by name.
     parts
         Seconds of parts of unequal length, in the order in which the run computes them.
@@ -76,7 +76,7 @@ class PredictedStep:
     name: str
     seconds: float
     work: str
-    pieces: Mapping[str, float] = field(default_factory=dict)
+    problems: Mapping[str, float] = field(default_factory=dict)
     parts: tuple[float, ...] = ()
 
 
@@ -104,7 +104,7 @@ def predicted_steps(definition: StudyDefinition, watch: Stopwatch) -> tuple[Pred
         replace(
             step,
             seconds=waiting * step.seconds,
-            pieces={name: waiting * seconds for name, seconds in step.pieces.items()},
+            problems={name: waiting * seconds for name, seconds in step.problems.items()},
             parts=tuple(waiting * seconds for seconds in step.parts),
         )
         for step in steps
@@ -140,7 +140,7 @@ class _Prediction:
                 name="depth of field",
                 seconds=seconds,
                 work=counted(cameras, "camera"),
-                pieces={PIECE: seconds},
+                problems={PROBLEM: seconds},
             )
         if file.fresnel_validity is not None:
             yield from self._fresnel_validity()
@@ -246,7 +246,7 @@ class _Prediction:
             name="depth",
             seconds=points + (designs * self.design if file.sweep else 0.0),
             work=f"{counted(designs, 'design')} of {cameras} at {distances}",
-            pieces={name: self.designs[name] * sum(seconds) for name, seconds in self.cameras.items()},
+            problems={name: self.designs[name] * sum(seconds) for name, seconds in self.cameras.items()},
         )
         if places := len(file.propagation.field_places):
             yield PredictedStep(
@@ -335,7 +335,7 @@ class _Prediction:
     def _light_spot(self, part: LightSpotPart) -> Iterator[PredictedStep]:
         """Pictures by the compared methods, and by the chosen models if they are not among these."""
         from tradestudy.analysis.spot_images import compared_models
-        from tradestudy.plan.pieces.light_spot import NAME, spot_models
+        from tradestudy.plan.problems.light_spot import NAME, spot_models
 
         asked = [compared_models(part, method) for method in part.methods]
         names = self.definition.models.get(NAME)
@@ -346,7 +346,7 @@ class _Prediction:
             name="image of the spot",
             seconds=math.fsum(parts),
             work=f"{counted(len(asked), 'picture')}: {', '.join(models.method for models in asked)}",
-            pieces={NAME: math.fsum(parts)},
+            problems={NAME: math.fsum(parts)},
             parts=parts,
         )
         if part.benchmarks:

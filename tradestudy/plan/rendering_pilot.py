@@ -18,8 +18,8 @@ from tradestudy.imaging.render.tiles import Tile, expected_electrons
 from tradestudy.imaging.scenes.pattern import RandomPattern
 from tradestudy.imaging.scenes.plain_surfaces import Flat
 from tradestudy.imaging.scenes.scene import Plain, SceneSource
-from tradestudy.plan.pieces.scene_pictures import TRIAL_TEXTURE, name_of
 from tradestudy.plan.pilots import seconds_of
+from tradestudy.plan.problems.scene_pictures import TRIAL_TEXTURE, name_of
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.depth_loop import DepthLoopPart
 from tradestudy.wording import counted

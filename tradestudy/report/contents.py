@@ -1,4 +1,4 @@
-"""The report of a study: which sections it has, in which order; what only specialists look up stands in appendices."""
+"""The report of a study: its sections and their order, with details for specialists in appendices."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
     tree
         The content of ``results.nc``.
     run
-        The content of ``run.json``; what took how long, and where it was computed.
+        The content of ``run.json``: how long each step took, and on which machine.
     drawings
         The figures that the tree allows.
     """

@@ -43,7 +43,7 @@ def _table(table: Table) -> bytes:
 
 
 def _cells(values: NDArray[Any]) -> list[str]:
-    """Write every value once, however often it stands there: a sweep leaves most of what it computes as it was."""
+    """Format every distinct value once: most values of a sweep repeat."""
     flat = np.ravel(values)
     if flat.dtype.kind not in "fiub":
         cells = [_cell(value) for value in flat.tolist()]

@@ -1,4 +1,4 @@
-"""What the results say of the curves in figures, so that a page tells values of the results and no others."""
+"""The results behind the curves of figures, so that a page shows exact results."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class CurveValues:
     x, value
         Distance, and the value there.
     low, high
-        What stands beside it: the ends of an interval, or the value to the other side.
+        The values shown with it: the ends of an interval, or the value to the other side.
     beside
         What they are called: "95 %"; empty where they are the value nearer and farther.
     """
@@ -40,7 +40,7 @@ def curve_values(tree: xr.DataTree) -> Mapping[str, CurveValues]:
 
 
 def depth_values(depth: xr.Dataset) -> list[dict[str, CurveValues]]:
-    """The curves of every design of ``/depth``, the last parameter first to move."""
+    """The curves of every design of ``/depth``, the last parameter varying fastest."""
     depth = where_measured(depth)
     x, ends = np.asarray(depth["distance"].values, dtype=np.float64), depth["quantile"].values
     beside = pretty(float(ends[-1] - ends[0]), FRACTION)

@@ -1,4 +1,4 @@
-"""The designs of a sweep for a page that steps through them: curves, usable ranges, best cameras and what is said."""
+"""The designs of a sweep for a page that steps through them: curves, usable ranges, best cameras and sentences."""
 
 from __future__ import annotations
 
@@ -62,14 +62,14 @@ class PageDesign:
 
 @dataclass(frozen=True, kw_only=True)
 class PageDesigns:
-    """All designs, the last parameter first to move."""
+    """All designs, the last parameter varying fastest."""
 
     axes: tuple[DesignAxis, ...]
     designs: tuple[PageDesign, ...]
 
 
 def page_designs(tree: xr.DataTree) -> PageDesigns | None:
-    """Every design of a sweep; None without one, or with more designs than a page can hold."""
+    """Every design of a sweep; None without one, or with more designs than a page can contain."""
     places = list(design_places(tree))
     if not 1 < len(places) <= MOST_DESIGNS:
         return None
@@ -103,7 +103,7 @@ def _words(axes: tuple[DesignAxis, ...], place: Mapping[str, int]) -> str:
 def _blocks(
     titles: Mapping[str, str], best: BestCameras | None, rows: Sequence[Mapping[str, Any]], words: str
 ) -> dict[str, Block]:
-    """What the page says of one design, by name."""
+    """The blocks of the page about one design, by name."""
     blocks: list[Callout | Table] = [*describe_design(best, conclusions_of_design(rows, titles), words)]
     if rows:
         blocks.append(requirement_table(rows, titles))

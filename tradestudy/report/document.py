@@ -125,9 +125,9 @@ class Bullets:
 
 @dataclass(frozen=True, kw_only=True)
 class Callout:
-    """A box that is seen before the text around it: the answer, a note, or a warning.
+    """A box that stands out from the text around it: the answer, a note, or a warning.
 
-    `name` is that of a box which differs from design to design of a sweep.
+    `name` identifies a box that differs between the designs of a sweep.
     """
 
     title: Text
@@ -183,7 +183,7 @@ class Equation:
 
 @dataclass(frozen=True)
 class Contents:
-    """The table of contents stands here in print (the HTML has it beside the text)."""
+    """The place of the table of contents in print (the HTML has it next to the text)."""
 
 
 @dataclass(frozen=True)

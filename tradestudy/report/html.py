@@ -100,5 +100,5 @@ def _drawn_equations(equations: tuple[Equation, ...]) -> dict[Equation, _DrawnEq
 def _drawn(svg: bytes) -> _DrawnEquation:
     width = re.search(rb'width="([\d.]+)pt"', svg)
     if width is None:
-        raise ValueError("the typesetter gave an equation without a width")
+        raise ValueError("the typesetter returned an equation without a width")
     return _DrawnEquation(uri=_data_uri(svg), width_em=f"{float(width[1]) / _EQUATION_TEXT_SIZE_PT:.3f}")

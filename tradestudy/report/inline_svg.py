@@ -1,4 +1,4 @@
-"""A figure's SVG as a part of a page: identifiers of its own, colours that follow the page, no more bytes than seen."""
+"""A figure's SVG as a part of a page: identifiers of its own, colours that follow the page, nothing invisible."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ def inlined(svg: bytes, name: str, alt: str, colors: Collection[str], letters: s
     svg
         As matplotlib writes it.
     name
-        Stands before every identifier, so that those of several figures differ.
+        Prefix of every identifier, so that those of several figures differ.
     alt
         What the figure shows, in words.
     colors
         Those (``0072b2``) for which the style sheet has a variable (``--c0072b2``); others stay as they are.
     letters
-        Outlines of letters that earlier figures of the page hold and this one uses too; its own are added.
+        Outlines of letters that earlier figures of the page contain and this one uses too; its own are added.
     """
     text = svg.decode()
     start = _BEGINNING.match(text)
     if start is None:
-        raise ValueError(f"figure {name} is no SVG with a viewBox")
+        raise ValueError(f"figure {name} is not an SVG with a viewBox")
     text = _UNSEEN.sub("", text[start.end() :]).replace("xlink:href", "href")
     text = _GLYPH.sub(lambda found: _once(found[0], found[1], letters), text)
     text = _NAMED.sub(lambda found: f"{found[1]}{name}-", text)

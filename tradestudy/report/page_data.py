@@ -84,7 +84,7 @@ def _panel(figure: str, panel: Panel, values: Mapping[str, CurveValues], pool: _
 
 
 def _curve(figure: str, curve: Curve, values: Mapping[str, CurveValues], pool: _Pool) -> dict[str, Any]:
-    """A curve as the script reads it; without data where the results tell its values."""
+    """A curve as the script reads it; without data where the results have its values."""
     told = {name: getattr(curve, name) for name in ("kind", "label", "name", "color")}
     own = () if "/".join(curve.name.split("/")[:2]) in values else ("x", "y", "top")
     return {
@@ -115,7 +115,7 @@ def _short(distance: float) -> float:
 
 
 def _displayed_alike(values: FloatArray) -> npt.NDArray[np.float32]:
-    """Single floats that read as the doubles do in so many digits: next to a tie, the rounded number itself."""
+    """Single floats that read like the doubles in that many digits: next to a tie, the rounded number itself."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         single = values.astype("<f4")
         digits = np.abs(values) / 10.0 ** (np.floor(np.log10(np.abs(values))) - (_DIGITS - 1))

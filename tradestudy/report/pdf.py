@@ -1,4 +1,4 @@
-"""A document as PDF: A4, vector figures, tagged for readers that do not see it, the same bytes every time."""
+"""A document as PDF: A4, vector figures, tagged for screen readers, the same bytes every time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The typesetter: Typst with its own fonts and one more, never those of the machine, so that every machine agrees."""
+"""The typesetter: Typst with its own fonts and one more, never those of the machine: the same result everywhere."""
 
 from __future__ import annotations
 

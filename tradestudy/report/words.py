@@ -27,7 +27,7 @@ _PARTS: Final[Mapping[str, str]] = {
 
 
 def part_words(name: str) -> str:
-    """Say what a part of the error is, to somebody who has read nothing else."""
+    """Describe a part of the error to a reader who has read nothing else."""
     return _PARTS.get(name, in_words(name))
 
 
@@ -37,7 +37,7 @@ def or_dash(value: float, write: Callable[[float], str] = significant) -> str:
 
 
 def length(value: float, digits: int = 3) -> str:
-    """Write a length with the unit a person expects, not broken between number and unit."""
+    """Write a length with the usual unit, not broken between number and unit."""
     return pretty(value, LENGTH, digits).replace(" ", "\N{NO-BREAK SPACE}")
 
 
@@ -49,7 +49,7 @@ def with_error(value: float, error: float, write: Callable[[float, int], str] = 
 
 
 def interval(low: float, high: float) -> str:
-    """Write the ends of an interval of distances [m], in one unit, with the digits that tell them apart."""
+    """Write the ends of an interval of distances [m], in one unit, with the digits that distinguish them."""
     if np.isnan([low, high]).any():
         return "—"
     if not np.isfinite([low, high]).all():

@@ -74,7 +74,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_lens_model": Variable(
         dims=("posterior",),
         units="",
-        long_name="lens model of both cameras, where it is none but k1 and k2 of a pinhole: its name, the coefficients "
+        long_name="lens model of both cameras, unless it is a pinhole with k1 and k2: its name, the coefficients "
         "that are parameters, and what the fit started from",
     ),
     "posterior_pixels": Variable(

@@ -53,7 +53,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         dims=("reading", "way", "change"),
         units="m",
         long_name="distance where the winner of the main pair switches; NaN where there is none",
-        error="change_error; its range over readings is beside it",
+        error="change_error; its range over readings is stored too",
     ),
     "change_error": Variable(
         dims=("reading", "way", "change"),
@@ -68,7 +68,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         dims=("reading", "way", "crossing"),
         units="m",
         long_name="distance where the cameras of the main pair are equally uncertain; NaN where there is none",
-        error="crossover_error; its range over readings is beside it",
+        error="crossover_error; its range over readings is stored too",
     ),
     "crossover_error": Variable(
         dims=("reading", "way", "crossing"),
@@ -182,9 +182,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         dims=_OF_REQUIREMENT, units="mixed", long_name="estimated error of that value", error="an estimate of an error"
     ),
     "bound": Variable(dims=_OF_REQUIREMENT, units="mixed", long_name="bound on the quantity, in SI", error="exact"),
-    "place": Variable(
-        dims=_OF_REQUIREMENT, units="m", long_name="distance of the worst value", error="a hundredth of a hundredth"
-    ),
+    "place": Variable(dims=_OF_REQUIREMENT, units="m", long_name="distance of the worst value", error="1e-4, relative"),
     "margin_percent": Variable(
         dims=_OF_REQUIREMENT,
         units="percent",
@@ -254,7 +252,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         error="an estimate of an error",
     ),
     "bound_alone_place": Variable(
-        dims=_OF_REQUIREMENT, units="m", long_name="place at the matching bound", error="a hundredth of a hundredth"
+        dims=_OF_REQUIREMENT, units="m", long_name="place at the matching bound", error="1e-4, relative"
     ),
     "bound_alone_reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="reason at the matching bound"),
     "camera_met": Variable(

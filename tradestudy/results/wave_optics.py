@@ -25,12 +25,12 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         dims=("element",), units="m", long_name="in-focus image distance", symbol="b", error=ROUNDING
     ),
     "camera_f_number": _f_number(("element",), "f-number at which the camera uses the lens", "", "declared"),
-    "published_f_number": _f_number(("element",), "f-number of a published error; NaN for none", "", "declared"),
+    "published_f_number": _f_number(("element",), "f-number of a published error; NaN if none", "", "declared"),
     "published_error": Variable(
-        dims=("element",), units="1", long_name="published error there; NaN for none", error="as read off by its source"
+        dims=("element",), units="1", long_name="published error there; NaN if none", error="as its source states it"
     ),
     "published_minimum": _f_number(
-        ("element",), "published minimum f-number for Fresnel; NaN for none", f"{PAPER}, section 5.3", "as printed"
+        ("element",), "published minimum f-number for Fresnel; NaN if none", f"{PAPER}, section 5.3", "as printed"
     ),
     "psf_error": Variable(
         dims=("element", "lens_phase", "wavelength", "f_number", "metric", "window"),
@@ -214,16 +214,16 @@ IMAGES: Final[Mapping[str, Variable]] = {
         error="an estimate itself",
     ),
     "published_seconds": Variable(
-        dims=("propagator",), units="s", long_name="published computing time; NaN for none", error="as published"
+        dims=("propagator",), units="s", long_name="published computing time; NaN if none", error="as published"
     ),
     "published_words": Variable(
-        dims=("propagator",), units="", long_name="published time in the words of its source; empty for none"
+        dims=("propagator",), units="", long_name="published time in the words of its source; empty if none"
     ),
     "published_source": Variable(dims=("propagator",), units="", long_name="source of the published time"),
 }
 
 _SPREAD = ("element", "propagator", "varied", "step")
-_SPREAD_ERROR = "see its namesake with _error"
+_SPREAD_ERROR = "see the variable of this name with _error"
 
 
 def _spread(name: str, units: str, long_name: str, reference: str = "") -> Mapping[str, Variable]:

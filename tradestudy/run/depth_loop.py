@@ -114,7 +114,7 @@ def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[
     picture, light = scene.picture, scene.picture.light
     if light.electrons is None and not part.electrons:
         raise OutOfRangeError(
-            "a depth loop in light that is given in photons is not the same for all cameras",
+            "light given in photons differs between the cameras of a depth loop",
             remedy="give depth_loop.electrons, or scene.picture.light.electrons",
         )
     names = part.cameras or tuple(definition.case.cameras)
@@ -201,7 +201,7 @@ def _windows(found: DepthMap, truth: TrueDepth, point: LoopPoint) -> float:
 
 
 def _enough(camera: DepthCamera, small: DepthCamera, point: LoopPoint) -> tuple[DepthMap, TrueDepth]:
-    """Depth maps of as many pictures as have the windows asked for, one below the other."""
+    """Depth maps of enough pictures to contain the requested windows, one below the other."""
     maps = [_depth(camera, small, point)]
     for number in range(1, MOST_PICTURES):
         if sum(_windows(*one, point) for one in maps) >= point.windows:

@@ -317,7 +317,7 @@ def write_depth(one: MeasuredDepth, folder: Path, depth_format: str) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """The value with NaN replaced by None, which JSON can hold."""
+    """The value with NaN replaced by None, which JSON can represent."""
     if isinstance(value, dict):
         return {key: _plain(one) for key, one in value.items()}
     return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -59,7 +59,7 @@ class Export:
 def export(definition: StudyDefinition, name: str, words: Sequence[str], *, lossy: bool) -> Export:
     """Export a camera in the given formats, or in all if none is given.
 
-    Lengths are in metres. Calibrations from corners and targets are fitted first, and the files hold the fit.
+    Lengths are in metres. Calibrations from corners and targets are fitted first, and the files contain the fit.
 
     Parameters
     ----------
@@ -70,12 +70,12 @@ def export(definition: StudyDefinition, name: str, words: Sequence[str], *, loss
     words
         Formats, from `WORDS`.
     lossy
-        Whether to leave out what a format cannot hold, instead of refusing.
+        Whether to leave out what a format cannot represent, instead of refusing.
 
     Raises
     ------
     ExportError
-        There is no such camera, or a format cannot hold it.
+        There is no such camera, or a format cannot represent it.
     """
     camera = definition.case.all_cameras.get(name)
     if not isinstance(camera, DepthCamera):
@@ -103,7 +103,7 @@ def export(definition: StudyDefinition, name: str, words: Sequence[str], *, loss
             refused += missing
     if POSTERIOR in asked:
         session = [group.name for group in camera.calibration.groups if group.error_class is ErrorClass.SESSION]
-        refused += [f"a posterior cannot hold {one}: this error arose after the calibration" for one in session]
+        refused += [f"a posterior cannot contain {one}: this error arose after the calibration" for one in session]
         posterior = posterior or _declared(definition, camera, name)
         if posterior is None:
             left_out.append("posterior: nothing about the camera is declared uncertain")
@@ -116,7 +116,7 @@ def export(definition: StudyDefinition, name: str, words: Sequence[str], *, loss
 
 
 def _written(one: Format, rig: ImportedRig, stem: str) -> Iterator[tuple[Mapping[str, str], list[str]]]:
-    """The files of a format, and what they do not hold; no files if the format cannot hold the lens at all."""
+    """The files of a format, and what they lack; no files if the format cannot represent the lens at all."""
     assert one.write is not None
     missing: list[str] = []
     while True:
@@ -125,11 +125,11 @@ def _written(one: Format, rig: ImportedRig, stem: str) -> Iterator[tuple[Mapping
         except CannotHoldError as error:
             smaller = replace(rig, left=_without(rig.left, error.names), right=_without(rig.right, error.names))
             if smaller == rig:
-                yield {}, [*missing, f"{one.name} cannot hold {listed(list(error.names))}"]
+                yield {}, [*missing, f"{one.name} cannot represent {listed(list(error.names))}"]
                 return
             moved = max(_largest_shift(rig.left, smaller.left), _largest_shift(rig.right, smaller.right))
             lost = f"{listed(list(error.names))}, without which points move by up to {significant(moved, 2)} px"
-            missing, rig = [*missing, f"{one.name} cannot hold {lost}"], smaller
+            missing, rig = [*missing, f"{one.name} cannot represent {lost}"], smaller
         else:
             return
 

@@ -22,7 +22,7 @@ from tradestudy.imaging.scenes.pattern import RandomPattern
 from tradestudy.imaging.scenes.scene import SceneSource
 from tradestudy.machine import available_memory
 from tradestudy.plan.choice import chosen
-from tradestudy.plan.pieces.scene_pictures import picture_pieces
+from tradestudy.plan.problems.scene_pictures import picture_problems
 from tradestudy.results.storage import replace_file, replacing
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.scene_image import SceneImagePart
@@ -136,10 +136,10 @@ def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
 def _models(definition: StudyDefinition) -> list[tuple[bool, float]]:
     """For each camera that takes pictures, whether it uses waves, and the change that the choice of models makes."""
     forced, tolerances = definition.file.effects.forced(), definition.file.accuracy.asked().tolerances
-    free = {one.name: one for one in picture_pieces(definition, {})} if forced else {}
+    free = {one.name: one for one in picture_problems(definition, {})} if forced else {}
     found = []
-    for piece in picture_pieces(definition, forced):
-        one = chosen(piece, tolerances, forced, free.get(piece.name))
+    for problem in picture_problems(definition, forced):
+        one = chosen(problem, tolerances, forced, free.get(problem.name))
         change = {**one.choice.changes, **one.by_forcing}["pixel_intensity"].relative
         found.append((one.models["main_lens_diffraction"] != OFF, change))
     return found

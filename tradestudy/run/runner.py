@@ -76,7 +76,7 @@ def compute(
         from tradestudy.run.groups.calibration import calibration_group
 
         groups["/calibration"] = calibration_group(inferred)
-    if plan.pieces:
+    if plan.problems:
         groups["/effects"] = effects_group(plan)
     tables: DepthTables = {}
     if definition.case.cameras:
@@ -172,14 +172,14 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
 
         groups["/fresnel_validity"] = fresnel_validity_group(file.fresnel_validity, asked.steps, seconds)
     if file.light_spot is not None:
-        from tradestudy.plan.pieces import light_spot
+        from tradestudy.plan.problems import light_spot
         from tradestudy.run.groups.images import images_group
 
         groups["/images"] = images_group(
             file.light_spot, asked.steps, seconds, plan.models(light_spot.NAME), plan.parts("image of the spot")
         )
     if file.point_spread is not None:
-        from tradestudy.plan.pieces import point_spread
+        from tradestudy.plan.problems import point_spread
         from tradestudy.run.groups.point_spread import point_spread_group
 
         laws = plan.models(point_spread.NAME)

@@ -22,13 +22,13 @@ from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.effects.models import OFF, Models
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.acting import acting
+from tradestudy.study.applied_models import apply_models
 from tradestudy.study.building import camera_of, posterior_key
 from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value, dotted, walk
 from tradestudy.study.reader import with_values
 from tradestudy.study.renamed import validated
 from tradestudy.study.schema.changes import validate_changes
-from tradestudy.study.schema.depth_of_field import PIECE, DepthOfFieldPart, ReliefPart
+from tradestudy.study.schema.depth_of_field import PROBLEM, DepthOfFieldPart, ReliefPart
 from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
@@ -86,7 +86,7 @@ class StudyDefinition:
         The document as validated by the schema.
     models
         The model applied for each effect, by camera, lens or light path; everything else is as declared.
-    elsewhere
+    other_models
         Models applied instead of these under a reading or for an inverse question, by its name.
     tolerance
         A single tolerance for every quantity, overriding the declared ones; None keeps those.
@@ -99,7 +99,7 @@ class StudyDefinition:
     document: Document
     declared: StudyFile
     models: Mapping[str, Models] = field(default_factory=dict)
-    elsewhere: Mapping[str, Mapping[str, Models]] = field(default_factory=dict)
+    other_models: Mapping[str, Mapping[str, Models]] = field(default_factory=dict)
     tolerance: str | None = None
     posteriors: Mapping[str, Calibration] = field(default_factory=dict, repr=False)
     before: StudyDefinition | None = field(default=None, repr=False, compare=False)
@@ -178,7 +178,7 @@ class StudyDefinition:
             if isinstance(camera, DepthCamera)
         }
         return Case(
-            cameras={name: acting(camera, self.models.get(name, {})) for name, camera in cameras.items()},
+            cameras={name: apply_models(camera, self.models.get(name, {})) for name, camera in cameras.items()},
             all_cameras={**self.designs, **cameras},
             criteria=self.file.usable_range.criteria(),
             distance=distance,
@@ -196,7 +196,7 @@ class StudyDefinition:
         if self.file.depth_of_field is None:
             return {}
         sharp = {name: one.criterion(self._wavelength) for name, one in self.file.depth_of_field.criteria.items()}
-        if self.models.get(PIECE, {}).get("main_lens_diffraction") == OFF:
+        if self.models.get(PROBLEM, {}).get("main_lens_diffraction") == OFF:
             return {name: replace(criterion, measure="none") for name, criterion in sharp.items()}
         return sharp
 
@@ -407,7 +407,7 @@ class StudyDefinition:
         return asked
 
     def with_models(
-        self, models: Mapping[str, Models], elsewhere: Mapping[str, Mapping[str, Models]] | None = None
+        self, models: Mapping[str, Models], other_models: Mapping[str, Mapping[str, Models]] | None = None
     ) -> StudyDefinition:
         """The same study, including its readings and designs, with the given models applied.
 
@@ -415,14 +415,14 @@ class StudyDefinition:
         ----------
         models
             Models by effect, by camera, lens or light path.
-        elsewhere
+        other_models
             Other models under a reading or for an inverse question, by its name and then likewise.
         """
-        return replace(self, models=models, elsewhere=elsewhere or {}, before=self)
+        return replace(self, models=models, other_models=other_models or {}, before=self)
 
     def under(self, name: str) -> StudyDefinition:
         """The study with the models applied under the reading or for the inverse question of this name."""
-        return replace(self, models={**self.models, **self.elsewhere.get(name, {})}, before=self)
+        return replace(self, models={**self.models, **self.other_models.get(name, {})}, before=self)
 
     def entries_of_reading(self, name: str) -> dict[str, Entry]:
         """Entries that a reading replaces, by path."""

@@ -54,7 +54,7 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
 
 
 def _stated_once(document: Document, problems: Sequence[Problem]) -> list[Problem]:
-    """The problems, each that several cameras share only at the camera from which the others inherit it."""
+    """The problems; one that several cameras share is reported only at the camera from which the others inherit it."""
     cameras = document.tree.get("cameras")
     names = sorted(cameras, key=len, reverse=True) if isinstance(cameras, dict) else []
     found: list[Problem] = []
@@ -88,7 +88,7 @@ def _place(problem: Problem) -> Place:
 
 
 def _single_cameras(document: Document, error: StudyError) -> Iterator[Problem]:
-    """Files of one camera, whose study has mistakes: half of a rig may have been taken for the whole."""
+    """Files of a single camera in a study with mistakes: one half of a rig may have been given instead of both."""
     for line in document.imported:
         path = ("cameras", line.partition(":")[0])
         if line.endswith(ONE_CAMERA) and any(one.path.startswith(".".join(path)) for one in error.problems):
@@ -111,7 +111,7 @@ def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
 
 
 def _is_planned(definition: StudyDefinition, name: str) -> bool:
-    """Whether inverse questions can plan the calibration of a camera: that by a target, for corners are as they are."""
+    """Whether inverse questions can plan a camera's calibration: only one by a target, since corners are given."""
     part = definition.file.cameras[name]
     return isinstance(part, DepthCameraDeclaration) and part.calibration.target is not None
 

@@ -93,7 +93,7 @@ def _warning(definition: StudyDefinition, path: Path, what: str) -> Problem:
 
 
 def _light(definition: StudyDefinition) -> Iterator[Problem]:
-    """More light than a pixel holds."""
+    """More light than the full well of a pixel."""
     above = ("scene", "picture")
     light, well = (definition.document.entry((*above, *tail)) for tail in (("light", "electrons"), ("full_well",)))
     if not (isinstance(light, ScalarEntry) and isinstance(well, ScalarEntry)) or _has_basis(light):

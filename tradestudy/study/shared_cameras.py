@@ -194,7 +194,7 @@ class SharedCameras:
     def read_in_any_unit(
         self, name: str, own: MappingEntry, files: Sequence[CameraFile], request: Request
     ) -> Entry | None:
-        """A camera that is refused for want of a unit, so that whatever else it lacks is told at the same time."""
+        """A camera refused for lack of a unit, so that whatever else it lacks is reported at the same time."""
         unknown = self.note_unknown_keys(name, own)
         for unit in ("m", "cm", "mm"):
             with suppress(CameraFileError):  # a baseline that is impossible in this unit

@@ -78,7 +78,7 @@ class Draws:
 class RankProbability:
     """Which of two cameras errs less, per distance, with Monte Carlo standard errors.
 
-    ``first`` + ``second`` + ``neither`` is one; ``neither`` holds draws in which both fail or both are
+    ``first`` + ``second`` + ``neither`` is one; ``neither`` contains draws in which both fail or both are
     infinite.
     """
 

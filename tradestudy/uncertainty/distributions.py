@@ -203,7 +203,7 @@ class StudentT:
                 "the degrees of freedom of a Student t distribution",
                 value=f"{self.degrees_of_freedom:g}",
                 limit="> 0",
-                remedy="n readings have n - 1 degrees of freedom",
+                remedy="n measurements have n - 1 degrees of freedom",
             )
 
     @property
@@ -283,7 +283,7 @@ class CurvilinearTrapezoid(_Limited):
                 "the inexactness of the limits of a curvilinear trapezoid",
                 value=f"{self.inexactness:g}",
                 limit=f"0 to the half-width {half_width:g}",
-                remedy="widen the limits or state them more exactly",
+                remedy="widen the limits or state them more precisely",
             )
 
     @property

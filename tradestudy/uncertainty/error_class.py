@@ -7,7 +7,7 @@ from typing import Final
 
 
 class ErrorClass(Enum):
-    """How often an error is redrawn: averaging readings reduces only errors that are drawn per measurement."""
+    """How often an error is redrawn: averaging measurements reduces only errors that are drawn per measurement."""
 
     RIG = "per rig"
     """One draw per built and calibrated rig: calibration."""
@@ -16,10 +16,10 @@ class ErrorClass(Enum):
     ELEMENT = "per lens or pixel"
     """One draw per microlens or pixel: fixed pattern."""
     MEASUREMENT = "per measurement"
-    """One draw per reading: pixel noise."""
+    """One draw per measurement: pixel noise."""
 
 
 NOISE: Final = (ErrorClass.MEASUREMENT,)
-"""Errors that differ from one reading to the next."""
+"""Errors that differ from one measurement to the next."""
 CALIBRATION: Final = (ErrorClass.RIG, ErrorClass.SESSION, ErrorClass.ELEMENT)
-"""Errors that stay the same if a reading is repeated at once with the same rig."""
+"""Errors that stay the same if a measurement is repeated at once with the same rig."""

@@ -102,7 +102,7 @@ def _require_names(names: tuple[str, ...], size: int) -> None:
         raise OutOfRangeError(
             "the names of jointly distributed parameters",
             value=f"{len(names)} names for {size} parameters: {', '.join(names)}",
-            limit="one different name per parameter",
+            limit="a distinct name for each parameter",
             remedy="name every parameter once",
         )
 
@@ -121,7 +121,7 @@ class _Joint:
         return tuple((one.shape, one.tobytes()) if isinstance(one, np.ndarray) else one for one in values)
 
     def __eq__(self, other: object) -> bool:
-        """Whether both hold the same numbers of the same kind, so that equal cameras of two designs are recognised."""
+        """Whether both contain equal numbers of one kind, so that equal cameras of two designs are recognised."""
         return isinstance(other, type(self)) and self._content == other._content
 
     def __hash__(self) -> int:

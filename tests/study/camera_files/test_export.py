@@ -88,7 +88,7 @@ def test_every_lens_is_read_back(
         (opencv.FORMAT, "double-sphere", {"xi": -0.2, "alpha": 0.59}, ("the lens model double-sphere",)),
     ],
 )
-def test_what_a_format_cannot_hold_is_refused_by_name(
+def test_parts_that_a_format_cannot_represent_are_refused_by_name(
     one: Format, model: LensModelName, coefficients: Mapping[str, float], names: tuple[str, ...]
 ) -> None:
     assert one.write is not None
@@ -97,7 +97,7 @@ def test_what_a_format_cannot_hold_is_refused_by_name(
     assert caught.value.names == names
 
 
-def test_what_is_left_out_is_told_with_how_far_it_moves_points(tmp_path: Path) -> None:
+def test_omitted_parts_are_reported_with_how_far_they_move_points(tmp_path: Path) -> None:
     """A thin prism s1 moves a point at the slope r from the axis across by s1 r², by OpenCV's definition."""
     rig = pair("rational", {"s1": 0.002})
     assert opencv.FORMAT.write is not None
@@ -105,7 +105,7 @@ def test_what_is_left_out_is_told_with_how_far_it_moves_points(tmp_path: Path) -
         (tmp_path / name).write_text(text)
     loaded = api.load(study(tmp_path, rig="from: prism-opencv.yml, length_unit: m"))
     _, left_out = api.export(loaded, "rig", tmp_path / "out", formats=("kalibr",), lossy=True)
-    (shift,) = re.fullmatch(r".* cannot hold s1, without which points move by up to (\S+) px", left_out[0]).groups()
+    (shift,) = re.fullmatch(r".* s1, without which points move by up to (\S+) px", left_out[0]).groups()
     corners = np.array([(x, y) for x in (0, SIZE[0] - 1) for y in (0, SIZE[1] - 1)])
     moved = [
         one.focal_lengths[0] * 0.002 * np.sum(((corners - one.centre) / one.focal_lengths) ** 2, axis=1)
@@ -159,7 +159,7 @@ def test_opencv_reads_a_designed_rig_with_converging_axes(tmp_path: Path) -> Non
         np.testing.assert_allclose(seen, [319.5, 239.5], atol=1e-9)
 
 
-def test_what_cannot_be_exported_is_told(tmp_path: Path) -> None:
+def test_cameras_that_cannot_be_exported_are_refused_with_a_reason(tmp_path: Path) -> None:
     written.camchain(tmp_path / "chain.yaml")
     ageing = "calibration: {stability: {ageing: {yaw: {standard_deviation: 0.01 deg}}}}"
     loaded = api.load(study(tmp_path, rig=f"from: chain.yaml, {ageing}"))
@@ -167,8 +167,8 @@ def test_what_cannot_be_exported_is_told(tmp_path: Path) -> None:
         api.export(loaded, "head", tmp_path / "out")
     with pytest.raises(TradestudyError, match=r"unknown format: matlab .allowed: .*posterior"):
         api.export(loaded, "rig", tmp_path / "out", formats=("matlab",))
-    with pytest.raises(TradestudyError, match=r"a posterior cannot hold ageing_yaw.*--lossy.*--format"):
+    with pytest.raises(TradestudyError, match=r"posterior.*ageing_yaw.*--lossy.*--format"):
         api.export(loaded, "rig", tmp_path / "out")
     assert not (tmp_path / "out").exists()
     _, left_out = api.export(loaded, "rig", tmp_path / "out", lossy=True)
-    assert [one for one in left_out if one.startswith("a posterior cannot hold ageing_yaw")]
+    assert [one for one in left_out if re.match("a posterior .* ageing_yaw", one)]

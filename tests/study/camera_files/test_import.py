@@ -100,7 +100,7 @@ def test_two_camera_files_and_their_extrinsics_make_a_pair(tmp_path: Path) -> No
     np.testing.assert_allclose(found, expected(), rtol=1e-14, atol=1e-15)
 
 
-def test_a_pair_with_other_keys_is_told_those_that_are_looked_for(tmp_path: Path) -> None:
+def test_an_unknown_pair_is_refused_with_the_expected_keys(tmp_path: Path) -> None:
     storage = cv2.FileStorage(str(tmp_path / "rig.yml"), cv2.FILE_STORAGE_WRITE)
     for key, value in {"mtxL": K1, "distL": D1, "mtxR": K2, "distR": D2, "R": R, "T": T}.items():
         storage.write(key, value)
@@ -257,7 +257,7 @@ def test_a_projection_matrix_whose_baseline_overflows_is_refused(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("lengths", "unit", "told"),
+    ("lengths", "unit", "reported"),
     [
         (1.0, "cm", "601 µm, but 60.1 mm with length_unit: m beside from:"),
         (1e2, "m", "6.01 m, but 60.1 mm with length_unit: cm or 6.01 mm with length_unit: mm beside from:"),
@@ -265,13 +265,13 @@ def test_a_projection_matrix_whose_baseline_overflows_is_refused(tmp_path: Path)
         (1e3, "cm", ""),  # 601 mm, as usual as 60.1 mm
     ],
 )
-def test_a_baseline_that_another_unit_makes_usual_is_warned_of(
-    tmp_path: Path, lengths: float, unit: str, told: str
+def test_a_baseline_that_would_be_usual_in_another_unit_is_warned_about(
+    tmp_path: Path, lengths: float, unit: str, reported: str
 ) -> None:
     written.opencv(tmp_path / "rig.yml", lengths=lengths)
     warned = tradestudy.load(study(tmp_path, rig=f"from: rig.yml, length_unit: {unit}")).warnings
-    assert [str(one).partition("the baseline is ")[2] for one in warned if "baseline" in str(one)] == [told] * bool(
-        told
+    assert [str(one).partition("the baseline is ")[2] for one in warned if "baseline" in str(one)] == [reported] * bool(
+        reported
     )
     assert all("cameras.rig.from" in str(one) for one in warned if "baseline" in str(one))
 
@@ -358,7 +358,7 @@ def test_the_design_of_a_converging_pair_converges_with_it(tmp_path: Path) -> No
     assert rig.separation == pytest.approx(0.06, rel=1e-12)
 
 
-def test_two_files_of_one_name_are_told_apart(tmp_path: Path) -> None:
+def test_two_files_of_one_name_are_distinguished(tmp_path: Path) -> None:
     r1, r2, p1, p2 = written.rectified()
     for folder, files in (("left", (K1, D1, r1, p1)), ("right", (K2, D2, r2, p2))):
         (tmp_path / folder).mkdir()

@@ -31,7 +31,7 @@ FULL = tuple(np.append(one, [1e-3, -2e-4, 3e-4, 4e-5, 0.01, -0.02]) for one in R
 FISHEYES = (np.array([-0.03, 0.01, -0.004, 0.001]), np.array([-0.02, 0.008, -0.003, 0.0005]))
 
 
-def test_what_files_call_lens_models_are_the_families_and_two_that_are_refused() -> None:
+def test_lens_model_names_of_files_are_the_families_and_two_refused_ones() -> None:
     assert {*get_args(LensModelName)} == {*FAMILIES} | FOREIGN
 
 

@@ -34,7 +34,7 @@ def test_a_field_of_view_is_that_across_the_width_unless_it_says_so(tmp_path: Pa
     assert camera.field_of_view == pytest.approx(math.radians(60.0), rel=1e-14)
 
 
-def test_the_register_shows_every_default_and_the_first_page_what_is_taken_as_perfect(tmp_path: Path) -> None:
+def test_the_register_lists_every_default_and_the_first_page_perfect_calibrations(tmp_path: Path) -> None:
     path = study(tmp_path, rig=f"kind: stereo, lenses: {{field_of_view: 60 deg}}, {SENSOR}, baseline: 60 mm")
     result = tradestudy.load(path).run()
     register = result.data["assumptions"]
@@ -82,7 +82,7 @@ def test_an_error_that_is_declared_is_not_taken_as_perfect(tmp_path: Path) -> No
         ("lenses: {focal_length: 8 mm, across: width}, baseline: 60 mm", "across: belongs to field_of_view"),
     ],
 )
-def test_what_is_missing_or_no_length_is_told(tmp_path: Path, said: str, message: str) -> None:
+def test_missing_values_and_values_that_are_not_lengths_are_reported(tmp_path: Path, said: str, message: str) -> None:
     assert message in refusal(study(tmp_path, rig=f"kind: stereo, {SENSOR}, {said}"))
 
 

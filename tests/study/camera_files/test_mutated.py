@@ -11,7 +11,7 @@ from tests.study.camera_files.test_import import refusal
 from tests.study.camera_files.written import study
 
 
-def test_mutated_files_are_read_or_refused_in_words(tmp_path: Path) -> None:
+def test_mutated_files_are_read_or_refused_with_a_message(tmp_path: Path) -> None:
     found = campaign(tmp_path, inputs=12, seed=7, keep=lambda *_: None)
     assert len(found) == 8
     assert [line for tally in found.values() for line in tally.findings] == []

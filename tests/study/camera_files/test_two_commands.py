@@ -41,7 +41,9 @@ def test_a_study_that_cannot_run_is_not_written(tmp_path: Path, monkeypatch: pyt
     assert not (tmp_path / "my-rig.yaml").exists()
 
 
-def test_a_file_of_another_program_is_not_taken_for_a_camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_of_another_program_is_not_mistaken_for_a_camera(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "robot.yml").write_text("joints: [1.0, 2.0]\n")
     monkeypatch.chdir(tmp_path)
     made = CliRunner().invoke(app, ["new", "my-rig", "--from", "robot.yml"])
@@ -49,7 +51,7 @@ def test_a_file_of_another_program_is_not_taken_for_a_camera(tmp_path: Path, mon
     assert "'robot.yml' is neither a camera nor a calibration file" in made.output
 
 
-def test_all_that_a_file_lacks_is_told_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_everything_that_a_file_lacks_is_reported_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the unit of the file is."""
     monkeypatch.chdir(tmp_path)
     for unit, name in ((1.0, "metres"), (1e2, "centimetres"), (1e3, "millimetres")):
@@ -61,7 +63,7 @@ def test_all_that_a_file_lacks_is_told_at_once(tmp_path: Path, monkeypatch: pyte
         assert len(made.output.strip().splitlines()) == 3  # two mistakes and the advice
 
 
-def test_a_mistyped_unit_of_length_is_named_beside_the_missing_one(
+def test_a_mistyped_unit_of_length_is_named_with_the_missing_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     written.opencv(tmp_path / "stereo.yml")
@@ -112,7 +114,7 @@ def test_two_files_in_one_argument_are_refused_with_how_to_give_them(
         assert not (tmp_path / "my-rig.yaml").exists()
 
 
-def test_one_file_of_two_is_told_as_one_camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_file_of_two_is_reported_as_one_camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     left, _ = written.camera_info_pair(tmp_path)
     monkeypatch.chdir(tmp_path)
     asked = ["new", "half", "--from", left.name]
@@ -125,9 +127,7 @@ def test_one_file_of_two_is_told_as_one_camera(tmp_path: Path, monkeypatch: pyte
     assert "from: [LEFT, RIGHT]" in made.output
 
 
-def test_a_size_of_pictures_that_the_file_lacks_is_said_beside_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_picture_size_is_reported_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     written.opencv(tmp_path / "stereo.yml", size=None)
     monkeypatch.chdir(tmp_path)
     asked = ["new", "my-rig", "--from", "stereo.yml", "--set", "length_unit=mm"]
@@ -138,7 +138,9 @@ def test_a_size_of_pictures_that_the_file_lacks_is_said_beside_it(
     assert made.exit_code == 0, made.output
 
 
-def test_a_place_that_cannot_be_written_to_is_told_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_place_that_cannot_be_written_to_is_reported_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     written.camchain(tmp_path / "chain.yaml")
     path = written.study(tmp_path, rig="from: chain.yaml")
     (tmp_path / "plain").write_text("a file")

@@ -219,7 +219,7 @@ def check_rig(fit: PairFit) -> None:
         )
     if (turned := abs(roll(rotation_matrix(fit.shared[ROTATION])))) > LARGEST_ROLL:
         raise CornerFileError(
-            "the right picture is rotated against the left one",
+            "the right picture is rotated relative to the left one",
             value=f"{np.degrees(turned):.0f}°",
             limit=f"<= {np.degrees(LARGEST_ROLL):.0f}°",
             remedy="turn it upright; for 180°, replace right_x_px by the width of the picture − 1 − right_x_px, and "

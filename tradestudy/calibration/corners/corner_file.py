@@ -138,7 +138,7 @@ def _require_affordable(path: Path) -> None:
             f"{path.name} has too many rows to fit",
             value=f"{rows:,} rows",
             limit=f"{MOST_ROWS:,}",
-            remedy=f"keep one view in {-(-rows // MOST_ROWS)}; more improve depth little",
+            remedy=f"keep one view in {-(-rows // MOST_ROWS)}; more views hardly improve depth",
         )
 
 

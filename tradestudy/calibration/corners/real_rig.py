@@ -165,7 +165,7 @@ def fit_rig(corners: StereoCorners) -> RigFit:
     """Fit a pair: cameras, outliers, bundle adjustment, left–right term, noise, and warp of the board.
 
     Corners are weighted, with a noise for each view; see `CornerNoise`. Covariances are those of generalised least
-    squares under this noise. The warp of the board counts among the unknowns: taken as exact, it would leave a tenth
+    squares under this noise. The warp of the board counts among the unknowns: taking it as exact would leave a tenth
     of the depth uncertainty out at the distances of the board.
 
     Parameters

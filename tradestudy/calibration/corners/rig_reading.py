@@ -61,7 +61,7 @@ def rig_parameters(free: Sequence[str]) -> ErrorVocabulary:
             name: ErrorParameter(
                 unit=_unit_of(name),
                 part="relative rotation" if "rotation" in name else "relative position",
-                meaning=f"The right camera's {name.replace('_', ' ')} to the left one, from the fit.",
+                meaning=f"The right camera's {name.replace('_', ' ')} relative to the left one, from the fit.",
             )
             for name in RELATIVE_POSE_NAMES
         },
@@ -130,7 +130,7 @@ class RigReading:
     def _at_each(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None
     ) -> InverseDepthReading:
-        """The reading one distance at a time, for errors of shape (draws, distances)."""
+        """The measurement, one distance at a time, for errors of shape (draws, distances)."""
         found = []
         for k in range(len(distance)):
             values = {name: value_of(errors, name) for name in errors}

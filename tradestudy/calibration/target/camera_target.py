@@ -153,7 +153,8 @@ def _priors(name: str, groups: tuple[Group, ...]) -> Priors:
                 )
     if not rows:
         raise OutOfRangeError(
-            f"{name}: a target needs an error per rig", remedy="declare the parameters to determine under errors"
+            f"{name}: a target needs at least one error that is drawn per rig",
+            remedy="declare the parameters to determine under errors",
         )
     names, *columns = zip(*rows, strict=True)
     mean, deviation, lower, upper = (np.array(column, dtype=np.float64) for column in columns)

@@ -154,7 +154,7 @@ class StereoDeclaration(DepthCameraDeclaration):
         return self
 
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
-        """As of every part, except where the axes of a calibrated pair meet, which its geometry determines."""
+        """As for every part, except where the axes of a calibrated pair meet, which its geometry determines."""
         known = () if self.geometry is None else (("convergence_distance",),)
         yield from (one for one in super().assumed() if one[0] not in known)
 

@@ -391,7 +391,7 @@ class StereoRig(DepthCamera):
         return np.repeat(each, 2, axis=-1)
 
     def properties(self) -> Properties:
-        """Lens, sensor and baseline; the principal distance beside the thin-lens image distance."""
+        """Lens, sensor and baseline; the principal distance and the thin-lens image distance."""
         focus, lens = self.focus_distance, self.lens
         return (
             ("focal length", pretty(lens.focal_length, LENGTH, 4)),
@@ -439,5 +439,5 @@ class StereoRig(DepthCamera):
 
 @lru_cache(maxsize=8)
 def _imaged(rig: StereoRig, distances: bytes, shape: tuple[int, ...], field: Field) -> tuple[Image, BoolArray]:
-    """What an unchanged rig images, which is read many times with ever other errors of its calibration."""
+    """The images of an unchanged rig, from which depth is computed many times under different calibration errors."""
     return rig._imaged({}, np.frombuffer(distances).reshape(shape), field)

@@ -23,7 +23,7 @@ METHOD: Final = Method(
         "*W* = 2 *Z* tan(FOV/2), bounds the near range. *c* is the distance of the sensor behind the lens: the "
         "focal length *f*, for example from a calibration in pixels, or, if the study says “focused”, "
         "the image distance of a thin lens focused at *a*, *c* = *f* *a*/(*a*\u00a0−\u00a0*f*). The table of the "
-        "cameras states *c* beside that image distance, which exceeds *f* by the fraction *f*/(*a* − *f*).",
+        "cameras states *c* next to that image distance, which exceeds *f* by the fraction *f*/(*a* − *f*).",
     ),
     baseline_note="The reference rig has parallel axes. Converging axes with a baseline *B* measure as well as "
     "parallel ones with *B* (1 + *x*²/*c*²)/(1 + *B*²/4*Z*²), where *x* is half the disparity: where the axes meet, "

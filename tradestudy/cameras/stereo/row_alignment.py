@@ -31,7 +31,7 @@ def row_alignment(left: Samples, right: Samples, steps: range, library: Any) -> 
     Small rotations between two parallel pinholes, different principal distances and a shift of the sensor displace rows
     by ``a + b u + c v + d u v + e v²`` (u, v from the middle of the picture), whatever the depth: a and e by pitch, b
     by roll, d by yaw. The five numbers are fitted to patches of the left picture that are found again in the right one,
-    with a Cauchy loss. Columns are left alone, since an error along them cannot be told from depth.
+    with a Cauchy loss. Columns are left alone, since an error along them cannot be distinguished from depth.
 
     Parameters
     ----------

@@ -102,7 +102,7 @@ def true_matches(error: Samples) -> BoolArray:
 
 
 def fit_errors(error: Samples, bound: Samples, windows: float) -> MatcherFit:
-    """Fit disparity errors [samples] with their bounds, worth so many independent windows; see `fit_matcher`."""
+    """Fit disparity errors [samples] of that many independent windows to their bounds; see `fit_matcher`."""
     from scipy.optimize import nnls
 
     false, b2, variance = 0, np.empty(_BINS), np.empty(_BINS)

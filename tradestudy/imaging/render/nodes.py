@@ -81,7 +81,7 @@ def nodes(count: int) -> Nodes:
 
 
 def _turns(ring: int) -> int | None:
-    """How often a ring of so many nodes turns on the pixel while it turns once on the disc; None if it cannot.
+    """How often a ring of nodes turns on the pixel while it turns once on the disc; None if it cannot.
 
     A number of turns that divides the ring would repeat places, and one of ±1 would always move both alike.
     """

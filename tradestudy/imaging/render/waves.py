@@ -127,7 +127,7 @@ class Waves:
         return max(lens.bent_farther for lens in self.lenses)
 
     def tables(self, samples: int) -> Mapping[int, Tables]:
-        """The computed spreads with so many rays each, and with the fewer rays of dim lenses; cached per process."""
+        """The computed spreads for a number of rays, and for the fewer rays of dim lenses; cached per process."""
         return _tables(self, samples)
 
 

@@ -13,7 +13,7 @@ PatternSource = RandomPattern | PicturePattern
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Nearby:
-    """What following one ray reveals about rays beside it.
+    """What following one ray reveals about nearby rays.
 
     Parameters
     ----------

@@ -132,7 +132,7 @@ class PupilWave:
     def nodes(
         self, region: tuple[FloatArray, FloatArray], *, density: float, only_disc: bool = False
     ) -> QuadratureNodes:
-        """Pupil nodes that resolve the net phase from the source to every point of a rectangle that holds the region.
+        """Pupil nodes that resolve the net phase from the source to every point of a rectangle around the region.
 
         With `only_disc`, to every point of the disc within it. Around the rim and along the radius apart: a defocused
         wave turns fast along the radius alone.
@@ -192,7 +192,7 @@ class FieldTable:
 def fast_phase(wave: PupilWave, x: Array, y: Array) -> FloatArray:
     """Phase of the path from the middle of the main lens, and that of the chief ray before it [rad].
 
-    Without it the field holds only waves whose slope is at most that from the middle of the lens to its rim.
+    Without it the field contains only waves whose slope is at most that from the middle of the lens to its rim.
     """
     a, z = wave.source.distance, np.asarray(wave.path.array_distance)
     chief_x, chief_y = (np.asarray(c) for c in wave.path.chief_point(wave.source))

@@ -185,7 +185,7 @@ def _corners(path: LightPath) -> FloatArray:
 
 
 def _half_side(path: LightPath) -> tuple[float, float]:
-    """Half sides of the squares about the detector's centre that hold all nodes and all pixels."""
+    """Half sides of the squares about the detector's centre that contain all nodes and all pixels."""
     centre = np.asarray(path.pixels.centre)
     nodes = float(np.max(np.abs(path.microlenses.centres - centre))) + path.microlenses.cell_reach
     return nodes, max(path.pixels.shape) * path.pixels.pitch / 2
@@ -308,7 +308,7 @@ def _detector_side(path: LightPath) -> float:
 def _patch(
     path: LightPath, reaches: Sequence[RayReach], wavelength: float, paraxial: bool, accuracy: ChainAccuracy
 ) -> DetectorPatch:
-    """Patch and samples that hold the light of all points, from the rays of centre and rim of the disc."""
+    """Patch and samples that contain the light of all points, from the rays of centre and rim of the disc."""
     margin = accuracy.fresnel_lengths * math.sqrt(wavelength * path.detector_distance)
     half = max(float(one.spread.max()) for one in reaches) + margin
     node_reach = path.microlenses.cell_reach

@@ -173,7 +173,7 @@ def choose_transfer(
     wavelength, distance, paraxial
         Of the leg.
     node_reach, target_reach
-        Half sides of the squares that hold nodes and targets [m].
+        Half sides of the squares that contain nodes and targets [m].
     kept_reach
         Light that lands up to this far from where it started is kept [m].
     spacing

@@ -389,7 +389,7 @@ def nearest_microlens(path: LightPath) -> IndexArray:
 
 
 def _window(mine: BoolArray) -> tuple[slice, slice]:
-    """Rows and columns of the smallest rectangle that holds all marked pixels."""
+    """Rows and columns of the smallest rectangle that contains all marked pixels."""
     rows, columns = (np.flatnonzero(mine.any(axis=axis)) for axis in (1, 0))
     return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 

@@ -81,7 +81,7 @@ def tapered_disc_nodes(
 
 
 def plane_wave_degree(phase: float) -> int:
-    """Polynomial degree that holds exp(i phase t), −1 ≤ t ≤ 1, to about 1e-6."""
+    """Polynomial degree that represents exp(i phase t), −1 ≤ t ≤ 1, to about 1e-6."""
     return int(plane_wave_degrees(phase))
 
 
@@ -169,7 +169,7 @@ def _nodes_of(sector: _Sector) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def lit_share(lenses: Microlenses, shadow: Disc) -> FloatArray:
-    """How each microlens's cell lies to the lit disc, shape (lenses,): 1 inside, 0 beside, 0.5 cut by its edge."""
+    """How each microlens's cell lies to the lit disc, shape (lenses,): 1 inside, 0 outside, 0.5 cut by its edge."""
     apart = np.hypot(lenses.centres[:, 0] - shadow.x, lenses.centres[:, 1] - shadow.y)
     inside = apart + lenses.cell_reach <= shadow.radius
     beside = apart - lenses.cell_reach >= shadow.radius

@@ -12,17 +12,17 @@ Part = Callable[[], Any]
 class ComputeParts(Protocol):
     """Function that computes parts; the values must not depend on where it computes them."""
 
-    def __call__(self, parts: Sequence[Part], told: Callable[[float], None]) -> list[Any]:
-        """Values of the parts in their order; ``told`` is called with the completed share."""
+    def __call__(self, parts: Sequence[Part], progress: Callable[[float], None]) -> list[Any]:
+        """Values of the parts in their order; ``progress`` is called with the completed share."""
         ...
 
 
-def in_turn(parts: Sequence[Part], told: Callable[[float], None]) -> list[Any]:
+def in_turn(parts: Sequence[Part], progress: Callable[[float], None]) -> list[Any]:
     """Compute parts in this process, one after another."""
     values = []
     for number, part in enumerate(parts, start=1):
         values.append(part())
-        told(number / len(parts))
+        progress(number / len(parts))
     return values
 
 

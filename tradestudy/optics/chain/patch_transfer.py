@@ -64,7 +64,7 @@ def fresnel_reach(
     half_side
         Half the side of the patch [m].
     node_reach
-        Radius of the disc that holds the nodes [m].
+        Radius of the disc that contains the nodes [m].
     farthest
         Largest distance of a patch's middle from that of its nodes [m].
     tolerance

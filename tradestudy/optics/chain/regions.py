@@ -29,7 +29,7 @@ class Disc:
         return np.array([self.x - self.radius, self.x + self.radius])
 
     def span(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest y over x; equal beside the area."""
+        """Lowest and highest y over x; equal outside the area."""
         half = np.sqrt(np.maximum((self.radius - (x - self.x)) * (self.radius + (x - self.x)), 0.0))
         return self.y - half, self.y + half
 
@@ -65,7 +65,7 @@ class Cell:
         return self.x + np.array(self.corners)
 
     def span(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest y over x; equal beside the area."""
+        """Lowest and highest y over x; equal outside the area."""
         half = np.interp(x - self.x, self.corners, self.heights, left=0.0, right=0.0)
         return self.y - half, self.y + half
 

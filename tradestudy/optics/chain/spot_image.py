@@ -87,7 +87,7 @@ def _along_radius(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Squared relative radii of the rings and between them, images of the rings, and the points between them.
 
-    All lie along the brightest azimuth. `eighths` holds the pixel image of points of each ring by the eighth of a turn,
+    All lie along the brightest azimuth. `eighths` contains pixel images of points of each ring by the eighth of a turn,
     without those that symmetries give, which are the same at every ring.
     """
     sizes = {one: [np.linalg.norm(ring[one]) for ring in eighths] for one in eighths[0]}
@@ -103,7 +103,7 @@ def _along_radius(
 def _radial_error(nodes: SourceNodes, rings: FloatArray, squared: FloatArray, images: FloatArray) -> float:
     """Error of the rule along the brightest azimuth, smaller as the mean over angles is smoother than its light.
 
-    The rule is held against the polynomial through its nodes and as many points between them. How much smoother the
+    The rule is compared with the polynomial through its nodes and as many points between them. How much smoother the
     mean is, the highest Legendre coefficients tell that the rings resolve.
 
     Parameters
@@ -244,7 +244,7 @@ def _ring_images(
     nodes: SourceNodes,
     group: list[Symmetry],
     compute: ComputeParts,
-    told: Callable[[float], None],
+    progress: Callable[[float], None],
 ) -> _RingImages:
     """Follow the light of one point of every orbit of the symmetries."""
     parts, eighths = [], []
@@ -260,7 +260,7 @@ def _ring_images(
             eighths.append((ring, list(azimuths.values())))
             places, weights = at[[index for index, _ in half]], tuple(n for _, n in half)
             parts.append(partial(follow_points, asked, places, weights, tuple(azimuths)))
-    found: list[FollowedPoints] = compute(parts, told)
+    found: list[FollowedPoints] = compute(parts, progress)
     images: list[dict[int, FloatArray]] = [{} for _ in nodes.rings]
     for (ring, at_eighths), one in zip(eighths, found, strict=True):
         images[ring] |= zip(at_eighths, one.alone, strict=True)

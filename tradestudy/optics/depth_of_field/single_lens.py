@@ -48,7 +48,7 @@ class DepthOfField:
         return np.subtract(self.far, self.near, out=np.zeros(np.shape(deep)), where=deep)
 
     def contains(self, distance: ArrayLike) -> BoolArray:
-        """Tell whether distances [m] are sharp (broadcast against the limits)."""
+        """Whether distances [m] are sharp (broadcast against the limits)."""
         a = np.asarray(distance, dtype=np.float64)
         return np.asarray((a >= self.near) & (a <= self.far))
 

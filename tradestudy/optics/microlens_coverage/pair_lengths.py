@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.microlens_coverage.lattice import Counting, Layout, as_radii, counted_on_lattice, lattice_of
 
-# Beyond, the lengths grow with the disc: hundreds of them are told apart within it.
+# Beyond, the lengths grow with the disc: hundreds of them are distinguished within it.
 _LARGEST_RADIUS: Final = 6.0
 
 
@@ -53,10 +53,10 @@ def least_squares_pairs(radius_over_pitch: ArrayLike, *, layout: Layout, types: 
     length, number = _shells(layout)
     with np.errstate(divide="ignore"):  # no disc, no pair
         u = np.minimum(length[:, np.newaxis] / (2.0 * within), 1.0)
-    told = (number * length**2)[:, np.newaxis] * (np.arccos(u) - u * np.sqrt(1.0 - u * u))
-    whole = np.sum(told, axis=0)
+    pairs = (number * length**2)[:, np.newaxis] * (np.arccos(u) - u * np.sqrt(1.0 - u * u))
+    whole = np.sum(pairs, axis=0)
     return PairLengths(
-        over_pitch=length[:, np.newaxis] * growth * spacing, share=told / np.where(whole > 0.0, whole, 1.0)
+        over_pitch=length[:, np.newaxis] * growth * spacing, share=pairs / np.where(whole > 0.0, whole, 1.0)
     )
 
 

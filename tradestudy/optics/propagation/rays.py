@@ -181,7 +181,7 @@ def _newton(paths: PathSum, u: Array, v: Array, x: Array, y: Array, z: Array, ra
         here_u, here_v = u[active], v[active]
         step_u, step_v = _step(paths, here_u, here_v, x[at], y[at], z[at])
         length = np.hypot(step_u, step_v)
-        # The first step is the paraxial ray and may be long; later ones are held to a third of the radius.
+        # The first step is the paraxial ray and may be long; later ones are limited to a third of the radius.
         longest = 50 * radius if step_number == 0 else radius / 3
         with np.errstate(invalid="ignore", divide="ignore"):  # a flat path gives no step: that start is dropped
             shrink = np.minimum(1.0, longest / np.where(length > 0, length, 1.0))

@@ -186,7 +186,7 @@ def propagate_samples(
         fixed_nodes=True,
         doubling=False,
     )
-    # Nothing here tells whether so many nodes are enough for these targets.
+    # Nothing here shows whether this many nodes are enough for these targets.
     return replace(summed, error=replace(summed.error, field=math.nan, intensity=math.nan))
 
 

@@ -1,1 +1,1 @@
-"""The sections of a report: each turns groups of the results into blocks, and says nothing if its group is missing."""
+"""The sections of a report: each turns groups of the results into blocks, and is empty if its group is missing."""

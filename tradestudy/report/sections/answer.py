@@ -79,7 +79,7 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
 def describe_design(
     best: BestCameras | None, requirements: Sequence[RequirementConclusion], words: str
 ) -> Iterator[Callout]:
-    """What the first page says of one design of a sweep."""
+    """The part of the first page about one design of a sweep."""
     if best is not None:
         yield Callout(
             title=f"Which camera for which distance, {words}",
@@ -91,7 +91,7 @@ def describe_design(
 
 
 def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
-    """What noise and calibration favour by themselves, and how the verdict on the pair fares under other readings."""
+    """What noise and calibration favour by themselves, and the verdict on the pair under other readings."""
     ways, table = tuple(_ways(tree)), tuple(_stability(tree))
     if table:
         yield Heading(text="Which camera each error source favours", anchor="verdicts")
@@ -234,7 +234,7 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
 
 
 def _stretches(best: BestCameras) -> Iterator[Spans]:
-    """One sentence per stretch of distance with one best camera."""
+    """One sentence per range of distance with one best camera."""
     for start, end, names in best.reported:
         where, camera = span(start, end), answer_title(best.titles, names)
         if not names:
@@ -252,9 +252,9 @@ def _stretches(best: BestCameras) -> Iterator[Spans]:
 
 
 def _why_none(best: BestCameras, start: float, end: float) -> str:
-    """Why none of the candidates is usable in a stretch of distance [m], and who is usable there without being one."""
+    """Why none of the candidates is usable in a range of distance [m], and which other cameras are usable there."""
     measuring = [key for key in best.titles if key in best.cameras]
-    becomes_usable = end < best.distance[-1]  # then the limit that is last to break there tells most
+    becomes_usable = end < best.distance[-1]  # then the limit that is the last to break there is the most informative
     inside = np.flatnonzero((best.distance > start) & (best.distance < end))
     if not inside.size:
         inside = np.array([best.nearest(float(np.sqrt(start * end)))])
@@ -276,7 +276,7 @@ def _why_none(best: BestCameras, start: float, end: float) -> str:
 
 
 def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:
-    """The uncertainty at both ends of a stretch, absolute and relative, and what decides it there."""
+    """The uncertainty at both ends of a range, absolute and relative, and what decides it there."""
     depth, places = best.cameras[camera], (start, end)
     known = np.isfinite(depth.uncertainty)
     logs = (np.log(best.distance[known]), np.log(depth.uncertainty[known]))  # a smooth curve between its points
@@ -346,7 +346,7 @@ def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], 
 
 
 def _stability(tree: xr.DataTree) -> Iterator[Block]:
-    """How the verdict on the main pair fares under the other readings, at each declared distance."""
+    """The verdict on the main pair under the other readings, at each declared distance."""
     found = tuple(flips(tree))
     if not found:
         return

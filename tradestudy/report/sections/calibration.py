@@ -1,4 +1,4 @@
-"""Calibration: the source of each, convergence of inferences, the worth of a reading, and which camera errs less."""
+"""Calibration: the source of each, convergence of inferences, the worth of averaging, and which camera errs less."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _source(tree: xr.DataTree, key: str, own: Mapping[str, str], errors: list[st
 
 
 def _averaging(tree: xr.DataTree) -> Table:
-    """Number of readings that reduce noise to the calibration uncertainty, at the declared distances."""
+    """Number of measurements whose mean has as much noise as calibration uncertainty, at the declared distances."""
     depth, places = table_depth(tree), table_distances(tree)
 
     def cell(key: str, place: float) -> str:
@@ -121,7 +121,7 @@ def _averaging(tree: xr.DataTree) -> Table:
 
 
 def _readings_worth(noise: float, calibration: float) -> str:
-    """The number of readings, two digits; a dash where noise or calibration is not bounded or nothing is measured."""
+    """The number of measurements, two digits; a dash where noise or calibration is unbounded or nothing is measured."""
     if not np.isfinite([noise, calibration]).all():
         return "—"
     if calibration == 0.0:
@@ -131,7 +131,7 @@ def _readings_worth(noise: float, calibration: float) -> str:
 
 
 def _refusals(tree: xr.DataTree) -> Iterator[Block]:
-    """What was refused because it would mislead, with the reason."""
+    """Results withheld because they would mislead, with the reason."""
     data, rows = group(tree, "sensitivity"), []
     for key, title in titles_in(tree, "sensitivity").items():
         reason = str(data["parameter_refused"].sel(camera=key).item())

@@ -13,7 +13,7 @@ from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import significant
 
 ScoreRow = tuple[tuple[Text, ...], xr.Dataset | None]
-"""First cells of a row, and the numbers behind them; none behind a heading."""
+"""First cells of a row, and the numbers after them; none after a heading."""
 
 
 def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -38,7 +38,7 @@ def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
 
 
 def _matcher(title: str, told: str) -> Text:
-    """What a study may declare, as it is written there, or why there is nothing to declare."""
+    """The key as a study declares it, or why there is nothing to declare."""
     declared, _, errors = told.partition("  # ")
     if not errors:
         return say("**{title}**: {why}.", title=title, why=told)

@@ -169,7 +169,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
 
 
 def _baseline_note(tree: xr.DataTree, depth: xr.Dataset) -> tuple[Text, ...]:
-    """Why a camera is not equivalent to its own baseline, for studies in which that of one changes with distance."""
+    """Why the equivalent baseline is not the camera's own, for studies in which one changes with distance."""
     notes: dict[str, None] = {}
     for key, method in depth_methods(tree).items():
         if note := method["baseline_note"]:
@@ -181,7 +181,7 @@ def _baseline_note(tree: xr.DataTree, depth: xr.Dataset) -> tuple[Text, ...]:
 
 
 def _step(nearer: float, farther: float) -> str:
-    """Write the steps nearer and farther; one number where three digits do not tell them apart."""
+    """Write the steps nearer and farther; one number where three digits do not distinguish them."""
     near, far = length(nearer), length(farther)
     if near == far:
         return near

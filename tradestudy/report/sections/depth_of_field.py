@@ -33,7 +33,7 @@ _SPOT = {"none": "defocus alone", "fwhm": "with diffraction at half maximum", "a
 
 @dataclass(frozen=True, kw_only=True)
 class _Row:
-    """What a mission engineer asks of one camera, by the first blur criterion."""
+    """What a mission engineer wants to know about one camera, by the first blur criterion."""
 
     key: str
     title: str
@@ -307,7 +307,7 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _coverage(tree: xr.DataTree) -> Iterator[Block]:
-    """How many microlenses see a point of the scene, for the cameras where that is a question."""
+    """How many microlenses see a point of the scene, for the cameras with microlenses."""
     data, titles = group(tree, "depth_of_field"), camera_titles(tree)
     ends = (float(data.attrs["scene_near"]), float(data.attrs["scene_far"]))
     rows = []

@@ -83,7 +83,7 @@ def _in_use(tree: xr.DataTree, found: xr.Dataset, titles: Mapping[str, str]) -> 
 
 
 def _of_matchers(tree: xr.DataTree) -> Iterator[Block]:
-    """What stands behind each bound: no real matcher, or what the study declares of one."""
+    """What each bound leaves out: a real matcher, unless the study declares one."""
     if told := best_of_any_matcher(at_the_bound(tree)):
         yield Paragraph(
             say(
@@ -106,7 +106,7 @@ def _of_matchers(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _told(camera: xr.Dataset, titles: Mapping[str, str], middle: int) -> str:
-    """Which cause counts most for one camera at one distance, and where it is another one."""
+    """Which cause counts most for one camera at one distance, and where another one does."""
     there = camera.isel(distance=middle)
     own = _largest(there)
     elsewhere = [
@@ -180,7 +180,7 @@ def _change(error: float, changed: float) -> str:
 
 
 def _factor(error: float, changed: float) -> float:
-    """How many times smaller, 1 where three digits do not tell them apart; infinite or 0 where one has no bound."""
+    """How many times smaller, 1 where three digits do not distinguish them; infinite or 0 where one has no bound."""
     if error == changed:
         return 1.0
     if np.isinf(error) or changed == 0.0:

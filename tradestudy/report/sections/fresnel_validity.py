@@ -31,7 +31,7 @@ _METRICS = {"peak": "peak", "l1": "L1", "largest": "largest"}
 
 
 def describe_fresnel_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Say from which f-number on Fresnel may be used, lens by lens, and what the lens phase does to that."""
+    """Say from which f-number on Fresnel's law may be used, lens by lens, and how the lens phase affects that."""
     if not has(tree, "fresnel_validity", "psf_error"):
         return
     data = group(tree, "fresnel_validity")

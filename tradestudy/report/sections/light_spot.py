@@ -79,7 +79,7 @@ def describe_light_spot(tree: xr.DataTree, run: Mapping[str, Any], drawings: Map
 
 
 def _seconds(run: Mapping[str, Any], name: str) -> float:
-    """Measured seconds from the record of the run; NaN where it holds none."""
+    """Measured seconds from the record of the run; NaN where it contains none."""
     seconds = run.get("seconds")
     value = seconds.get(name) if isinstance(seconds, Mapping) else None
     return float(value) if isinstance(value, int | float) else float("nan")

@@ -136,7 +136,7 @@ def _uncertainty() -> Iterator[Block]:
 
 
 def _ranges(applied: Collection[str]) -> Iterator[Block]:
-    """What the limits mean that apply to a camera of the study."""
+    """The meaning of the limits that apply to a camera of the study."""
     yield Heading(text="Where a camera counts as usable", anchor="method-usable", level=2)
     yield Paragraph(
         "A distance is usable where every limit that the study declares holds. The report names the limit that sets "

@@ -267,7 +267,7 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
 
 
 def _times_the_error(margin: float) -> str:
-    """A margin as a multiple of its numerical error; beyond a thousand the multiple itself says nothing more."""
+    """A margin as a multiple of its numerical error; beyond a thousand, only ">1000"."""
     if not math.isfinite(margin):
         return "—"
     if abs(margin) > 1000.0:
@@ -314,7 +314,7 @@ def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
 def describe_provenance(run: Mapping[str, Any]) -> Iterator[Block]:
     """Write the content of ``run.json`` as a table.
 
-    Without the inputs, which earlier sections show, and the checksum, which is made while the report is.
+    Without the inputs, which earlier sections show, and the checksum, which is not known yet.
     """
     rows = tuple(_recorded({key: value for key, value in run.items() if key not in ("inputs", CHECKSUM)}))
     if rows:

@@ -37,7 +37,7 @@ def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iter
 
 
 def _pictured(drawings: Mapping[str, Drawing], title: str, anchor: str, *names: str) -> Iterator[Block]:
-    """Figures under a heading of their own; nothing where the run has none of them."""
+    """Figures under a heading of their own; empty if the run has none of them."""
     if pictures := tuple(pictures_of(drawings, *names)):
         yield Heading(text=title, anchor=anchor, level=2)
         yield from pictures

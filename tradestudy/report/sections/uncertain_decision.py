@@ -14,7 +14,7 @@ from tradestudy.wording import distance
 
 
 def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
-    """How likely the first pair's verdict holds for one rig and for one reading; then every pair by distance."""
+    """How likely the first pair's verdict holds for one rig and for one measurement; then every pair by distance."""
     decision, titles, places = group(tree, "decision"), camera_titles(tree), table_distances(tree)
     pair = decision.isel(pair=0)
     first, second = (titles[str(pair[name].item())] for name in ("pair_first", "pair_second"))

@@ -17,7 +17,7 @@ _CURVES: Final = ("depth_discrimination", "depth_uncertainty", "depth_quantile",
 
 
 def swept(depth: xr.Dataset) -> tuple[str, ...]:
-    """The names of the swept parameters: the dimensions of ``/depth`` beside camera and distance."""
+    """The names of the swept parameters: the dimensions of ``/depth`` besides camera and distance."""
     return tuple(str(d) for d in depth["depth_uncertainty"].dims if d not in ("camera", "distance"))
 
 
@@ -84,12 +84,12 @@ def sharp_ranges(one: xr.Dataset, name: str) -> tuple[tuple[float, float], ...]:
 
 
 def least_broken(broken: npt.NDArray[np.bool_]) -> int:
-    """Where, of distances, a camera breaks the fewest limits of its usable range; ``broken`` is (distance, limit)."""
+    """The distances at which a camera breaks the fewest limits of its usable range; ``broken`` is (distance, limit)."""
     return int(np.argmin(broken.sum(axis=1)))
 
 
 def by_design(depth: xr.Dataset, variable: xr.DataArray, *dims: str) -> npt.NDArray[Any]:
-    """Values of a variable over (designs, *dims), the last parameter that ``/depth`` is swept over first to move."""
+    """Values of a variable over (designs, *dims), the last swept parameter varying fastest."""
     sizes = [variable.sizes[name] for name in dims]
     return variable.transpose(*swept(depth), *dims).values.reshape(-1, *sizes)
 

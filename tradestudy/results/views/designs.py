@@ -213,7 +213,7 @@ def _joined(ranges: list[tuple[float, float, float]]) -> list[tuple[float, float
 def interval_words(low: float, high: float, values: FloatArray, dimension: Dimension) -> str:
     """A range of a swept parameter: "from 53.4 mm on" where it reaches the last value of the sweep.
 
-    Ends that were found are rounded into the range, so that the value written meets what the range stands for.
+    Ends that were found are rounded into the range, so that the written value lies within the range.
     """
     begins, ends = low <= values[0], high >= values[-1]
     first = pretty(low, dimension) if begins else rounded_up(low, dimension)

@@ -1,6 +1,6 @@
 """What answers say of one design: its best cameras with what explains them, and its requirements.
 
-The designs of a sweep are read together, as plain arrays: of one after another, xarray would take most of the time of a
+The designs of a sweep are read together, as plain arrays: one after another, xarray would take most of the time of a
 report.
 """
 
@@ -72,7 +72,7 @@ class BestCameras:
     limits
         Names of the limits of the usable range.
     cameras
-        Those that measure depth; none where the results hold no depth of the design that the ranges describe.
+        Those that measure depth; none where the results contain no depth of the design that the ranges describe.
     """
 
     ranges: Ranges
@@ -100,7 +100,7 @@ def best_cameras(tree: xr.DataTree) -> BestCameras:
 
 
 def best_cameras_of_designs(tree: xr.DataTree) -> Sequence[BestCameras | None]:
-    """The same in every design, the last parameter first to move; None where the run did not ask for it."""
+    """The same in every design, the last parameter varying fastest; None where the run did not ask for it."""
     if not has(tree, "decision", "design_best_camera_along"):
         return [None for _ in design_places(tree)]
     depth, decision = group(tree, "depth"), group(tree, "decision")
@@ -172,7 +172,7 @@ def requirements_of_designs(tree: xr.DataTree) -> Sequence[Sequence[Mapping[str,
 
 
 def design_places(tree: xr.DataTree) -> Iterator[dict[str, int]]:
-    """Where every design stands along the swept parameters, the last parameter first to move; none without a sweep."""
+    """Position of every design along the swept parameters, the last one varying fastest; none without a sweep."""
     if not has(tree, "depth") or not (names := swept(depth := group(tree, "depth"))):
         return
     for places in itertools.product(*(range(depth.sizes[name]) for name in names)):
@@ -180,6 +180,6 @@ def design_places(tree: xr.DataTree) -> Iterator[dict[str, int]]:
 
 
 def shown_place(tree: xr.DataTree) -> dict[str, int]:
-    """Where the design that figures show stands: the declared one, if it is among those swept."""
+    """Position of the design that figures show: the declared one, if it is among those swept."""
     depth, one = group(tree, "depth"), nominal(tree)
     return {name: int(np.flatnonzero(depth[name].values == one[name].values)[0]) for name in swept(depth)}

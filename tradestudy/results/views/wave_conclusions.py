@@ -1,4 +1,4 @@
-"""What pictures of a light spot, Fresnel's law and hard cases come to: numbers and one sentence each."""
+"""Conclusions about light spots, Fresnel's law and hard cases: numbers, and one sentence each."""
 
 from __future__ import annotations
 

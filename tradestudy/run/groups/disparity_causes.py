@@ -19,10 +19,10 @@ from tradestudy.imaging.matcher import AT_BOUND
 from tradestudy.imaging.passed_texture import matched_window, picture_electrons
 from tradestudy.imaging.picture import CHANGES, ErrorCauses, error_causes, filled_share
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.plan.pieces.depth import applicable
+from tradestudy.plan.problems.depth import applicable
 from tradestudy.results import dataset
 from tradestudy.results.depth import distances_without_decision
-from tradestudy.study.acting import complete_in_closed_form, in_closed_form, with_models
+from tradestudy.study.applied_models import complete_in_closed_form, in_closed_form, with_models
 from tradestudy.study.definition import StudyDefinition
 
 STEP: Final = "pictures"
@@ -75,7 +75,7 @@ def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
 
 
 def _by_matchers(laws: Sequence[PictureDisparityError], found: Sequence[ErrorCauses]) -> dict[str, Any]:
-    """Errors of the declared matchers beside their bounds; empty if none is declared."""
+    """Errors of the declared matchers and their bounds; empty if none is declared."""
     if all(law.matcher == AT_BOUND for law in laws):
         return {}
     errors = [law.matcher.numerical_error_px(one.value, one.error) for law, one in zip(laws, found, strict=True)]

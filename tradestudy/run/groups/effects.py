@@ -17,9 +17,9 @@ _NONE = Change(relative=math.nan, evidence="computed")
 
 def effects_group(plan: Plan) -> xr.Dataset:
     """/effects over decisions, and over the problems of the study that they belong to."""
-    decisions = [(one, decision) for one in plan.pieces for decision in one.choice.decisions]
+    decisions = [(one, decision) for one in plan.problems for decision in one.choice.decisions]
     changes = [_row(decision.changes) for _, decision in decisions]
-    together = [_row(one.choice.changes) for one in plan.pieces]
+    together = [_row(one.choice.changes) for one in plan.problems]
     return dataset(
         "effects",
         {
@@ -34,15 +34,15 @@ def effects_group(plan: Plan) -> xr.Dataset:
             "change_at": [[one.at for one in row] for row in changes],
             "joint_change": [[one.relative for one in row] for row in together],
             "joint_evidence": [[_evidence(one) for one in row] for row in together],
-            "forced_change": [[one.relative for one in _row(piece.by_forcing)] for piece in plan.pieces],
-            "tolerance": [[one.asked.get(q, math.nan) for q in QUANTITIES] for one in plan.pieces],
-            "piece_title": [one.title for one in plan.pieces],
-            "summary": [summary(one) for one in plan.pieces],
+            "forced_change": [[one.relative for one in _row(problem.by_forcing)] for problem in plan.problems],
+            "tolerance": [[one.asked.get(q, math.nan) for q in QUANTITIES] for one in plan.problems],
+            "piece_title": [one.title for one in plan.problems],
+            "summary": [summary(one) for one in plan.problems],
         },
         {
             "decision": [f"{one.name}: {decision.slot}: {decision.model}" for one, decision in decisions],
             "quantity": list(QUANTITIES),
-            "piece": [one.name for one in plan.pieces],
+            "piece": [one.name for one in plan.problems],
         },
     )
 

@@ -24,7 +24,7 @@ from tradestudy.effects.models import Models
 from tradestudy.execution import Steps
 from tradestudy.execution.steps import Progress, Seconds, shares_before, timed
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.plan.pieces.light_spot import spot_models
+from tradestudy.plan.problems.light_spot import spot_models
 from tradestudy.results import dataset
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 
@@ -47,7 +47,7 @@ def images_group(
     steps
         How parts of the pictures are computed.
     seconds
-        Hears of what the pictures took.
+        Receives the seconds that the pictures took.
     models
         The chosen models, which compute ``chosen_image``; without methods it is the only image.
     predicted

@@ -31,7 +31,7 @@ _STEP: Final = "point spread"
 
 @dataclass(frozen=True, kw_only=True)
 class _Point:
-    """One lens with one thing varied."""
+    """One lens with one parameter varied."""
 
     part: PointSpreadPart
     lens: ElementPart

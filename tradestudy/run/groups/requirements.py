@@ -13,8 +13,8 @@ import xarray as xr
 
 from tradestudy.analysis.causes import largest_cause
 from tradestudy.analysis.halving import bracketed
-from tradestudy.analysis.held import Held
 from tradestudy.analysis.planned_calibrations import planned
+from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.analysis.requirements import ALL, ANY, Judge
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
@@ -95,18 +95,18 @@ def requirements_group(
     return over_designs("requirements", values, coordinates, axes)
 
 
-def _rests_on(definition: StudyDefinition, deciding: Sequence[Held]) -> dict[str, Any]:
+def _rests_on(definition: StudyDefinition, deciding: Sequence[RequirementAnswer]) -> dict[str, Any]:
     """The limit that decides or, if errors do, the largest cause of the camera's uncertainty at the worst distance."""
     words, shares = [], []
-    for requirement, held in zip(definition.file.requirements.values(), deciding, strict=True):
+    for requirement, answer in zip(definition.file.requirements.values(), deciding, strict=True):
         cause, limit = None, ""
-        if held.limit:
+        if answer.limit:
             which = "sharp" if requirement.quantity == "depth_of_field" else "usable"
-            limit = f"the {which} range of {definition.file.cameras[held.camera].title} ({limit_words(held.limit)})"
-        uncertain = requirement.quantity in _OF_ERRORS and held.value > 0.0
-        if math.isfinite(held.place) and (held.limit in _OF_ERRORS or (uncertain and not held.limit)):
-            cause = largest_cause(definition.case.cameras[held.camera], np.array([held.place]))
-        words.append(limit if cause is None else input_words(definition, held.camera, cause.parameter))
+            limit = f"the {which} range of {definition.file.cameras[answer.camera].title} ({limit_words(answer.limit)})"
+        uncertain = requirement.quantity in _OF_ERRORS and answer.value > 0.0
+        if math.isfinite(answer.place) and (answer.limit in _OF_ERRORS or (uncertain and not answer.limit)):
+            cause = largest_cause(definition.case.cameras[answer.camera], np.array([answer.place]))
+        words.append(limit if cause is None else input_words(definition, answer.camera, cause.parameter))
         shares.append(math.nan if cause is None else cause.share)
     return {"rests_on": words, "rests_on_share": shares}
 
@@ -146,7 +146,7 @@ def _tolerance(definition: StudyDefinition, requirement: RequirementPart) -> flo
     return definition.file.accuracy.asked().tolerances["depth_of_field" if is_sharpness else "depth_uncertainty"]
 
 
-def _near_its_bound(definition: StudyDefinition, answers: Sequence[Held]) -> list[float]:
+def _near_its_bound(definition: StudyDefinition, answers: Sequence[RequirementAnswer]) -> list[float]:
     """Whether what was left out could reverse each answer: 1 it could, 0 it could not."""
     requirements = definition.file.requirements.values()
     of_ends = definition.file.accuracy.asked().tolerances["usable_range"]
@@ -154,8 +154,8 @@ def _near_its_bound(definition: StudyDefinition, answers: Sequence[Held]) -> lis
     return [float(one.could_be_overturned(_tolerance(definition, required), of_ends)) for one, required in pairs]
 
 
-def _verdict(held: Held) -> int:
-    return -1 if held.met is None else int(held.met)
+def _verdict(answer: RequirementAnswer) -> int:
+    return -1 if answer.met is None else int(answer.met)
 
 
 def _is_numeric(axis: SweepAxis) -> bool:
@@ -173,7 +173,7 @@ class _Stretch:
 
 
 def _stretches(
-    definition: StudyDefinition, name: str, axis: SweepAxis, column: Sequence[Held], judge: Judge
+    definition: StudyDefinition, name: str, axis: SweepAxis, column: Sequence[RequirementAnswer], judge: Judge
 ) -> list[_Stretch]:
     """Intervals of one parameter in which one camera meets a requirement, with ends located between designs."""
     places = [float(label) for label in axis.labels]
@@ -195,11 +195,11 @@ def _stretches(
     return found
 
 
-def _met_by(requirement: RequirementPart, held: Held) -> str | None:
+def _met_by(requirement: RequirementPart, answer: RequirementAnswer) -> str | None:
     """The camera that meets a requirement, or "all"; None if it is not met."""
-    if not held.met:
+    if not answer.met:
         return None
-    return ALL if requirement.camera == ALL else held.camera
+    return ALL if requirement.camera == ALL else answer.camera
 
 
 def _root(

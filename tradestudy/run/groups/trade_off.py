@@ -117,8 +117,8 @@ def _feasible(design: StudyDefinition, names: Sequence[str], judge: Judge) -> li
             continue
         deciding, every = judge.answer(one, design.case)
         for name in names:
-            held = every.get(name) if one.camera == ANY else deciding
-            feasible[name] &= held is not None and held.met is True
+            answer = every.get(name) if one.camera == ANY else deciding
+            feasible[name] &= answer is not None and answer.met is True
     return list(feasible.values())
 
 

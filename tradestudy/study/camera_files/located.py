@@ -167,7 +167,7 @@ class Located:
         return int(number)
 
     def numbers(self, *counts: int) -> tuple[float, ...]:
-        """All numbers of a list or of its rows, as many as one of the counts if any are given."""
+        """All numbers of a list or of its rows; their number must be one of the counts, if any are given."""
         found = [*self._numbers()]
         if counts and len(found) not in counts:
             raise self.fail(f"{len(found)} numbers are given; {' or '.join(map(str, counts))} are expected")

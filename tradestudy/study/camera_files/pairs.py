@@ -133,7 +133,7 @@ def _check_orientation(rotation: FloatArray, second: str, first: str, at: Locate
         )
     if (turned := abs(roll(rotation))) > LARGEST_ROLL:
         raise at.fail(
-            f"{second} is rotated by {np.degrees(turned):.0f}° about its viewing axis against {first}; turn its "
+            f"{second} is rotated by {np.degrees(turned):.0f}° about its viewing axis relative to {first}; turn its "
             "pictures upright and calibrate again, for the rows of both to run along each other"
         )
 

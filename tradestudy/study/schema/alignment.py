@@ -1,7 +1,7 @@
 """Where in a file, and in which part of the schema, an error of pydantic is.
 
 pydantic locates an error by keys and positions mixed with labels of the union members that it tried. Walking along the
-types tells them apart, and ends at the model that knows which keys are legal.
+types distinguishes them, and ends at the model that knows which keys are legal.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Alignment:
     members
         For each union along the path, the member that the error is about: the union's path and the member's label.
     owner
-        The innermost model along the path, which should hold the last key.
+        The innermost model along the path, which should contain the last key.
     of_key
         Whether the error is about the last key itself and not about its value.
     """
@@ -105,7 +105,7 @@ def _tags(kind: Any) -> Iterator[str]:
 
 
 def _is_label(step: str | int, kinds: list[Any]) -> bool:
-    """Tell a union member's label from a key or a position."""
+    """Distinguish a union member's label from a key or a position."""
     if not isinstance(step, str):
         return False
     named = any(_is_model(kind) and (step == kind.__name__ or step in _tags(kind)) for kind in kinds)
@@ -113,7 +113,7 @@ def _is_label(step: str | int, kinds: list[Any]) -> bool:
 
 
 def _chosen(label: str, kinds: list[Any], rest: list[str | int]) -> Any:
-    """Find the member of a union that a label names, else one that can hold the next step."""
+    """Find the member of a union that a label names, else one that can contain the next step."""
     for kind in kinds:
         if _is_model(kind) and (label in (kind.__name__, *_tags(kind)) or label.endswith(f", {kind.__name__}]")):
             return kind

@@ -44,7 +44,7 @@ def validate_changes(document: Document, before: Document, valid: StudyFile) -> 
 
 
 def _changed_parts(document: Document, before: Document, valid: StudyFile) -> dict[str, Any]:
-    """The changed parts of a study; of parts held by name, the whole mapping."""
+    """The changed parts of a study; of parts that have names, the whole mapping."""
     changed: dict[str, Any] = {}
     for key in _changed_keys(document.root, before.root):
         part, entry, entry_before = getattr(valid, key, None), child(document.root, key), child(before.root, key)

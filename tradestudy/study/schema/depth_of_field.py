@@ -13,7 +13,7 @@ from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import NonNegativeAngle, PositiveLength, PositivePixels
 
 CriterionName = Annotated[str, Field(pattern=r"^[\w][\w.+-]*$", max_length=60)]
-PIECE: Final = "depth-of-field"
+PROBLEM: Final = "depth-of-field"
 """Name of the problem that models are chosen for."""
 Diffraction = Literal["none", "airy-diameter", "fwhm"]
 

@@ -20,7 +20,7 @@ _SHARING = {
 def editor_schema(model: type[BaseModel]) -> dict[str, Any]:
     """Describe a study file to an editor.
 
-    pydantic describes what the model validates. A file may hold more: before validation, the reader unwraps
+    pydantic describes what the model validates. A file may contain more: before validation, the reader unwraps
     ``{value: …, basis: …, note: …}`` and resolves cameras that refer to files or to each other.
 
     Parameters
@@ -45,7 +45,7 @@ def editor_schema(model: type[BaseModel]) -> dict[str, Any]:
 
 
 def _described(part: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
-    """Give every key of a part a description; a key without its own takes that of the part it holds or selects."""
+    """Give every key of a part a description; a key without its own takes that of the part it contains or selects."""
 
     def meaning(schema: Mapping[str, Any]) -> str:
         if "description" in schema:
@@ -107,7 +107,7 @@ def _with_basis(schema: dict[str, Any], parts: Mapping[str, Any]) -> dict[str, A
 
 
 def _is_value(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> bool:
-    """Tell values and lists from mappings."""
+    """Distinguish values and lists from mappings."""
     if "$ref" in schema:
         return _is_value(parts[schema["$ref"].rpartition("/")[2]], parts)
     alternatives = schema.get("anyOf") or schema.get("oneOf")

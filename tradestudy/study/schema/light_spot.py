@@ -62,7 +62,7 @@ _WIDEST_SQUARE_IN_HEXAGON: Final = math.sqrt(3.0) - 1.0  # side over pitch, side
 
 
 def _no_list(value: object) -> object:
-    """Refuse lists, so that pydantic reports a list as a list only and not as a length as well."""
+    """Refuse lists, so that pydantic reports a list once, not also as a length."""
     if isinstance(value, list | tuple):
         if len(value) == 1:
             raise UnitError("this list has only one value; the value without brackets")
@@ -244,7 +244,7 @@ class LightSpotPart(Part):
         default=False, description="Whether to time one aperture and one source point as well, whatever the methods."
     )
     published_times: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = Field(
-        default=(), description="Published computing times, shown beside the measured ones."
+        default=(), description="Published computing times, shown next to the measured ones."
     )
 
     @model_validator(mode="after")

@@ -33,7 +33,7 @@ class ScenePart(Part):
     @model_validator(mode="after")
     def _image_needs_light(self) -> Self:
         if self.image is not None and self.picture is None:
-            raise MistakeAt(("image",), "needs scene.picture beside it, which gives its texture, light and noise")
+            raise MistakeAt(("image",), "needs scene.picture too, which gives its texture, light and noise")
         return self
 
     @model_validator(mode="after")

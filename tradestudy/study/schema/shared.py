@@ -16,7 +16,7 @@ def shared(schema: Mapping[str, Any]) -> dict[str, Any]:
     Parameters
     ----------
     schema
-        A schema whose ``anyOf`` hold the alternatives; ``$defs`` may hold parts already.
+        A schema whose ``anyOf`` contain the alternatives; ``$defs`` may contain parts already.
 
     Returns
     -------

@@ -83,19 +83,19 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
             document.locate(name.tail).problem(name.tail, name.what) for name in model.mistakes_of_names(document.tree)
         ]
     if problems or document.problems:
-        news = [one for one in problems if not any(_is_same(one, told) for told in document.problems)]
+        news = [one for one in problems if not any(_is_same(one, reported) for reported in document.problems)]
         raise StudyError(list(dict.fromkeys([*document.problems, *news])))
     return valid
 
 
-def _is_same(found: Problem, told: Problem) -> bool:
-    """Whether validation only repeats a failure to read: it is at the same place, of the same value or of a part of it.
+def _is_same(found: Problem, reported: Problem) -> bool:
+    """Whether validation only repeats a failure to read: it concerns the same place, and the same value or part of it.
 
     Several values may share a place, such as those that one line of a calibration file gives.
     """
-    if (found.file, found.line, found.column) != (told.file, told.line, told.column):
+    if (found.file, found.line, found.column) != (reported.file, reported.line, reported.column):
         return False
-    (shorter, longer) = sorted((found.path, told.path), key=len)
+    (shorter, longer) = sorted((found.path, reported.path), key=len)
     return not shorter or f"{longer}.".startswith((f"{shorter}.", f"{shorter}["))
 
 
@@ -134,7 +134,7 @@ class _Finding:
         return self.kind in _SHAPES
 
     def is_consequence(self) -> bool:
-        """Tell whether pydantic only counted fewer items because some of them were wrong."""
+        """Whether pydantic only counted fewer items because some of them were wrong."""
         short = self.kind == "too_short" and isinstance(self.entry, ListEntry)
         return short and len(self.entry.items) >= self.context["min_length"]  # type: ignore[union-attr]  # short says so
 

@@ -58,7 +58,7 @@ class ValueOfInformationPart(Part):
     )
 
     def mistakes_of_owners(self, readings: Mapping[str, Sequence[str]]) -> list[MistakeAt]:
-        """Values that two assumptions vary; ``readings`` holds the paths that each reading of the study sets."""
+        """Values that two assumptions vary; ``readings`` contains the paths that each reading of the study sets."""
         owners: dict[str, str] = {}
         mistakes = []
         for name, one in self.assumptions.items():

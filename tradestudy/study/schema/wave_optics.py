@@ -93,7 +93,7 @@ class ElementPart(Part):
 
 
 class OffAxisPart(Part):
-    """One off-axis direction at one wavelength; more would take long, since symmetry is lost."""
+    """One off-axis direction at one wavelength; more would take long, since they break the symmetry."""
 
     field_angle: PositiveAngle = Field(description="Angle between the object point and the axis.")
     wavelength: PositiveWavelength = Field(description="Wavelength at which the off-axis error is evaluated.")

@@ -1,4 +1,4 @@
-"""Hard cases and their verdicts: the textbook formula and this package's, each against a reference."""
+"""Hard cases and their verdicts: the textbook formula and this program's, each against a reference."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Law:
     name
         The law in a few words, as the report prints it.
     naive, ours
-        The textbook formula, and the function of this package; both take the inputs of a case by name.
+        The textbook formula, and the function of this program; both take the inputs of a case by name.
     magnified
         Whether the condition number may magnify the allowed error. False where the ill-conditioned step is a difference
         of inputs, which floating point computes without error.
@@ -71,7 +71,7 @@ class OutcomeCase:
     name, law
         The difficulty, and what is right there.
     naive, ours
-        The answers of the textbook method and of this package, in words.
+        The answers of the textbook method and of this program, in words.
     expected
         Parts of the right answer; the answer must contain all of them.
     """
@@ -144,7 +144,7 @@ class Verdict:
 
 
 def judge(family: Family, case: NumericCase | OutcomeCase, references: Mapping[str, Reference]) -> Verdict:
-    """Compute a case by both formulas and judge ours.
+    """Compute a case by both formulas and judge the program's.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def _naive(case: NumericCase) -> float | str:
 
 
 def _ours(case: NumericCase) -> Stated | str:
-    """The answer of our formula; an unhandled floating-point warning counts as a wrong answer."""
+    """The answer of the program's formula; an unhandled floating-point warning counts as a wrong answer."""
     with np.errstate(divide="raise", invalid="raise", over="raise"):
         try:
             answer = case.law.ours(**case.inputs)

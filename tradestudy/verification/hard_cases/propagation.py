@@ -131,7 +131,7 @@ def _without_moments() -> tuple[NumericCase | OutcomeCase, ...]:
 
 
 def _weighted(*, monte_carlo: bool) -> tuple[Callable[..., float], Callable[..., Stated]]:
-    """Half width of a weighted sum of normals: by a Cholesky factor, and as this package propagates it."""
+    """Half width of a weighted sum of normals: by a Cholesky factor, and as this program propagates it."""
 
     def naive(weights: tuple[float, ...], covariance: FloatArray) -> float:
         return float(np.linalg.norm(np.linalg.cholesky(covariance).T @ np.array(weights)))

@@ -154,7 +154,7 @@ def _not_what_they_seem() -> tuple[OutcomeCase, ...]:
 
 
 def _checked(text: str) -> str:
-    """Our reader's answer to a text in a file; wrong if it takes too long or leaves other files behind."""
+    """The program's answer to a text in a file; wrong if it takes too long or leaves other files behind."""
     with tempfile.TemporaryDirectory(prefix="tradestudy-") as folder:
         path = Path(folder) / "study.yaml"
         path.write_text(text, encoding="utf-8")

@@ -29,7 +29,7 @@ def complete_in_closed_form(law: PictureDisparityError) -> PictureModels:
     return replace(plain, main_lens_diffraction="fresnel", microlens_diffraction="fresnel" if microlenses else "off")
 
 
-def acting(camera: DepthCamera, chosen: Models) -> DepthCamera:
+def apply_models(camera: DepthCamera, chosen: Models) -> DepthCamera:
     """The camera with the chosen models instead of the declared ones; where nothing is chosen, it stays as it is."""
     law = camera.disparity_error_px
     if isinstance(law, PictureDisparityError):

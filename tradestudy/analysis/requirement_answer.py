@@ -8,7 +8,7 @@ from statistics import NormalDist
 
 
 @dataclass(frozen=True, kw_only=True)
-class Held:
+class RequirementAnswer:
     """The answer of one camera to one requirement.
 
     Parameters
@@ -78,7 +78,7 @@ class Held:
         return float(bool(self.met) if self.margin == 0.0 else self.margin > 0.0)  # exactly at the bound, `met` decides
 
     @classmethod
-    def unknown(cls, camera: str, bound: float, reason: str) -> Held:
+    def unknown(cls, camera: str, bound: float, reason: str) -> RequirementAnswer:
         """For a camera without a value: undecided."""
         nan = math.nan
         return cls(

@@ -19,15 +19,15 @@ from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.models import PictureModels
 from tradestudy.imaging.picture import LARGEST_ERROR_PX, WeighedPicture
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
-from tradestudy.plan.pieces.failed_fraction import (
+from tradestudy.plan.problems.failed_fraction import (
     missed_by_the_line,
     of_true_matches,
     shift_without_calibration,
     verdict_changed_without_calibration,
 )
-from tradestudy.plan.pieces.kirchhoff_rule import change_by_exact_paths, places_to_try, tried_change
-from tradestudy.plan.pieces.off_axis import closed_form_of, moved_off_axis
-from tradestudy.study.acting import acting, complete_in_closed_form, in_closed_form, with_models
+from tradestudy.plan.problems.kirchhoff_rule import change_by_exact_paths, places_to_try, tried_change
+from tradestudy.plan.problems.off_axis import closed_form_of, moved_off_axis
+from tradestudy.study.applied_models import apply_models, complete_in_closed_form, in_closed_form, with_models
 
 _ENDS_ARE_KNOWN_TO: Final = 1e-2  # of their distance; their shift is found from the slope there
 _BESIDE_AN_END: Final = 1e-2  # of its distance, for that slope
@@ -92,7 +92,7 @@ class DepthVariant:
     forced
         Models that the study prescribes.
     fields
-        Places in the field that the study declares, beside the axis.
+        Places in the field that the study declares, besides the axis.
     ways
         The errors that answers include: ``both``, and ``calibration`` alone where a question names it.
     only_in
@@ -116,7 +116,7 @@ class DepthVariant:
         models = in_closed_form(self.forced)
         if models.get("calibration", "exact") == "exact" and has_covariance(self.camera):
             models["calibration"] = "linear"
-        camera = acting(self.camera, models)
+        camera = apply_models(self.camera, models)
         law = camera.disparity_error_px
         if isinstance(law, PictureDisparityError):
             complete = with_models(complete_in_closed_form(law), models)
@@ -343,7 +343,7 @@ class DepthVariant:
     def _range_appears_or_vanishes(
         self, factor: FloatArray, half_width: FloatArray, shift: float, *, off: bool
     ) -> bool:
-        """Whether the verdict on a limit changes anywhere but beside an end."""
+        """Whether the verdict on a limit changes anywhere but next to an end."""
         changed = np.zeros(self._imaged.shape, dtype=bool)
         bound = self.criteria.relative_uncertainty
         if bound is not None:
@@ -395,7 +395,7 @@ class DepthVariant:
         """
         if not has_covariance(self.camera):
             return np.inf, np.nan
-        camera, places = acting(self.reference, {"calibration": "linear"}), self.distance[self.usable]
+        camera, places = apply_models(self.reference, {"calibration": "linear"}), self.distance[self.usable]
         asked = self.asked[camera.images(self.asked)]
         some = np.linspace(0, max(0, asked.size - 1), _MOST_ASKED).round().astype(int)  # including the farthest
         tried = asked[np.unique(some)] if asked.size else asked

@@ -15,7 +15,7 @@ from tradestudy.analysis.depth import DepthErrors, model_error
 from tradestudy.cameras.depth_camera import DepthCamera, false_match_share
 from tradestudy.effects.models import OFF
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.study.acting import acting
+from tradestudy.study.applied_models import apply_models
 
 _BESIDE: Final = 1e-2  # of the distance of an end, for the slope there
 _AT_AN_END: Final = 0.05  # closer to an end than this share of its distance, a fraction counts as at its limit
@@ -34,7 +34,7 @@ def failed_fraction(camera: DepthCamera, distance: FloatArray) -> FloatArray:
 
 def verdict_changed_without_calibration(camera: DepthCamera, bound: float, distance: FloatArray) -> BoolArray:
     """Where noise alone keeps the limit on the failed fraction and all errors break it, or the reverse."""
-    without = failed_fraction(acting(camera, {"calibration": OFF}), distance)
+    without = failed_fraction(apply_models(camera, {"calibration": OFF}), distance)
     return np.asarray((without <= bound) != (failed_fraction(camera, distance) <= bound))
 
 
@@ -47,7 +47,7 @@ def shift_without_calibration(camera: DepthCamera, bound: float, ends: FloatArra
     by_failures = _near(own, bound)
     if not by_failures.any():
         return 0.0
-    without = failed_fraction(acting(camera, {"calibration": OFF}), ends[by_failures])
+    without = failed_fraction(apply_models(camera, {"calibration": OFF}), ends[by_failures])
     with np.errstate(divide="ignore"):
         moved = np.abs(np.log(without / own[by_failures]))
     return float(np.max(moved / _slope(camera, ends[by_failures])))

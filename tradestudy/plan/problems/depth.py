@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike
 from tradestudy.accuracy import Quantity
 from tradestudy.analysis.linear_depth import has_covariance
 from tradestudy.cameras.depth_camera import DepthCamera, declared_disparity_error
-from tradestudy.effects.choice import Change, Changes, Evidence, Piece, Slot
+from tradestudy.effects.choice import Change, Changes, Evidence, SimulationProblem, Slot
 from tradestudy.effects.models import LENSES, OFF, Models, SlotName, models_of
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.plan.pieces.depth_variant import DepthVariant
-from tradestudy.plan.pieces.variants import every_variant
-from tradestudy.study.acting import complete_in_closed_form
+from tradestudy.plan.problems.depth_variant import DepthVariant
+from tradestudy.plan.problems.variants import every_variant
+from tradestudy.study.applied_models import complete_in_closed_form
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.root import StudyFile
 
@@ -37,7 +37,7 @@ _COSTLY: Final[Mapping[SlotName, int]] = {"calibration": 2, **dict.fromkeys(LENS
 _OTHERS: Final[tuple[SlotName, ...]] = ("defocus_blur", "pixel_integration", "vignetting", "sensor_noise")
 
 
-class DepthPiece(Piece):
+class DepthProblem(SimulationProblem):
     """One camera that measures depth, in every form in which the study uses it.
 
     Parameters
@@ -86,7 +86,7 @@ class DepthPiece(Piece):
         }
         return worst | (self._noise(models) if "depth_noise" in self.asked else {})
 
-    def elsewhere(self, models: Models) -> Mapping[str, Models]:
+    def other_models(self, models: Models) -> Mapping[str, Models]:
         """Models of the readings and inverse questions that need draws, although the study as declared does not."""
         if models["calibration"] == "exact":
             return {}
@@ -231,7 +231,7 @@ _UNKNOWN: Final = Change(relative=math.inf, least=math.inf, evidence="rule")
 _TO_BE_TRIED: Final = Change(relative=math.inf, evidence="rule")
 
 
-def depth_pieces(definition: StudyDefinition, forced: Models) -> tuple[DepthPiece, ...]:
+def depth_problems(definition: StudyDefinition, forced: Models) -> tuple[DepthProblem, ...]:
     """One problem of choice for each camera that measures depth."""
     variants = tuple(every_variant(definition))
     tolerances = definition.file.accuracy.asked().tolerances
@@ -240,7 +240,7 @@ def depth_pieces(definition: StudyDefinition, forced: Models) -> tuple[DepthPiec
         asked = (*asked, "depth_noise")
     strictest = min(tolerances[one] for one in asked[:2])
     return tuple(
-        DepthPiece(
+        DepthProblem(
             name,
             definition.file.cameras[name].title,
             _distinct(variants, name, forced),

@@ -7,7 +7,7 @@ from typing import Final
 
 from tradestudy.accuracy import Quantity
 from tradestudy.analysis.point_spreads import LensAndPoint, SpreadMethod, every_case, spread_measures
-from tradestudy.effects.choice import Change, Changes, Piece, Slot
+from tradestudy.effects.choice import Change, Changes, SimulationProblem, Slot
 from tradestudy.effects.models import Models, models_of
 from tradestudy.study.schema.wave_optics import PointSpreadPart
 
@@ -15,7 +15,7 @@ NAME: Final = "point-spread"
 _TRIED: Final = 2  # steepest cases
 
 
-class PointSpreadPiece(Piece):
+class PointSpreadProblem(SimulationProblem):
     """The declared images of points; their width is the radius that encloses half of the light.
 
     A run computes each image by both laws, since each checks the other: leaving out Kirchhoff's law saves no time.

@@ -75,7 +75,7 @@ def rows(cost: xr.Dataset) -> dict[str, dict[str, Any]]:
     return cost.drop_dims("piece").to_dataframe().set_index("models").to_dict("index")
 
 
-def test_noise_alone_errs_by_what_the_closed_forms_say(cost: xr.Dataset) -> None:
+def test_the_error_of_noise_alone_is_that_of_the_closed_forms(cost: xr.Dataset) -> None:
     """On the axis 1/Z changes by σ/(fB) with the disparity and by ψ/B with the yaw, up to ψ (x/f)² at x = fB/2Z."""
     distance = np.geomspace(0.5, 2.0, 5)
     noise = ERROR_PX * PIXEL / (F * B)
@@ -89,7 +89,7 @@ def test_noise_alone_errs_by_what_the_closed_forms_say(cost: xr.Dataset) -> None
     assert rows(cost)["noise alone"]["relative_error"] == pytest.approx(expected, rel=1e-3)
 
 
-def test_every_way_to_propagate_is_there_and_one_is_chosen(cost: xr.Dataset) -> None:
+def test_every_propagation_model_is_listed_and_one_is_chosen(cost: xr.Dataset) -> None:
     found = rows(cost)
     assert set(found) == {
         "noise alone", "linear calibration", *(f"exact calibration to {to} %" for to in ("5", "1.5", "0.5", "0.15")),
@@ -104,14 +104,14 @@ def test_every_way_to_propagate_is_there_and_one_is_chosen(cost: xr.Dataset) -> 
     }
 
 
-def test_a_choice_that_a_study_forces_is_priced_and_so_is_the_next_digit(pair: Study) -> None:
+def test_the_cost_of_a_forced_choice_and_of_the_next_digit_is_measured(pair: Study) -> None:
     forced = pair.with_values({"effects.calibration": "off"}).cost(budget=8.0)
     found = rows(forced)
     assert [models for models, row in found.items() if row["chosen"]] == ["noise alone"]
     assert [models for models, row in found.items() if row["next_digit"]] == ["linear calibration"]
 
 
-def test_laws_of_diffraction_are_priced_where_the_disparity_error_is_derived(pair: Study) -> None:
+def test_diffraction_models_are_measured_where_the_disparity_error_is_derived(pair: Study) -> None:
     """Without calibration errors depth is as uncertain as disparity, but for the curvature of 1/Z."""
     picture = {
         "texture": {"contrast": "15 %", "correlation_length": "2 mm"},
@@ -144,7 +144,7 @@ def test_laws_of_diffraction_are_priced_where_the_disparity_error_is_derived(pai
     assert found["every effect, noise alone"]["relative_error"] < 0.2 * expected
 
 
-def test_laws_and_tolerances_of_a_light_spot_are_priced() -> None:
+def test_models_and_tolerances_of_a_light_spot_are_measured() -> None:
     small = (
         "light_spot.spot.diameter=20 um", "light_spot.methods=[geometric, fresnel]", "light_spot.tolerance=10 %",
         "light_spot.benchmarks=false", "light_spot.published_times=null", "light_spot.microlenses.lenses_across=1",
@@ -158,14 +158,14 @@ def test_laws_and_tolerances_of_a_light_spot_are_priced() -> None:
     assert found["chosen"].values.sum() == 1
 
 
-def test_where_nothing_is_usable_that_is_said(pair: Study, tmp_path: Path) -> None:
+def test_a_camera_that_is_nowhere_usable_is_reported(pair: Study, tmp_path: Path) -> None:
     strict = pair.with_values({"usable_range.relative_uncertainty": "0.00001 %"})
-    told = api.cost(strict, tmp_path, budget=1.0)
-    assert told == ["Pair: usable at no distance of the study.", str(tmp_path / "cost.json")]
+    reported = api.cost(strict, tmp_path, budget=1.0)
+    assert reported == ["Pair: usable at no distance of the study.", str(tmp_path / "cost.json")]
 
 
 @pytest.mark.parametrize("budget", [0.0, float("inf")])
-def test_a_budget_that_is_no_time_is_refused(pair: Study, budget: float) -> None:
+def test_a_budget_that_is_not_a_time_is_refused(pair: Study, budget: float) -> None:
     with pytest.raises(OutOfRangeError, match="such as 120"):
         pair.cost(budget=budget)
 
@@ -176,14 +176,14 @@ def test_too_little_time_is_named(pair: Study) -> None:
     assert "no time left for a reference" in str(found["left_out"].values[0])
 
 
-def test_a_study_without_prices_is_refused_before_it_is_computed(tmp_path: Path) -> None:
+def test_a_study_without_anything_to_measure_is_refused_before_it_is_computed(tmp_path: Path) -> None:
     study = api.load(ROOT / "studies" / "hard_cases.yaml")
     with pytest.raises(OutOfRangeError, match="hard-cases"):
         api.run(study, tmp_path, with_cost=True)
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_tells_each_camera_and_leaves_a_run_alone(pair: Study, tmp_path: Path) -> None:
+def test_the_command_reports_each_camera_and_leaves_a_run_alone(pair: Study, tmp_path: Path) -> None:
     file, out = tmp_path / "pair.yaml", tmp_path / "out"
     file.write_text(PAIR, encoding="utf-8")
 
@@ -195,8 +195,8 @@ def test_the_command_tells_each_camera_and_leaves_a_run_alone(pair: Study, tmp_p
     invoke("run", "--no-pdf")
     before = {path: path.read_bytes() for path in out.rglob("*.*")}
     assert "What accuracy costs" not in (out / "report.html").read_text(encoding="utf-8")
-    told, figure = invoke("cost", "--budget", "2").splitlines()
-    assert told.startswith("Pair: linear calibration takes ")
+    reported, figure = invoke("cost", "--budget", "2").splitlines()
+    assert reported.startswith("Pair: linear calibration takes ")
     assert figure == str(out / "cost.svg")
     assert {path: path.read_bytes() for path in before} == before
     assert {path.name for path in set(out.rglob("*.*")) - set(before)} == {"cost.json", "cost.svg"}
@@ -205,7 +205,7 @@ def test_the_command_tells_each_camera_and_leaves_a_run_alone(pair: Study, tmp_p
     assert summary["pieces"][0]["title"] == "Pair"
 
 
-def test_a_run_shows_it_on_request_and_a_report_again(
+def test_a_run_measures_it_on_request_and_a_later_report_shows_it(
     pair: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("tradestudy.cost.study_cost.study_cost.__kwdefaults__", {"budget": 2.0})

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tradestudy.accuracy import Quantity
 from tradestudy.analysis.scene_pictures import declared_image, recording_of, set_up, whole_pictures
-from tradestudy.effects.choice import Change, Changes, Piece, Slot
+from tradestudy.effects.choice import Change, Changes, SimulationProblem, Slot
 from tradestudy.effects.models import LENSES, OFF, Models, models_of
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution.fingerprint import fingerprint
@@ -32,11 +32,11 @@ _MOST_WAVES: Final = 60.0  # of defocus; beyond, the ray spot is hundreds of wav
 
 
 def name_of(camera: str) -> str:
-    """Name of the problem that a camera's pictures are."""
+    """Name of the problem of a camera's pictures."""
     return f"{camera}-pictures"
 
 
-def picture_pieces(definition: StudyDefinition, forced: Models) -> Iterator[ScenePicturesPiece]:
+def picture_problems(definition: StudyDefinition, forced: Models) -> Iterator[ScenePicturesProblem]:
     """One problem for each camera that takes pictures, as designed: its errors shift effects of waves but create none.
 
     Raises
@@ -48,7 +48,7 @@ def picture_pieces(definition: StudyDefinition, forced: Models) -> Iterator[Scen
     scene, cameras = set_up(definition, rig="as-designed", texture_side=TRIAL_TEXTURE)
     for taken in cameras:
         recording = recording_of(image, picture, taken.camera.sensor)
-        yield ScenePicturesPiece(
+        yield ScenePicturesProblem(
             name=name_of(taken.name),
             title=f"Pictures by {definition.file.cameras[taken.name].title}",
             pictures=whole_pictures(definition, image, scene, taken, recording),
@@ -57,7 +57,7 @@ def picture_pieces(definition: StudyDefinition, forced: Models) -> Iterator[Scen
         )
 
 
-class ScenePicturesPiece(Piece):
+class ScenePicturesProblem(SimulationProblem):
     """A camera's pictures of the scene, by rays or by waves on all legs; a trial finds what rays change.
 
     Parameters

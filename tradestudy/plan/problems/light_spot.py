@@ -10,14 +10,14 @@ from typing import Final
 
 from tradestudy.accuracy import Quantity
 from tradestudy.analysis.spot_images import RAYS, SpotModels, light_path, light_source
-from tradestudy.effects.choice import Change, Changes, Piece, Slot
+from tradestudy.effects.choice import Change, Changes, SimulationProblem, Slot
 from tradestudy.effects.models import LENSES, OFF, Models, SlotName, models_of
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.chain import ChainAccuracy, DiscSource, LightPath
 from tradestudy.optics.chain.sources import source_nodes
 from tradestudy.optics.chain.spot_image import followed_points
 from tradestudy.optics.chain.spot_parts import source_density
-from tradestudy.plan.pieces.light_trial import TOLERANCE, LightTrial
+from tradestudy.plan.problems.light_trial import TOLERANCE, LightTrial
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 
 NAME: Final = "light-spot"
@@ -50,7 +50,7 @@ _NEVER_A_POINT: Final = (
 _FREE: Final = 0.25  # of the change by models: a sampling error this small needs no finer nodes
 
 
-class LightSpotPiece(Piece):
+class LightSpotProblem(SimulationProblem):
     """The picture of one spot; trials find the change by what its models leave out.
 
     The boundary wave costs more than Fresnel's law and saves nothing behind the array, so it is used only where the
@@ -207,9 +207,9 @@ def extent_rule(path: LightPath, source: DiscSource, wavelength: float) -> float
 
     A pixel's light that comes through a width D of the pupil varies with the place of the source by at most D/(λ z)
     cycles per metre. The mean over a disc of diameter d lowers such a variation by 1 − 2 J₁(t)/t ≤ t²/8,
-    t = π d D/(λ z). Half of that is stated: twice what 222 light paths showed, but for numerical errors. A
-    microlens w wide takes D = w a/|b| from the image of a point, a behind the main lens and |b| from the array, widened
-    by its Airy disc, 2.44 λ (a + b)/w.
+    t = π d D/(λ z). Half of that is stated: twice the largest change over 222 light paths, apart from numerical errors.
+    A microlens w wide takes D = w a/|b| from the image of a point, a behind the main lens and |b| from the array,
+    widened by its Airy disc, 2.44 λ (a + b)/w.
 
     Parameters
     ----------

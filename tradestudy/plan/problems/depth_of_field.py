@@ -9,19 +9,19 @@ from dataclasses import replace
 import numpy as np
 
 from tradestudy.cameras.focus import BlurCriterion, Focus
-from tradestudy.effects.choice import Change, Changes, Piece, Slot
+from tradestudy.effects.choice import Change, Changes, SimulationProblem, Slot
 from tradestudy.effects.models import OFF, Models, models_of
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.schema.depth_of_field import PIECE
+from tradestudy.study.schema.depth_of_field import PROBLEM
 
 
-class DepthOfFieldPiece(Piece):
+class DepthOfFieldProblem(SimulationProblem):
     """Every camera of a study under its criteria of sharpness.
 
     Both models are closed forms that cost no time: the diffraction spot is included unless the study switches it off.
     """
 
-    name, title = PIECE, "Depth of field"
+    name, title = PROBLEM, "Depth of field"
     asked = ("depth_of_field",)
 
     def __init__(self, focuses: Sequence[Focus], criteria: Sequence[BlurCriterion], forced: Models) -> None:
