@@ -59,6 +59,16 @@ def spans(text: Text) -> Spans:
     return (Span(literal(text)),) if isinstance(text, str) else text
 
 
+_SYMBOL = re.compile(r"(?<!\w)([^\W\d_])_(\w+)")
+
+
+def with_subscripts(text: str) -> Spans:
+    """Text in which symbols such as ``b_L`` have subscripts."""
+    pieces = _SYMBOL.split(literal(text))
+    styles: tuple[SpanStyle, ...] = ("plain", "emphasis", "sub")
+    return tuple(Span(piece, styles[place % 3]) for place, piece in enumerate(pieces) if piece)
+
+
 def plain_text(text: Text) -> str:
     """Text alone, for a terminal: no styles, no spaces that do not break."""
     return "".join(span.text for span in spans(text)).replace("\N{NO-BREAK SPACE}", " ")
