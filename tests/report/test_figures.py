@@ -269,8 +269,8 @@ def test_curves_are_drawn_at_the_declared_design_or_name_theirs(make_tree: Calla
     at_first = make_tree()["depth"].to_dataset()["depth_uncertainty"].values
     np.testing.assert_array_equal(nominal(declared)["depth_uncertainty"].values, at_first / 2)
     np.testing.assert_array_equal(nominal(unknown)["depth_uncertainty"].values, at_first)
-    assert "the one with b = 100 mm is shown" in figures.build(declared)["mid_range"].caption
-    assert "the one with b = 50 mm is shown" in figures.build(unknown)["mid_range"].caption
+    assert "the figure shows b 100 mm." in figures.build(declared)["mid_range"].caption
+    assert "the figure shows b 50 mm." in figures.build(unknown)["mid_range"].caption
     # A decision is about the declared design: it is not drawn over the curves of another one.
     assert [has_winners(tree) for tree in (declared, unknown)] == [True, False]
     assert "best camera" in _tick_labels(declared)

@@ -14,6 +14,7 @@ from tradestudy.analysis.fresnel_errors import (
     psf_differences,
 )
 from tradestudy.analysis.spot_images import image_difference, lit_pixels, spot_image
+from tradestudy.light_methods import short_title
 from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.study.schema.questions import (
     CriterionFNumberClaim,
@@ -59,10 +60,11 @@ def wave_claim_words(claim: WaveClaim) -> str:
             bound = f" of {significant(claim.path_error)} waves" if claim.path_error is not None else ""
             return f"smallest f-number for the {claim.element} by {claim.criterion}{bound}"
         case ImageDifferenceClaim():
-            return f"summed difference between the {claim.method} and {claim.reference} images, relative to the latter"
+            pictures = f"{short_title(claim.method)} and by {short_title(claim.reference)}"
+            return f"summed difference between the pictures by {pictures}, relative to the latter"
         case LitPixelsClaim():
-            images = f"{claim.method} image relative to {claim.reference} image"
-            return f"number of pixels above {pretty(claim.above, FRACTION)} of the brightest, {images}"
+            pictures = f"by {short_title(claim.method)} relative to that by {short_title(claim.reference)}"
+            return f"number of pixels above {pretty(claim.above, FRACTION)} of the brightest, in the picture {pictures}"
 
 
 def _there(part: PartT | None) -> PartT:

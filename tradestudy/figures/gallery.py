@@ -34,7 +34,7 @@ from tradestudy.figures.value_tables import reading_tables
 from tradestudy.figures.worths import worths_drawing
 from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners
 from tradestudy.results.views.depth import field_words, largest_parts, nominal, of_camera, swept, where_usable
-from tradestudy.results.views.designs import path_words
+from tradestudy.results.views.designs import design_words, path_words
 from tradestudy.results.views.groups import camera_titles
 from tradestudy.units import LENGTH, pretty, significant
 from tradestudy.wording import counted, distance, listed, span
@@ -111,8 +111,8 @@ def _design_words(tree: xr.DataTree) -> str:
     depth = nominal(tree)
     if not (names := swept(tree["depth"].to_dataset())):
         return ""
-    design = ", ".join(f"{name} = {sweeps.shown_value(depth[name], depth[name].item())}" for name in names)
-    return f" Of the swept designs the one with {design} is shown."
+    values = {name: sweeps.shown_value(depth[name], depth[name].item()) for name in names}
+    return f" Of the swept designs, the figure shows {design_words(tree, values)}."
 
 
 def _usable_words(depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> str:

@@ -29,7 +29,7 @@ from tradestudy.figures.style import (
 )
 from tradestudy.figures.sweeps import shown_value
 from tradestudy.results.views.depth import nominal, of_camera, swept, where_measured
-from tradestudy.results.views.designs import path_words
+from tradestudy.results.views.designs import design_words
 from tradestudy.results.views.groups import group
 from tradestudy.wording import listed
 
@@ -76,8 +76,8 @@ def _line_words(labels: Sequence[str]) -> str:
 
 def _design_words(tree: xr.DataTree, design: Mapping[str, Any]) -> str:
     depth = _of_design(tree, design)
-    values = [f"{path_words(tree, path)} = {shown_value(depth[path], depth[path].item())}" for path in _swept(tree)]
-    return f" Of the swept designs the one with {listed(values)} is shown." if values else ""
+    values = {path: shown_value(depth[path], depth[path].item()) for path in _swept(tree)}
+    return f" Of the swept designs, the figure shows {design_words(tree, values)}." if values else ""
 
 
 def _swept(tree: xr.DataTree) -> tuple[str, ...]:

@@ -48,12 +48,14 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
         return None
     names = " and ".join(path_words(tree, dim) for dim in dims)
     told = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree))
-    shown = "Smallest margin of the must requirements" if len(dims) == 2 else "Margin of each requirement"
-    curves = "Marks: computed designs; the curves pass 0 at the limits found between them. Shaded: designs meet"
-    met = "Thick line: 0. Filled dots: designs that meet" if len(dims) == 2 else curves
+    shown = "Smallest margin of the requirements that must hold" if len(dims) == 2 else "Margin of each requirement"
+    curves = (
+        "Marks: computed designs; the curves pass 0 at the limits found between them. Shaded: all that must hold are"
+    )
+    marks = "Thick line: 0. Filled dots: all of them are" if len(dims) == 2 else curves
     return Drawing(
         name="requirement_margins",
-        caption=f"{shown} against the {names}: met above 0. {met} all must requirements. Dashed: "
+        caption=f"{shown} against the {names}: met above 0. {marks} met. Dashed: "
         "the study as declared. Where no camera is usable throughout, the margin is at most minus the fraction of "
         "the range that is not usable.",
         alt=f"Margins against the {names}. {told}.",

@@ -28,7 +28,7 @@ def uncertainty_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         yield Drawing(
             name=f"depth-map-{key}",
             caption=f"Depth uncertainty of {titles[key]} over the picture, relative to its middle, on one "
-            "scale for all distances. White: not seen by both cameras, outside the valid field of a lens, or without a "
+            "scale for all distances. Blank: not seen by both cameras, outside the valid field of a lens, or without a "
             "bound.",
             alt="".join(map_sentences(tree, key)),
             draw=partial(draw_uncertainty_map, tree, key),

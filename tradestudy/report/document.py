@@ -38,16 +38,35 @@ _MARKUP = re.compile(
 _PLACE = re.compile(r"\{(\w+)\}")
 # Characters that XML forbids, and direction overrides that could make a name read as something else.
 _FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
+# Units as studies spell them become those of the report; a number stays on the line of its unit.
+_SPELLED_UNITS = ((re.compile(r"(?<=\d) ?deg\b"), "°"), (re.compile(r"(?<=\d) ?um\b"), "\N{NO-BREAK SPACE}µm"))
+_BEFORE_UNIT = re.compile(r"(?<=[\d∞]) (?=(?:[nµmck]?m|[mµ]?s|min|h|[mk]?g|m?W|px|ppm|%)(?!\w))")
 
 
 def literal(text: str) -> str:
-    """Text safe to carry in any output format: forbidden characters become U+FFFD, line ends a space."""
-    return _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", re.sub(r"[\r\n\t]+", " ", text))
+    """Text safe to carry in any output format: forbidden characters become U+FFFD, line ends a space.
+
+    Units are typeset: "0.2 deg" becomes "0.2°", and no line breaks between a number and its unit.
+    """
+    text = _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", re.sub(r"[\r\n\t]+", " ", text))
+    for spelled, typeset in _SPELLED_UNITS:
+        text = spelled.sub(typeset, text)
+    return _BEFORE_UNIT.sub("\N{NO-BREAK SPACE}", text)
 
 
 def spans(text: Text) -> Spans:
     """Text as spans; a plain string is one literal span."""
     return (Span(literal(text)),) if isinstance(text, str) else text
+
+
+_SYMBOL = re.compile(r"(?<!\w)([^\W\d_])_(\w+)")
+
+
+def with_subscripts(text: str) -> Spans:
+    """Text in which symbols such as ``b_L`` have subscripts."""
+    pieces = _SYMBOL.split(literal(text))
+    styles: tuple[SpanStyle, ...] = ("plain", "emphasis", "sub")
+    return tuple(Span(piece, styles[place % 3]) for place, piece in enumerate(pieces) if piece)
 
 
 def plain_text(text: Text) -> str:

@@ -50,7 +50,7 @@ def render_pdf(document: Report, pictures: Mapping[str, bytes]) -> bytes:
 def _text(text: Text, numbers: Mapping[str, str]) -> list[Json]:
     return [
         {
-            "text": printable(span.text or numbers.get(span.target, "")),
+            "text": printable(span.text or numbers.get(span.target, "").replace(" ", "\N{NO-BREAK SPACE}")),
             "style": span.style,
             "target": span.target,
         }

@@ -21,6 +21,7 @@ from tradestudy.report.document import (
     Text,
     pictures_of,
     say,
+    with_subscripts,
 )
 from tradestudy.report.words import length, part_words, share, with_error
 from tradestudy.results.views.conclusions import best_ranges, measure_first, question_words, rests_on
@@ -114,7 +115,14 @@ def _requirements(requirements: Sequence[RequirementConclusion], of: str = "") -
 def _solved(tree: xr.DataTree) -> Iterator[Spans]:
     """Inverse questions and their answers."""
     for says, answer in solved_questions(tree):
-        yield say("{question} **{answer}**.", question=question_words(says), answer=answer)
+        value, _, more = answer.partition("; ")
+        beside = f" ({more})" if more else ""
+        yield say(
+            "{question} **{value}**{beside}.",
+            question=with_subscripts(question_words(says)),
+            value=value,
+            beside=beside,
+        )
 
 
 def _requirement(one: RequirementConclusion) -> Spans:
@@ -219,7 +227,7 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
     if turned:
         names = list(dict.fromkeys(name for one in turned for name in reversed_by[one.place]))
         counts = sorted({len(reversed_by[one.place]) for one in turned})
-        by_name = {1: "by *{first}*", 2: "by *{first}* or *{last}*"}
+        by_name = {1: "under the reading *{first}*", 2: "under the readings *{first}* and *{last}*"}
         by = by_name.get(len(names), "under {counts} of {all} other readings")
         yield say(
             "**Reversed** at {places} " + by + " ([](#verdict-table)).",

@@ -33,8 +33,11 @@ def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
         first=(Column(title="Camera", weight=1),),
         rows=[((titles[str(one["mapped_camera"].item())],), one) for one in rows],
     )
+    told: dict[str, list[str]] = {}
     for one in rows:
-        yield Paragraph(_matcher(titles[str(one["mapped_camera"].item())], str(one["matcher"].item())))
+        told.setdefault(str(one["matcher"].item()), []).append(titles[str(one["mapped_camera"].item())])
+    for matcher, cameras in told.items():
+        yield Paragraph(_matcher("; ".join(cameras), matcher))
 
 
 def _matcher(title: str, told: str) -> Text:

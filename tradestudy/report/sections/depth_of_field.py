@@ -26,7 +26,7 @@ from tradestudy.report.words import length, share
 from tradestudy.results.views.depth import by_first_criterion, sharp_ranges
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import PIXELS, pretty, significant
-from tradestudy.wording import counted
+from tradestudy.wording import counted, listed
 
 _SPOT = {"none": "defocus alone", "fwhm": "with diffraction at half maximum", "airy-diameter": "with the Airy diameter"}
 
@@ -126,19 +126,15 @@ def _findings(tree: xr.DataTree, rows: list[_Row]) -> Iterator[Spans]:
 def _diffraction_finding(tree: xr.DataTree) -> Iterator[Spans]:
     """For how many cameras diffraction alone is wider than what counts as sharp, by each criterion that counts it."""
     data = group(tree, "depth_of_field")
-    words = []
+    words: list[str] = []
     for name in data["sharp"].values:
         one = data.sel(sharp=name)
         if str(one["diffraction"].item()) != "none":
             blind = int(np.sum(np.asarray(one["extent"].values, dtype=np.float64) == 0.0))
-            words.append(f"{_criterion_words(one)}: {blind}")
+            of_all = f" of {counted(data.sizes['camera'], 'camera')}" if not words else ""
+            words.append(f"in {blind}{of_all} ({_criterion_words(one)})")
     if words:
-        yield say(
-            "Number of cameras, of {all}, whose diffraction spot alone exceeds the criterion, so that nothing is "
-            "sharp: {words}.",
-            all=str(data.sizes["camera"]),
-            words="; ".join(words),
-        )
+        yield say("Diffraction alone leaves nothing sharp {words}.", words=listed(words))
 
 
 def _criterion_words(one: xr.Dataset) -> str:

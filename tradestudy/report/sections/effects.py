@@ -138,9 +138,10 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
                 changed = IN_WORDS[QUANTITIES[number]]
                 yield f"The {changed} has no tolerance; it may be off by up to {_share(float(shown.max()))}."
             continue
+        most = float(np.nanmax(np.where(np.isnan(asked), np.nan, joint)))
+        by = f"by up to {_share(most)}" if most > 0.0 else "not at all"
         yield (
-            f"The omitted effects change the {IN_WORDS[QUANTITIES[number]]} by up to "
-            f"{_share(float(np.nanmax(np.where(np.isnan(asked), np.nan, joint))))}; "
+            f"The omitted effects change the {IN_WORDS[QUANTITIES[number]]} {by}; "
             f"the tolerance is {_share(float(np.nanmax(asked)))}."
         )
         forced = data["forced_change"].values[:, number]

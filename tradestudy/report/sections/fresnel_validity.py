@@ -84,7 +84,7 @@ def _findings(data: xr.Dataset) -> Iterator[Spans]:
             start=length(float(data["wavelength"].values[0])),
             end=length(float(data["wavelength"].values[-1])),
         )
-    yield say("As the camera uses them: {each}.", each=_as_used(data, window))
+    yield say("At the f-numbers of the camera: {each}.", each=_as_used(data, window))
     yield from _off_axis(data, window)
 
 
@@ -92,9 +92,9 @@ def _as_used(data: xr.Dataset, window: float) -> str:
     sentences = []
     for element in data["element"].values:
         at = data["camera_point_error"].sel(element=element, metric="l1", window=window)
-        parts = [f"{_range(np.asarray(at.sel(lens_phase=p).values))} {p}" for p in data["lens_phase"].values]
+        parts = [f"{_range(np.asarray(at.sel(lens_phase=p).values))} ({p})" for p in data["lens_phase"].values]
         f_number = significant(float(data["camera_f_number"].sel(element=element)))
-        sentences.append(f"{element_title(data, str(element)).lower()} at f/{f_number} {', '.join(parts)}")
+        sentences.append(f"{element_title(data, str(element)).lower()}, f/{f_number}: {', '.join(parts)}")
     return "; ".join(sentences)
 
 
@@ -104,10 +104,10 @@ def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
     parts = []
     for element in data["element"].values:
         at = data["off_axis_camera_error"].sel(element=element, metric="l1", window=window)
-        each = [f"{share(float(at.sel(lens_phase=phase)))} {phase}" for phase in data["lens_phase"].values]
-        parts.append(f"{element_title(data, str(element)).lower()} {', '.join(each)}")
+        each = [f"{share(float(at.sel(lens_phase=phase)))} ({phase})" for phase in data["lens_phase"].values]
+        parts.append(f"{element_title(data, str(element)).lower()}, {', '.join(each)}")
     yield say(
-        "**The lens phase decides more than the propagator.** {angle}° off the axis, at the same f-numbers: {parts}; "
+        "**The lens phase decides more than the propagator.** At the same f-numbers, {angle}° off the axis: {parts}. "
         "Fresnel's approximation has neither the coma nor the distortion of a fixed element.",
         angle=significant(float(np.degrees(data.attrs["field_angle"])), 2),
         parts="; ".join(parts),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -9,8 +10,23 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Spans, Table, Text, pictures_of, say
+from tradestudy.report.document import (
+    Block,
+    Callout,
+    Column,
+    Heading,
+    Paragraph,
+    Spans,
+    Table,
+    Text,
+    pictures_of,
+    say,
+    with_subscripts,
+)
 from tradestudy.results.views.groups import records
+from tradestudy.units import significant
+
+_FLOAT = re.compile(r"-?\b(?:\d+\.?\d*(?:e[-+]\d+)?|inf)\b")
 
 
 def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -65,15 +81,15 @@ def _family(rows: list[dict[str, Any]], family: str) -> Iterator[Block]:
                 Column(title="Case", weight=3),
                 Column(title="Law", weight=3),
                 Column(title="κ", align="right"),
-                Column(title="Naive error", align="right"),
-                Column(title="Our error", align="right"),
+                Column(title="Usual formula", align="right"),
+                Column(title="This program", align="right"),
                 Column(title="Bound", align="right"),
                 Column(title="Verdict"),
             ),
             rows=tuple(
                 (
                     _name(row),
-                    str(row["law"]),
+                    with_subscripts(str(row["law"])),
                     _number(row["condition_number"]),
                     _wrong(row["naive_error"], str(row["naive_answer"])),
                     _wrong(row["our_error"], str(row["our_answer"])),
@@ -91,11 +107,17 @@ def _family(rows: list[dict[str, Any]], family: str) -> Iterator[Block]:
                 Column(title="Case", weight=2),
                 Column(title="Correct", weight=2),
                 Column(title="Usual formula", weight=3),
-                Column(title="Ours", weight=4),
+                Column(title="This program", weight=4),
                 Column(title="Verdict"),
             ),
             rows=tuple(
-                (_name(row), str(row["law"]), str(row["naive_answer"]), str(row["our_answer"]), _met(row))
+                (
+                    _name(row),
+                    str(row["law"]),
+                    _answer(str(row["naive_answer"])),
+                    _answer(str(row["our_answer"])),
+                    _met(row),
+                )
                 for row in outcomes
             ),
         )
@@ -111,10 +133,13 @@ def _met(row: Mapping[str, Any]) -> Text:
 
 def _wrong(error: float, answer: str) -> str:
     """An error, or the answer itself where it has no finite error."""
-    return f"wrong: {answer}" if np.isinf(error) else _number(error)
+    return f"wrong: {_answer(answer)}" if np.isinf(error) else _number(error)
+
+
+def _answer(text: str) -> str:
+    """An answer of a formula as the report writes numbers."""
+    return _FLOAT.sub(lambda found: _number(float(found[0])), text)
 
 
 def _number(value: float) -> str:
-    if np.isinf(value):
-        return "∞"
-    return f"{value:.3g}" if value == 0.0 or 1.0 <= value < 1e4 else f"{value:.1e}"
+    return significant(value, 3 if 1.0 <= value < 1e4 else 2)

@@ -116,9 +116,9 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
     picture, compared = data["chosen_image"], data["image"].sel(propagator=reference)
     same = [str(name) for name in data["propagator"].values if (data["image"].sel(propagator=name) == picture).all()]
     if reference in same:
-        found = "it is the reference above"
+        found = "the reference itself"
     elif same:
-        found = f"it is the picture by {title_within_a_sentence(same[0])} above"
+        found = "the same picture as above"
     else:
         took = _duration(_seconds(run, "image: chosen"))
         found = (
@@ -127,11 +127,10 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
         )
     error, asked = float(data["chosen_error"]), float(data.attrs["chosen_tolerance"])
     return say(
-        "**The picture by the models chosen for the tolerance** ({method}, sampled to {tolerance}, "
-        "{reached}): {found}.",
+        "**Models chosen for the tolerance** ({method}, sampled to {tolerance}, {reached}): {found}.",
         method=title_within_a_sentence(str(data.attrs["chosen_method"])),
         tolerance=share(asked),
-        reached=f"its stated error {share(error)}" + (", above that" if error > asked else ""),
+        reached=f"stated error {share(error)}" + (", above that" if error > asked else ""),
         found=found,
     )
 
@@ -299,7 +298,9 @@ def _value(value: float, unit: str) -> str:
         return length(value)
     if unit == "rad":
         return f"{significant(float(np.degrees(value)))}°"
-    return f"f/{significant(value)}" if unit == "1" else f"{significant(value)} waves"
+    if unit == "1":
+        return f"f/{significant(value)}"
+    return f"{significant(value)} {'wave' if abs(value) == 1.0 else 'waves'}"
 
 
 def _measures(there: xr.Dataset) -> Iterator[str]:

@@ -8,7 +8,18 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Table, Text, pictures_of, say
+from tradestudy.report.document import (
+    Block,
+    Callout,
+    Column,
+    Heading,
+    Paragraph,
+    Table,
+    Text,
+    pictures_of,
+    say,
+    with_subscripts,
+)
 from tradestudy.report.words import in_words, or_dash, share
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import significant
@@ -148,7 +159,9 @@ def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
             Column(title="Quantity", weight=2),
             Column(title="Value", weight=1, align="right"),
         ),
-        rows=tuple((titles[str(camera)], str(quantity), str(value)) for camera, quantity, value in rows),
+        rows=tuple(
+            (titles[str(camera)], with_subscripts(str(quantity)), str(value)) for camera, quantity, value in rows
+        ),
         notes=(
             "Residuals are root mean square lengths per corner. Without the motion term the residual of the pair "
             "counts as noise of its corners, and the standard deviations of the relative pose are too small by the "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final
@@ -10,7 +11,18 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.report.document import Block, Bullets, Callout, Column, Heading, Paragraph, Table, Text, say
+from tradestudy.report.document import (
+    Block,
+    Bullets,
+    Callout,
+    Column,
+    Heading,
+    Paragraph,
+    Table,
+    Text,
+    say,
+    with_subscripts,
+)
 from tradestudy.report.words import in_words, or_dash
 from tradestudy.results.storage import CHECKSUM
 from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
@@ -28,7 +40,12 @@ def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="Cameras", anchor="cameras")
     yield Bullets(
         tuple(
-            say("**{title}** ({kind}). {note}", title=str(r["title"]), kind=str(r["kind"]), note=str(r.get("note", "")))
+            say(
+                "**{title}** ({kind}). {note}",
+                title=str(r["title"]),
+                kind=str(r["kind"]).replace("-", " "),
+                note=str(r.get("note", "")),
+            )
             for r in rows
         )
     )
@@ -62,7 +79,7 @@ def _properties(tree: xr.DataTree, family: str, keys: list[str]) -> Iterator[Tab
             name=f"properties-{family}",
             caption=f"Derived properties: {family}.",
             columns=(Column(title="Property", weight=3), *(Column(title=titles[key], weight=2) for key in keys)),
-            rows=tuple((name, *(values.get((key, name), "—") for key in keys)) for name in names),
+            rows=tuple((with_subscripts(name), *(values.get((key, name), "—") for key in keys)) for name in names),
         )
 
 
@@ -216,12 +233,18 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
             say(
                 "**{claim}**: {quantity}. Tolerance: {why}.",
                 claim=str(r["claim"]),
-                quantity=str(r["quantity"]),
+                quantity=_with_titles(str(r["quantity"]), camera_titles(tree)),
                 why=str(r["tolerance_reason"]),
             )
             for r in rows
         ),
     )
+
+
+def _with_titles(words: str, titles: Mapping[str, str]) -> str:
+    """Words in which the keys of cameras become their titles."""
+    keys = "|".join(map(re.escape, sorted(titles, key=len, reverse=True)))
+    return re.sub(rf"(?<![\w-])(?:{keys})(?![\w-])", lambda found: titles[found[0]], words) if keys else words
 
 
 _NEAR: Final = ", within the tolerance: omitted effects could reverse it"

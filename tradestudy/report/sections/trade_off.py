@@ -48,7 +48,7 @@ def describe_trade_off(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> It
         ),
         notes=(
             *(("*: beyond the declared worst or best value, and scored like it.",) if clipped else ()),
-            *(("†: does not meet every must requirement.",) if outside else ()),
+            *(("†: does not meet every requirement that must hold.",) if outside else ()),
         ),
     )
     yield from pictures_of(drawings, "rank_acceptability")
@@ -60,13 +60,13 @@ def _front(tree: xr.DataTree) -> Iterator[Block]:
     if front is None:
         return
     if not front.designs:
-        yield Paragraph("No design of the sweep meets every must requirement.")
+        yield Paragraph("No design of the sweep meets every requirement that must hold.")
         return
     told = f" The {_MOST_ROWS} of {front.count} that score highest at the mean of the weights."
     yield Table(
         name="pareto-front",
-        caption="Pareto-optimal designs: they meet every must requirement, and no other such design is at least as "
-        "good in every criterion and better in one." + (told if front.count > _MOST_ROWS else ""),
+        caption="Pareto-optimal designs: they meet every requirement that must hold, and no other such design is at "
+        "least as good in every criterion and better in one." + (told if front.count > _MOST_ROWS else ""),
         columns=(
             *(Column(title=name, align="right") for name in front.swept),
             Column(title="Camera", weight=2),

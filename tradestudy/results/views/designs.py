@@ -109,7 +109,7 @@ def _words_and_camera(tree: xr.DataTree, path: str) -> tuple[str, str]:
     return " ".join(word.replace("_", " ") for word in words), title
 
 
-def _design_words(tree: xr.DataTree, values: Mapping[str, str]) -> str:
+def design_words(tree: xr.DataTree, values: Mapping[str, str]) -> str:
     """A design in words: "Stereo rig with baseline 131 mm and focal length 8 mm"."""
     by_camera: dict[str, list[str]] = {}
     for path, value in values.items():
@@ -154,7 +154,7 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
         designs=int(every.size),
         best=Design(
             values={axis: value if isinstance(value, str) else float(value) for axis, value in values.items()},
-            words=_design_words(tree, {axis: value_words(data[axis], value) for axis, value in values.items()}),
+            words=design_words(tree, {axis: value_words(data[axis], value) for axis, value in values.items()}),
             margin=float(least[best]) / 100.0,
         ),
         tightest=str(data["says"].values[tightest]),
@@ -236,8 +236,8 @@ def _region_words(tree: xr.DataTree, data: xr.Dataset, axes: list[str], every: n
         values = np.asarray(axis.values, dtype=np.float64)
         ends = common_ranges(data, must_hold(data))
         ranges = " and ".join(interval_words(low, high, values, dimension_of(axis)) for low, high in ends)
-        return _design_words(tree, {axes[0]: ranges})
-    return _design_words(
+        return design_words(tree, {axes[0]: ranges})
+    return design_words(
         tree, {axis: _values_words(data[axis], np.argwhere(every)[:, k]) for k, axis in enumerate(axes)}
     )
 

@@ -80,7 +80,7 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     for side, values in zip(("left", "right"), cameras, strict=True):
         yield f"valid field of the {side} lens, from the axis", pretty(float(lens.at(values[4:]).valid_field), ANGLE)
     yield "residual of the pair with one relative pose", pretty(fit.pair.corner_rms_px, PIXELS)
-    yield "correlation of the view means, left with right", f"{fit.means.correlation:.4f}"
+    yield "correlation of the view means, left with right", f"{fit.means.correlation:.4f}".replace("-", "−")
     yield "left–right motion of the board that explains this correlation", pretty(fit.explained.motion_scale, LENGTH)
     yield (
         "residual with this motion, left and right",
@@ -141,4 +141,4 @@ def _outlier_rows(fit: RigFit) -> Iterator[tuple[str, str]]:
 def _digits(value: float, deviation: float) -> str:
     """A value with its standard deviation, both rounded to two digits of the deviation."""
     decimals = max(0, 1 - int(np.floor(np.log10(deviation))))
-    return f"{value:.{decimals}f} ± {deviation:.{decimals}f}"
+    return f"{value:.{decimals}f} ± {deviation:.{decimals}f}".replace("-", "−")
