@@ -149,7 +149,7 @@ def _kept(centre: float, size: float) -> float:
 def beneath(curves: Sequence[FloatArray], limits: tuple[float, float]) -> list[int]:
     """For each of the curves over the same points, on a logarithmic axis: how many later ones cover it somewhere.
 
-    A curve under n others is drawn wider by n steps, so that its colour shows at both sides of theirs.
+    A curve under n others is drawn wider by n steps, so that its colour shows on both sides of theirs.
     """
     low, high = np.log(limits)
     levels = [np.log(np.where(np.isfinite(curve) & (curve > 0.0), curve, np.nan)) for curve in curves]

@@ -307,7 +307,7 @@ def object_distance_of_magnification(focal_length: ArrayLike, magnification: Arr
     """
     f, m = as_floats(focal_length, magnification)
     require(f > 0, "focal length", f, limit="> 0 m", remedy="check unit and sign")
-    require(m > 0, "magnification", m, limit="> 0", remedy="give its size without sign", unit="")
+    require(m > 0, "magnification", m, limit="> 0", remedy="give its absolute value", unit="")
     return np.asarray(f * (1 + 1 / m))
 
 

@@ -179,7 +179,7 @@ def _likeliest(findings: list[_Finding]) -> list[_Finding]:
 
 
 def _misnamed(document: Document, path: Path) -> Problem | None:
-    """Report a part that only ``--set`` names as a misspelling, if another has nearly its name."""
+    """Report a part that only ``--set`` names as a misspelling, if another part has a similar name."""
     entry: Entry | None = document.root
     for depth, step in enumerate(path):
         above, entry = entry, child(entry, step)
