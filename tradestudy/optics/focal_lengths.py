@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked_fields
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.lens import PointSource
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class FocalLengths:
     """Table of focal lengths f(θ, λ), linear between entries.

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
+from tradestudy.optics.argument_types import checked, checked_fields
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.arriving_light import blur_radius
@@ -24,6 +25,7 @@ _FINEST = 1e-6  # smallest tolerance that `ChainAccuracy` accepts
 _LENSES_BEYOND = 1.0  # pitches beyond the geometric light, for the light that the main lens diffracts
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class MicrolensCamera:
     """Data of a camera with a microlens array; `light_path` derives the lenses and pixels that a source lights.
@@ -226,6 +228,7 @@ class MicrolensCamera:
         return PixelGrid(pitch=self.pixel_pitch, shape=(rows, columns), centre=(float(centre[0]), float(centre[1])))
 
 
+@checked
 def microlens_image(
     camera: MicrolensCamera,
     source: PointSource | DiscSource,

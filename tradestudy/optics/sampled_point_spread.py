@@ -14,6 +14,7 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked_fields
 from tradestudy.optics.arrays import FloatArray
 
 _LEAST_SAMPLES = 33  # a side; every fourth of them still carries a quintic spline
@@ -61,6 +62,7 @@ def _with_error(value: float, error: float) -> str:
     return f"{value:.{digits}g} ± {error:.1g}"
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class PointSpread:
     """Intensity of a point's image on a uniform grid.

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked_fields
 from tradestudy.optics.arrays import FloatArray
 
 _COARSER_TOLERANCE = 2.0
@@ -23,6 +24,7 @@ _KNOBS = (
 )
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class ChainAccuracy:
     """Tolerance, and factors on the sampling derived from it: a factor of 2 samples twice as finely.

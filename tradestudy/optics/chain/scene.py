@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked, checked_fields
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSource
 from tradestudy.optics.propagation.pupil import Pupil
@@ -21,6 +22,7 @@ ApertureShape = Literal["circular", "square"]
 Gaps = Literal["opaque", "clear"]
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Legs:
     """The law of propagation on each leg.
@@ -73,6 +75,7 @@ KIRCHHOFF_FRESNEL = Legs(to_array="kirchhoff", to_detector="fresnel")
 KIRCHHOFF = Legs(to_array="kirchhoff", to_detector="kirchhoff")
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Microlenses:
     """Thin lenses in one plane, each with its own centre and focal length.
@@ -205,6 +208,7 @@ class Microlenses:
         )
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class PixelGrid:
     """Square pixels; row i starts at y = ``edges_y[i]``, column j at x = ``edges_x[j]``.
@@ -259,6 +263,7 @@ class PixelGrid:
         return np.asarray(self.corner[1] + self.pitch * np.arange(self.shape[0] + 1))
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class LightPath:
     """Main lens, microlens array and detector on one axis.
@@ -334,6 +339,7 @@ class LightPath:
         return scale * source.x, scale * source.y
 
 
+@checked
 def square_centres(*, pitch: float, count: int) -> FloatArray:
     """Centres of ``count`` × ``count`` lenses on a square lattice about the axis [m], shape (count², 2).
 
@@ -369,6 +375,7 @@ def square_centres(*, pitch: float, count: int) -> FloatArray:
     return np.column_stack([x.ravel(), y.ravel()])
 
 
+@checked
 def hexagonal_centres(*, pitch: float, rings: int) -> FloatArray:
     """Centres of the lens on the axis and of ``rings`` hexagons around it, rows along x [m].
 

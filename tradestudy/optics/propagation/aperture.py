@@ -8,6 +8,7 @@ import time
 import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
+from tradestudy.optics.argument_types import checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.hybrid import hybrid_field
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel
@@ -112,6 +113,7 @@ def _traced(
     return float(relative.max() + 16 * math.ulp(1.0)), int(lit.sum())
 
 
+@checked
 def aperture_field(
     *,
     source: PointSource,

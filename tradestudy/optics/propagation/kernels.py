@@ -7,10 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tradestudy.optics.argument_types import checked_fields
 from tradestudy.optics.propagation.lens import Obliquity
 from tradestudy.optics.propagation.paths import Array
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class KirchhoffKernel:
     """U(P) = ∬ U(q) exp(i k s)/(iλ s) · obliquity dq with the exact path s = |P − q|.
@@ -136,6 +138,7 @@ class KirchhoffKernel:
         return np.asarray(z / squared * (1 + 1j / (self.wavenumber * s)))
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class FresnelKernel:
     """U(P) = exp(i k z)/(iλ z) ∬ U(q) exp(i k |P − q|²/(2 z)) dq.

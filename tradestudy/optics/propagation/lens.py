@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked, checked_fields
 from tradestudy.optics.phasors import unit_phasor
 from tradestudy.optics.propagation.paths import Array, ParabolicPath, PathSum, PathTerm, SphericalPath
 from tradestudy.optics.propagation.pupil import Pupil, checked_map
@@ -24,6 +25,7 @@ OBLIQUITIES: tuple[Obliquity, ...] = ("paper", "textbook", "rayleigh-sommerfeld-
 _AS_AT_INFINITY = 1e15
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class PointSource:
     """A monochromatic point source of unit strength in front of a lens, or a virtual one behind it.
@@ -64,6 +66,7 @@ class PointSource:
             )
 
     @classmethod
+    @checked
     def at_infinity(cls, *, angle_x: float = 0.0, angle_y: float = 0.0) -> PointSource:
         """Return a point source at 1e15 m, so far away that its wave is plane.
 
@@ -84,6 +87,7 @@ class PointSource:
         )
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class CircularLens:
     """A thin lens filling a circular aperture.

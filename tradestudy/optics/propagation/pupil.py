@@ -11,6 +11,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval2d
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked, checked_fields
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.paths import Array, Expansion
 
@@ -20,6 +21,7 @@ _LEAST_SAMPLES = 6  # a side of a map, for a quintic spline
 _STEP = 1e-4  # of the radius, for the slope of a function: fourth-order differences are then accurate to 1e-12
 
 
+@checked
 def noll_order(index: int) -> tuple[int, int]:
     """Radial order n and azimuthal order m of Noll's Zernike polynomial; m < 0 denotes a sine.
 
@@ -58,6 +60,7 @@ def noll_order(index: int) -> tuple[int, int]:
     return n, m if index % 2 == 0 else -m
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Pupil:
     """Amplitude and optical path that an aperture adds to a wave, besides the lens phase.
@@ -132,6 +135,7 @@ class Pupil:
                 )
 
     @classmethod
+    @checked
     def from_waves(
         cls,
         zernikes: Mapping[int, float],

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.optics.argument_types import checked, checked_fields
 from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.paths import PathSum
@@ -22,6 +23,7 @@ _PAIRS_PER_SECOND = 2.0e7  # node–target pairs of the direct check on a slow c
 _TERMS_PER_SECOND = 4.0e5  # (nodes + targets) × 10 terms of the fast path on a slow core
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class TargetPoints:
     """Any set of points behind the lens plane.
@@ -84,6 +86,7 @@ class TargetPoints:
         return np.array([np.argmin(rising), np.argmin(falling), np.argmax(falling), np.argmax(rising)])
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class TargetGrid:
     """A regular grid of targets in one plane, for which propagation is fast.
@@ -131,6 +134,7 @@ class TargetGrid:
         _check(self.x_axis, self.y_axis, np.asarray([self.distance], dtype=float))
 
     @classmethod
+    @checked
     def centred(cls, *, centre: tuple[float, float], pitch: float, count: int, distance: float) -> TargetGrid:
         """Square grid of `count` × `count` points centred on `centre`, as pixel centres lie on a sensor."""
         half = pitch * (count - 1) / 2
@@ -194,6 +198,7 @@ def _check(x: FloatArray, y: FloatArray, z: FloatArray) -> None:
         )
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Limits:
     """Resources that a computation may use; it is refused in advance if it needs more.
@@ -219,6 +224,7 @@ class Limits:
     seconds: float = 600.0
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class NodeCounts:
     """Rings of quadrature nodes on a disc, and nodes on its rim; at least one of each.
