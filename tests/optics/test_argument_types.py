@@ -1,8 +1,9 @@
-"""Arguments of the wrong type are refused by name, with what is allowed and a remedy; lists become arrays."""
+"""Arguments of the wrong type or an impossible value are refused with limit and remedy; lists become arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -51,3 +52,48 @@ def test_lists_become_arrays() -> None:
 def test_python_names_a_missing_argument() -> None:
     with pytest.raises(TypeError, match=r"point_spread\(\) missing .*'f_number'"):
         optics.point_spread(focal_length=50e-3, wavelength=550e-9)  # type: ignore[call-arg]
+
+
+SPOT = optics.PointSpread(
+    x=np.linspace(-4.0, 4.0, 33), y=np.linspace(-4.0, 4.0, 33), intensity=np.ones((33, 33)), pupil_power=64.0
+)
+IMPOSSIBLE: dict[str, Callable[[], object]] = {
+    "negative radius beside a valid one": lambda: optics.encircled_energy(
+        SPOT, centre=(0.0, 0.0), radius=np.array([1.0, -1.0])
+    ),
+    "no radius": lambda: optics.encircled_energy(SPOT, centre=(0.0, 0.0), radius=np.array([])),
+    "negative pitch": lambda: optics.pixel_shares(SPOT, pitch=-1.0, corner=(0.0, 0.0), shape=(1, 1)),
+    "pitch that is not a number": lambda: optics.pixel_shares(SPOT, pitch=np.nan, corner=(0.0, 0.0), shape=(1, 1)),
+    "too many pixels": lambda: optics.pixel_shares(SPOT, pitch=1e-9, corner=(0.0, 0.0), shape=(10**7, 10**7)),
+    "infinite angle": lambda: optics.full_width_at_half_maximum(SPOT, angle=np.inf),
+    "unequal frequencies": lambda: optics.modulation_transfer(SPOT, frequency_x=np.zeros(3), frequency_y=np.zeros(2)),
+    "no wavelength": lambda: optics.FresnelKernel(wavelength=0.0),
+    "negative wavelength of waves": lambda: optics.Pupil.from_waves({4: 0.1}, wavelength=-550e-9),
+    "coefficient in words": lambda: optics.Pupil(zernikes={4: "a tenth"}),  # type: ignore[dict-item]
+    "time limit that is not a number": lambda: optics.Limits(seconds=np.nan),
+    "focal lengths of both signs": lambda: optics.FocalLengths(
+        field_angles=np.array([0.0, 0.1]),
+        wavelengths=np.array([550e-9]),
+        focal_lengths=np.array([[50e-3], [-50e-3]]),
+        reference_wavelength=550e-9,
+    ),
+    "zero distance": lambda: optics.diffraction_limited_peak(
+        pupil_power=1.0, pupil_area=1.0, wavelength=550e-9, distance=0.0
+    ),
+    "lattice without pitch": lambda: optics.hexagonal_centres(pitch=0.0, rings=1),
+    "error of another shape": lambda: optics.Measured(value=np.ones(3), error=np.ones(2)),
+}
+
+
+@pytest.mark.parametrize("case", IMPOSSIBLE)
+def test_an_impossible_value_is_refused_with_value_limit_and_remedy(case: str) -> None:
+    with pytest.raises(OutOfRangeError) as refused:
+        IMPOSSIBLE[case]()
+    assert "" not in (refused.value.value, refused.value.limit, refused.value.remedy)
+
+
+def test_plot_refuses_a_file_that_it_cannot_write(tmp_path: Path) -> None:
+    psf = optics.point_spread(focal_length=50e-3, f_number=8.0, wavelength=550e-9, window=4.0)
+    for file in (tmp_path / "spot.foo", tmp_path / "no folder" / "spot.svg"):
+        with pytest.raises(OutOfRangeError, match="file of the plot"):
+            psf.plot(file)

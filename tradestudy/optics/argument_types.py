@@ -1,7 +1,8 @@
-"""Refuse arguments of the wrong type by name, before a law meets them; lists of numbers become arrays."""
+"""Refuse arguments of the wrong type, and impossible wavelengths, by name; lists of numbers become arrays."""
 
 from __future__ import annotations
 
+import math
 import numbers
 import types
 import typing
@@ -80,6 +81,23 @@ def checked_fields(cls: type[C]) -> type[C]:
 
     cls.__init__ = init  # type: ignore[method-assign, assignment]
     return cls
+
+
+def check_wavelength(wavelength: float) -> None:
+    """Refuse a wavelength that is not positive and finite [m].
+
+    Raises
+    ------
+    OutOfRangeError
+        With the remedy.
+    """
+    if not 0 < wavelength < math.inf:
+        raise OutOfRangeError(
+            "wavelength",
+            value=f"{wavelength:g} m",
+            limit="> 0, finite",
+            remedy="give it in metres: 550 nm are 550e-9",
+        )
 
 
 def _check_all(arguments: dict[str, Any], hints: Mapping[str, Any]) -> None:

@@ -106,6 +106,13 @@ def disc_nodes(
     """
     _check_positive("radius of the disc", radius)
     _check_counts(radial_count, int(np.min(angular_count)))
+    if np.shape(angular_count) not in ((), (radial_count,)):
+        raise OutOfRangeError(
+            "angular_count",
+            value=f"shape {np.shape(angular_count)}",
+            limit=f"a number, or shape ({radial_count},)",
+            remedy="give one count for each ring",
+        )
     t, w = gauss_legendre(radial_count)
     counts = np.broadcast_to(angular_count, t.shape)
     ring = np.repeat(radius * np.sqrt(t), counts)

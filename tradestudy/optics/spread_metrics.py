@@ -90,7 +90,12 @@ def _half_maximum_distance(psf: PointSpread, peak: tuple[float, float], directio
     steps = np.arange(0, reach, psf.spacing / 4)
     below = np.flatnonzero(above(steps) <= 0)
     if below.size == 0:
-        raise OutOfRangeError("half maximum not reached inside the window", remedy="widen the window")
+        raise OutOfRangeError(
+            "half maximum not reached inside the window",
+            value=f"{reach:g} m from the peak",
+            limit="a crossing on both sides",
+            remedy="widen the window",
+        )
     first = int(below[0])
     return float(brentq(lambda d: float(above(d)), steps[first - 1], steps[first], xtol=1e-14 * reach))
 
@@ -259,7 +264,7 @@ def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float)
     psf = as_point_spread(field)
     _require_inside(psf, centre, radius)
     if not np.any(psf.intensity):
-        raise OutOfRangeError("no light in the window")
+        raise OutOfRangeError("light in the window", value="none", limit="> 0", remedy="move or widen the window")
 
     def width(grid: PointSpread) -> float:
         of_grid = grid.moments(centre, radius)
@@ -345,8 +350,8 @@ def diffraction_limited_peak(*, pupil_power: float, pupil_area: float, wavelengt
 
     Raises
     ------
-    ZeroDivisionError
-        The wavelength or the distance is zero.
+    OutOfRangeError
+        An argument is not positive and finite.
 
     References
     ----------
@@ -359,6 +364,10 @@ def diffraction_limited_peak(*, pupil_power: float, pupil_area: float, wavelengt
     >>> print(f"{peak:.3e} W/m²")
     3.967e+10 W/m²
     """
+    given = {"pupil power": pupil_power, "pupil area": pupil_area, "wavelength": wavelength, "distance": distance}
+    for name, value in given.items():
+        if not 0 < value < np.inf:
+            raise OutOfRangeError(name, value=f"{value:g}", limit="> 0, finite", remedy="give it in SI units")
     return pupil_power * pupil_area / (wavelength * distance) ** 2
 
 

@@ -63,7 +63,15 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
     0.39, to 0.008, of which 0.008 for the window
     """
     psf = as_point_spread(field)
-    fx, fy = np.broadcast_arrays(np.asarray(frequency_x, dtype=np.float64), np.asarray(frequency_y, dtype=np.float64))
+    try:
+        fx, fy = np.broadcast_arrays(frequency_x, frequency_y)
+    except ValueError:
+        raise OutOfRangeError(
+            "spatial frequencies",
+            value=f"shapes {np.shape(frequency_x)} and {np.shape(frequency_y)}",
+            limit="shapes that broadcast",
+            remedy="give both in one shape",
+        ) from None
     for frequency, spacing in zip((fx, fy), psf.spacings, strict=True):
         limit = 1 / (2 * spacing)
         if not np.all(np.abs(frequency) <= limit):

@@ -72,11 +72,18 @@ class ChainAccuracy:
 
     def __post_init__(self) -> None:
         if not 1e-6 <= self.tolerance <= 0.2:
-            raise OutOfRangeError("tolerance of the chain", value=f"{self.tolerance:g}", limit="1e-6 … 0.2")
+            raise OutOfRangeError(
+                "tolerance of the chain",
+                value=f"{self.tolerance:g}",
+                limit="1e-6 … 0.2",
+                remedy="choose one in this range",
+            )
         for name in (*_KNOBS, "memory_limit"):
             value = getattr(self, name)
             if not (value > 0 and math.isfinite(value)):
-                raise OutOfRangeError(name, value=f"{value:g}", limit="> 0, finite")
+                raise OutOfRangeError(
+                    name, value=f"{value:g}", limit="> 0, finite", remedy="leave it out for the default"
+                )
 
     @property
     def fresnel_lengths(self) -> float:

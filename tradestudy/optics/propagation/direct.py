@@ -56,10 +56,15 @@ class ApertureSamples:
         for array in given:
             if array.shape != self.nodes.x.shape:
                 raise OutOfRangeError(
-                    "samples on an aperture", value=f"shape {array.shape}", limit=f"shape {self.nodes.x.shape}"
+                    "samples on an aperture",
+                    value=f"shape {array.shape}",
+                    limit=f"shape {self.nodes.x.shape}",
+                    remedy="give one value for each node",
                 )
             if not np.isfinite(array).all():
-                raise OutOfRangeError("samples on an aperture", value="not finite", limit="finite")
+                raise OutOfRangeError(
+                    "samples on an aperture", value="not finite", limit="finite", remedy="give a number for each node"
+                )
 
     def local(self) -> tuple[FloatArray, FloatArray, ComplexArray]:
         """Node positions relative to the centre of the aperture, and field times area weight."""

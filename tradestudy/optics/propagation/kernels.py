@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tradestudy.optics.argument_types import checked_fields
-from tradestudy.optics.propagation.lens import Obliquity
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import check_wavelength, checked_fields
+from tradestudy.optics.propagation.lens import OBLIQUITIES, Obliquity
 from tradestudy.optics.propagation.paths import Array
 
 
@@ -35,6 +36,11 @@ class KirchhoffKernel:
     obliquity
         One of the three laws above.
 
+    Raises
+    ------
+    OutOfRangeError
+        The wavelength is not positive and finite, or the obliquity is unknown.
+
     References
     ----------
     "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–16; M. Born and E. Wolf,
@@ -49,6 +55,13 @@ class KirchhoffKernel:
 
     wavelength: float
     obliquity: Obliquity
+
+    def __post_init__(self) -> None:
+        check_wavelength(self.wavelength)
+        if self.obliquity not in OBLIQUITIES:
+            raise OutOfRangeError(
+                "obliquity", value=repr(self.obliquity), limit=" | ".join(OBLIQUITIES), remedy="choose one"
+            )
 
     @property
     def wavenumber(self) -> float:
@@ -148,6 +161,11 @@ class FresnelKernel:
     wavelength
         Wavelength [m].
 
+    Raises
+    ------
+    OutOfRangeError
+        The wavelength is not positive and finite.
+
     References
     ----------
     "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 17–22.
@@ -160,6 +178,9 @@ class FresnelKernel:
     """
 
     wavelength: float
+
+    def __post_init__(self) -> None:
+        check_wavelength(self.wavelength)
 
     @property
     def wavenumber(self) -> float:

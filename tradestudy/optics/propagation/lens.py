@@ -81,7 +81,12 @@ class PointSource:
             The magnitude of an angle is π/2 or more.
         """
         if not (abs(angle_x) < math.pi / 2 and abs(angle_y) < math.pi / 2):
-            raise OutOfRangeError("field angle", value=f"{angle_x:g}, {angle_y:g} rad", limit="between −π/2 and π/2")
+            raise OutOfRangeError(
+                "field angle",
+                value=f"{angle_x:g}, {angle_y:g} rad",
+                limit="between −π/2 and π/2",
+                remedy="give angles in radians",
+            )
         return cls(
             x=_AS_AT_INFINITY * math.tan(angle_x), y=_AS_AT_INFINITY * math.tan(angle_y), distance=_AS_AT_INFINITY
         )
@@ -137,11 +142,21 @@ class CircularLens:
 
     def __post_init__(self) -> None:
         if self.lens_phase not in LENS_PHASES:
-            raise OutOfRangeError("lens_phase", value=repr(self.lens_phase), limit=" | ".join(LENS_PHASES))
+            raise OutOfRangeError(
+                "lens_phase", value=repr(self.lens_phase), limit=" | ".join(LENS_PHASES), remedy="choose one"
+            )
         if not (math.isfinite(self.radius) and self.radius > 0):
-            raise OutOfRangeError("radius of the lens", value=f"{self.radius:g} m", limit="> 0, finite")
+            raise OutOfRangeError(
+                "radius of the lens", value=f"{self.radius:g} m", limit="> 0, finite", remedy="give it in metres"
+            )
+        if not all(math.isfinite(one) for one in self.centre):
+            raise OutOfRangeError(
+                "centre of the lens", value=str(self.centre), limit="finite", remedy="give (x, y) in metres"
+            )
         if not math.isfinite(self.focal_length) or self.focal_length == 0:
-            raise OutOfRangeError("focal_length", value=f"{self.focal_length:g} m", limit="≠ 0, finite")
+            raise OutOfRangeError(
+                "focal_length", value=f"{self.focal_length:g} m", limit="≠ 0, finite", remedy="give it in metres"
+            )
         if (self.focus_distance is not None) != (self.lens_phase == "stigmatic"):
             raise OutOfRangeError(
                 f"focus_distance of a {self.lens_phase} lens",

@@ -39,7 +39,7 @@ class TargetPoints:
     Raises
     ------
     OutOfRangeError
-        A coordinate is not finite, a distance is not positive, or there are no points.
+        Shapes do not broadcast, a coordinate is not finite, a distance is not positive, or there are no points.
 
     Examples
     --------
@@ -56,6 +56,16 @@ class TargetPoints:
     distance: npt.ArrayLike
 
     def __post_init__(self) -> None:
+        shapes = np.shape(self.x), np.shape(self.y), np.shape(self.distance)
+        try:
+            np.broadcast_shapes(*shapes)
+        except ValueError:
+            raise OutOfRangeError(
+                "shapes of x, y and distance",
+                value=", ".join(map(str, shapes)),
+                limit="shapes that broadcast",
+                remedy="give arrays of one shape, or single numbers",
+            ) from None
         _check(*self.coordinates())
 
     @property
@@ -128,9 +138,19 @@ class TargetGrid:
 
     def __post_init__(self) -> None:
         if self.x_count < 1 or self.y_count < 1:
-            raise OutOfRangeError("target grid", value=f"{self.x_count} × {self.y_count} points", limit="≥ 1 × 1")
+            raise OutOfRangeError(
+                "target grid",
+                value=f"{self.x_count} × {self.y_count} points",
+                limit="≥ 1 × 1",
+                remedy="raise the counts",
+            )
         if not (self.x_pitch > 0 and self.y_pitch > 0):
-            raise OutOfRangeError("target pitch", value=f"{self.x_pitch:g}, {self.y_pitch:g} m", limit="> 0")
+            raise OutOfRangeError(
+                "target pitch",
+                value=f"{self.x_pitch:g}, {self.y_pitch:g} m",
+                limit="> 0",
+                remedy="give steps in metres",
+            )
         _check(self.x_axis, self.y_axis, np.asarray([self.distance], dtype=float))
 
     @classmethod
@@ -212,6 +232,11 @@ class Limits:
     seconds
         Wall time in total: set-up, computation, check and every refinement.
 
+    Raises
+    ------
+    OutOfRangeError
+        A limit is not positive.
+
     Examples
     --------
     >>> from tradestudy import optics
@@ -222,6 +247,11 @@ class Limits:
     nodes: int = 20_000_000
     memory_bytes: float = 2.0e9
     seconds: float = 600.0
+
+    def __post_init__(self) -> None:
+        for name, value in (("nodes", self.nodes), ("memory_bytes", self.memory_bytes), ("seconds", self.seconds)):
+            if not value > 0:
+                raise OutOfRangeError(f"limit of {name}", value=f"{value:g}", limit="> 0", remedy="raise the limit")
 
 
 @checked_fields
@@ -243,7 +273,9 @@ class NodeCounts:
 
     def __post_init__(self) -> None:
         if self.radial < 1 or self.angular < 1:
-            raise OutOfRangeError("node counts", value=f"{self.radial} × {self.angular}", limit="≥ 1 × 1")
+            raise OutOfRangeError(
+                "node counts", value=f"{self.radial} × {self.angular}", limit="≥ 1 × 1", remedy="raise the counts"
+            )
 
     @property
     def total(self) -> int:

@@ -116,6 +116,8 @@ class FieldAccuracy:
                 limit=f"≥ {_SMALLEST_CHECK}",
                 remedy="raise check_targets: the error is measured there",
             )
+        if self.seed < 0:
+            raise OutOfRangeError("seed", value=str(self.seed), limit="≥ 0", remedy="give another")
 
 
 @checked
