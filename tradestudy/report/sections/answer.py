@@ -61,9 +61,10 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
         name="answer-cameras",
     )
     yield from _requirements(requirement_conclusions(tree), ", as declared" if designs else "")
+    if measured := tuple(_measured(tree)):
+        yield Callout(title="Measured in pictures", blocks=(Bullets(measured),))
     told = [
         *_weighed(tree),
-        *_measured(tree),
         *_taken_as_perfect(tree),
         *_doubted(tree),
         *_rests_on(tree),
@@ -92,7 +93,7 @@ def describe_design(
 
 def _which(measuring: Mapping[str, str]) -> str:
     """What the answer tells about the cameras that measure depth, by title."""
-    return f"How well {listed(list(measuring.values()))} measures depth" if len(measuring) == 1 else _WHICH
+    return f"Depth uncertainty of {listed(list(measuring.values()))}" if len(measuring) == 1 else _WHICH
 
 
 def _requirements(requirements: Sequence[RequirementConclusion], of: str = "") -> Iterator[Callout]:
