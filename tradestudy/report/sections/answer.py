@@ -61,9 +61,10 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
         name="answer-cameras",
     )
     yield from _requirements(requirement_conclusions(tree), ", as declared" if designs else "")
+    if measured := tuple(_measured(tree)):
+        yield Callout(title="Measured in pictures", blocks=(Bullets(measured),))
     told = [
         *_weighed(tree),
-        *_measured(tree),
         *_taken_as_perfect(tree),
         *_doubted(tree),
         *_rests_on(tree),
@@ -92,7 +93,7 @@ def describe_design(
 
 def _which(measuring: Mapping[str, str]) -> str:
     """What the answer tells about the cameras that measure depth, by title."""
-    return f"How well {listed(list(measuring.values()))} measures depth" if len(measuring) == 1 else _WHICH
+    return f"Depth uncertainty of {listed(list(measuring.values()))}" if len(measuring) == 1 else _WHICH
 
 
 def _requirements(requirements: Sequence[RequirementConclusion], of: str = "") -> Iterator[Callout]:
@@ -240,7 +241,9 @@ def _stretches(best: BestCameras) -> Iterator[Spans]:
     """One sentence per range of distance with one best camera."""
     for start, end, names in best.reported:
         where, camera = span(start, end), answer_title(best.titles, names)
-        if not names:
+        if not names and len(best.cameras) == 1:
+            yield say("**{where}: not usable**{why}.", where=where, why=_why_none(best, start, end))
+        elif not names:
             yield say(
                 "**{where}: no {which} is usable**{why}.",
                 where=where,
@@ -269,7 +272,10 @@ def _why_none(best: BestCameras, start: float, end: float) -> str:
         broken = best.cameras[key].broken[inside[::-1] if becomes_usable else inside]
         fewest = np.flatnonzero(broken[least_broken(broken)])
         reasons.setdefault(limit_words(best.limits[fewest[0]]) if fewest.size else "", []).append(best.titles[key])
-    told = [f"{listed(cameras)}: {words}" for words, cameras in reasons.items() if words][:_MOST_REASONS]
+    alone = len(measuring) == 1
+    told = [words if alone else f"{listed(cameras)}: {words}" for words, cameras in reasons.items() if words][
+        :_MOST_REASONS
+    ]
     beside = [
         best.titles[key]
         for key in measuring

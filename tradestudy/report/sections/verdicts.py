@@ -68,9 +68,9 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
         "not.",
         columns=(
             Column(title="At", align="right"),
-            Column(title="Better usable"),
+            Column(title="Better usable", weight=0 if others else 1),
             *((Column(title="Changes under", weight=1),) if others else ()),
-            Column(title="More certain"),
+            Column(title="More certain", weight=0 if others else 1),
             Column(title="by a factor", align="right"),
         ),
         rows=tuple(
