@@ -10,8 +10,8 @@ import xarray as xr
 from tradestudy import figures
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Heading, Paragraph, Picture, Report, Table, Text, all_blocks, spans
-from tradestudy.report.sections.answer import _factor
 from tradestudy.report.sections.registers import _times_the_error
+from tradestudy.report.sections.verdicts import _factor
 from tradestudy.results.views.decision import winners
 
 
@@ -175,11 +175,12 @@ def test_without_the_declared_design_the_answer_has_no_numbers(make_tree: Callab
     assert not any("±" in text for text in found)
 
 
-def test_a_study_without_other_readings_says_so(make_tree: Callable[..., xr.DataTree]) -> None:
+def test_a_study_without_other_readings_does_not_speak_of_them(make_tree: Callable[..., xr.DataTree]) -> None:
     tree = make_tree()
     tree["decision"] = xr.DataTree(tree["decision"].to_dataset().isel(reading=[0]))
-    rows = table(document_of(tree), "verdict-table")
-    assert {row[2] for row in rows} == {"no other reading"}
+    (found,) = [one for one in document_of(tree).blocks if isinstance(one, Table) and one.name == "verdict-table"]
+    assert "Changes under" not in [column.title for column in found.columns]
+    assert "reading" not in plain(found.caption)
 
 
 def test_assumed_values_come_first_with_the_cameras_they_belong_to(tree: xr.DataTree) -> None:

@@ -159,8 +159,8 @@ def test_the_answer_describes_the_picture_of_the_study(result: Result) -> None:
     data = result.data["images"].to_dataset()
     assert findings(result, data)[-1].endswith(" s.")
     for method, said in (
-        ("kirchhoff", "it is the reference above."),
-        ("geometric", "it is the picture by paraxial rays above."),
+        ("kirchhoff", "the reference itself."),
+        ("geometric", "the same picture as above."),
     ):
         found = findings(result, data.assign(chosen_image=data["image"].sel(propagator=method, drop=True)))
         assert found[-1].endswith(said)

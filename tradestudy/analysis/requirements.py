@@ -88,7 +88,7 @@ def _check_measured(
     kept = value >= bound if above else value < bound
     guard = 0.0 if requirement.guard_band is None else requirement.guard_band.width * error
     reason = f"worst {_unlike(bound, value, dimension)} at {pretty(place, LENGTH)}"
-    limit = _limit_of(intervals, gap[0], case, name) if unusable > 0.0 else ""
+    limit = _limit_of(intervals, gap, case, name) if unusable > 0.0 else ""
     if unusable > 0.0:
         reason = f"{_not_usable(gap, limit)}; {reason}"
     return RequirementAnswer(
@@ -235,7 +235,7 @@ def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, 
         if limit == END_OF_STUDY:
             words, limit = f"{words}, the end of the study's range", ""
     else:
-        place, limit = gap[0], _limit_of(intervals, gap[0], case, name)
+        place, limit = gap[0], _limit_of(intervals, gap, case, name)
         margin, words = -unusable, _not_usable(gap, limit)
     return RequirementAnswer(
         camera=name,
@@ -295,15 +295,17 @@ def _shift_to_decide(intervals: Sequence[Interval], over: tuple[float, ...]) -> 
     return min((shift for shift, limit in ends if limit != END_OF_STUDY), default=math.inf)
 
 
-def _limit_of(intervals: Sequence[Interval], place: float, case: Case, name: str) -> str:
-    """The first limit that a camera breaks in the gap that begins at a distance [m]."""
+def _limit_of(intervals: Sequence[Interval], gap: tuple[float, float], case: Case, name: str) -> str:
+    """The limit at the nearest end of a usable interval; without any interval, the one broken in most of the gap."""
+    place = gap[0]
     limits = [one.far_limit for one in sorted(intervals, key=lambda one: -one.far) if one.far <= place]
     limits += [one.near_limit for one in sorted(intervals, key=lambda one: one.near) if one.near > place]
     known = [limit for limit in limits if limit != END_OF_STUDY]
     if known:
         return known[0].partition(", ")[0]
-    there = evaluate_limits(case.cameras[name], case.criteria, np.array([place * _MORE]))
-    return next((limit for limit, found in there.items() if not found.met.all()), "")
+    there = evaluate_limits(case.cameras[name], case.criteria, np.geomspace(place * _MORE, gap[1], _POINTS))
+    broken = {limit: int(np.sum(~found.met)) for limit, found in there.items() if not found.met.all()}
+    return max(broken, key=lambda limit: broken[limit], default="")
 
 
 def _not_usable(gap: tuple[float, float], limit: str) -> str:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
+from matplotlib.patches import Rectangle
 
 from tradestudy.figures.curves import NamedCurve, name_ends
-from tradestudy.figures.style import SMALL, StudyFigure, length_tick, line_style, log_axis, new_figure, styled
+from tradestudy.figures.style import SMALL, SOFT, StudyFigure, length_tick, line_style, log_axis, new_figure, styled
 
 MM = 1e3
 _ARROW_PX = 0.15  # length of the arrow in the key
+_MARGIN = 0.14  # around a picture, of its width
 
 
 @styled()
@@ -25,12 +27,14 @@ def draw_trust(tree: xr.DataTree, posterior: str) -> StudyFigure:
         down, across = residuals.shape[1:3]
         x, y = np.meshgrid((np.arange(across) + 0.5) / across * columns, (np.arange(down) + 0.5) / down * rows)
         u, v = residuals[side, ..., 0], residuals[side, ..., 1]
-        arrows = axes.quiver(
-            x, y, u, v, angles="xy", scale_units="xy", scale=_ARROW_PX / (columns / across), clip_on=False
-        )
-        arrows.set_in_layout(False)  # arrows may reach beyond the picture
+        arrows = axes.quiver(x, y, u, v, angles="xy", scale_units="xy", scale=_ARROW_PX / (columns / across))
         axes.quiverkey(arrows, 0.85, 1.06, _ARROW_PX, f"{_ARROW_PX:g} px", labelpos="E", fontproperties={"size": SMALL})
-        axes.set(xlim=(0.0, columns), ylim=(rows, 0.0), title=f"{title} picture", aspect="equal")
+        # Arrows may reach beyond the picture, of which the frame shows the edge.
+        beyond = _MARGIN * columns
+        axes.set(
+            xlim=(-beyond, columns + beyond), ylim=(rows + beyond, -beyond), title=f"{title} picture", aspect="equal"
+        )
+        axes.add_patch(Rectangle((0.0, 0.0), columns, rows, fill=False, edgecolor=SOFT, linewidth=0.5))
         axes.set(xlabel="x [px]", ylabel="y [px]" if side == 0 else "")
     axes = figure.add_subplot(grid[1, :])
     distance = np.asarray(data["rig_distance"].values, dtype=np.float64)

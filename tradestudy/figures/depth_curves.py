@@ -65,7 +65,7 @@ def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: flo
     uncertainty = [of_camera(view, "depth_uncertainty", camera.key) for camera in shown]
     limits = depth_limits([*nearer, *uncertainty], view["distance"].values, near, far)
     for axes, title in ((upper, "Discrimination"), (lower, "Uncertainty (68 %)")):
-        log_axis(axes, "y", tick=length_tick)
+        log_axis(axes, "y", tick=length_tick, ends=limits)
         axes.set(xlim=(near, far), ylim=limits, title=title, ylabel="depth")
         axes.xaxis.set_major_formatter(FuncFormatter(distance_tick(far)))
     for camera, first, last in zip(shown, nearer, farther, strict=True):
@@ -85,8 +85,9 @@ def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: flo
 
 def depth_limits(curves: list[FloatArray], distance: FloatArray, near: float, far: float) -> tuple[float, float]:
     """Depth limits [mm] that contain the curves between two distances, but extend little above the distance itself."""
-    inside = (distance >= near) & (distance <= far)
-    values = np.concatenate([curve[inside] for curve in curves])
+    inside = (distance > near) & (distance < far)
+    ends = [near, far]  # between points of a coarse grid
+    values = np.concatenate([np.append(curve[inside], np.interp(ends, distance, curve)) for curve in curves])
     values = values[np.isfinite(values) & (values > 0)] * MM
     if not values.size:
         return 0.01 * far, far * MM
@@ -160,7 +161,8 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     """Uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below."""
     depth, shown = where_measured(nominal(tree)), traces(tree)
     figure = new_figure(2.55 + 0.17 * len(shown))
-    curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 0.16 * (len(shown) + 1) + 0.2))
+    rows = len(shown) + (len(shown) > 1)
+    curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 0.16 * rows + 0.2))
     distance = np.asarray(depth["distance"].values, dtype=float)
     drawn = [of_camera(depth, "depth_uncertainty", camera.key) for camera in shown]
     log_axis(curves, "y", tick=length_tick)
@@ -172,7 +174,8 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     draw_relative_guides(curves, distance, drawn, edges)
     _bars(bars, depth, shown)
     if has_winners(tree):
-        _best_camera_bar(bars, tree, shown)
+        if len(shown) > 1:
+            _best_camera_bar(bars, tree, shown)
         _crossovers((curves, bars), edges)
     bars.set_xlabel(distance_label(float(distance[-1])))
     return figure

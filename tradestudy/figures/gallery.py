@@ -89,7 +89,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
         "Grey lines: constant fractions of the distance. Bars: usable distances."
     )
     caption += _design_words(tree)
-    if has_winners(tree):
+    if has_winners(tree) and len(shown) > 1:
         among = [camera.title for camera in shown if camera.key in candidates(tree)]
         caption += (
             " Last bar: the least uncertain usable camera"
@@ -124,7 +124,7 @@ def _usable_words(depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> str:
 
 
 def _winner_words(tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> str:
-    if not has_winners(tree):
+    if not has_winners(tree) or len(shown) == 1:
         return ""
     chosen = candidates(tree)
     titles = {camera.key: camera.title for camera in shown}

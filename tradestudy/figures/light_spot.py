@@ -70,7 +70,7 @@ def light_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
             "image that contain 50 % and 80 % of the light, root-mean-square distance within "
             f"{plain_number(float(spread.attrs['rms_radius']))} Airy radii, full width at half maximum. Defocus "
             "is in waves at the rim of the pupil. Solid: "
-            "Kirchhoff; pale and dotted: Fresnel. Grey: one pixel.",
+            "Kirchhoff, with its numerical error as a bar; pale and dotted: Fresnel. Grey: one pixel.",
             alt="Line charts of widths, one row per lens, one column per varied quantity. " + _spread_words(spread),
             draw=partial(draw_point_spread, tree),
         )

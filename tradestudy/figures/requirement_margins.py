@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ from tradestudy.results.views.requirement_conclusions import requirement_conclus
 from tradestudy.units import FRACTION
 
 _FEW = 2
+_LETTERS_UP = 30  # in a line along the map
 _LEVELS = (-50.0, -20.0, -10.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)  # margins [%], beside 0
 _LINEAR_WITHIN = 10.0  # per cent, beyond which margins stand on a logarithmic scale
 
@@ -45,6 +47,8 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
     if not np.isfinite(data["design_margin_percent"].values).any():  # nothing fails, or nothing can be decided
         return None
     if len(dims) > 2 or (len(dims) == 2 and any(data[dim].dtype.kind not in "fiu" for dim in dims)):
+        return None
+    if len(dims) == 2 and np.ptp(_least(data, dims)) == 0.0:  # no contours: designs fail alike
         return None
     names = " and ".join(path_words(tree, dim) for dim in dims)
     told = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree))
@@ -133,7 +137,7 @@ def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFig
     least = _least(data, dims)
     met = np.all(data["design_met"].transpose("requirement", dims[1], dims[0]).values[must_hold(data)] == 1, axis=0)
     (x, _), (y, _) = (axis_values(data[dim]) for dim in dims)
-    figure = new_figure(2.9)
+    figure = new_figure(2.5)
     axes = figure.subplots()
     levels = [level for level in _LEVELS if np.min(least) < level < np.max(least)]
     drawn = axes.contour(x, y, least, levels=levels, colors=SOFT, linewidths=0.7, linestyles="solid")
@@ -157,7 +161,7 @@ def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFig
     for name, values in (("x", x), ("y", y)):
         if _is_geometric(values):
             log_axis(axes, name, dense=True, tick=lambda value, _: plain_number(value))
-    axes.set(xlabel=axis_label(tree, data[dims[0]]), ylabel=axis_label(tree, data[dims[1]]))
+    axes.set(xlabel=axis_label(tree, data[dims[0]]), ylabel=fill(axis_label(tree, data[dims[1]]), _LETTERS_UP))
     return figure
 
 

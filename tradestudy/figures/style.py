@@ -221,10 +221,10 @@ def log_axis(
 ) -> None:
     """A logarithmic axis with plain numbers; `dense`, for few decades, labels 2 and 5 and has minor ticks.
 
-    Between `ends` less than a factor 30 apart there may be one power of ten alone: then 2 and 5 are labelled too; less
+    Between `ends` less than a factor 30 apart, or with fewer than two powers of ten, 2 and 5 are labelled too; less
     than a factor 4 apart there may be no such number: then evenly spaced ones stand.
     """
-    dense = dense or (ends is not None and ends[1] < 30.0 * ends[0])
+    dense = dense or (ends is not None and (ends[1] < 30.0 * ends[0] or _powers_of_ten(*ends) < 2))
     axis = axes.xaxis if which == "x" else axes.yaxis
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
     axis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0) if dense else (1.0,), numticks=20))
@@ -237,6 +237,10 @@ def log_axis(
     if ends is not None and ends[1] < 4.0 * ends[0]:
         axis.set_major_locator(MaxNLocator(nbins=4))
         axis.set_minor_locator(NullLocator())
+
+
+def _powers_of_ten(low: float, high: float) -> int:
+    return int(np.floor(np.log10(high)) - np.ceil(np.log10(low))) + 1
 
 
 def legend(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import fill
 
 import numpy as np
 import xarray as xr
@@ -39,6 +40,7 @@ from tradestudy.wording import distance
 
 MM = 1e3
 _COLUMNS = 3
+_LETTERS_UP = 34  # in a line along one map
 
 
 def reference_distance(tree: xr.DataTree) -> float:
@@ -184,7 +186,7 @@ def _maps(
     for axes in panels.flat[len(moved) :]:
         axes.set_visible(False)
     figure.supxlabel(axis_label(tree, uncertainty[dims[0]]), fontsize="medium")
-    figure.supylabel(axis_label(tree, uncertainty[dims[1]]), fontsize="medium")
+    figure.supylabel(fill(axis_label(tree, uncertainty[dims[1]]), _LETTERS_UP * rows), fontsize="medium")
     bar = figure.colorbar(
         ScalarMappable(norm=norm, cmap="cividis"), ax=panels.ravel().tolist(), format=FuncFormatter(length_tick)
     )

@@ -9,7 +9,7 @@ import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Appendices, Contents, PageBreak, Report
-from tradestudy.report.sections.answer import describe_answer, describe_verdicts
+from tradestudy.report.sections.answer import describe_answer
 from tradestudy.report.sections.calibration import describe_calibration
 from tradestudy.report.sections.cost import describe_cost
 from tradestudy.report.sections.datasheet import describe_datasheet
@@ -37,6 +37,7 @@ from tradestudy.report.sections.registers import (
 from tradestudy.report.sections.results import describe_results
 from tradestudy.report.sections.trade_off import describe_trade_off
 from tradestudy.report.sections.value_of_information import describe_value_of_information
+from tradestudy.report.sections.verdicts import describe_verdicts
 
 
 def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Report:

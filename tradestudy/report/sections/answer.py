@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
 
 import numpy as np
 import xarray as xr
@@ -12,23 +13,20 @@ from tradestudy.report.document import (
     Block,
     Bullets,
     Callout,
-    Column,
     Heading,
     Paragraph,
     Span,
     Spans,
-    Table,
-    Text,
     pictures_of,
     say,
     with_subscripts,
 )
 from tradestudy.report.words import length, part_words, share, with_error
 from tradestudy.results.views.conclusions import best_ranges, measure_first, question_words, rests_on
-from tradestudy.results.views.decision import Flips, answer_title, flips, handovers, solved_questions, tied
+from tradestudy.results.views.decision import answer_title, flips, handovers, solved_questions, tied
 from tradestudy.results.views.depth import least_broken
 from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
-from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated
+from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated, titles_in
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher
 from tradestudy.results.views.measured_depth import measured_words
 from tradestudy.results.views.one_design import BestCameras, best_cameras
@@ -39,9 +37,10 @@ from tradestudy.results.views.requirement_conclusions import (
 )
 from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.units import significant
-from tradestudy.wording import counted, distance, limit_words, listed, span
+from tradestudy.wording import distance, limit_words, listed, span
 
 _MOST_REASONS = 3
+_WHICH: Final = "Which camera for which distance"
 
 
 def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -56,15 +55,16 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     if designs:
         yield Callout(title="Which design", blocks=(Bullets(designs),), tone="answer")
     yield Callout(
-        title="Which camera for which distance" + (", as declared" if designs else ""),
+        title=_which(titles_in(tree, "depth")) + (", as declared" if designs else ""),
         blocks=(Bullets((*_stretches(best_cameras(tree)), *_changes(tree), *_solved(tree))),),
         tone="answer",
         name="answer-cameras",
     )
     yield from _requirements(requirement_conclusions(tree), ", as declared" if designs else "")
+    if measured := tuple(_measured(tree)):
+        yield Callout(title="Measured in pictures", blocks=(Bullets(measured),))
     told = [
         *_weighed(tree),
-        *_measured(tree),
         *_taken_as_perfect(tree),
         *_doubted(tree),
         *_rests_on(tree),
@@ -83,7 +83,7 @@ def describe_design(
     """The part of the first page about one design of a sweep."""
     if best is not None:
         yield Callout(
-            title=f"Which camera for which distance, {words}",
+            title=f"{_which({key: best.titles[key] for key in best.cameras})}, {words}",
             blocks=(Bullets(tuple(_stretches(best))),),
             tone="answer",
             name="answer-cameras",
@@ -91,13 +91,9 @@ def describe_design(
     yield from _requirements(requirements, f", {words}")
 
 
-def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
-    """What noise and calibration favour by themselves, and the verdict on the pair under other readings."""
-    ways, table = tuple(_ways(tree)), tuple(_stability(tree))
-    if table:
-        yield Heading(text="Which camera each error source favours", anchor="verdicts")
-        yield Bullets(ways)
-        yield from table
+def _which(measuring: Mapping[str, str]) -> str:
+    """What the answer tells about the cameras that measure depth, by title."""
+    return f"Depth uncertainty of {listed(list(measuring.values()))}" if len(measuring) == 1 else _WHICH
 
 
 def _requirements(requirements: Sequence[RequirementConclusion], of: str = "") -> Iterator[Callout]:
@@ -245,7 +241,9 @@ def _stretches(best: BestCameras) -> Iterator[Spans]:
     """One sentence per range of distance with one best camera."""
     for start, end, names in best.reported:
         where, camera = span(start, end), answer_title(best.titles, names)
-        if not names:
+        if not names and len(best.cameras) == 1:
+            yield say("**{where}: not usable**{why}.", where=where, why=_why_none(best, start, end))
+        elif not names:
             yield say(
                 "**{where}: no {which} is usable**{why}.",
                 where=where,
@@ -254,7 +252,10 @@ def _stretches(best: BestCameras) -> Iterator[Spans]:
             )
         elif best.cameras:
             how = _how_sure(best, tied(names)[0], start, end)
-            yield say("**{where}: {camera}**, {how}.", where=where, camera=camera, how=how)
+            if len(best.cameras) == 1:
+                yield say("**{where}**: {how}.", where=where, how=how)
+            else:
+                yield say("**{where}: {camera}**, {how}.", where=where, camera=camera, how=how)
         else:
             yield say("**{where}: {camera}**.", where=where, camera=camera)
 
@@ -271,7 +272,10 @@ def _why_none(best: BestCameras, start: float, end: float) -> str:
         broken = best.cameras[key].broken[inside[::-1] if becomes_usable else inside]
         fewest = np.flatnonzero(broken[least_broken(broken)])
         reasons.setdefault(limit_words(best.limits[fewest[0]]) if fewest.size else "", []).append(best.titles[key])
-    told = [f"{listed(cameras)}: {words}" for words, cameras in reasons.items() if words][:_MOST_REASONS]
+    alone = len(measuring) == 1
+    told = [words if alone else f"{listed(cameras)}: {words}" for words, cameras in reasons.items() if words][
+        :_MOST_REASONS
+    ]
     beside = [
         best.titles[key]
         for key in measuring
@@ -320,87 +324,4 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
         second=second,
         own=own,
         moved=moved,
-    )
-
-
-def _ways(tree: xr.DataTree) -> Iterator[Spans]:
-    """The cameras that noise alone and calibration alone favour, with the number of declared distances."""
-    if not has(tree, "decision", "more_certain", "uncertainty_ratio"):
-        return
-    decision, titles = group(tree, "decision"), camera_titles(tree)
-    pair = [str(decision.attrs[end]) for end in ("first", "second")]
-    yield say(
-        "Of {first} and {second}, {noise}; {calibration}.",
-        first=titles[pair[0]],
-        second=titles[pair[1]],
-        noise=_favoured(decision.isel(reading=0).sel(way="noise"), pair, titles, "noise"),
-        calibration=_favoured(decision.isel(reading=0).sel(way="calibration"), pair, titles, "calibration"),
-    )
-
-
-def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], way: str) -> str:
-    """Wins, ties and undecided distances of one error source; equal uncertainties count as ties."""
-    names = [str(name) for name in decision["more_certain"].values]
-    neither = np.asarray(decision["uncertainty_ratio"].values, dtype=np.float64)[[not name for name in names]]
-    undecided = int(np.isnan(neither).sum())
-    wins = {key: names.count(key) for key in pair}
-    parts = [
-        f"favours {titles[key]} at {wins[key]}" for key in sorted(pair, key=lambda key: -wins[key]) if wins[key] > 0
-    ]
-    parts += [f"ties them at {neither.size - undecided}"] if neither.size > undecided else []
-    parts += [f"decides nothing at {undecided}"] if undecided else []
-    parts[0] += f" of {counted(len(names), 'declared distance')}"
-    return f"{way} alone {', '.join(parts)}"
-
-
-def _stability(tree: xr.DataTree) -> Iterator[Block]:
-    """The verdict on the main pair under the other readings, at each declared distance."""
-    found = tuple(flips(tree))
-    if not found:
-        return
-    titles, decision = camera_titles(tree), group(tree, "decision")
-    yield Table(
-        name="verdict-table",
-        caption=f"{titles[decision.attrs['first']]} against {titles[decision.attrs['second']]}: the better usable "
-        "camera, the other readings that change it, and the camera with the smaller uncertainty, usable or not.",
-        columns=(
-            Column(title="At", align="right"),
-            Column(title="Better usable"),
-            Column(title="Changes under", weight=1),
-            Column(title="More certain"),
-            Column(title="by a factor", align="right"),
-        ),
-        rows=tuple(
-            (
-                distance(one.place),
-                answer_title(titles, one.winner, "neither"),
-                _flipped(one, titles),
-                answer_title(titles, one.more_certain, "neither" if np.isnan(one.ratio) else "tied"),
-                _factor(one.ratio) + (", within the tolerance" if one.within_tolerance else ""),
-            )
-            for one in found
-        ),
-    )
-
-
-def _factor(ratio: float) -> str:
-    """The factor by which the better camera is more certain, from a ratio in either direction."""
-    if np.isnan(ratio):
-        return "—"
-    if not 0.0 < ratio < np.inf:
-        return "∞"
-    factor = max(ratio, 1.0 / ratio)
-    written = (significant(factor, digits) for digits in range(2, 5))
-    return next((words for words in written if words != "1"), "1" if factor == 1.0 else "about 1")
-
-
-def _flipped(one: Flips, titles: Mapping[str, str]) -> Text:
-    if not one.alternatives:
-        return "no other reading"
-    return say(
-        "**{count} of {all}**{names}",
-        count=str(len(one.flipped)),
-        all=str(one.alternatives),
-        names=(": " if one.flipped else "")
-        + ", ".join(f"{name} ({answer_title(titles, winner, 'neither')})" for name, winner in one.flipped),
     )

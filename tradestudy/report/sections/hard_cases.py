@@ -138,7 +138,7 @@ def _wrong(error: float, answer: str) -> str:
 
 def _answer(text: str) -> str:
     """An answer of a formula as the report writes numbers."""
-    return _FLOAT.sub(lambda found: _number(float(found[0])), text)
+    return _FLOAT.sub(lambda found: _number(float(found[0])), text).replace("nan", "NaN")
 
 
 def _number(value: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from tradestudy.report.document import (
     pictures_of,
     say,
 )
-from tradestudy.report.words import length, share
+from tradestudy.report.words import length, share, with_error
 from tradestudy.results.views.groups import group, has
 from tradestudy.results.views.wave_optics import reference_method
 from tradestudy.units import significant
@@ -305,7 +306,7 @@ def _value(value: float, unit: str) -> str:
 
 def _measures(there: xr.Dataset) -> Iterator[str]:
     for name in ("full_width", "half_energy_radius", "energy_radius_80", "rms_width"):
-        yield _or_dash(float(there[name]), length)
+        yield _or_dash(float(there[name]), partial(with_error, error=float(there[f"{name}_error"])))
     yield _or_dash(float(there["strehl_ratio"]), significant)
     for name in ("transfer_half_nyquist", "outside_geometric", "neighbour_share"):
         yield _or_dash(float(there[name]), share)

@@ -59,8 +59,8 @@ def _of_scene(tree: xr.DataTree) -> Iterator[str]:
     if not has(tree, "pictures", "map_depth"):
         return
     data, titles = group(tree, "pictures"), camera_titles(tree)
-    rows = [data.isel(mapped_camera=k) for k in range(data.sizes["mapped_camera"])]
-    yield f"In the pictures of the scene, {'; '.join(_one(row, titles) for row in rows)}"
+    for k in range(data.sizes["mapped_camera"]):
+        yield f"In pictures of the scene, {_one(data.isel(mapped_camera=k), titles)}"
 
 
 def _one(row: xr.Dataset, titles: Mapping[str, str]) -> str:

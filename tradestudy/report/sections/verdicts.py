@@ -1,0 +1,107 @@
+"""Which camera noise and calibration each favour, and the verdict on the main pair under other readings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.report.document import Block, Bullets, Column, Heading, Spans, Table, Text, say
+from tradestudy.results.views.decision import Flips, answer_title, flips
+from tradestudy.results.views.groups import camera_titles, group, has
+from tradestudy.units import significant
+from tradestudy.wording import counted, distance
+
+
+def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
+    """What noise and calibration favour by themselves, and the verdict on the pair under other readings."""
+    ways, table = tuple(_ways(tree)), tuple(_stability(tree))
+    if table:
+        yield Heading(text="Which camera each error source favours", anchor="verdicts")
+        yield Bullets(ways)
+        yield from table
+
+
+def _ways(tree: xr.DataTree) -> Iterator[Spans]:
+    """The cameras that noise alone and calibration alone favour, with the number of declared distances."""
+    if not has(tree, "decision", "more_certain", "uncertainty_ratio"):
+        return
+    decision, titles = group(tree, "decision"), camera_titles(tree)
+    pair = [str(decision.attrs[end]) for end in ("first", "second")]
+    yield say(
+        "Of {first} and {second}, {noise}; {calibration}.",
+        first=titles[pair[0]],
+        second=titles[pair[1]],
+        noise=_favoured(decision.isel(reading=0).sel(way="noise"), pair, titles, "noise"),
+        calibration=_favoured(decision.isel(reading=0).sel(way="calibration"), pair, titles, "calibration"),
+    )
+
+
+def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], way: str) -> str:
+    """Wins, ties and undecided distances of one error source; equal uncertainties count as ties."""
+    names = [str(name) for name in decision["more_certain"].values]
+    neither = np.asarray(decision["uncertainty_ratio"].values, dtype=np.float64)[[not name for name in names]]
+    undecided = int(np.isnan(neither).sum())
+    wins = {key: names.count(key) for key in pair}
+    parts = [
+        f"favours {titles[key]} at {wins[key]}" for key in sorted(pair, key=lambda key: -wins[key]) if wins[key] > 0
+    ]
+    parts += [f"ties them at {neither.size - undecided}"] if neither.size > undecided else []
+    parts += [f"decides nothing at {undecided}"] if undecided else []
+    parts[0] += f" of {counted(len(names), 'declared distance')}"
+    return f"{way} alone {', '.join(parts)}"
+
+
+def _stability(tree: xr.DataTree) -> Iterator[Block]:
+    """The verdict on the main pair under the other readings, at each declared distance."""
+    found = tuple(flips(tree))
+    if not found:
+        return
+    titles, decision = camera_titles(tree), group(tree, "decision")
+    others = any(one.alternatives for one in found)  # readings
+    pair = f"{titles[decision.attrs['first']]} against {titles[decision.attrs['second']]}"
+    changed = ", the other readings that change it," if others else ""
+    yield Table(
+        name="verdict-table",
+        caption=f"{pair}: the better usable camera{changed} and the camera with the smaller uncertainty, usable or "
+        "not.",
+        columns=(
+            Column(title="At", align="right"),
+            Column(title="Better usable", weight=0 if others else 1),
+            *((Column(title="Changes under", weight=1),) if others else ()),
+            Column(title="More certain", weight=0 if others else 1),
+            Column(title="by a factor", align="right"),
+        ),
+        rows=tuple(
+            (
+                distance(one.place),
+                answer_title(titles, one.winner, "neither"),
+                *((_flipped(one, titles),) if others else ()),
+                answer_title(titles, one.more_certain, "neither" if np.isnan(one.ratio) else "tied"),
+                _factor(one.ratio) + (", within the tolerance" if one.within_tolerance else ""),
+            )
+            for one in found
+        ),
+    )
+
+
+def _factor(ratio: float) -> str:
+    """The factor by which the better camera is more certain, from a ratio in either direction."""
+    if np.isnan(ratio):
+        return "—"
+    if not 0.0 < ratio < np.inf:
+        return "∞"
+    factor = max(ratio, 1.0 / ratio)
+    written = (significant(factor, digits) for digits in range(2, 5))
+    return next((words for words in written if words != "1"), "1" if factor == 1.0 else "about 1")
+
+
+def _flipped(one: Flips, titles: Mapping[str, str]) -> Text:
+    return say(
+        "**{count} of {all}**{names}",
+        count=str(len(one.flipped)),
+        all=str(one.alternatives),
+        names=(": " if one.flipped else "")
+        + ", ".join(f"{name} ({answer_title(titles, winner, 'neither')})" for name, winner in one.flipped),
+    )
