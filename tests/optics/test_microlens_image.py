@@ -10,7 +10,7 @@ import pytest
 from tests.cameras.builders import r5
 from tests.optics.small_chain import relative
 from tradestudy import optics
-from tradestudy.errors import NotConvergedError, OutOfRangeError
+from tradestudy.errors import NotConvergedError, OutOfRangeError, TradestudyError, UnaffordableError
 from tradestudy.optics import microlens_camera as module
 
 WAVELENGTH = 550e-9
@@ -145,3 +145,18 @@ def test_field_curvature_of_a_camera_moves_the_image_that_far() -> None:
         moved = camera.light_chain().light_path(point, wavelength=WAVELENGTH).image_at_array(point)[2]
         assert -moved == pytest.approx(40e-6 * share**2, rel=1e-3, abs=1e-9)
         assert flat.light_path(point, wavelength=WAVELENGTH).image_at_array(point)[2] == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "error"),
+    [
+        ({"microlens_aperture": 0.0}, OutOfRangeError),
+        ({"microlens_pitch": 1e-9}, UnaffordableError),
+        ({"pixel_pitch": 1e-12}, UnaffordableError),
+    ],
+)
+def test_impossible_arrays_are_refused_at_once(change: dict[str, float], error: type[TradestudyError]) -> None:
+    data = {"microlens_focal_lengths": 76e-6, "microlens_pitch": 26e-6, "gap": 0.1e-3, "pixel_pitch": 4e-6} | change
+    camera = optics.MicrolensCamera(focal_length=2e-3, f_number=8.0, array_distance=2.5e-3, **data)  # type: ignore[arg-type]
+    with pytest.raises(error):
+        camera.light_path(optics.PointSource(distance=20e-3), wavelength=550e-9)

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked_fields
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.lens import PointSource
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class FocalLengths:
     """Table of focal lengths f(θ, λ), linear between entries.
@@ -33,7 +35,7 @@ class FocalLengths:
     Raises
     ------
     OutOfRangeError
-        If shapes or order differ from the above, or a focal length is zero or not finite.
+        If shapes or order differ from the above, or focal lengths are zero, not finite or of both signs.
 
     References
     ----------
@@ -68,14 +70,28 @@ class FocalLengths:
                 value=f"{self.focal_lengths.shape} for {self.field_angles.shape} angles and "
                 f"{self.wavelengths.shape} wavelengths",
                 limit="(n, m) for (n,) and (m,), n and m ≥ 1",
+                remedy="give a row for each angle and a column for each wavelength",
             )
         for name, axis in (("field angles", self.field_angles), ("wavelengths", self.wavelengths)):
             if not (np.isfinite(axis).all() and np.all(np.diff(axis) > 0)):
-                raise OutOfRangeError(name, value=str(axis), limit="finite, increasing")
+                raise OutOfRangeError(name, value=str(axis), limit="finite, increasing", remedy="sort the table")
         if not (self.field_angles[0] == 0.0 and self.field_angles[-1] < math.pi / 2):
-            raise OutOfRangeError("field angles", value=str(self.field_angles), limit="from 0 to below π/2")
-        if not (np.isfinite(self.focal_lengths).all() and np.all(self.focal_lengths != 0)):
-            raise OutOfRangeError("focal length", value="0 or not finite", limit="finite, ≠ 0")
+            raise OutOfRangeError(
+                "field angles",
+                value=str(self.field_angles),
+                limit="from 0 to below π/2",
+                remedy="begin on the axis, in radians",
+            )
+        if not self.wavelengths[0] > 0:
+            raise OutOfRangeError("wavelengths", value=str(self.wavelengths), limit="> 0", remedy="give them in metres")
+        signs = np.unique(np.sign(self.focal_lengths))
+        if not (np.isfinite(self.focal_lengths).all() and signs.size == 1 and signs[0] != 0):
+            raise OutOfRangeError(
+                "focal lengths",
+                value=f"{self.focal_lengths.min():g} to {self.focal_lengths.max():g} m",
+                limit="finite, ≠ 0, of one sign",
+                remedy="describe a lens that converges, or diverges, at every angle and wavelength",
+            )
         self.reference  # noqa: B018  (refuses a reference wavelength beyond the table)
 
     @property

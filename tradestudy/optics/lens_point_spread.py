@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.airy import FIRST_DARK_RING
+from tradestudy.optics.argument_types import checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.focal_lengths import FocalLengths, focal_length_for, reference_focal_length
 from tradestudy.optics.propagation.aperture import aperture_field, lens_wave
@@ -90,6 +91,7 @@ class LensPointSpread(PointSpread):
         """Intensity relative to the peak without aberration; its maximum is the Strehl ratio."""
         return np.asarray(self.intensity / self.reference_peak)
 
+    @checked
     def width(self, *, angle: float = 0.0) -> Measured:
         """Full width at half maximum about the brightest point along a direction [m], by `full_width_at_half_maximum`.
 
@@ -109,10 +111,12 @@ class LensPointSpread(PointSpread):
             )
         return full_width_at_half_maximum(self, angle=angle)
 
+    @checked
     def encircled_energy(self, radius: npt.ArrayLike) -> Measured:
         """Fraction of the light within circles about the chief ray, by `encircled_energy`; radii in [m]."""
         return encircled_energy(self, centre=self.centre, radius=np.asarray(radius, dtype=np.float64))
 
+    @checked
     def radius_of(self, share: float) -> Measured:
         """Radius of the circle about the chief ray with a fraction of the light [m]: `encircled_energy_radius`."""
         return encircled_energy_radius(self, centre=self.centre, share=share)
@@ -121,6 +125,7 @@ class LensPointSpread(PointSpread):
         """Ratio of the peak to the peak without aberration, by `strehl_ratio`."""
         return strehl_ratio(self, reference_peak=self.reference_peak)
 
+    @checked
     def modulation_transfer(self, frequency: npt.ArrayLike, *, angle: float = 0.0) -> Measured:
         """MTF at frequencies [cycles/m] along a direction [rad], by `modulation_transfer`.
 
@@ -150,11 +155,29 @@ class LensPointSpread(PointSpread):
         figure = spread_figure(
             self, centre=self.centre, airy_radius=self.airy_radius, reference_peak=self.reference_peak
         )
-        if file is not None:
+        if file is None:
+            return figure
+        formats = figure.canvas.get_supported_filetypes()
+        if not isinstance(file, (str, Path)) or Path(file).suffix[1:].lower() not in formats:
+            raise OutOfRangeError(
+                "file of the plot",
+                value=repr(file),
+                limit=f"a path that ends in {', '.join(sorted(formats))}",
+                remedy="give a path such as 'spot.svg'",
+            )
+        try:
             figure.savefig(file)
+        except OSError as error:
+            raise OutOfRangeError(
+                "file of the plot",
+                value=str(file),
+                limit="a place that can be written",
+                remedy=f"choose another: {error.strerror}",
+            ) from error
         return figure
 
 
+@checked
 def point_spread(
     *,
     focal_length: float | FocalLengths,
@@ -241,7 +264,6 @@ def point_spread(
     >>> print(f"MTF {mtf.value[0]:.2f} at 100/mm, {mtf.value[1]:.2f} at 200/mm, to {mtf.error[0]:.2f}")
     MTF 0.56 at 100/mm, 0.31 at 200/mm, to 0.01
     """
-    _refuse_bare_distance(source)
     nominal = reference_focal_length(focal_length)
     _check_numbers(nominal, f_number, wavelength, window)
     focus = source.distance if focus_distance is None else focus_distance
@@ -276,17 +298,6 @@ def point_spread(
         limits=limits,
     )
     return _of_field(field, source, lens, centre, wavelength=wavelength, obliquity=obliquity, airy=airy)
-
-
-def _refuse_bare_distance(source: object) -> None:
-    """Refuse a number, such as an infinite distance, in place of a source."""
-    if not isinstance(source, PointSource):
-        raise OutOfRangeError(
-            "source",
-            value=repr(source),
-            limit="a PointSource",
-            remedy="give PointSource(distance=…) or PointSource.at_infinity()",
-        )
 
 
 def _check_numbers(focal_length: float, f_number: float, wavelength: float, window: float) -> None:

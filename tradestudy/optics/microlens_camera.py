@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tradestudy.errors import NotConvergedError, OutOfRangeError
+from tradestudy.errors import NotConvergedError, OutOfRangeError, UnaffordableError
+from tradestudy.optics.argument_types import check_wavelength, checked, checked_fields
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.arriving_light import blur_radius
@@ -20,10 +21,13 @@ from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSou
 from tradestudy.optics.propagation.pupil import Pupil
 
 _ROUNDS = 3
+_MOST_MICROLENSES = 1e5
+_MOST_PIXELS = 1e8
 _FINEST = 1e-6  # smallest tolerance that `ChainAccuracy` accepts
 _LENSES_BEYOND = 1.0  # pitches beyond the geometric light, for the light that the main lens diffracts
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class MicrolensCamera:
     """Data of a camera with a microlens array; `light_path` derives the lenses and pixels that a source lights.
@@ -99,7 +103,12 @@ class MicrolensCamera:
 
     def __post_init__(self) -> None:
         if not (self.f_number > 0 and math.isfinite(self.f_number)):
-            raise OutOfRangeError("f-number", value=f"{self.f_number:g}", limit="> 0, finite")
+            raise OutOfRangeError(
+                "f-number",
+                value=f"{self.f_number:g}",
+                limit="> 0, finite",
+                remedy="divide focal length by pupil diameter",
+            )
         lengths = {"focal length": reference_focal_length(self.focal_length), "array distance": self.array_distance}
         for name, length in lengths.items():
             if not 0 < length < math.inf:
@@ -118,6 +127,7 @@ class MicrolensCamera:
                 f"types of microlenses of a {self.layout} array",
                 value=str(len(self._types)),
                 limit="1, or 3 in a hexagonal array",
+                remedy="give one focal length, or three with layout='hexagonal'",
             )
 
     @property
@@ -138,7 +148,10 @@ class MicrolensCamera:
         ------
         OutOfRangeError
             If the parts do not fit together, or the source lies beyond the table of focal lengths.
+        UnaffordableError
+            If the source lights more than 100 000 microlenses or 100 million pixels.
         """
+        check_wavelength(wavelength)
         points = [source]
         if isinstance(source, DiscSource):
             radius = source.diameter / 2
@@ -166,10 +179,25 @@ class MicrolensCamera:
         chief = np.array([first.chief_point(one) for one in points if isinstance(one, PointSource)])
         reach = blur_radius(first, middle) + float(np.linalg.norm(chief - chief[0], axis=1).max())
         reach += _LENSES_BEYOND * self.microlens_pitch
+        self._refuse_too_many(reach)
         centres, types = self._lattice(chief[0], reach)
         return replace(
             first, microlenses=self._microlenses(centres, types, depth), pixels=self._pixels(chief[0], reach)
         )
+
+    def _refuse_too_many(self, reach: float) -> None:
+        """Refuse light on more microlenses or pixels than any camera has, before they are listed."""
+        for name, pitch, most in (
+            ("microlenses", self.microlens_pitch, _MOST_MICROLENSES),
+            ("pixels", self.pixel_pitch, _MOST_PIXELS),
+        ):
+            if (2 * reach / pitch) ** 2 > most:
+                raise UnaffordableError(
+                    f"{name} on the light path",
+                    value=f"{(2 * reach / pitch) ** 2:.2g} at a pitch of {pitch:g} m",
+                    limit=f"≤ {most:g}",
+                    remedy="give lengths in metres, such as 5.5e-6, or focus nearer to the source",
+                )
 
     def _focal_length(self, source: PointSource | DiscSource, wavelength: float) -> float:
         """Focal length for the source; refuses a disc over which it varies."""
@@ -208,7 +236,7 @@ class MicrolensCamera:
             centres=centres,
             focal_lengths=self._types[types],
             aperture="circular",
-            aperture_width=self.microlens_aperture or self.microlens_pitch,
+            aperture_width=self.microlens_pitch if self.microlens_aperture is None else self.microlens_aperture,
             pitch=self.microlens_pitch,
             layout=self.layout,
             gaps=self.gaps,
@@ -226,6 +254,7 @@ class MicrolensCamera:
         return PixelGrid(pitch=self.pixel_pitch, shape=(rows, columns), centre=(float(centre[0]), float(centre[1])))
 
 
+@checked
 def microlens_image(
     camera: MicrolensCamera,
     source: PointSource | DiscSource,
@@ -290,6 +319,8 @@ def microlens_image(
     >>> print(f"{image.pixels.sum():.2f} of the light on {image.pixels.shape}, within 1 %: {image.within_tolerance}")
     0.88 of the light on (22, 22), within 1 %: True
     """
+    if seed < 0:
+        raise OutOfRangeError("seed", value=str(seed), limit="≥ 0", remedy="give another")
     wavelengths = np.atleast_1d(np.asarray(wavelength, dtype=np.float64))
     shares = spectral_shares(wavelengths, np.ones_like(wavelengths) if weights is None else weights)
     paths = [camera.light_path(source, wavelength=float(one)) for one in wavelengths]

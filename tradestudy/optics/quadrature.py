@@ -9,10 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked, checked_fields
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.phasors import unit_phasor
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class QuadratureNodes:
     """Points and weights of an area rule: the integral of g is ``sum(weights * g(x, y))``.
@@ -56,6 +58,7 @@ class QuadratureNodes:
         return int(self.x.size)
 
 
+@checked
 def disc_nodes(
     *,
     radius: float,
@@ -103,6 +106,13 @@ def disc_nodes(
     """
     _check_positive("radius of the disc", radius)
     _check_counts(radial_count, int(np.min(angular_count)))
+    if np.shape(angular_count) not in ((), (radial_count,)):
+        raise OutOfRangeError(
+            "angular_count",
+            value=f"shape {np.shape(angular_count)}",
+            limit=f"a number, or shape ({radial_count},)",
+            remedy="give one count for each ring",
+        )
     t, w = gauss_legendre(radial_count)
     counts = np.broadcast_to(angular_count, t.shape)
     ring = np.repeat(radius * np.sqrt(t), counts)
@@ -122,6 +132,7 @@ def ring_angles(counts: npt.NDArray[np.int_]) -> FloatArray:
     return np.asarray(2.0 * np.pi * place / np.repeat(counts, counts))
 
 
+@checked
 def rectangle_nodes(
     *, width: float, height: float, counts: tuple[int, int], centre: tuple[float, float] = (0.0, 0.0)
 ) -> QuadratureNodes:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked_fields
 from tradestudy.optics.arrays import FloatArray
 
 _LEAST_SAMPLES = 33  # a side; every fourth of them still carries a quintic spline
@@ -21,6 +22,7 @@ _FEW_VALUES = 4  # that are written out
 _BEST_REDUCTION = 1 / 16  # of the error when the spacing is halved; a quintic spline approaches 1/64
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Measured:
     """A number or an array, with its numerical error (same shape, same unit).
@@ -32,6 +34,11 @@ class Measured:
     value, error
         Arrays of the same shape; shape () for a single number.
 
+    Raises
+    ------
+    OutOfRangeError
+        The shapes differ.
+
     Examples
     --------
     >>> import numpy as np
@@ -42,6 +49,15 @@ class Measured:
 
     value: FloatArray
     error: FloatArray
+
+    def __post_init__(self) -> None:
+        if self.value.shape != self.error.shape:
+            raise OutOfRangeError(
+                "error of a value",
+                value=f"shape {self.error.shape} for values of shape {self.value.shape}",
+                limit="one shape",
+                remedy="give an error for each value",
+            )
 
     def __repr__(self) -> str:
         if self.value.size <= _FEW_VALUES:
@@ -61,6 +77,7 @@ def _with_error(value: float, error: float) -> str:
     return f"{value:.{digits}g} ± {error:.1g}"
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class PointSpread:
     """Intensity of a point's image on a uniform grid.
@@ -108,6 +125,7 @@ class PointSpread:
                 "shape of the intensity",
                 value=str(self.intensity.shape),
                 limit=f"(len(y), len(x)) = ({self.y.size}, {self.x.size})",
+                remedy="give a row for each y and a column for each x",
             )
         for name, axis in (("x", self.x), ("y", self.y)):
             if axis.size < _LEAST_SAMPLES or axis.size % 4 != 1:
@@ -119,7 +137,12 @@ class PointSpread:
                 )
             step = (axis[-1] - axis[0]) / (axis.size - 1)
             if not step > 0 or not np.allclose(np.diff(axis), step, rtol=1e-6, atol=0):
-                raise OutOfRangeError(f"sample positions along {name}", limit="increasing, equally spaced")
+                raise OutOfRangeError(
+                    f"sample positions along {name}",
+                    value=f"{axis[0]:g} to {axis[-1]:g} m",
+                    limit="increasing, equally spaced",
+                    remedy="sample on a regular grid",
+                )
         if not np.all(np.isfinite(self.intensity)) or np.any(self.intensity < 0):
             raise OutOfRangeError(
                 "intensity",
@@ -128,10 +151,18 @@ class PointSpread:
                 remedy="rays give infinite intensity in focus: use wave optics, or a plane out of focus",
             )
         if not (self.pupil_power > 0 and np.isfinite(self.pupil_power)):
-            raise OutOfRangeError("pupil power", value=f"{self.pupil_power:g} W", limit="positive and finite")
+            raise OutOfRangeError(
+                "pupil power",
+                value=f"{self.pupil_power:g} W",
+                limit="positive and finite",
+                remedy="check that the pupil passes light",
+            )
         if not 0 <= self.relative_error < np.inf:
             raise OutOfRangeError(
-                "relative error of the samples", value=f"{self.relative_error:g}", limit="≥ 0, finite"
+                "relative error of the samples",
+                value=f"{self.relative_error:g}",
+                limit="≥ 0, finite",
+                remedy="state the relative L2 error of the samples",
             )
 
     def __repr__(self) -> str:
@@ -236,7 +267,12 @@ def peak_position(psf: PointSpread) -> tuple[float, float]:
     """
     row, column = np.unravel_index(int(np.argmax(psf.intensity)), psf.intensity.shape)
     if row in (0, psf.y.size - 1) or column in (0, psf.x.size - 1):
-        raise OutOfRangeError("brightest sample on the rim of the window", remedy="move or widen the window")
+        raise OutOfRangeError(
+            "brightest sample on the rim of the window",
+            value=f"({psf.x[column]:g}, {psf.y[row]:g}) m",
+            limit="inside",
+            remedy="move or widen the window",
+        )
     start = np.array([psf.x[column], psf.y[row]])
     at = start.copy()
     for _ in range(30):

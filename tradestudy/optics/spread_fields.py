@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.result import ApertureField
 from tradestudy.optics.propagation.sampling import TargetGrid, Targets
@@ -13,6 +14,7 @@ from tradestudy.optics.sampled_point_spread import PointSpread
 SpreadField = PointSpread | ApertureField
 
 
+@checked
 def as_point_spread(field: SpreadField) -> PointSpread:
     """Samples of a field with its pupil power and stated error.
 

@@ -14,11 +14,13 @@ import numpy as np
 from scipy.optimize import brentq
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.sampled_point_spread import Measured, PointSpread, measured, peak_position
 from tradestudy.optics.spread_fields import SpreadField, as_point_spread
 
 
+@checked
 def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
     """FWHM of the cut through the peak: distance between the first half-maximum crossings on both sides [m].
 
@@ -51,6 +53,10 @@ def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
     >>> print(f"{width.value / (550e-9 * 8):.3f} λ N, error below 1e-5: {width.error < 1e-5 * width.value}")
     1.031 λ N, error below 1e-5: True
     """
+    if not np.isfinite(angle):
+        raise OutOfRangeError(
+            "angle", value=f"{angle:g} rad", limit="finite", remedy="measure it from the x axis in radians"
+        )
     psf = as_point_spread(field)
     direction = (float(np.cos(angle)), float(np.sin(angle)))
 
@@ -84,7 +90,12 @@ def _half_maximum_distance(psf: PointSpread, peak: tuple[float, float], directio
     steps = np.arange(0, reach, psf.spacing / 4)
     below = np.flatnonzero(above(steps) <= 0)
     if below.size == 0:
-        raise OutOfRangeError("half maximum not reached inside the window", remedy="widen the window")
+        raise OutOfRangeError(
+            "half maximum not reached inside the window",
+            value=f"{reach:g} m from the peak",
+            limit="a crossing on both sides",
+            remedy="widen the window",
+        )
     first = int(below[0])
     return float(brentq(lambda d: float(above(d)), steps[first - 1], steps[first], xtol=1e-14 * reach))
 
@@ -98,6 +109,7 @@ def _distance_to_rim(psf: PointSpread, start: tuple[float, float], direction: tu
     return float(min(distances))
 
 
+@checked
 def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius: FloatArray) -> Measured:
     """Fraction of the pupil's power inside circles: ∫∫ I dA / P.
 
@@ -136,7 +148,10 @@ def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius:
     """
     psf = as_point_spread(field)
     radii = np.asarray(radius, dtype=np.float64)
-    _require_inside(psf, centre, float(radii.max()))
+    if radii.size == 0:
+        raise OutOfRangeError("radius", value="none", limit="at least one", remedy="give a radius")
+    for extreme in (radii.min(), radii.max()):
+        _require_inside(psf, centre, float(extreme), zero=True)
 
     def shares(grid: PointSpread) -> FloatArray:
         energy = grid.moments(centre, float(radii.max()))
@@ -145,6 +160,7 @@ def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius:
     return measured(psf, shares, carried=np.sqrt(np.pi) * radii * psf.intensity_error / psf.pupil_power)
 
 
+@checked
 def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], share: float) -> Measured:
     """Radius of the circle that contains a given fraction of the pupil's power [m].
 
@@ -180,7 +196,9 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
     0.536 λ N, error below 1e-5: True
     """
     if not 0 < share < 1:
-        raise OutOfRangeError("encircled share", value=f"{share:g}", limit="in (0, 1)")
+        raise OutOfRangeError(
+            "encircled share", value=f"{share:g}", limit="in (0, 1)", remedy="give a fraction: 80 % are 0.8"
+        )
     psf = as_point_spread(field)
     largest = _largest_radius(psf, centre)
     inside = psf.moments(centre, largest)
@@ -205,6 +223,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
     return measured(psf, radius, carried=np.sqrt(np.pi) * found * psf.intensity_error / rise)
 
 
+@checked
 def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float) -> Measured:
     """Root-mean-square distance from the centre within a circle: √(∫ r² I dA / ∫ I dA) [m].
 
@@ -245,7 +264,7 @@ def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float)
     psf = as_point_spread(field)
     _require_inside(psf, centre, radius)
     if not np.any(psf.intensity):
-        raise OutOfRangeError("no light in the window")
+        raise OutOfRangeError("light in the window", value="none", limit="> 0", remedy="move or widen the window")
 
     def width(grid: PointSpread) -> float:
         of_grid = grid.moments(centre, radius)
@@ -256,6 +275,7 @@ def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float)
     return measured(psf, width, carried=second * psf.intensity_error / (2 * here * psf.moments(centre, radius)(radius)))
 
 
+@checked
 def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:
     """Ratio of the peak intensity to the peak of the same pupil without aberration.
 
@@ -295,8 +315,13 @@ def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:
     >>> print(f"{optics.strehl_ratio(psf, reference_peak=psf.reference_peak).value:.4f}")
     0.8141
     """
-    if not reference_peak > 0:
-        raise OutOfRangeError("reference peak", value=f"{reference_peak:g} W/m²", limit="> 0")
+    if not 0 < reference_peak < np.inf:
+        raise OutOfRangeError(
+            "reference peak",
+            value=f"{reference_peak:g} W/m²",
+            limit="> 0, finite",
+            remedy="compute it by diffraction_limited_peak",
+        )
     psf = as_point_spread(field)
 
     def ratio(grid: PointSpread) -> float:
@@ -305,6 +330,7 @@ def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:
     return measured(psf, ratio, carried=psf.sample_error / reference_peak)
 
 
+@checked
 def diffraction_limited_peak(*, pupil_power: float, pupil_area: float, wavelength: float, distance: float) -> float:
     """Peak intensity at the focus of a uniformly lit pupil: P A/(λ z)² [W/m²].
 
@@ -324,8 +350,8 @@ def diffraction_limited_peak(*, pupil_power: float, pupil_area: float, wavelengt
 
     Raises
     ------
-    ZeroDivisionError
-        The wavelength or the distance is zero.
+    OutOfRangeError
+        An argument is not positive and finite.
 
     References
     ----------
@@ -338,21 +364,33 @@ def diffraction_limited_peak(*, pupil_power: float, pupil_area: float, wavelengt
     >>> print(f"{peak:.3e} W/m²")
     3.967e+10 W/m²
     """
+    given = {"pupil power": pupil_power, "pupil area": pupil_area, "wavelength": wavelength, "distance": distance}
+    for name, value in given.items():
+        if not 0 < value < np.inf:
+            raise OutOfRangeError(name, value=f"{value:g}", limit="> 0, finite", remedy="give it in SI units")
     return pupil_power * pupil_area / (wavelength * distance) ** 2
 
 
 def _largest_radius(psf: PointSpread, centre: tuple[float, float]) -> float:
     """Radius of the largest circle about a point inside the window."""
     radius = min(centre[0] - psf.x[0], psf.x[-1] - centre[0], centre[1] - psf.y[0], psf.y[-1] - centre[1])
-    if radius <= 0:
-        raise OutOfRangeError("centre outside the window", value=f"({centre[0]:g}, {centre[1]:g}) m")
+    if not radius > 0:
+        raise OutOfRangeError(
+            "centre outside the window",
+            value=f"({centre[0]:g}, {centre[1]:g}) m",
+            limit=f"x {psf.x[0]:g} … {psf.x[-1]:g} m, y {psf.y[0]:g} … {psf.y[-1]:g} m",
+            remedy="move the centre, or widen the window",
+        )
     return float(radius)
 
 
-def _require_inside(psf: PointSpread, centre: tuple[float, float], radius: float) -> None:
-    """Refuse a circle that leaves the window."""
+def _require_inside(psf: PointSpread, centre: tuple[float, float], radius: float, *, zero: bool = False) -> None:
+    """Refuse a circle that leaves the window, and a radius of 0 unless it is allowed."""
     largest = _largest_radius(psf, centre)
-    if not 0 < radius <= largest * (1 + 1e-12):
+    if not 0 <= radius <= largest * (1 + 1e-12) or (radius == 0 and not zero):
         raise OutOfRangeError(
-            "radius", value=f"{radius:g} m", limit=f"in (0, {largest:g}] m", remedy="widen the window"
+            "radius",
+            value=f"{radius:g} m",
+            limit=f"in {'[' if zero else '('}0, {largest:g}] m",
+            remedy="widen the window",
         )

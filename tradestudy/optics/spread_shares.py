@@ -10,12 +10,16 @@ from itertools import pairwise
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.sampled_point_spread import Measured, PointSpread, measured
 from tradestudy.optics.spread_fields import SpreadField, as_point_spread
 from tradestudy.optics.spread_metrics import encircled_energy
 
+_MOST_PIXELS = 2**22
 
+
+@checked
 def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequency_y: FloatArray) -> Measured:
     """MTF: |∫∫ I e^{−2πi (f_x x + f_y y)} dx dy| / P.
 
@@ -59,7 +63,15 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
     0.39, to 0.008, of which 0.008 for the window
     """
     psf = as_point_spread(field)
-    fx, fy = np.broadcast_arrays(np.asarray(frequency_x, dtype=np.float64), np.asarray(frequency_y, dtype=np.float64))
+    try:
+        fx, fy = np.broadcast_arrays(frequency_x, frequency_y)
+    except ValueError:
+        raise OutOfRangeError(
+            "spatial frequencies",
+            value=f"shapes {np.shape(frequency_x)} and {np.shape(frequency_y)}",
+            limit="shapes that broadcast",
+            remedy="give both in one shape",
+        ) from None
     for frequency, spacing in zip((fx, fy), psf.spacings, strict=True):
         limit = 1 / (2 * spacing)
         if not np.all(np.abs(frequency) <= limit):
@@ -81,6 +93,7 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
     return Measured(value=inside.value, error=inside.error + abs(1 - share.value) + share.error)
 
 
+@checked
 def window_share(field: SpreadField) -> Measured:
     """Fraction of the pupil's power in the sampled window: ∫∫ I dA / P.
 
@@ -118,6 +131,7 @@ def window_share(field: SpreadField) -> Measured:
     )
 
 
+@checked
 def share_outside_disc(field: SpreadField, *, centre: tuple[float, float], radius: float) -> Measured:
     """Fraction of the pupil's power outside a disc, such as the geometric footprint: 1 − ∫∫ I dA / P.
 
@@ -156,6 +170,7 @@ def share_outside_disc(field: SpreadField, *, centre: tuple[float, float], radiu
     return Measured(value=1 - inside.value, error=inside.error)
 
 
+@checked
 def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float], shape: tuple[int, int]) -> Measured:
     """Fraction of the pupil's power on each pixel: the intensity integrated over its square.
 
@@ -194,6 +209,17 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
     0.611 on the middle pixel, 0.059 beside it
     """
     psf = as_point_spread(field)
+    if not 0 < pitch < np.inf:
+        raise OutOfRangeError(
+            "pitch", value=f"{pitch:g} m", limit="> 0, finite", remedy="give the side of a pixel in metres"
+        )
+    if not (min(shape) >= 1 and shape[0] * shape[1] <= _MOST_PIXELS):
+        raise OutOfRangeError(
+            "pixels",
+            value=f"{shape[0]} × {shape[1]}",
+            limit=f"1 × 1 to {_MOST_PIXELS} in all",
+            remedy="give (rows, columns)",
+        )
     x_edges = corner[0] + pitch * np.arange(shape[1] + 1)
     y_edges = corner[1] + pitch * np.arange(shape[0] + 1)
     slack = 1e-9 * pitch
@@ -219,6 +245,7 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
     return measured(psf, shares, carried=pitch * psf.intensity_error / psf.pupil_power)
 
 
+@checked
 def share_on_neighbouring_pixels(field: SpreadField, *, pitch: float, centre: tuple[float, float]) -> Measured:
     """Fraction of the pupil's power on the eight neighbours of the pixel centred at a point.
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked_fields
 from tradestudy.optics.arrays import FloatArray
 
 _COARSER_TOLERANCE = 2.0
@@ -23,6 +24,7 @@ _KNOBS = (
 )
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class ChainAccuracy:
     """Tolerance, and factors on the sampling derived from it: a factor of 2 samples twice as finely.
@@ -70,11 +72,18 @@ class ChainAccuracy:
 
     def __post_init__(self) -> None:
         if not 1e-6 <= self.tolerance <= 0.2:
-            raise OutOfRangeError("tolerance of the chain", value=f"{self.tolerance:g}", limit="1e-6 … 0.2")
+            raise OutOfRangeError(
+                "tolerance of the chain",
+                value=f"{self.tolerance:g}",
+                limit="1e-6 … 0.2",
+                remedy="choose one in this range",
+            )
         for name in (*_KNOBS, "memory_limit"):
             value = getattr(self, name)
             if not (value > 0 and math.isfinite(value)):
-                raise OutOfRangeError(name, value=f"{value:g}", limit="> 0, finite")
+                raise OutOfRangeError(
+                    name, value=f"{value:g}", limit="> 0, finite", remedy="leave it out for the default"
+                )
 
     @property
     def fresnel_lengths(self) -> float:

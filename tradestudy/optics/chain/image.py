@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 from scipy.spatial import cKDTree
 
+from tradestudy.optics.argument_types import checked
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave
@@ -33,6 +34,7 @@ from tradestudy.optics.propagation.lens import PointSource
 _EQUALLY_NEAR = 4  # microlenses at most that a pixel lies midway between, on a square array
 
 
+@checked
 def chain_image(
     path: LightPath,
     source: PointSource | DiscSource,
@@ -174,6 +176,7 @@ def _image(
     return wave_point_image(wave, to_detector=legs.to_detector, accuracy=accuracy, rng=rng)
 
 
+@checked
 def spectral_image(
     path: LightPath,
     source: PointSource | DiscSource,
@@ -266,6 +269,7 @@ def mean_image(parts: Sequence[ChainImage], wavelengths: FloatArray, share: Floa
     )
 
 
+@checked
 def separate_image(
     path: LightPath,
     source: PointSource | DiscSource,

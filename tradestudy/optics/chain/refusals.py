@@ -20,7 +20,9 @@ def refuse_impossible(path: LightPath, source: PointSource | DiscSource, wavelen
         With the alternative.
     """
     if not (wavelength > 0 and math.isfinite(wavelength)):
-        raise OutOfRangeError("wavelength", value=f"{wavelength:g} m", limit="> 0, finite")
+        raise OutOfRangeError(
+            "wavelength", value=f"{wavelength:g} m", limit="> 0, finite", remedy="give it in metres: 550 nm are 550e-9"
+        )
     for width, distance in (
         (2 * path.main_lens.radius, path.array_distance),
         (path.microlenses.aperture_width, path.detector_distance),

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked, checked_fields
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSource
 from tradestudy.optics.propagation.pupil import Pupil
@@ -21,6 +23,7 @@ ApertureShape = Literal["circular", "square"]
 Gaps = Literal["opaque", "clear"]
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Legs:
     """The law of propagation on each leg.
@@ -56,7 +59,9 @@ class Legs:
     def __post_init__(self) -> None:
         for method in (self.to_array, self.to_detector):
             if method not in LEG_METHODS:
-                raise OutOfRangeError("method of a leg", value=repr(method), limit=" | ".join(LEG_METHODS))
+                raise OutOfRangeError(
+                    "method of a leg", value=repr(method), limit=" | ".join(LEG_METHODS), remedy="choose one"
+                )
         if self.exact and not self.to_array == self.to_detector == "geometric":
             raise OutOfRangeError(
                 "exact rays beside waves",
@@ -73,6 +78,7 @@ KIRCHHOFF_FRESNEL = Legs(to_array="kirchhoff", to_detector="fresnel")
 KIRCHHOFF = Legs(to_array="kirchhoff", to_detector="kirchhoff")
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Microlenses:
     """Thin lenses in one plane, each with its own centre and focal length.
@@ -139,6 +145,7 @@ class Microlenses:
                 "microlens arrays",
                 value=f"centres {self.centres.shape}, focal lengths {self.focal_lengths.shape}",
                 limit="(n, 2) and (n,), n ≥ 1",
+                remedy="give one focal length for each centre",
             )
         for value, allowed, name in (
             (self.aperture, ("circular", "square"), "microlens aperture"),
@@ -146,10 +153,13 @@ class Microlenses:
             (self.gaps, ("opaque", "clear"), "gaps between microlenses"),
         ):
             if value not in allowed:
-                raise OutOfRangeError(name, value=repr(value), limit=" | ".join(allowed))
+                raise OutOfRangeError(name, value=repr(value), limit=" | ".join(allowed), remedy="choose one")
         if not 0 < self.aperture_width <= self.pitch * (1 + 1e-12) < math.inf:
             raise OutOfRangeError(
-                "aperture of a microlens", value=f"{self.aperture_width:g} m", limit=f"in (0, {self.pitch:g}] m"
+                "aperture of a microlens",
+                value=f"{self.aperture_width:g} m",
+                limit=f"in (0, {self.pitch:g}] m",
+                remedy="keep it within the pitch",
             )
         widest = self.pitch * (math.sqrt(3) - 1) if self.layout == "hexagonal" else self.pitch
         if self.aperture == "square" and self.aperture_width > widest * (1 + 1e-12):
@@ -157,12 +167,23 @@ class Microlenses:
                 "square aperture in a hexagonal cell",
                 value=f"{self.aperture_width:g} m",
                 limit=f"side ≤ {widest:g} m",
+                remedy="narrow it, or use circular apertures",
             )
-        distances = np.linalg.norm(self.centres[:, None] - self.centres[None], axis=-1)
-        if n > 1 and np.min(distances + np.diag(np.full(n, np.inf))) < self.pitch * (1 - 1e-6):
-            raise OutOfRangeError("microlenses closer than their pitch", limit=f"≥ {self.pitch:g} m")
+        nearest = float(np.min(cKDTree(self.centres).query(self.centres, k=[2])[0]))
+        if nearest < self.pitch * (1 - 1e-6):
+            raise OutOfRangeError(
+                "microlenses closer than their pitch",
+                value=f"{nearest:g} m",
+                limit=f"≥ {self.pitch:g} m",
+                remedy="move them apart, or lower the pitch",
+            )
         if self.pupil is not None and self.pupil.obscuration:
-            raise OutOfRangeError("obscuration of microlenses", value=f"{self.pupil.obscuration:g}", limit="0")
+            raise OutOfRangeError(
+                "obscuration of microlenses",
+                value=f"{self.pupil.obscuration:g}",
+                limit="0",
+                remedy="give a dark centre as an amplitude",
+            )
         for index in range(n):
             self.lens(index)
 
@@ -205,6 +226,7 @@ class Microlenses:
         )
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class PixelGrid:
     """Square pixels; row i starts at y = ``edges_y[i]``, column j at x = ``edges_x[j]``.
@@ -234,7 +256,12 @@ class PixelGrid:
 
     def __post_init__(self) -> None:
         if not (self.pitch > 0 and math.isfinite(self.pitch)) or min(self.shape) < 1:
-            raise OutOfRangeError("pixels", value=f"{self.shape} of {self.pitch:g} m", limit="≥ 1 × 1, > 0 m")
+            raise OutOfRangeError(
+                "pixels",
+                value=f"{self.shape} of {self.pitch:g} m",
+                limit="≥ 1 × 1, > 0 m",
+                remedy="give rows, columns and the pitch in metres",
+            )
 
     def part(self, rows: slice, columns: slice) -> PixelGrid:
         """Return the grid of a rectangle of pixels."""
@@ -259,6 +286,7 @@ class PixelGrid:
         return np.asarray(self.corner[1] + self.pitch * np.arange(self.shape[0] + 1))
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class LightPath:
     """Main lens, microlens array and detector on one axis.
@@ -308,9 +336,14 @@ class LightPath:
     def __post_init__(self) -> None:
         for name, value in (("array distance", self.array_distance), ("detector distance", self.detector_distance)):
             if not (value > 0 and math.isfinite(value)):
-                raise OutOfRangeError(name, value=f"{value:g} m", limit="> 0, finite")
+                raise OutOfRangeError(name, value=f"{value:g} m", limit="> 0, finite", remedy="give it in metres")
         if self.main_lens.centre != (0.0, 0.0):
-            raise OutOfRangeError("centre of the main lens", value=str(self.main_lens.centre), limit="(0, 0)")
+            raise OutOfRangeError(
+                "centre of the main lens",
+                value=str(self.main_lens.centre),
+                limit="(0, 0)",
+                remedy="move the array instead",
+            )
 
     @property
     def pupils(self) -> tuple[Pupil, ...]:
@@ -334,6 +367,7 @@ class LightPath:
         return scale * source.x, scale * source.y
 
 
+@checked
 def square_centres(*, pitch: float, count: int) -> FloatArray:
     """Centres of ``count`` × ``count`` lenses on a square lattice about the axis [m], shape (count², 2).
 
@@ -351,8 +385,8 @@ def square_centres(*, pitch: float, count: int) -> FloatArray:
 
     Raises
     ------
-    ValueError
-        By NumPy, for a negative count.
+    OutOfRangeError
+        The pitch is not positive and finite, or the count is negative.
 
     References
     ----------
@@ -364,11 +398,13 @@ def square_centres(*, pitch: float, count: int) -> FloatArray:
     >>> optics.square_centres(pitch=26e-6, count=3).shape
     (9, 2)
     """
+    _refuse_lattice(pitch, count)
     axis = pitch * (np.arange(count) - (count - 1) / 2)
     x, y = np.meshgrid(axis, axis)
     return np.column_stack([x.ravel(), y.ravel()])
 
 
+@checked
 def hexagonal_centres(*, pitch: float, rings: int) -> FloatArray:
     """Centres of the lens on the axis and of ``rings`` hexagons around it, rows along x [m].
 
@@ -386,8 +422,8 @@ def hexagonal_centres(*, pitch: float, rings: int) -> FloatArray:
 
     Raises
     ------
-    ValueError
-        By NumPy, for a negative number of rings.
+    OutOfRangeError
+        The pitch is not positive and finite, or the number of rings is negative.
 
     References
     ----------
@@ -399,7 +435,18 @@ def hexagonal_centres(*, pitch: float, rings: int) -> FloatArray:
     >>> optics.hexagonal_centres(pitch=26e-6, rings=1).shape
     (7, 2)
     """
+    _refuse_lattice(pitch, rings)
     q, r = np.meshgrid(np.arange(-rings, rings + 1), np.arange(-rings, rings + 1))
     inside = np.abs(q + r) <= rings
     q, r = q[inside], r[inside]
     return np.column_stack([pitch * (q + r / 2), pitch * np.sqrt(3) / 2 * r])
+
+
+def _refuse_lattice(pitch: float, number: int) -> None:
+    if not (0 < pitch < math.inf and number >= 0):
+        raise OutOfRangeError(
+            "lattice",
+            value=f"{number} at a pitch of {pitch:g} m",
+            limit="≥ 0 at a pitch > 0, finite",
+            remedy="give the pitch in metres",
+        )

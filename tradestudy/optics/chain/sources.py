@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.optics.argument_types import checked_fields
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.microlens_nodes import plane_wave_degree, plane_wave_degrees
@@ -20,6 +21,7 @@ _LARGEST_PHASE = 3e3
 Symmetry = tuple[int, int, bool]  # signs of x and y, then whether x and y are swapped
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class DiscSource:
     """A disc of uniform brightness facing the camera.
@@ -50,9 +52,17 @@ class DiscSource:
 
     def __post_init__(self) -> None:
         if not (self.diameter > 0 and math.isfinite(self.diameter)):
-            raise OutOfRangeError("diameter of the source", value=f"{self.diameter:g} m", limit="> 0, finite")
+            raise OutOfRangeError(
+                "diameter of the source",
+                value=f"{self.diameter:g} m",
+                limit="> 0, finite",
+                remedy="use a PointSource for a point",
+            )
         if not self.distance > 0:
-            raise OutOfRangeError("distance of the source", value=f"{self.distance:g} m", limit="> 0")
+            raise OutOfRangeError(
+                "distance of the source", value=f"{self.distance:g} m", limit="> 0", remedy="measure it from the lens"
+            )
+        self.centre  # noqa: B018  (refuses a position that is not finite)
 
     @property
     def centre(self) -> PointSource:
@@ -125,10 +135,18 @@ def spectral_shares(wavelengths: FloatArray, weights: FloatArray) -> FloatArray:
     """
     if wavelengths.ndim != 1 or wavelengths.shape != weights.shape or wavelengths.size == 0:
         raise OutOfRangeError(
-            "spectrum", value=f"shapes {wavelengths.shape}, {weights.shape}", limit="two arrays of shape (n,), n ≥ 1"
+            "spectrum",
+            value=f"shapes {wavelengths.shape}, {weights.shape}",
+            limit="two arrays of shape (n,), n ≥ 1",
+            remedy="give one weight for each wavelength",
         )
     if not (np.all(weights >= 0) and np.isfinite(weights).all() and weights.sum() > 0):
-        raise OutOfRangeError("spectral weights", value=str(weights), limit="≥ 0, finite, not all zero")
+        raise OutOfRangeError(
+            "spectral weights",
+            value=str(weights),
+            limit="≥ 0, finite, not all zero",
+            remedy="give the power at each wavelength",
+        )
     return np.asarray(weights / weights.sum())
 
 

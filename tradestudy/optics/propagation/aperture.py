@@ -8,6 +8,7 @@ import time
 import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
+from tradestudy.optics.argument_types import checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.hybrid import hybrid_field
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel
@@ -112,6 +113,7 @@ def _traced(
     return float(relative.max() + 16 * math.ulp(1.0)), int(lit.sum())
 
 
+@checked
 def aperture_field(
     *,
     source: PointSource,
@@ -194,7 +196,7 @@ def aperture_field(
     5.1e+10 1/m², to 1e-6: True
     """
     if method not in METHODS:
-        raise OutOfRangeError("method", value=repr(method), limit=" | ".join(METHODS))
+        raise OutOfRangeError("method", value=repr(method), limit=" | ".join(METHODS), remedy="choose one")
     if method == "fresnel" and obliquity != "paper":
         raise OutOfRangeError(
             "obliquity of the Fresnel integral",
@@ -256,5 +258,5 @@ def lens_wave(
     if not (math.isfinite(wavelength) and wavelength > 0):
         raise OutOfRangeError("wavelength", value=f"{wavelength:g} m", limit="> 0, finite")
     if obliquity not in OBLIQUITIES:
-        raise OutOfRangeError("obliquity", value=repr(obliquity), limit=" | ".join(OBLIQUITIES))
+        raise OutOfRangeError("obliquity", value=repr(obliquity), limit=" | ".join(OBLIQUITIES), remedy="choose one")
     return LensWave(source=source, lens=lens, wavelength=wavelength, paraxial=paraxial, obliquity=obliquity)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked_fields
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.phasors import ComplexArray, phasor_sum
 from tradestudy.optics.propagation.kernels import Kernel, KirchhoffKernel
@@ -15,6 +16,7 @@ from tradestudy.optics.quadrature import QuadratureNodes
 _PAIRS_AT_ONCE = 16_000  # node–target pairs per block: a few blocks of this size stay in the cache
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class ApertureSamples:
     """A wave sampled on the quadrature nodes of an aperture.
@@ -54,10 +56,15 @@ class ApertureSamples:
         for array in given:
             if array.shape != self.nodes.x.shape:
                 raise OutOfRangeError(
-                    "samples on an aperture", value=f"shape {array.shape}", limit=f"shape {self.nodes.x.shape}"
+                    "samples on an aperture",
+                    value=f"shape {array.shape}",
+                    limit=f"shape {self.nodes.x.shape}",
+                    remedy="give one value for each node",
                 )
             if not np.isfinite(array).all():
-                raise OutOfRangeError("samples on an aperture", value="not finite", limit="finite")
+                raise OutOfRangeError(
+                    "samples on an aperture", value="not finite", limit="finite", remedy="give a number for each node"
+                )
 
     def local(self) -> tuple[FloatArray, FloatArray, ComplexArray]:
         """Node positions relative to the centre of the aperture, and field times area weight."""

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tradestudy.optics.propagation.lens import Obliquity
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import check_wavelength, checked_fields
+from tradestudy.optics.propagation.lens import OBLIQUITIES, Obliquity
 from tradestudy.optics.propagation.paths import Array
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class KirchhoffKernel:
     """U(P) = ∬ U(q) exp(i k s)/(iλ s) · obliquity dq with the exact path s = |P − q|.
@@ -33,6 +36,11 @@ class KirchhoffKernel:
     obliquity
         One of the three laws above.
 
+    Raises
+    ------
+    OutOfRangeError
+        The wavelength is not positive and finite, or the obliquity is unknown.
+
     References
     ----------
     "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–16; M. Born and E. Wolf,
@@ -47,6 +55,13 @@ class KirchhoffKernel:
 
     wavelength: float
     obliquity: Obliquity
+
+    def __post_init__(self) -> None:
+        check_wavelength(self.wavelength)
+        if self.obliquity not in OBLIQUITIES:
+            raise OutOfRangeError(
+                "obliquity", value=repr(self.obliquity), limit=" | ".join(OBLIQUITIES), remedy="choose one"
+            )
 
     @property
     def wavenumber(self) -> float:
@@ -136,6 +151,7 @@ class KirchhoffKernel:
         return np.asarray(z / squared * (1 + 1j / (self.wavenumber * s)))
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class FresnelKernel:
     """U(P) = exp(i k z)/(iλ z) ∬ U(q) exp(i k |P − q|²/(2 z)) dq.
@@ -144,6 +160,11 @@ class FresnelKernel:
     ----------
     wavelength
         Wavelength [m].
+
+    Raises
+    ------
+    OutOfRangeError
+        The wavelength is not positive and finite.
 
     References
     ----------
@@ -157,6 +178,9 @@ class FresnelKernel:
     """
 
     wavelength: float
+
+    def __post_init__(self) -> None:
+        check_wavelength(self.wavelength)
 
     @property
     def wavenumber(self) -> float:

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked, checked_fields
 from tradestudy.optics.phasors import unit_phasor
 from tradestudy.optics.propagation.paths import Array, ParabolicPath, PathSum, PathTerm, SphericalPath
 from tradestudy.optics.propagation.pupil import Pupil, checked_map
@@ -24,6 +25,7 @@ OBLIQUITIES: tuple[Obliquity, ...] = ("paper", "textbook", "rayleigh-sommerfeld-
 _AS_AT_INFINITY = 1e15
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class PointSource:
     """A monochromatic point source of unit strength in front of a lens, or a virtual one behind it.
@@ -64,6 +66,7 @@ class PointSource:
             )
 
     @classmethod
+    @checked
     def at_infinity(cls, *, angle_x: float = 0.0, angle_y: float = 0.0) -> PointSource:
         """Return a point source at 1e15 m, so far away that its wave is plane.
 
@@ -78,12 +81,18 @@ class PointSource:
             The magnitude of an angle is π/2 or more.
         """
         if not (abs(angle_x) < math.pi / 2 and abs(angle_y) < math.pi / 2):
-            raise OutOfRangeError("field angle", value=f"{angle_x:g}, {angle_y:g} rad", limit="between −π/2 and π/2")
+            raise OutOfRangeError(
+                "field angle",
+                value=f"{angle_x:g}, {angle_y:g} rad",
+                limit="between −π/2 and π/2",
+                remedy="give angles in radians",
+            )
         return cls(
             x=_AS_AT_INFINITY * math.tan(angle_x), y=_AS_AT_INFINITY * math.tan(angle_y), distance=_AS_AT_INFINITY
         )
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class CircularLens:
     """A thin lens filling a circular aperture.
@@ -133,11 +142,21 @@ class CircularLens:
 
     def __post_init__(self) -> None:
         if self.lens_phase not in LENS_PHASES:
-            raise OutOfRangeError("lens_phase", value=repr(self.lens_phase), limit=" | ".join(LENS_PHASES))
+            raise OutOfRangeError(
+                "lens_phase", value=repr(self.lens_phase), limit=" | ".join(LENS_PHASES), remedy="choose one"
+            )
         if not (math.isfinite(self.radius) and self.radius > 0):
-            raise OutOfRangeError("radius of the lens", value=f"{self.radius:g} m", limit="> 0, finite")
+            raise OutOfRangeError(
+                "radius of the lens", value=f"{self.radius:g} m", limit="> 0, finite", remedy="give it in metres"
+            )
+        if not all(math.isfinite(one) for one in self.centre):
+            raise OutOfRangeError(
+                "centre of the lens", value=str(self.centre), limit="finite", remedy="give (x, y) in metres"
+            )
         if not math.isfinite(self.focal_length) or self.focal_length == 0:
-            raise OutOfRangeError("focal_length", value=f"{self.focal_length:g} m", limit="≠ 0, finite")
+            raise OutOfRangeError(
+                "focal_length", value=f"{self.focal_length:g} m", limit="≠ 0, finite", remedy="give it in metres"
+            )
         if (self.focus_distance is not None) != (self.lens_phase == "stigmatic"):
             raise OutOfRangeError(
                 f"focus_distance of a {self.lens_phase} lens",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval2d
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import check_wavelength, checked, checked_fields
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.paths import Array, Expansion
 
@@ -20,6 +22,7 @@ _LEAST_SAMPLES = 6  # a side of a map, for a quintic spline
 _STEP = 1e-4  # of the radius, for the slope of a function: fourth-order differences are then accurate to 1e-12
 
 
+@checked
 def noll_order(index: int) -> tuple[int, int]:
     """Radial order n and azimuthal order m of Noll's Zernike polynomial; m < 0 denotes a sine.
 
@@ -50,14 +53,20 @@ def noll_order(index: int) -> tuple[int, int]:
     >>> [optics.noll_order(j) for j in (4, 7, 8, 11)]
     [(2, 0), (3, -1), (3, 1), (4, 0)]
     """
-    if not (isinstance(index, int) and 1 <= index <= _LARGEST_INDEX):
-        raise OutOfRangeError("Noll index", value=str(index), limit=f"a whole number from 1 to {_LARGEST_INDEX}")
+    if not (isinstance(index, (int, np.integer)) and 1 <= index <= _LARGEST_INDEX):
+        raise OutOfRangeError(
+            "Noll index",
+            value=str(index),
+            limit=f"a whole number from 1 to {_LARGEST_INDEX}",
+            remedy="4 is defocus, 7 and 8 are coma, 11 is spherical aberration",
+        )
     n = math.ceil((math.sqrt(8 * index + 1) - 3) / 2)
     place = index - n * (n + 1) // 2 - 1  # within its order
     m = 2 * ((place + 1 + n % 2) // 2) - n % 2
     return n, m if index % 2 == 0 else -m
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Pupil:
     """Amplitude and optical path that an aperture adds to a wave, besides the lens phase.
@@ -111,17 +120,30 @@ class Pupil:
     def __post_init__(self) -> None:
         for index, coefficient in self.zernikes.items():
             noll_order(index)
-            if not math.isfinite(coefficient):
-                raise OutOfRangeError(f"Zernike coefficient {index}", value=f"{coefficient:g} m", limit="finite")
+            if not (isinstance(coefficient, numbers.Real) and math.isfinite(coefficient)):
+                raise OutOfRangeError(
+                    f"Zernike coefficient {index}",
+                    value=f"{coefficient} m",
+                    limit="a finite number",
+                    remedy="give it in metres, or in waves to Pupil.from_waves",
+                )
         if not 0 <= self.obscuration < 1:
-            raise OutOfRangeError("obscuration of the pupil", value=f"{self.obscuration:g}", limit="in [0, 1)")
+            raise OutOfRangeError(
+                "obscuration of the pupil",
+                value=f"{self.obscuration:g}",
+                limit="in [0, 1)",
+                remedy="give it relative to the radius",
+            )
         for name in ("path", "amplitude"):
             given = getattr(self, name)
             if given is None or callable(given):
                 continue
             if given.ndim != 2 or given.shape[0] != given.shape[1] or given.shape[0] < _LEAST_SAMPLES:
                 raise OutOfRangeError(
-                    f"{name} of the pupil", value=f"shape {given.shape}", limit=f"(n, n), n ≥ {_LEAST_SAMPLES}"
+                    f"{name} of the pupil",
+                    value=f"shape {given.shape}",
+                    limit=f"(n, n), n ≥ {_LEAST_SAMPLES}",
+                    remedy="sample the square around the aperture, or give a function",
                 )
             if not np.isfinite(given).all():
                 raise OutOfRangeError(
@@ -132,6 +154,7 @@ class Pupil:
                 )
 
     @classmethod
+    @checked
     def from_waves(
         cls,
         zernikes: Mapping[int, float],
@@ -141,7 +164,22 @@ class Pupil:
         amplitude: PupilMap | None = None,
         obscuration: float = 0.0,
     ) -> Pupil:
-        """Return the pupil whose coefficients [waves rms] and path [waves] are given at a wavelength [m]."""
+        """Return the pupil whose coefficients [waves rms] and path [waves] are given at a wavelength [m].
+
+        Raises
+        ------
+        OutOfRangeError
+            The wavelength is not positive and finite; otherwise as for `Pupil`.
+        """
+        check_wavelength(wavelength)
+        wrong = [one for one in zernikes.values() if not isinstance(one, numbers.Real)]
+        if wrong:
+            raise OutOfRangeError(
+                "Zernike coefficients",
+                value=str(wrong[0]),
+                limit="numbers",
+                remedy="give waves rms by Noll's index, as in {8: 0.1}",
+            )
         return cls(
             zernikes={index: wavelength * waves for index, waves in zernikes.items()},
             path=None if path is None else scaled(path, wavelength),
@@ -327,5 +365,6 @@ def checked_map(found: FloatArray, x: Array, name: str) -> FloatArray:
             value=f"shape {found.shape} for positions of shape {x.shape}"
             + ("" if np.isfinite(found).all() else ", not finite"),
             limit="one finite number for each position",
+            remedy="return an array of the shape of x and y",
         )
     return np.broadcast_to(found, x.shape)

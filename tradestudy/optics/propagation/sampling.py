@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.optics.argument_types import checked, checked_fields
 from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.paths import PathSum
@@ -22,6 +23,7 @@ _PAIRS_PER_SECOND = 2.0e7  # node–target pairs of the direct check on a slow c
 _TERMS_PER_SECOND = 4.0e5  # (nodes + targets) × 10 terms of the fast path on a slow core
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class TargetPoints:
     """Any set of points behind the lens plane.
@@ -37,7 +39,7 @@ class TargetPoints:
     Raises
     ------
     OutOfRangeError
-        A coordinate is not finite, a distance is not positive, or there are no points.
+        Shapes do not broadcast, a coordinate is not finite, a distance is not positive, or there are no points.
 
     Examples
     --------
@@ -54,6 +56,16 @@ class TargetPoints:
     distance: npt.ArrayLike
 
     def __post_init__(self) -> None:
+        shapes = np.shape(self.x), np.shape(self.y), np.shape(self.distance)
+        try:
+            np.broadcast_shapes(*shapes)
+        except ValueError:
+            raise OutOfRangeError(
+                "shapes of x, y and distance",
+                value=", ".join(map(str, shapes)),
+                limit="shapes that broadcast",
+                remedy="give arrays of one shape, or single numbers",
+            ) from None
         _check(*self.coordinates())
 
     @property
@@ -84,6 +96,7 @@ class TargetPoints:
         return np.array([np.argmin(rising), np.argmin(falling), np.argmax(falling), np.argmax(rising)])
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class TargetGrid:
     """A regular grid of targets in one plane, for which propagation is fast.
@@ -125,12 +138,23 @@ class TargetGrid:
 
     def __post_init__(self) -> None:
         if self.x_count < 1 or self.y_count < 1:
-            raise OutOfRangeError("target grid", value=f"{self.x_count} × {self.y_count} points", limit="≥ 1 × 1")
+            raise OutOfRangeError(
+                "target grid",
+                value=f"{self.x_count} × {self.y_count} points",
+                limit="≥ 1 × 1",
+                remedy="raise the counts",
+            )
         if not (self.x_pitch > 0 and self.y_pitch > 0):
-            raise OutOfRangeError("target pitch", value=f"{self.x_pitch:g}, {self.y_pitch:g} m", limit="> 0")
+            raise OutOfRangeError(
+                "target pitch",
+                value=f"{self.x_pitch:g}, {self.y_pitch:g} m",
+                limit="> 0",
+                remedy="give steps in metres",
+            )
         _check(self.x_axis, self.y_axis, np.asarray([self.distance], dtype=float))
 
     @classmethod
+    @checked
     def centred(cls, *, centre: tuple[float, float], pitch: float, count: int, distance: float) -> TargetGrid:
         """Square grid of `count` × `count` points centred on `centre`, as pixel centres lie on a sensor."""
         half = pitch * (count - 1) / 2
@@ -194,6 +218,7 @@ def _check(x: FloatArray, y: FloatArray, z: FloatArray) -> None:
         )
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Limits:
     """Resources that a computation may use; it is refused in advance if it needs more.
@@ -207,6 +232,11 @@ class Limits:
     seconds
         Wall time in total: set-up, computation, check and every refinement.
 
+    Raises
+    ------
+    OutOfRangeError
+        A limit is not positive.
+
     Examples
     --------
     >>> from tradestudy import optics
@@ -218,7 +248,13 @@ class Limits:
     memory_bytes: float = 2.0e9
     seconds: float = 600.0
 
+    def __post_init__(self) -> None:
+        for name, value in (("nodes", self.nodes), ("memory_bytes", self.memory_bytes), ("seconds", self.seconds)):
+            if not value > 0:
+                raise OutOfRangeError(f"limit of {name}", value=f"{value:g}", limit="> 0", remedy="raise the limit")
 
+
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class NodeCounts:
     """Rings of quadrature nodes on a disc, and nodes on its rim; at least one of each.
@@ -237,7 +273,9 @@ class NodeCounts:
 
     def __post_init__(self) -> None:
         if self.radial < 1 or self.angular < 1:
-            raise OutOfRangeError("node counts", value=f"{self.radial} × {self.angular}", limit="≥ 1 × 1")
+            raise OutOfRangeError(
+                "node counts", value=f"{self.radial} × {self.angular}", limit="≥ 1 × 1", remedy="raise the counts"
+            )
 
     @property
     def total(self) -> int:

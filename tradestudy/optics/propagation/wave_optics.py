@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
+from tradestudy.optics.argument_types import checked, checked_fields
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.direct import ApertureSamples, direct_sum
@@ -69,6 +70,7 @@ def nodes_for(wave: LensWave, kernel: Kernel, targets: Targets, accuracy: FieldA
     )
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class FieldAccuracy:
     """Tolerance of a field, and how the result is checked.
@@ -114,8 +116,11 @@ class FieldAccuracy:
                 limit=f"≥ {_SMALLEST_CHECK}",
                 remedy="raise check_targets: the error is measured there",
             )
+        if self.seed < 0:
+            raise OutOfRangeError("seed", value=str(self.seed), limit="≥ 0", remedy="give another")
 
 
+@checked
 def propagate_samples(
     *, samples: ApertureSamples, kernel: Kernel, targets: Targets, accuracy: FieldAccuracy, limits: Limits | None = None
 ) -> ApertureField:

@@ -1,0 +1,99 @@
+"""Arguments of the wrong type or an impossible value are refused with limit and remedy; lists become arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tradestudy import optics
+from tradestudy.errors import OutOfRangeError
+
+LENS = {"focal_length": 50e-3, "f_number": 8.0, "wavelength": 550e-9, "window": 4.0}
+WRONG: list[tuple[str, Callable[..., Any], dict[str, Any]]] = [
+    ("focal_length", optics.point_spread, LENS | {"focal_length": "50 mm"}),
+    ("f_number", optics.point_spread, LENS | {"f_number": [2.8, 4.0]}),
+    ("wavelength", optics.point_spread, LENS | {"wavelength": np.array([550e-9])}),
+    ("wavelength", optics.point_spread, LENS | {"wavelength": 550e-9 + 1j}),
+    ("pupil", optics.point_spread, LENS | {"pupil": {8: 0.1}}),
+    ("source", optics.point_spread, LENS | {"source": (0.0, 0.0, 1.0)}),
+    ("limits", optics.point_spread, LENS | {"limits": 3}),
+    ("zernikes", optics.Pupil, {"zernikes": [0.0, 0.0, 1e-8]}),
+    ("distance", optics.PointSource, {"distance": None}),
+    ("centre", optics.TargetGrid.centred, {"centre": 0.0, "pitch": 1e-6, "count": 33, "distance": 1.0}),
+    ("count", optics.TargetGrid.centred, {"centre": (0.0, 0.0), "pitch": 1e-6, "count": 2.5, "distance": 1.0}),
+    ("x", optics.TargetPoints, {"x": "a", "y": 0.0, "distance": 1.0}),
+    ("field", optics.window_share, {"field": np.ones((33, 33))}),
+    ("nodes", optics.ApertureSamples, {"nodes": None, "field": np.ones(4)}),
+]
+
+
+@pytest.mark.parametrize(("name", "call", "arguments"), WRONG, ids=[f"{w[1].__name__}-{w[0]}" for w in WRONG])
+def test_a_wrong_type_is_refused_by_name(name: str, call: Callable[..., Any], arguments: dict[str, Any]) -> None:
+    with pytest.raises(OutOfRangeError) as refused:
+        call(**arguments)
+    assert refused.value.what == name
+    assert "" not in (refused.value.value, refused.value.limit, refused.value.remedy)
+
+
+def test_lists_become_arrays() -> None:
+    table = optics.FocalLengths(
+        field_angles=[0.0],  # type: ignore[arg-type]
+        wavelengths=[550e-9],  # type: ignore[arg-type]
+        focal_lengths=[[50e-3]],  # type: ignore[arg-type]
+        reference_wavelength=550e-9,
+    )
+    assert table.at(field_angle=0.0, wavelength=550e-9) == 50e-3
+
+
+def test_python_names_a_missing_argument() -> None:
+    with pytest.raises(TypeError, match=r"point_spread\(\) missing .*'f_number'"):
+        optics.point_spread(focal_length=50e-3, wavelength=550e-9)  # type: ignore[call-arg]
+
+
+SPOT = optics.PointSpread(
+    x=np.linspace(-4.0, 4.0, 33), y=np.linspace(-4.0, 4.0, 33), intensity=np.ones((33, 33)), pupil_power=64.0
+)
+IMPOSSIBLE: dict[str, Callable[[], object]] = {
+    "negative radius beside a valid one": lambda: optics.encircled_energy(
+        SPOT, centre=(0.0, 0.0), radius=np.array([1.0, -1.0])
+    ),
+    "no radius": lambda: optics.encircled_energy(SPOT, centre=(0.0, 0.0), radius=np.array([])),
+    "negative pitch": lambda: optics.pixel_shares(SPOT, pitch=-1.0, corner=(0.0, 0.0), shape=(1, 1)),
+    "pitch that is not a number": lambda: optics.pixel_shares(SPOT, pitch=np.nan, corner=(0.0, 0.0), shape=(1, 1)),
+    "too many pixels": lambda: optics.pixel_shares(SPOT, pitch=1e-9, corner=(0.0, 0.0), shape=(10**7, 10**7)),
+    "infinite angle": lambda: optics.full_width_at_half_maximum(SPOT, angle=np.inf),
+    "unequal frequencies": lambda: optics.modulation_transfer(SPOT, frequency_x=np.zeros(3), frequency_y=np.zeros(2)),
+    "no wavelength": lambda: optics.FresnelKernel(wavelength=0.0),
+    "negative wavelength of waves": lambda: optics.Pupil.from_waves({4: 0.1}, wavelength=-550e-9),
+    "coefficient in words": lambda: optics.Pupil(zernikes={4: "a tenth"}),  # type: ignore[dict-item]
+    "time limit that is not a number": lambda: optics.Limits(seconds=np.nan),
+    "focal lengths of both signs": lambda: optics.FocalLengths(
+        field_angles=np.array([0.0, 0.1]),
+        wavelengths=np.array([550e-9]),
+        focal_lengths=np.array([[50e-3], [-50e-3]]),
+        reference_wavelength=550e-9,
+    ),
+    "zero distance": lambda: optics.diffraction_limited_peak(
+        pupil_power=1.0, pupil_area=1.0, wavelength=550e-9, distance=0.0
+    ),
+    "lattice without pitch": lambda: optics.hexagonal_centres(pitch=0.0, rings=1),
+    "error of another shape": lambda: optics.Measured(value=np.ones(3), error=np.ones(2)),
+}
+
+
+@pytest.mark.parametrize("case", IMPOSSIBLE)
+def test_an_impossible_value_is_refused_with_value_limit_and_remedy(case: str) -> None:
+    with pytest.raises(OutOfRangeError) as refused:
+        IMPOSSIBLE[case]()
+    assert "" not in (refused.value.value, refused.value.limit, refused.value.remedy)
+
+
+def test_plot_refuses_a_file_that_it_cannot_write(tmp_path: Path) -> None:
+    psf = optics.point_spread(focal_length=50e-3, f_number=8.0, wavelength=550e-9, window=4.0)
+    for file in (tmp_path / "spot.foo", tmp_path / "no folder" / "spot.svg"):
+        with pytest.raises(OutOfRangeError, match="file of the plot"):
+            psf.plot(file)
