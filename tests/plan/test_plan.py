@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,21 @@ from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.plan.plan import Plan
 
 STUDIES = Path(__file__).parents[2] / "studies"
+UNIFORM_YAW = """
+format: 2
+study: uniform
+title: A rig whose yaw is anywhere within limits
+question: How well does it measure?
+cameras:
+  rig:
+    kind: stereo
+    lenses: {focal_length: 8 mm}
+    sensor: {pixels: [1024, 1024], pixel_pitch: 10 um}
+    baseline: 100 mm
+    depth: {disparity_error: 0.1 px}
+    calibration: {errors: {yaw: {half_width: 0.2 deg}}}
+scene: {distances: {from: 1 m, to: 6 m, points: 6}, wavelength: 550 nm}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +60,25 @@ def test_a_small_omission_is_stated_with_its_number(close_plan: Plan) -> None:
     assert (
         f"leaving out the nonlinearity of depth changes the depth uncertainty by about {1e6 * change:.2g} ppm" in line
     )
+
+
+def test_a_plan_that_leaves_nothing_out_says_which_omission_it_refused(tmp_path: Path) -> None:
+    """Linear propagation takes every error as normal, and so is wrong about one that is uniform."""
+    study = tmp_path / "uniform.yaml"
+    study.write_text(UNIFORM_YAW, encoding="utf-8")
+    line = str(tradestudy.load(study).plan()).splitlines()[0].replace("\N{NO-BREAK SPACE}", " ")
+    said = re.search(
+        r"exact calibration; nothing left out, because leaving out the nonlinearity of depth would change the depth "
+        r"uncertainty by about (\S+) % \(trial at a few distances; 1 % allowed\)",
+        line,
+    )
+    assert said is not None, line
+    exact, linear = (
+        tradestudy.load(study, [f"effects={{calibration: {model}}}"]).run().data["depth"]["depth_uncertainty"]
+        for model in ("exact", "linear")
+    )
+    change = float(abs(linear / exact - 1.0).max())
+    assert 0.01 < change <= float(said[1]) / 100.0 < 2.0 * change  # a trial overestimates rather than underestimates
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ STUDIES = Path(__file__).parents[2] / "studies"
 ROBOT = STUDIES / "robot.yaml"
 UNUSUAL = {
     "stereo-75mm.baseline": ("50 m", "50 m is unusual (100 µm to 10 m is common)"),
+    "raytrix-r5.microlenses.gap": ("100 mm", "100 mm is unusual (10 µm to 10 mm is common)"),
     "stereo-75mm.sensor.pixel_pitch": ("3 mm", "3 mm is unusual"),
     "scene.wavelength": ("30 um", "30 µm is unusual (200 nm to 20 µm is common)"),
     "usable_range.relative_uncertainty": ("100 %", "100 % is unusual"),
@@ -33,6 +34,13 @@ def test_implausible_values_cause_a_warning_at_their_place_only(path: str, said:
     assert line.startswith("warning: --set:")
     assert path.split(".")[-1] in line
     assert said.replace("\N{NO-BREAK SPACE}", " ") in line.replace("\N{NO-BREAK SPACE}", " ")
+
+
+def test_a_focal_length_in_the_wrong_unit_is_warned_about() -> None:
+    (reported,) = tradestudy.load(
+        ROBOT, ["stereo-75mm.lenses.focal_length=2.65 m", "stereo-75mm.focus_distance=autofocus"]
+    ).warnings
+    assert "cameras.stereo-75mm.lenses.focal_length: 2.65 m is unusual" in reported.replace("\N{NO-BREAK SPACE}", " ")
 
 
 def test_a_basis_silences_a_warning_and_each_place_is_reported_once() -> None:

@@ -360,9 +360,8 @@ class TestMistakesOfValidators:
         assert reported(read(write(text + "{focal: 3 mm}"))) == [
             "s.yaml:3:13: distances.focal: unknown key; nearest: 'focal_length'"
         ]
-        assert reported(read(write(text + "far"))) == [
-            "s.yaml:3:12: distances: 'far' is given; a list or a mapping is expected"
-        ]
+        expected = "a list or a mapping with keys such as focal_length, power is expected"
+        assert reported(read(write(text + "far"))) == [f"s.yaml:3:12: distances: 'far' is given; {expected}"]
 
 
 def in_time(path: Path) -> list[str]:

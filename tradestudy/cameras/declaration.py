@@ -90,7 +90,7 @@ class LensPart(Part):
 class SensorPart(Part):
     """A pixel array."""
 
-    pixels: tuple[PixelCount, PixelCount] = Field(description="Columns and rows.")
+    pixels: tuple[PixelCount, PixelCount] = Field(description="Columns and rows.", examples=[[1280, 800]])
     pixel_pitch: PixelPitch = Field(description="Distance between neighbouring pixel centres.")
     quantum_efficiency: QuantumEfficiency | None = Field(
         default=None, description="Electrons per photon (EMVA 1288: η); scene.picture.light.photons needs it."

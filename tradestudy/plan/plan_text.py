@@ -76,7 +76,7 @@ def _left_out(one: Chosen) -> str:
         if quantity in one.asked and change.relative > 0.0
     ]
     if not omitted:
-        return "nothing left out"
+        return "nothing left out" + _first_refused(one)
     _, quantity, _, decision = max(omitted, key=lambda found: found[0])
     change = one.choice.changes[quantity]  # due to all omissions; can be less than that due to one of them
     how = f"{_tried(quantity)}; " if change.evidence == "trial" else ""
@@ -85,6 +85,29 @@ def _left_out(one: Chosen) -> str:
     return (
         f"leaving out {left_out(decision.slot, decision.model)}{beside} changes the {IN_WORDS[quantity]} by "
         f"{_amount(change)} ({how}{pretty(one.asked[quantity], FRACTION)} allowed)"
+    )
+
+
+def _first_refused(one: Chosen) -> str:
+    """The omission that comes closest to its tolerance without keeping it, which says why nothing is left out."""
+    refused = [
+        (max(change.relative / one.asked[quantity] for quantity, change in asked.items()), decision, asked)
+        for decision in one.choice.decisions
+        if not decision.chosen and decision.slot not in one.choice.forced and not one.reasons.get(decision.slot)
+        if (asked := {quantity: change for quantity, change in decision.changes.items() if quantity in one.asked})
+    ]
+    refused = [found for found in refused if found[0] > 1.0]
+    if not refused:
+        return ""
+    _, decision, asked = min(reversed(refused), key=lambda found: found[0])  # of equals, the most complete model
+    quantity, change = max(asked.items(), key=lambda item: item[1].relative / one.asked[item[0]])
+    omission, allowed = left_out(decision.slot, decision.model), pretty(one.asked[quantity], FRACTION)
+    if math.isinf(change.relative):
+        return f", because leaving out {omission} could change the {IN_WORDS[quantity]} by more than {allowed}"
+    how = f"{_tried(quantity)}; " if change.evidence == "trial" else ""
+    return (
+        f", because leaving out {omission} would change the {IN_WORDS[quantity]} by {_amount(change)} "
+        f"({how}{allowed} allowed)"
     )
 
 

@@ -30,6 +30,9 @@ class _Range:
 
 _USUAL: Final = (
     _Range(key="baseline", dimension=LENGTH, low=1e-4, high=10.0, below="cameras"),
+    _Range(key="focal_length", dimension=LENGTH, low=1e-4, high=1.0, below="cameras"),
+    _Range(key="gap", dimension=LENGTH, low=1e-5, high=1e-2, below="microlenses"),
+    _Range(key="pitch", dimension=LENGTH, low=1e-6, high=1e-2, below="microlenses"),
     _Range(key="pixel_pitch", dimension=LENGTH, low=0.3e-6, high=200e-6),
     _Range(key="wavelength", dimension=LENGTH, low=200e-9, high=20e-6),
     _Range(key="wavelengths", dimension=LENGTH, low=200e-9, high=20e-6),

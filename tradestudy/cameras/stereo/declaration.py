@@ -99,7 +99,7 @@ class StereoDeclaration(DepthCameraDeclaration):
     @classmethod
     def _has_a_baseline(cls, baseline: float | None, info: ValidationInfo) -> float | None:
         if baseline is None and "geometry" in info.data and info.data["geometry"] is None:
-            raise MistakeAt((), "this key is missing")
+            raise MistakeAt((), "this key is missing; a length is expected, such as 75 mm")
         return baseline
 
     @model_validator(mode="after")

@@ -351,7 +351,8 @@ class DepthVariant:
             changed |= new != old
         if self.law is not None:
             error = self.disparity_error_px({})
-            new, old = (self._split(one)[1] <= LARGEST_ERROR_PX for one in (error * factor, error))
+            with np.errstate(invalid="ignore"):  # 0 · ∞: without a picture, no model makes matching possible
+                new, old = (self._split(one)[1] <= LARGEST_ERROR_PX for one in (error * factor, error))
             changed |= new != old
         compared = ["relative_uncertainty", "matching"]
         if off and (bound := self._failed_at_most) is not None:

@@ -38,12 +38,15 @@ class Alignment:
         The innermost model along the path, which should contain the last key.
     of_key
         Whether the error is about the last key itself and not about its value.
+    kind
+        The type of the value at the path.
     """
 
     path: Path
     members: tuple[tuple[Path, str], ...]
     owner: type[BaseModel] | None
     of_key: bool
+    kind: Any
 
 
 def align(model: type[BaseModel], location: tuple[str | int, ...]) -> Alignment:
@@ -66,11 +69,11 @@ def align(model: type[BaseModel], location: tuple[str | int, ...]) -> Alignment:
             continue
         step = rest.pop(0)
         if step == _KEY:
-            return Alignment(path=path, members=tuple(members), owner=owner, of_key=True)
+            return Alignment(path=path, members=tuple(members), owner=owner, of_key=True, kind=kind)
         path = (*path, step)
         owner = kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
         kind = _below(kind, step)
-    return Alignment(path=path, members=tuple(members), owner=owner, of_key=False)
+    return Alignment(path=path, members=tuple(members), owner=owner, of_key=False, kind=_bare(kind))
 
 
 def key_names(model: type[BaseModel]) -> list[str]:
@@ -83,6 +86,35 @@ def key_meaning(model: type[BaseModel] | None, key: str) -> str:
     fields = model.model_fields if model else {}
     words = next((field.description or "" for name, field in fields.items() if key in (name, field.alias)), "")
     return words.split(". ")[0].removesuffix(".")
+
+
+def value_schema(model: type[BaseModel] | None, key: str) -> dict[str, Any]:
+    """The JSON Schema of a key's value, without references to other parts; empty if the model has no such key."""
+    found: dict[str, Any] = model.model_json_schema().get("properties", {}).get(key, {}) if model else {}
+    return found
+
+
+def tags(kind: Any, discriminator: str) -> list[str]:
+    """List the values of the key that selects a model in a union."""
+    fields = [_bare(member).model_fields[discriminator] for member in get_args(_bare(kind))]
+    return [str(tag) for field in fields for tag in get_args(field.annotation)]
+
+
+def keys_of_value(kind: Any) -> list[str]:
+    """List the keys that a value of this type must have or, if it must have none, those that it may have."""
+    kind = _bare(kind)
+    if get_origin(kind) in (Union, UnionType):
+        return list(dict.fromkeys(key for member in get_args(kind) for key in keys_of_value(member)))
+    if not _is_model(kind):
+        return []
+    required = [field.alias or name for name, field in kind.model_fields.items() if field.is_required()]
+    return required or key_names(kind)
+
+
+def keys_of_part(model: type[BaseModel] | None, key: str) -> list[str]:
+    """List the keys of the part that a model has under a key; none if the value is not a part."""
+    kind = _bare(_below(model, key))
+    return keys_of_value(kind) if _is_model(kind) else []
 
 
 def _bare(kind: Any) -> Any:

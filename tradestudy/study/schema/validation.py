@@ -14,7 +14,16 @@ from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
 from tradestudy.errors import Problem, StudyError
 from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, ScalarEntry, child
-from tradestudy.study.schema.alignment import Alignment, align, key_meaning, key_names
+from tradestudy.study.schema.alignment import (
+    Alignment,
+    align,
+    key_meaning,
+    key_names,
+    keys_of_part,
+    keys_of_value,
+    tags,
+    value_schema,
+)
 from tradestudy.study.source import MOST_MISTAKES
 from tradestudy.units import UnitError, nearest
 
@@ -38,6 +47,7 @@ _SHAPES = {
     "bool_parsing": "true or false",
 }
 _NAME = "a letter, digit or _ followed by letters, digits and _ . + -"
+_MOST_KEYS = 4
 _LIMITS = {
     "greater_than": ("gt", "more than"),
     "greater_than_equal": ("ge", "at least"),
@@ -198,8 +208,27 @@ def _missing(document: Document, finding: _Finding) -> Problem:
         return document.locate(above).problem(
             above, f"the list is too short; its value number {path[-1] + 1} is missing"
         )
-    meaning = key_meaning(finding.alignment.owner, path[-1])
-    return document.locate(above).problem(path, f"this key is missing{f' ({meaning})' if meaning else ''}")
+    owner = finding.alignment.owner
+    meaning = key_meaning(owner, path[-1])
+    wanted = _wanted(value_schema(owner, path[-1])) or _with_keys(keys_of_part(owner, path[-1]), "; ")
+    what = f"this key is missing{f' ({meaning})' if meaning else ''}{wanted}{' is expected' if wanted else ''}"
+    return document.locate(above).problem(path, what)
+
+
+def _wanted(schema: dict[str, Any]) -> str:
+    """Say what value a missing key should have, as far as its schema tells: the choices, the limits or an example."""
+    if choices := schema.get("enum", [schema["const"]] if "const" in schema else []):
+        return f"; {_choice(choices) if all(isinstance(one, str) for one in choices) else choices[0]}"
+    if "examples" not in schema:
+        return ""
+    is_quantity = "pattern" in schema  # its title states its limits
+    return f"; {schema['title']}" if is_quantity else f"; a value such as {schema['examples'][0]}"
+
+
+def _with_keys(keys: Sequence[str], before: str = "") -> str:
+    """Name the first few keys of a mapping: "a mapping with keys such as focal_length, f_number"."""
+    some = ", ".join([*keys[:_MOST_KEYS], *(["…"] if len(keys) > _MOST_KEYS else [])])
+    return f"{before}a mapping with keys such as {some}" if keys else ""
 
 
 def _mistakes(document: Document, findings: Sequence[_Finding]) -> list[Problem]:
@@ -263,7 +292,8 @@ def _discriminator(document: Document, finding: _Finding) -> Problem:
         if _is_implied(finding.entry) and (cameras := _cameras(document)) and finding.path[:-1] == ("cameras",):
             what = f"no camera is called '{finding.path[-1]}'; {_choice(cameras)} is expected"
             return document.locate(finding.path).problem(finding.path, what)
-        return document.locate(finding.path).problem(path, "this key is missing")
+        what = f"this key is missing; {_choice(tags(finding.alignment.kind, key))} is expected"
+        return document.locate(finding.path).problem(path, what)
     known = re.findall(r"'([^']*)'", finding.context["expected_tags"])
     what = f"'{finding.context['tag']}' is unknown; {_choice(known)} is expected"
     return document.locate(path).problem(path, what + _only_nearest(str(finding.context["tag"]), known))
@@ -284,7 +314,8 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
         head, _, expected = said.rpartition("; ") if isinstance(context["error"], UnitError) else (said, "", "")
         return head, expected, ""
     if kind in _SHAPES:
-        return f"{shown} is given", _SHAPES[kind], ""
+        keys = keys_of_value(finding.alignment.kind) if _SHAPES[kind] == "a mapping" else []
+        return f"{shown} is given", _with_keys(keys) or _SHAPES[kind], ""
     if kind == "literal_error":
         choices = re.findall(r"'([^']*)'", context["expected"])
         if not choices:
