@@ -92,7 +92,7 @@ def describe_design(
 
 
 def _which(measuring: Mapping[str, str]) -> str:
-    """What the answer tells about the cameras that measure depth, by title."""
+    """The title of the answer, from the titles of the cameras that measure depth."""
     return f"Depth uncertainty of {listed(list(measuring.values()))}" if len(measuring) == 1 else _WHICH
 
 

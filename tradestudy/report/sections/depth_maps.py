@@ -33,10 +33,10 @@ def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
         first=(Column(title="Camera", weight=1),),
         rows=[((titles[str(one["mapped_camera"].item())],), one) for one in rows],
     )
-    told: dict[str, list[str]] = {}
+    measured_by: dict[str, list[str]] = {}
     for one in rows:
-        told.setdefault(str(one["matcher"].item()), []).append(titles[str(one["mapped_camera"].item())])
-    for matcher, cameras in told.items():
+        measured_by.setdefault(str(one["matcher"].item()), []).append(titles[str(one["mapped_camera"].item())])
+    for matcher, cameras in measured_by.items():
         yield Paragraph(_matcher("; ".join(cameras), matcher))
 
 

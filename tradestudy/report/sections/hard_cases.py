@@ -26,7 +26,7 @@ from tradestudy.report.document import (
 from tradestudy.results.views.groups import records
 from tradestudy.units import significant
 
-_FLOAT = re.compile(r"-?\b(?:\d+\.?\d*(?:e[-+]\d+)?|inf)\b")
+_FLOAT = re.compile(r"-?\b(?:\d+\.?\d*(?:e[-+]\d+)?|inf|nan)\b")
 
 
 def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -137,9 +137,9 @@ def _wrong(error: float, answer: str) -> str:
 
 
 def _answer(text: str) -> str:
-    """An answer of a formula as the report writes numbers."""
-    return _FLOAT.sub(lambda found: _number(float(found[0])), text).replace("nan", "NaN")
+    """An answer of a formula as the report writes numbers; a refusal stays as it is, since it quotes its input."""
+    return text if text.startswith("refused: ") else _FLOAT.sub(lambda found: _number(float(found[0])), text)
 
 
 def _number(value: float) -> str:
-    return significant(value, 3 if 1.0 <= value < 1e4 else 2)
+    return "NaN" if np.isnan(value) else significant(value, 3 if 1.0 <= value < 1e4 else 2)
