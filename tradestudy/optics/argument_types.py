@@ -142,6 +142,8 @@ def _taken(hint: Any, value: Any) -> Any:
 
 
 def _one_of(hints: Sequence[Any], value: Any) -> Any:
+    if type(value) in hints:
+        return value
     unfit = []
     for hint in hints:
         try:

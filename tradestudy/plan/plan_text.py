@@ -79,12 +79,11 @@ def _left_out(one: Chosen) -> str:
         return "nothing left out" + _first_refused(one)
     _, quantity, _, decision = max(omitted, key=lambda found: found[0])
     change = one.choice.changes[quantity]  # due to all omissions; can be less than that due to one of them
-    how = f"{_tried(quantity)}; " if change.evidence == "trial" else ""
     significant = {id(found[3]) for found in omitted if found[0] >= _SIGNIFICANT}
     beside = " and smaller effects" if len(significant) > 1 else ""
     return (
         f"leaving out {left_out(decision.slot, decision.model)}{beside} changes the {IN_WORDS[quantity]} by "
-        f"{_amount(change)} ({how}{pretty(one.asked[quantity], FRACTION)} allowed)"
+        f"{_amount(change)} {_beside(quantity, change, one)}"
     )
 
 
@@ -101,14 +100,20 @@ def _first_refused(one: Chosen) -> str:
         return ""
     _, decision, asked = min(reversed(refused), key=lambda found: found[0])  # of equals, the most complete model
     quantity, change = max(asked.items(), key=lambda item: item[1].relative / one.asked[item[0]])
-    omission, allowed = left_out(decision.slot, decision.model), pretty(one.asked[quantity], FRACTION)
+    omission = left_out(decision.slot, decision.model)
     if math.isinf(change.relative):
+        allowed = pretty(one.asked[quantity], FRACTION)
         return f", because leaving out {omission} could change the {IN_WORDS[quantity]} by more than {allowed}"
-    how = f"{_tried(quantity)}; " if change.evidence == "trial" else ""
     return (
         f", because leaving out {omission} would change the {IN_WORDS[quantity]} by {_amount(change)} "
-        f"({how}{allowed} allowed)"
+        f"{_beside(quantity, change, one)}"
     )
+
+
+def _beside(quantity: Quantity, change: Change, one: Chosen) -> str:
+    """The evidence of a change, if it is a trial, and the tolerance, in brackets."""
+    how = f"{_tried(quantity)}; " if change.evidence == "trial" else ""
+    return f"({how}{pretty(one.asked[quantity], FRACTION)} allowed)"
 
 
 def _forced(one: Chosen) -> str:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
-
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import check_wavelength
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.propagation.lens import PointSource
@@ -19,10 +18,7 @@ def refuse_impossible(path: LightPath, source: PointSource | DiscSource, wavelen
     OutOfRangeError
         With the alternative.
     """
-    if not (wavelength > 0 and math.isfinite(wavelength)):
-        raise OutOfRangeError(
-            "wavelength", value=f"{wavelength:g} m", limit="> 0, finite", remedy="give it in metres: 550 nm are 550e-9"
-        )
+    check_wavelength(wavelength)
     for width, distance in (
         (2 * path.main_lens.radius, path.array_distance),
         (path.microlenses.aperture_width, path.detector_distance),

@@ -8,11 +8,11 @@ import time
 import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
-from tradestudy.optics.argument_types import checked
+from tradestudy.optics.argument_types import check_wavelength, checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.hybrid import hybrid_field
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel
-from tradestudy.optics.propagation.lens import OBLIQUITIES, CircularLens, LensWave, Obliquity, PointSource
+from tradestudy.optics.propagation.lens import CircularLens, LensWave, Obliquity, PointSource, check_obliquity
 from tradestudy.optics.propagation.rays import find_rays, land, one_ray_per_target, ray_fields
 from tradestudy.optics.propagation.result import ApertureField, Effort, Method, NumericalError, squared_magnitude
 from tradestudy.optics.propagation.sampling import Limits, NodeCounts, Targets, refuse_near_zone
@@ -255,8 +255,6 @@ def lens_wave(
     OutOfRangeError
         The wavelength is not a positive length, or the obliquity is unknown.
     """
-    if not (math.isfinite(wavelength) and wavelength > 0):
-        raise OutOfRangeError("wavelength", value=f"{wavelength:g} m", limit="> 0, finite")
-    if obliquity not in OBLIQUITIES:
-        raise OutOfRangeError("obliquity", value=repr(obliquity), limit=" | ".join(OBLIQUITIES), remedy="choose one")
+    check_wavelength(wavelength)
+    check_obliquity(obliquity)
     return LensWave(source=source, lens=lens, wavelength=wavelength, paraxial=paraxial, obliquity=obliquity)

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.argument_types import check_wavelength, checked_fields
-from tradestudy.optics.propagation.lens import OBLIQUITIES, Obliquity
+from tradestudy.optics.propagation.lens import Obliquity, check_obliquity
 from tradestudy.optics.propagation.paths import Array
 
 
@@ -58,10 +57,7 @@ class KirchhoffKernel:
 
     def __post_init__(self) -> None:
         check_wavelength(self.wavelength)
-        if self.obliquity not in OBLIQUITIES:
-            raise OutOfRangeError(
-                "obliquity", value=repr(self.obliquity), limit=" | ".join(OBLIQUITIES), remedy="choose one"
-            )
+        check_obliquity(self.obliquity)
 
     @property
     def wavenumber(self) -> float:

@@ -25,6 +25,18 @@ OBLIQUITIES: tuple[Obliquity, ...] = ("paper", "textbook", "rayleigh-sommerfeld-
 _AS_AT_INFINITY = 1e15
 
 
+def check_obliquity(obliquity: str) -> None:
+    """Refuse an unknown obliquity.
+
+    Raises
+    ------
+    OutOfRangeError
+        With the known ones.
+    """
+    if obliquity not in OBLIQUITIES:
+        raise OutOfRangeError("obliquity", value=repr(obliquity), limit=" | ".join(OBLIQUITIES), remedy="choose one")
+
+
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class PointSource:
