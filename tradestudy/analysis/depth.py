@@ -232,10 +232,10 @@ def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", fi
         none = np.where(np.isnan(distance), np.nan, 0.0)
         return ModelError(half_width=none, intervals=none, failures=lambda: none)
     if (curved := second_order(camera, distance, field, way)) is not None:
-        line, read = distribution(camera, distance, way, field), _with_false_matches(curved.steepest, camera, way)
-        intervals = [_apart(line, read, coverage) + curved.across for coverage in camera.propagation.coverages]
+        line, read = distribution(camera, distance, way, field), _with_false_matches(curved.expected, camera, way)
+        intervals = [_apart(line, read, coverage) + curved.uncertain for coverage in camera.propagation.coverages]
         return ModelError(
-            half_width=_apart(read, line, ONE_SIGMA) + curved.across,
+            half_width=_apart(read, line, ONE_SIGMA) + curved.uncertain,
             intervals=np.fmax.reduce(intervals),
             failures=lambda: np.abs(line.failed_fraction - read.failed_fraction),
         )
@@ -264,7 +264,7 @@ def clear_departure(camera: DepthCamera, distance: FloatArray, field: float = 0.
     if read is None:
         return np.zeros(distance.shape)
     line = distribution(camera, distance, "both", field)
-    found = [_apart(line, read.steepest, coverage) for coverage in camera.propagation.coverages]
+    found = [_apart(line, read.expected, coverage) for coverage in camera.propagation.coverages]
     return np.asarray(np.fmax.reduce(found))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from tradestudy.analysis.depth_distribution import DepthDistribution
 from tradestudy.analysis.depth_draws import fixed_errors, read_draws, uncertain_groups
+from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
@@ -21,8 +22,8 @@ _STEP: Final = 1e-2  # standard deviations, for the gradient
 _FARTHEST: Final = 9.0  # standard deviations; the probability beyond is below 1e-18
 _SECTIONS: Final = 16
 _ROUNDS: Final = 2  # to 0.07 standard deviations, with linear interpolation within these
-# Quantiles shift by more than the curvature's change of mean and variance; draws show up to 2.6 times that.
-_MARGIN: Final = 3.0
+_UNCERTAIN: Final = 0.5  # of the changes of half widths by mean and variance across the steepest direction
+_MEDIAN: Final = 1e-9  # largest score of a median, up to rounding
 
 Reader = Callable[[FloatArray], FloatArray]
 """Inverse depth [1/m] at scores (dimensions, points, distances or 1), shape (points, distances)."""
@@ -34,24 +35,23 @@ class SecondOrder:
 
     Parameters
     ----------
-    steepest
-        Quantiles of depth along the steepest direction of all errors, evaluated exactly; a single scramble.
-    across
-        Share of a half width by which the curvature across that direction could widen or narrow it.
+    expected
+        Quantiles of depth; a single scramble. Failures are those along the steepest direction of all errors.
+    uncertain
+        Share of a half width by which the exact distribution could be wider or narrower.
     """
 
-    steepest: DepthDistribution
-    across: FloatArray
+    expected: DepthDistribution
+    uncertain: FloatArray
 
 
 def second_order(
     camera: DepthCamera, distance: FloatArray, field: float, way: str, *, any_shape: bool = False
 ) -> SecondOrder | None:
-    """Evaluate depth exactly along the direction of the errors that moves it most, and its curvature across.
+    """Evaluate depth exactly along the direction of the errors that moves it most, and to second order across.
 
     In standard deviations of independent normal errors, inverse depth is ``h(z) = h₀ + g·z + ½ zᵀKz``. Its quantiles
-    are those along g (first-order reliability); the curvature K across g shifts them by ``½ tr K`` and adds
-    ``½ ‖K‖²`` to the variance, and mixed curvature along and across adds ``Σ d²``.
+    are those along g (first-order reliability), each shifted by the curvature across g (second-order reliability).
 
     Parameters
     ----------
@@ -91,10 +91,22 @@ def second_order(
     gradient = (above - below) / (2.0 * _STEP)
     length = np.linalg.norm(gradient, axis=0)
     steepest = np.divide(gradient, length, out=np.zeros_like(gradient), where=length > 0.0)
-    return SecondOrder(
-        steepest=_along(camera, read, steepest),
-        across=_across(read, steepest, length) if count > 1 else np.zeros(distance.shape),
-    )
+    along, moved, spread = _quantiles(camera, read, steepest, length)
+
+    def of(inverse: FloatArray) -> DepthDistribution:
+        depths = np.where(np.isnan(inverse).any(axis=0), np.nan, depth_from_inverse(inverse))
+        return DepthDistribution(
+            probabilities=camera.propagation.probabilities,
+            quantiles=depths[np.newaxis],
+            failures=lambda: np.where(np.isnan(along).any(axis=0), np.nan, _failed(read, steepest))[np.newaxis],
+        )
+
+    expected = of(along + moved + spread)
+    width = expected.half_widths(ONE_SIGMA)[0]
+    without = [of(one).half_widths(ONE_SIGMA)[0] for one in (along + moved, along + spread)]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        changes = np.sum(np.abs(np.log(width / without)), axis=0)
+    return SecondOrder(expected=expected, uncertain=np.nan_to_num(_UNCERTAIN * changes, nan=np.inf, posinf=np.inf))
 
 
 def all_normal(camera: DepthCamera) -> bool:
@@ -114,47 +126,54 @@ def _read_together(read: Reader, *scores: FloatArray) -> list[FloatArray]:
     return np.split(read(np.concatenate(scores, axis=1)), ends[:-1])
 
 
-def _along(camera: DepthCamera, read: Reader, steepest: FloatArray) -> DepthDistribution:
-    from scipy.special import ndtr, ndtri
+def _quantiles(
+    camera: DepthCamera, read: Reader, steepest: FloatArray, length: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Quantiles of inverse depth [1/m] along the steepest direction, and the shifts by mean and variance across it.
+
+    Where the other errors add the mean m(u) and the variance s²(u) at the score u along it, the quantile at u moves by
+    ``m + (u s² − ds²/du)/(2 |g|)``. Curvature K across gives ``m = ½ tr K`` and ``s² = ½ ‖K‖² + Σ d²``, with the slopes
+    d across, which grow with u.
+    """
+    from scipy.special import ndtri
 
     probabilities = camera.propagation.probabilities
-    scores = -ndtri(np.array(probabilities))
-    inverse = read(scores[np.newaxis, :, np.newaxis] * steepest[:, np.newaxis])
-    depths = np.where(np.isnan(inverse).any(axis=0), np.nan, depth_from_inverse(inverse))
-
-    def failures() -> FloatArray:
-        place = np.arange(steepest.shape[1])
-        low, high = np.full((2, place.size), [[-_FARTHEST], [_FARTHEST]])
-        for _ in range(_ROUNDS):
-            searched = low + np.linspace(0.0, 1.0, _SECTIONS + 1)[:, np.newaxis] * (high - low)
-            found = read(searched * steepest[:, np.newaxis])
-            # Inverse depth rises along the steepest direction, so failures lie below one score.
-            last = np.sum(~(found > 0.0), axis=0) - 1
-            row = np.clip(last, 0, _SECTIONS - 1)
-            low, high = searched[row, place], searched[row + 1, place]
-        below, above = found[row, place], found[row + 1, place]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            share = np.nan_to_num(np.clip(-below / (above - below), 0.0, 1.0))
-        score = low + share * (high - low)
-        lost = np.where(last < 0, 0.0, np.where(last >= _SECTIONS, 1.0, ndtr(score)))
-        return np.asarray(np.where(np.isnan(inverse).any(axis=0), np.nan, lost)[np.newaxis])
-
-    return DepthDistribution(probabilities=probabilities, quantiles=depths[np.newaxis], failures=failures)
-
-
-def _across(read: Reader, steepest: FloatArray, length: FloatArray) -> FloatArray:
+    scores = -ndtri(np.array(probabilities))[:, np.newaxis]
     # Orthonormal vectors perpendicular to each direction, shape (dimensions, others, distances).
-    basis = np.moveaxis(np.linalg.svd(steepest.T[:, np.newaxis])[2][:, 1:], 0, 2).swapaxes(0, 1)
-    first, second = np.triu_indices(basis.shape[1], k=1)
-    ahead = steepest[:, np.newaxis]
-    origin, along, above, below, both, pairs = _read_together(
-        read, np.zeros_like(ahead), ahead, basis, -basis, basis + ahead, basis[:, first] + basis[:, second]
+    across = np.moveaxis(np.linalg.svd(steepest.T[:, np.newaxis])[2][:, 1:], 0, 2).swapaxes(0, 1)
+    dimensions, others, distances = across.shape
+    ahead = scores * steepest[:, np.newaxis]
+    right, left = (
+        (ahead[:, :, np.newaxis] + one[:, np.newaxis]).reshape(dimensions, -1, distances) for one in (across, -across)
     )
-    curvature = above + below - 2.0 * origin
-    bent = both - above - along + origin
-    mixed = pairs - above[first] - above[second] + origin
+    first, second = np.triu_indices(others, k=1)
+    along, right, left, pairs = _read_together(read, ahead, right, left, across[:, first] + across[:, second])
+    right, left = (one.reshape(len(probabilities), others, distances) for one in (right, left))
+    curvature = right + left - 2.0 * along[:, np.newaxis]
+    median = len(probabilities) // 2
+    mixed = pairs - right[median, first] - right[median, second] + along[median]
+    slopes = np.sum(((right - left) / 2.0) ** 2, axis=1)
+    variance = slopes + 0.5 * np.sum(curvature[median] ** 2, axis=0) + np.sum(mixed**2, axis=0)
+    growth = np.divide(2.0 * slopes, scores, out=np.zeros_like(slopes), where=np.abs(scores) > _MEDIAN)
     with np.errstate(invalid="ignore", divide="ignore"):
-        squares = 0.5 * np.sum(curvature**2, axis=0) + np.sum(mixed**2, axis=0) + np.sum(bent**2, axis=0)
-        wider = squares / length**2 / 2.0
-        shifted = np.abs(np.sum(curvature, axis=0)) / np.abs(origin[0])  # an interval of depth goes with 1/h²
-    return np.asarray(np.nan_to_num(_MARGIN * (wider + shifted), nan=np.inf, posinf=np.inf))
+        return along, 0.5 * np.sum(curvature, axis=1), (scores * variance - growth) / (2.0 * length)
+
+
+def _failed(read: Reader, steepest: FloatArray) -> FloatArray:
+    """Probability that inverse depth ends at or below zero along the steepest direction, over distances."""
+    from scipy.special import ndtr
+
+    place = np.arange(steepest.shape[1])
+    low, high = np.full((2, place.size), [[-_FARTHEST], [_FARTHEST]])
+    for _ in range(_ROUNDS):
+        searched = low + np.linspace(0.0, 1.0, _SECTIONS + 1)[:, np.newaxis] * (high - low)
+        found = read(searched * steepest[:, np.newaxis])
+        # Inverse depth rises along the steepest direction, so failures lie below one score.
+        last = np.sum(~(found > 0.0), axis=0) - 1
+        row = np.clip(last, 0, _SECTIONS - 1)
+        low, high = searched[row, place], searched[row + 1, place]
+    below, above = found[row, place], found[row + 1, place]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.nan_to_num(np.clip(-below / (above - below), 0.0, 1.0))
+    score = low + share * (high - low)
+    return np.asarray(np.where(last < 0, 0.0, np.where(last >= _SECTIONS, 1.0, ndtr(score))))
