@@ -29,7 +29,8 @@ _MOST_DISTANCES: Final = 101
 # Margins on changes computed at some distances, between which they may be larger, and on changes that a trial finds at
 # a few places; set by `python -m tests.campaigns.depth_regret` on scenes other than those it reports.
 MARGIN: Final = 1.1
-TRIAL_MARGIN: Final = 1.5
+TRIAL_MARGIN: Final = 1.25
+_SURE: Final = 0.5  # share of the estimated error of linear propagation that it makes at least
 _ALL: Final = 1.0 - 1e-9  # of a disparity error, which cannot become zero
 # Effects whose simpler models save time, in the order in which they are tried.
 _SAVING: Final[tuple[SlotName, ...]] = (*LENSES, "calibration", "spectrum", "crosstalk")
@@ -187,7 +188,7 @@ class DepthProblem(SimulationProblem):
         if all(one.only_in for one in beyond) and self._is_free("calibration"):
             self._drawn = beyond
         error, at = max((missed for one, missed in found.items() if one not in self._drawn), default=(0.0, math.nan))
-        self._linear = Change(relative=error, least=error / TRIAL_MARGIN, evidence="trial", at=at)
+        self._linear = Change(relative=error, least=_SURE * error, evidence="trial", at=at)
 
     def _paths_left_out(self, variant: DepthVariant, models: Models) -> FloatArray | None:
         """Relative change of the disparity error, everywhere, if the lenses that do not use Kirchhoff's law did."""

@@ -22,7 +22,6 @@ ErrorPx = Callable[[Models], FloatArray]
 _MARGIN: Final = 2.0
 _TRANSFER_ERROR: Final = 2e-4  # of Kirchhoff's transfer, with which Fresnel's is compared
 _NARROWER: Final = 0.5  # width of a disc of rays per sin² θ
-_OTHER_BLUR: Final = 0.05  # relative difference of blurs whose transfers have little in common
 
 
 def change_by_exact_paths(
@@ -107,9 +106,10 @@ def _obliquity(stage: LensStage) -> FloatArray:
 
 
 def places_to_try(weight: FloatArray, blur_px: FloatArray) -> IndexArray:
-    """Up to three places to try: where the rule's change of the uncertainty is largest, and the sharpest.
+    """Up to three places to try: where the rule's change of the uncertainty is largest, the sharpest, and between them.
 
-    Changes oscillate with defocus, so the place with the largest at another blur is added.
+    Changes oscillate with defocus, and can pass through zero where the rule is largest. Of places no more blurred than
+    that one, the third is where the rule comes closest to halfway between the other two.
 
     Parameters
     ----------
@@ -117,10 +117,10 @@ def places_to_try(weight: FloatArray, blur_px: FloatArray) -> IndexArray:
         Relative change of the uncertainty by the rule, and blur [samples], over places.
     """
     weight = np.nan_to_num(weight, posinf=1.0)
-    first = int(np.argmax(weight))
-    elsewhere = np.abs(blur_px - blur_px[first]) > _OTHER_BLUR * blur_px[first]
-    second = int(np.argmax(np.where(elsewhere, weight, -1.0)))
-    return np.unique([first, second, int(np.nanargmin(blur_px))])
+    largest, sharpest = int(np.argmax(weight)), int(np.nanargmin(blur_px))
+    from_halfway = np.abs(weight - (weight[largest] + weight[sharpest]) / 2.0)
+    between = int(np.argmin(np.where(blur_px <= blur_px[largest], from_halfway, np.inf)))
+    return np.unique([largest, between, sharpest])
 
 
 def tried_change(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:
