@@ -16,7 +16,7 @@ from tradestudy.errors import StudyError
 from tradestudy.execution import Threads
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.plan.pilots import seconds_of
-from tradestudy.plan.rendering_pilot import loop_seconds
+from tradestudy.plan.rendering_pilot import plane_seconds
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Paragraph, Table, all_blocks, plain_text
 from tradestudy.results.views.conclusions import terminal_lines
@@ -242,7 +242,7 @@ def test_the_plan_says_how_long_the_loop_takes(tmp_path: Path) -> None:
     assert scene is not None
     assert scene.picture is not None
     settings = scene.picture.settings(550e-9)
-    reported = loop_seconds(loaded.definition.case.cameras["pair"], part, settings)
+    reported = float(np.sum(plane_seconds(loaded.definition.case.cameras["pair"], part, settings)))
     points = list(depth_loop.loop_points(loaded.definition, part).values())[:6:2]
     taken = math.fsum(seconds_of(lambda point=point: depth_loop.measure_on_plane(point)) for point in points)  # type: ignore[misc]
     assert taken / 5.0 < reported < 5.0 * taken

@@ -124,7 +124,7 @@ class Steps:
         work = efforts or [1.0] * len(points)
 
         def report() -> None:
-            self.progress(step, math.fsum(work[i] for i in values) / max(math.fsum(work), 1.0))
+            self.progress(step, math.fsum(work[i] for i in values) / (math.fsum(work) or 1.0))
 
         report()
         try:

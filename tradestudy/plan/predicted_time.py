@@ -131,8 +131,8 @@ class _Prediction:
         if file.depth_loop is not None:
             from tradestudy.plan.rendering_pilot import loop_work
 
-            seconds, work = loop_work(self.definition, file.depth_loop)
-            yield PredictedStep(name="depth loop", seconds=seconds, work=work)
+            planes, work = loop_work(self.definition, file.depth_loop)
+            yield PredictedStep(name="depth loop", seconds=math.fsum(planes), work=work, parts=planes)
         if file.depth_of_field is not None:
             cameras = len(self.definition.case.all_cameras)
             seconds = cameras * self.reading

@@ -18,6 +18,7 @@ from tradestudy.imaging.render.tiles import Tile, expected_electrons
 from tradestudy.imaging.scenes.pattern import RandomPattern
 from tradestudy.imaging.scenes.plain_surfaces import Flat
 from tradestudy.imaging.scenes.scene import Plain, SceneSource
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.pilots import seconds_of
 from tradestudy.plan.problems.scene_pictures import TRIAL_TEXTURE, name_of
 from tradestudy.study.definition import StudyDefinition
@@ -65,13 +66,13 @@ def picture_seconds(whole: Tile) -> float:
     return share * seconds_of(lambda: expected_electrons(patch))
 
 
-def loop_work(definition: StudyDefinition, part: DepthLoopPart) -> tuple[float, str]:
-    """Processor time of all planes of the study's depth loop [s], and the amount of work in words."""
+def loop_work(definition: StudyDefinition, part: DepthLoopPart) -> tuple[tuple[float, ...], str]:
+    """Processor time of each plane of the study's depth loop [s], in order, and the amount of work in words."""
     varied = max(1, len(part.contrasts or ())) * max(1, len(part.electrons or ()))
     cameras = [definition.case.cameras[name] for name in part.cameras or definition.case.cameras]
     settings = _settings(definition, cameras[0])
-    seconds = varied * math.fsum(loop_seconds(camera, part, settings) for camera in cameras)
-    return seconds, counted(varied * len(cameras) * len(part.distances), "plane")
+    planes = np.concatenate([np.repeat(plane_seconds(camera, part, settings), varied) for camera in cameras])
+    return tuple(planes.tolist()), counted(planes.size, "plane")
 
 
 def _settings(definition: StudyDefinition, camera: DepthCamera) -> PictureSettings:
@@ -82,14 +83,14 @@ def _settings(definition: StudyDefinition, camera: DepthCamera) -> PictureSettin
     return scene.picture.settings(scene.wavelength, camera.sensor)
 
 
-def loop_seconds(camera: DepthCamera, part: DepthLoopPart, settings: PictureSettings) -> float:
-    """Processor time of all planes of a depth loop for a camera [s], in one texture and light."""
+def plane_seconds(camera: DepthCamera, part: DepthLoopPart, settings: PictureSettings) -> FloatArray:
+    """Processor time of a camera's plane at each distance of a depth loop [s], in one texture and light."""
     geometry = camera.picture_geometry(np.array(part.distances))
     window = settings.asked_window(geometry.magnification, geometry.sample_pitch)
     window = np.minimum(window, geometry.compared.widest_px) * geometry.sample_pitch / camera.sensor.pixel_pitch
-    pixels = part.windows * float(np.sum(np.square(window))) * _PIXELS_OF_A_LOOP
+    pixels = part.windows * np.square(window) * _PIXELS_OF_A_LOOP
     middle = part.distances[len(part.distances) // 2]
-    return pixels * pixel_seconds(camera, middle, settings, part.samples) * _READING
+    return np.asarray(pixels * pixel_seconds(camera, middle, settings, part.samples) * _READING)
 
 
 def pixel_seconds(camera: DepthCamera, distance: float, settings: PictureSettings, samples: int) -> float:

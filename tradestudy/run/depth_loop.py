@@ -150,11 +150,11 @@ def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[
 
 
 def measure_loop(
-    points: dict[tuple[str, float, float, float], LoopPoint], steps: Steps
+    points: dict[tuple[str, float, float, float], LoopPoint], steps: Steps, seconds: Sequence[float] = ()
 ) -> dict[tuple[str, float, float, float], LoopFinding]:
-    """Measure every plane, on the workers."""
+    """Measure every plane, on the workers; with the predicted seconds of each, progress counts these."""
     labels = [f"{name} at {distance:g} m" for name, distance, _, _ in points]
-    return dict(zip(points, steps.map(STEP, measure_on_plane, list(points.values()), labels), strict=True))
+    return dict(zip(points, steps.map(STEP, measure_on_plane, list(points.values()), labels, seconds), strict=True))
 
 
 def measure_on_plane(point: LoopPoint) -> LoopFinding:

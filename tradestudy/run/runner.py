@@ -154,7 +154,7 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
     if file.depth_loop is not None:
         from tradestudy.run.groups.depth_loop import depth_loop_group
 
-        groups["/depth_loop"] = depth_loop_group(definition, file.depth_loop, asked.steps)
+        groups["/depth_loop"] = depth_loop_group(definition, file.depth_loop, asked.steps, plan.parts("depth loop"))
     if file.sensitivity is not None:
         from tradestudy.run.groups.sensitivity import sensitivity_group
 
