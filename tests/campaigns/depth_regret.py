@@ -32,6 +32,7 @@ from tradestudy.study.definition import StudyDefinition
 
 REPEATS = 3
 OVERHEAD = 0.1  # seconds that count for nothing
+FINE = 50  # steps between two distances of the study, in the search for the focus
 TIMED = 3  # of the sets that suffice, the simplest
 _LEVELS = models_of("main_lens_diffraction", "depth")
 _CALIBRATIONS = models_of("calibration", "depth")
@@ -177,9 +178,12 @@ class _Answer:
     @classmethod
     def of(cls, definition: StudyDefinition, exact: tuple[Models, float]) -> _Answer | None:
         camera, criteria, distance = _camera(definition, *exact), definition.case.criteria, definition.case.distance
-        places = distance[all_met(evaluate_limits(camera, criteria, distance), distance.shape)]
-        if not places.size:
+        usable = all_met(evaluate_limits(camera, criteria, distance), distance.shape)
+        if not usable.any():
             return None
+        focus = _in_focus(camera, distance)
+        focus = focus[all_met(evaluate_limits(camera, criteria, focus), focus.shape)] if focus.size else focus
+        places = np.concatenate([distance[usable], focus])
         return cls(places=places, uncertainty=depth_uncertainty(camera, places), ends=_ends(camera, definition))
 
     def change(self, definition: StudyDefinition, models: Models, tolerance: float) -> float:
@@ -195,6 +199,14 @@ class _Answer:
         distance = definition.case.distance
         shift = shift_of_ends(self.ends, _ends(camera, definition), (float(distance[0]), float(distance[-1])))
         return max(float(by_depth.max()), shift)
+
+
+def _in_focus(camera: DepthCamera, distance: np.ndarray) -> np.ndarray:
+    """Distances of least blur within the study: where it can be narrower than the study's steps, models differ most."""
+    fine = np.geomspace(distance[0], distance[-1], FINE * distance.size)
+    fine = fine[camera.images(fine)]
+    blur = camera.picture_geometry(fine).blur_px
+    return fine[1:-1][(blur[1:-1] < blur[:-2]) & (blur[1:-1] <= blur[2:])]
 
 
 def _ends(camera: DepthCamera, definition: StudyDefinition) -> np.ndarray:
@@ -293,9 +305,9 @@ HEAD = (
 
 
 NOTE = (
-    "The change is the largest of the depth uncertainty and of the ends of usable ranges, against the most expensive "
-    "models. Where a range or a gap between ranges appears or vanishes, its ends part or meet, and their shift counts: "
-    "half its width, or all of it at the end of the study."
+    "The change is the largest of the depth uncertainty, at usable distances of the study and in focus, and of the "
+    "ends of usable ranges, against the most expensive models. Where a range or a gap between ranges appears or "
+    "vanishes, its ends part or meet, and their shift counts: half its width, or all of it at the end of the study."
 )
 
 
