@@ -12,7 +12,7 @@ import numpy as np
 
 from tradestudy.analysis.depth import distribution
 from tradestudy.analysis.halving import bracketed
-from tradestudy.analysis.planned_calibrations import planned, plans, to_be_planned
+from tradestudy.analysis.planned_calibrations import planned, plans, to_be_planned, varied_calibrations
 from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.errors import NotConvergedError
@@ -106,6 +106,16 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     return Solved(solutions=tuple(found), dimension=dimension, answer=answer)
 
 
+def planning_work(definition: StudyDefinition, question: SolvePart) -> list[Callable[[], object]]:
+    """What one value costs in every plan of a calibration that the question varies; empty if it varies none."""
+    varying = Varying.of(definition, question)
+    if not varied_calibrations(definition, varying):
+        return []
+    ratios = _Ratios(to_be_planned(definition, varying), question, varying)
+    middle = math.log(varying.possible(math.sqrt(varying.low * varying.high)))
+    return [partial(ratios.at_plan, middle, plan) for plan in range(ratios.plans)]
+
+
 class _Ratios:
     """Logarithm of the ratio of the uncertainty to its target, against the logarithm of the varied value."""
 
@@ -146,16 +156,17 @@ class _Ratios:
     def _one(self, number: int, log_value: float) -> float:
         """The ratio in one scramble or one plan; a linear model is the same in all scrambles."""
         if self.plans > 1:
-            return float(np.mean(self._at(log_value, number)))
-        ratios = self._at(log_value, 0)
+            return float(np.mean(self.at_plan(log_value, number)))
+        ratios = self.at_plan(log_value, 0)
         return float(ratios[min(number, len(ratios) - 1)])
 
     def _all(self, log_value: float) -> FloatArray:
         if self.plans > 1:
             return np.array([self._one(plan, log_value) for plan in self._plans])
-        return self._at(log_value, 0)
+        return self.at_plan(log_value, 0)
 
-    def _at(self, log_value: float, plan: int) -> FloatArray:
+    def at_plan(self, log_value: float, plan: int) -> FloatArray:
+        """The ratio at a value in one plan of a calibration; (scrambles,)."""
         key = (log_value, plan)
         if key not in self._known:
             varying = self._varying

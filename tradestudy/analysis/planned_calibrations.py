@@ -32,11 +32,16 @@ def planned(definition: StudyDefinition, plan: int = 0) -> StudyDefinition:
 
 def to_be_planned(definition: StudyDefinition, varying: Varying) -> StudyDefinition:
     """The study without calibrations inferred from targets that a question varies, so that its values compare."""
-    keys = definition.posterior_keys
-    ends = [definition.with_values(varying.changes(end)).posterior_keys for end in (varying.low, varying.high)]
-    varied = {keys[name] for name in keys if any(end.get(name) != keys[name] for end in ends)}
+    varied = varied_calibrations(definition, varying)
     kept = {key: posterior for key, posterior in definition.posteriors.items() if key not in varied}
     return replace(definition, posteriors=kept, before=definition)
+
+
+def varied_calibrations(definition: StudyDefinition, varying: Varying) -> set[str]:
+    """Keys of the inferred calibrations that a question varies."""
+    keys = definition.posterior_keys
+    ends = [definition.with_values(varying.changes(end)).posterior_keys for end in (varying.low, varying.high)]
+    return {keys[name] for name in keys if any(end.get(name) != keys[name] for end in ends)}
 
 
 def plans(definition: StudyDefinition) -> range:

@@ -161,6 +161,10 @@ class _Prediction:
             yield self._claims()
         if file.trade_off is not None:
             yield self._trade_off(file.trade_off)
+        if file.solve:
+            parts = tuple(self._seconds_of_question(name) for name in file.solve)
+            work = counted(len(parts), "question")
+            yield PredictedStep(name="inverse questions", seconds=math.fsum(parts), work=work, parts=parts)
         yield self._report()
 
     @cached_property
@@ -276,22 +280,29 @@ class _Prediction:
     def _decision(self) -> Iterator[PredictedStep]:
         file = self.definition.file
         cases = [self.definition, *self.definition.readings.values()] if file.decision is not None else []
-        every = tuple(self.cameras)
-        tables = math.fsum(self._tables_of(every, self.definition.under(name)) for name in file.solve)
         pair = file.decision.between if file.decision is not None else ()
         parts = tuple(_TABLES_OF_A_VERDICT * self._tables_of(pair, one) for one in cases)
         yield PredictedStep(
             name="decision",
-            seconds=math.fsum(parts)
-            + _TRIALS_OF_A_ROOT * (len(file.solve) * self.design + _TABLES_OF_A_TRIAL * tables if file.solve else 0.0)
-            + (self.all_tables if file.sweep else 0.0),
-            work=f"{counted(len(cases), 'verdict')} on the main pair, {counted(len(file.solve), 'inverse question')}",
+            seconds=math.fsum(parts) + (self.all_tables if file.sweep else 0.0),
+            work=f"{counted(len(cases), 'verdict')} on the main pair",
             parts=parts,
         )
         if file.decision is not None:
             pairs = file.decision.compare or (file.decision.between,)
             seconds = _TABLES_OF_RANKS * math.fsum(self._tables_of(pair, self.definition) for pair in pairs)
             yield PredictedStep(name="ranks", seconds=seconds, work=counted(len(pairs), "pair"))
+
+    def _seconds_of_question(self, name: str) -> float:
+        """Time for the values that the root of an inverse question takes [s], in every plan of a calibration."""
+        from tradestudy.analysis.inverse_questions import planning_work
+
+        definition, question = self.definition.under(name), self.definition.file.solve[name]
+        if not question.requirement and (plans := planning_work(definition, question)):
+            plans[0]()  # fills caches
+            return _TRIALS_OF_A_ROOT * len(plans) * pilots.seconds_of(plans[-1])
+        tables = self._tables_of(tuple(self.cameras), definition)
+        return _TRIALS_OF_A_ROOT * (self.design + _TABLES_OF_A_TRIAL * tables)
 
     def _tables_of(self, names: tuple[str, ...], case: StudyDefinition) -> float:
         """Time of cameras' tables [s], with the draws of those that differ from the declared ones, as in a reading."""

@@ -87,7 +87,7 @@ def compute(
     groups |= _answers(asked, tables, groups.get("/criteria"))
     if definition.file.solve:
         known = [groups["/decision"]] if "/decision" in groups else []
-        solved = questions_group(definition, steps.progress)
+        solved = questions_group(definition, steps.progress, plan.parts("inverse questions"))
         groups["/decision"] = xr.merge([*known, solved], combine_attrs="drop_conflicts")
     return xr.DataTree.from_dict(groups)
 
@@ -195,13 +195,15 @@ def _answers(asked: _Asked, tables: DepthTables, criteria: xr.Dataset | None) ->
     """Claims, requirements and the trade-off, whose criteria join those that a relief derives."""
     definition, file, progress = asked.definition, asked.definition.file, asked.steps.progress
     groups: dict[str, xr.Dataset] = {}
-    progress("claims", 0.0)
+    if file.claims or file.requirements:
+        progress("claims", 0.0)
     if file.claims:
         groups["/claims"] = claims_group(definition, asked.readings, progress, asked.plan.parts("claims"))
     judge = Judge({one: table.intervals for one, table in tables.items()})
     if file.requirements:
         groups["/requirements"] = requirements_group(definition, asked.designs, judge, asked.steps)
-    progress("claims", 1.0)
+    if file.claims or file.requirements:
+        progress("claims", 1.0)
     if file.trade_off is not None:
         from tradestudy.run.groups.trade_off import trade_off_group
 

@@ -89,13 +89,14 @@ def decision_group(
     return dataset("decision", values, coordinates, attributes=attributes)
 
 
-def questions_group(definition: StudyDefinition, progress: Progress) -> xr.Dataset:
-    """The part of /decision that answers inverse questions, for cameras of every kind."""
+def questions_group(definition: StudyDefinition, progress: Progress, seconds: Sequence[float]) -> xr.Dataset:
+    """The part of /decision that answers inverse questions, for cameras of every kind; parameters as above."""
     questions = definition.file.solve
-    solved = []
-    for number, (name, question) in enumerate(questions.items()):
-        progress("decision", number / len(questions))
+    solved, shares = [], shares_before(seconds, len(questions))
+    for share, (name, question) in zip(shares, questions.items(), strict=False):
+        progress("inverse questions", share)
         solved.append((solve_requirement if question.requirement else solve)(definition.under(name), question))
+    progress("inverse questions", 1.0)
     return dataset(
         "decision",
         {
