@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
 
 from tradestudy.analysis.depth import DepthEvaluation, evaluate_depth
 from tradestudy.analysis.usable import Interval, all_met, evaluate_limits, usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.optics.arrays import BoolArray, FloatArray
-
-# From table to table the ratio varies between two and twenty.
-_EFFORT_OF_DRAWS: Final = 6.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,11 +29,6 @@ class DepthTable:
     intervals: tuple[Interval, ...]
     virtual_depth: FloatArray
     usable: BoolArray
-
-
-def relative_effort(camera: DepthCamera) -> float:
-    """Average work for a camera's depth relative to a camera without draws; weights the shares of progress."""
-    return _EFFORT_OF_DRAWS if camera.propagation.model == "exact" and camera.calibration.groups else 1.0
 
 
 def depth_table(point: DepthPoint) -> DepthTable:

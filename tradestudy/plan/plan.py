@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from tradestudy.accuracy import Accuracy
@@ -50,6 +50,10 @@ class Plan:
     def parts(self, step: str) -> tuple[float, ...]:
         """Predicted seconds of the parts of a step, in the order of computing; empty if they are equally long."""
         return next((one.parts for one in self.steps if one.name == step), ())
+
+    def seconds_by_problem(self, step: str) -> Mapping[str, float]:
+        """Predicted seconds of a step for each of its problems."""
+        return next(one.problems for one in self.steps if one.name == step)
 
     def text(self, *, verbose: bool = False) -> str:
         """The plan as text: one line per problem and one for the run; with every decision if verbose."""

@@ -26,7 +26,10 @@ def plan_lines(
     `settled` says by name how questions that leave no model open are answered.
     """
     width = max(map(len, [*(one.name for one in problems), *settled, "run"]))
-    seconds = {name: own for step in steps for name, own in step.problems.items()}
+    seconds: dict[str, float] = {}
+    for step in steps:
+        for name, own in step.problems.items():
+            seconds[name] = seconds.get(name, 0.0) + own
     for one in problems:
         takes = f"; {pretty(seconds[one.name], DURATION, digits=2)}" if one.name in seconds else ""
         yield f"{one.name:<{width}}  {summary(one)}{takes}"

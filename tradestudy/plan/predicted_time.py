@@ -253,10 +253,12 @@ class _Prediction:
             problems={name: self.designs[name] * sum(seconds) for name, seconds in self.cameras.items()},
         )
         if places := len(file.propagation.field_places):
+            off_axis = {name: places * sum(seconds) for name, seconds in self.cameras.items()}
             yield PredictedStep(
                 name="depth off the axis",
-                seconds=places * math.fsum(map(sum, self.cameras.values())),
+                seconds=math.fsum(off_axis.values()),
                 work=f"{counted(places, 'place')} of {cameras} at {distances}",
+                problems=off_axis,
             )
         yield from self._decision()
         if (part := file.value_of_information) is not None:

@@ -81,7 +81,7 @@ def compute(
     tables: DepthTables = {}
     if definition.case.cameras:
         compute_kirchhoff_pictures(definition, steps.progress)
-        tables = depth_tables(definition, asked.designs, steps)
+        tables = depth_tables(definition, asked.designs, steps, plan.seconds_by_problem("depth"))
         groups |= _depth_groups(asked, tables)
     groups |= _groups_of_few(asked)
     groups |= _answers(asked, tables, groups.get("/criteria"))
@@ -116,7 +116,9 @@ def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
     definition, steps, file = asked.definition, asked.steps, asked.definition.file
     groups = {"/depth": depth_group(definition, asked.designs, tables)}
     if file.propagation.field_places:
-        groups["/depth_field"] = depth_field_group(definition, file.propagation.field_places, steps)
+        groups["/depth_field"] = depth_field_group(
+            definition, file.propagation.field_places, steps, asked.plan.seconds_by_problem("depth")
+        )
     if (mapped := depth_map_group(definition)) is not None:
         groups["/depth_map"] = mapped
     if file.decision is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,7 +18,6 @@ from tradestudy.analysis.depth_points import (
     FieldPoint,
     depth_over_field,
     depth_table,
-    relative_effort,
 )
 from tradestudy.analysis.usable import LIMIT_NAMES
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
@@ -32,19 +32,24 @@ from tradestudy.study.sweep import point_labels, sweep_axes
 DepthTables = Mapping[tuple[DepthCamera, UsableCriteria], DepthTable]
 
 
-def depth_tables(definition: StudyDefinition, designs: Sequence[StudyDefinition], steps: Steps) -> DepthTables:
+def depth_tables(
+    definition: StudyDefinition, designs: Sequence[StudyDefinition], steps: Steps, seconds: Mapping[str, float]
+) -> DepthTables:
     """Depth errors and usability of each camera of each design, over the distances of the study.
 
-    A camera that several designs share is computed once, under the label of the first of them.
+    A camera that several designs share is computed once, under the label of the first of them. ``seconds`` are
+    predicted for every camera in all designs; progress counts these.
     """
-    labels: dict[tuple[DepthCamera, UsableCriteria], str] = {}
+    labels: dict[tuple[DepthCamera, UsableCriteria], tuple[str, str]] = {}
     for design, label in zip(designs, point_labels(sweep_axes(definition)), strict=True):
         for name, camera in design.case.cameras.items():
-            labels.setdefault((camera, design.case.criteria), f"{name}, {label}")
+            labels.setdefault((camera, design.case.criteria), (name, label))
     distance = definition.case.distance
     points = [DepthPoint(camera=camera, criteria=criteria, distance=distance) for camera, criteria in labels]
-    efforts = [relative_effort(camera) for camera, _ in labels]
-    return dict(zip(labels, steps.map("depth", depth_table, points, list(labels.values()), efforts), strict=True))
+    counts = Counter(name for name, _ in labels.values())
+    efforts = [seconds[name] / counts[name] for name, _ in labels.values()]
+    words = [f"{name}, {label}" for name, label in labels.values()]
+    return dict(zip(labels, steps.map("depth", depth_table, points, words, efforts), strict=True))
 
 
 def depth_group(definition: StudyDefinition, designs: Sequence[StudyDefinition], tables: DepthTables) -> xr.Dataset:
@@ -65,13 +70,17 @@ def depth_at_places_group(definition: StudyDefinition, places: tuple[float, ...]
     return dataset("depth_at_places", arrays, _coordinates(definition, distance, part_names))
 
 
-def depth_field_group(definition: StudyDefinition, fields: tuple[float, ...], steps: Steps) -> xr.Dataset:
-    """/depth_field: depth errors off the axis, over (camera, field, distance), for the study as declared."""
+def depth_field_group(
+    definition: StudyDefinition, fields: tuple[float, ...], steps: Steps, seconds: Mapping[str, float]
+) -> xr.Dataset:
+    """/depth_field: depth errors off the axis, over (camera, field, distance), for the study as declared.
+
+    ``seconds`` are predicted for every camera; progress counts these.
+    """
     cameras, distance = definition.case.cameras, definition.case.distance
     points = [FieldPoint(camera=camera, fields=fields, distance=distance) for camera in cameras.values()]
-    table = steps.map(
-        "depth off the axis", depth_over_field, points, list(cameras), list(map(relative_effort, cameras.values()))
-    )
+    efforts = [seconds[name] for name in cameras]
+    table = steps.map("depth off the axis", depth_over_field, points, list(cameras), efforts)
     flat = [evaluation for camera in table for evaluation in camera]
     arrays, part_names = _error_arrays(flat)
     shape = (len(cameras), len(fields))
