@@ -60,3 +60,13 @@ def test_errors_that_are_not_normal_are_left_to_draws(tmp_path: Path) -> None:
     rig = definition.case.cameras["one"]
     assert second_order(rig, np.array([1.0]), 0.0, "both") is None
     assert ONE_SIGMA in rig.propagation.coverages
+
+
+def test_a_width_without_a_far_end_is_certain(tmp_path: Path) -> None:
+    """Where depth has no far end along the steepest direction nor beside it, second order leaves nothing open."""
+    values = {"cameras.one.calibration.errors.yaw.standard_deviation": "2 deg"}
+    rig = base_study("stereo", tmp_path).with_values(values).case.cameras["one"]
+    found = second_order(rig, np.array([1.0, 10.0]), 0.0, "both")
+    assert found is not None
+    assert np.isfinite(found.expected.half_width).tolist() == [True, False]
+    assert found.uncertain[1] == 0.0

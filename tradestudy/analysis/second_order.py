@@ -105,8 +105,9 @@ def second_order(
     width = expected.half_widths(ONE_SIGMA)[0]
     without = [of(one).half_widths(ONE_SIGMA)[0] for one in (along + moved, along + spread)]
     with np.errstate(invalid="ignore", divide="ignore"):
-        changes = np.sum(np.abs(np.log(width / without)), axis=0)
-    return SecondOrder(expected=expected, uncertain=np.nan_to_num(_UNCERTAIN * changes, nan=np.inf, posinf=np.inf))
+        changes = [np.where(np.isinf(width) & np.isinf(one), 0.0, np.abs(np.log(width / one))) for one in without]
+    uncertain = _UNCERTAIN * np.sum(changes, axis=0)
+    return SecondOrder(expected=expected, uncertain=np.nan_to_num(uncertain, nan=np.inf, posinf=np.inf))
 
 
 def all_normal(camera: DepthCamera) -> bool:
