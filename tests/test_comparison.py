@@ -94,7 +94,7 @@ def tree(
             "crossover_distance": [[[handover]]],
             "crossover_error": [[[1e-4]]],
         },
-        {"distance": distance, "way": ["both"], "reading": ["as declared"]},
+        {"distance": distance, "error_source": ["both"], "reading": ["as declared"]},
     )
     groups = {
         "cameras": dataset("cameras", {"title": list(titles.values())}, {"camera": list(titles)}),
@@ -105,13 +105,13 @@ def tree(
             "effects",
             {
                 "joint_change": np.full((len(titles), 2), left_out),
-                "situation": list(titles),
+                "problem_of": list(titles),
                 "slot": ["calibration"] * len(titles),
                 "model": [propagation] * len(titles),
                 "chosen": [1.0] * len(titles),
-                "piece_title": list(titles.values()),
+                "problem_title": list(titles.values()),
             },
-            {"piece": list(titles), "quantity": ["depth_uncertainty", "usable_range"], "decision": list(titles)},
+            {"problem": list(titles), "quantity": ["depth_uncertainty", "usable_range"], "decision": list(titles)},
         ),
     }
     rows = asked or {}

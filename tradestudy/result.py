@@ -165,7 +165,7 @@ class Result:
     def _repr_html_(self) -> str:
         if "decision" not in self.data.children:
             return f"<h3>{escape(str(self.data.attrs['title']))}</h3><p>{escape(', '.join(self.data.children))}</p>"
-        best = self.data["decision"].to_dataset()["best_camera"].sel(way="both").to_series()
+        best = self.data["decision"].to_dataset()["best_camera"].sel(error_source="both").to_series()
         runs = best.groupby((best != best.shift()).cumsum())
         rows = "".join(
             f"<tr><td>{run.index[0]:.3g} – {run.index[-1]:.3g} m</td><td>{escape(str(run.iloc[0])) or '—'}</td></tr>"

@@ -20,7 +20,7 @@ def test_the_share_of_noise_is_its_fraction_of_the_total_variance() -> None:
     camera = planned(tradestudy.load(STUDY).definition).case.cameras["rig"]
     for distance in (0.5, 1.0, 2.0):
         at = np.array([distance])
-        noise, whole = (float(depth_uncertainty(camera, at, way)[0]) for way in ("noise", "both"))
+        noise, whole = (float(depth_uncertainty(camera, at, error_source)[0]) for error_source in ("noise", "both"))
         cause = largest_cause(camera, at)
         assert cause is not None
         assert cause.parameter == NOISE

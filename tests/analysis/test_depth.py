@@ -13,7 +13,7 @@ from scipy.special import ndtr, ndtri
 from tests.analysis.plain_depths import CENTRAL, F_MAIN, PIXEL, B, F, depth_quantile, of_rig, r5_depth, stereo_depth
 from tests.cameras.builders import PITCH, r5, stereo, unfocused
 from tests.uncertainty.builders import correlated_normal
-from tradestudy.analysis.depth import WAYS, depth_uncertainty, evaluate_depth, variance_shares
+from tradestudy.analysis.depth import ERROR_SOURCES, depth_uncertainty, evaluate_depth, variance_shares
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.parts import Lens
 from tradestudy.uncertainty.distributions import Normal, StudentT, Uniform
@@ -71,8 +71,10 @@ CASES = {
 }
 
 
-def of_way(errors: Mapping[str, np.ndarray], way: str) -> dict[str, np.ndarray]:
-    return {k: v for k, v in errors.items() if way == "both" or (k == "pixel_noise") == (way == "noise")}
+def of_error_source(errors: Mapping[str, np.ndarray], error_source: str) -> dict[str, np.ndarray]:
+    return {
+        k: v for k, v in errors.items() if error_source == "both" or (k == "pixel_noise") == (error_source == "noise")
+    }
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -81,8 +83,8 @@ def test_exact_quantiles_and_failures_are_those_of_random_draws(name: str, dista
     camera, draws, depth = CASES[name]
     errors = draws(np.random.default_rng(20240607))
     found = evaluate_depth(replace(camera, propagation=EXACT), np.array([distance]))
-    for row, way in enumerate(WAYS):
-        sample = np.sort(depth(distance, of_way(errors, way)))
+    for row, error_source in enumerate(ERROR_SOURCES):
+        sample = np.sort(depth(distance, of_error_source(errors, error_source)))
         lost, claimed = float(np.mean(np.isinf(sample))), float(found.failed_fraction[row, 0])
         slack = 5.0 * float(found.failed_fraction_error[row, 0])
         assert abs(lost - claimed) < 4.0 * math.sqrt(max(claimed, 1 / DRAWS) / DRAWS) + slack
@@ -248,8 +250,8 @@ def test_depth_is_unknown_exactly_where_the_axis_is_not_seen(model: str) -> None
     places, propagation = np.geomspace(0.01, 2.0, 41), Propagation(model=model)  # type: ignore[arg-type]
     wide = stereo(lens=Lens(focal_length=8e-3, f_number=4.0), baseline=0.06, propagation=propagation)
     begins = 8e-3 * 0.06 / 10.24e-3
-    for way in WAYS:
-        seen = ~np.isnan(depth_uncertainty(wide, places, way))
+    for error_source in ERROR_SOURCES:
+        seen = ~np.isnan(depth_uncertainty(wide, places, error_source))
         np.testing.assert_array_equal(seen, (wide.overlap(places) > 0.0) & wide.images(places))
         np.testing.assert_array_equal(seen, places > begins)
     for camera in (r5(calibration=R5_CALIBRATION, propagation=propagation), unfocused(propagation=propagation)):

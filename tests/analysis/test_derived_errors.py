@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from tests.analysis.plain_depths import CENTRAL, of_rig
 from tests.imaging.test_picture import CLOSED, SETTINGS, hand_lens
 from tests.study.conftest import STUDIES
-from tradestudy.analysis.depth import WAYS, evaluate_depth
+from tradestudy.analysis.depth import ERROR_SOURCES, evaluate_depth
 from tradestudy.analysis.usable import evaluate_limits, usable_intervals
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.errors import StudyError
@@ -27,7 +27,7 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
 from tradestudy.uncertainty.distributions import Normal, Uniform
 
-NOISE, BOTH = WAYS.index("noise"), WAYS.index("both")
+NOISE, BOTH = ERROR_SOURCES.index("noise"), ERROR_SOURCES.index("both")
 FOCUS = np.array([55.3e-3])
 PICTURE = (
     "scene.picture={texture: {contrast: 1 %, correlation_length: 1 mm}, matching_window: 9 px, light: {electrons: "

@@ -41,14 +41,16 @@ solve:
     camera: r5
     relative: 1 %
     at: 0.5 m
-    errors: WAY
+    errors: INCLUDED
 scene:"""
 
 
 def answer(folder: Path, errors: str, model: str) -> Solved:
     """How well the array of the R5 must be known for 1 % at half a metre."""
     file = folder / "array.yaml"
-    text = STUDY.replace("ERRORS", "baseline: {standard_deviation: 1 mm}").replace("scene:", R5.replace("WAY", errors))
+    text = STUDY.replace("ERRORS", "baseline: {standard_deviation: 1 mm}").replace(
+        "scene:", R5.replace("INCLUDED", errors)
+    )
     file.write_text(text, encoding="utf-8")
     definition = load_definition(file)
     definition = definition.with_models({"r5": {"calibration": model}})

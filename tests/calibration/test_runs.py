@@ -76,19 +76,19 @@ def depths_of_rows(camera, posterior, distance, *, noisy):
 
 
 @pytest.mark.parametrize("camera", PLAIN)
-@pytest.mark.parametrize("way", ["calibration", "both"])
-def test_depth_is_what_plain_numpy_triangulates_from_the_saved_draws(ran, camera, way):
+@pytest.mark.parametrize("error_source", ["calibration", "both"])
+def test_depth_is_what_plain_numpy_triangulates_from_the_saved_draws(ran, camera, error_source):
     folder, result = ran
-    found = group(result, "depth").sel(camera=camera, way=way)
+    found = group(result, "depth").sel(camera=camera, error_source=error_source)
     with xarray.open_dataset(folder / "out" / "posteriors" / f"{camera}.nc", engine="h5netcdf") as posterior:
-        inverse = depths_of_rows(camera, posterior, found["distance"].values, noisy=way == "both")
+        inverse = depths_of_rows(camera, posterior, found["distance"].values, noisy=error_source == "both")
     far, near = (1.0 / np.quantile(inverse, p, axis=0) for p in CENTRAL)
     expected = (far - near) / 2.0
-    allowed = 0.01 * expected + 3.0 * found["depth_uncertainty_way_error"].values
-    np.testing.assert_array_less(np.abs(found["depth_uncertainty_way"].values - expected), allowed)
+    allowed = 0.01 * expected + 3.0 * found["depth_uncertainty_by_error_source_error"].values
+    np.testing.assert_array_less(np.abs(found["depth_uncertainty_by_error_source"].values - expected), allowed)
     np.testing.assert_allclose(found["failed_fraction"].values, np.mean(inverse <= 0.0, axis=0), atol=1e-3)
-    if way == "both":
-        assert np.array_equal(found["depth_uncertainty"].values, found["depth_uncertainty_way"].values)
+    if error_source == "both":
+        assert np.array_equal(found["depth_uncertainty"].values, found["depth_uncertainty_by_error_source"].values)
 
 
 def test_the_posterior_in_the_results_is_the_one_in_the_file(ran):
@@ -118,9 +118,11 @@ def test_depth_off_the_axis_is_computed_at_the_requested_places(ran):
     assert np.array_equal(beside["distance"].values, axis["distance"].values)
     np.testing.assert_allclose(beside["variance_share"].sum("part").values, 1.0, atol=1e-9)
     # Pitch and roll act off the axis alone; noise of a parallel pair is the same everywhere.
-    ratio = (beside["depth_uncertainty_way"] / axis["depth_uncertainty_way"]).sel(camera="rig", field=0.5)
-    assert (ratio.sel(way="calibration") > 1.003).all()
-    np.testing.assert_allclose(ratio.sel(way="noise").values, 1.0, rtol=1e-3)
+    ratio = (beside["depth_uncertainty_by_error_source"] / axis["depth_uncertainty_by_error_source"]).sel(
+        camera="rig", field=0.5
+    )
+    assert (ratio.sel(error_source="calibration") > 1.003).all()
+    np.testing.assert_allclose(ratio.sel(error_source="noise").values, 1.0, rtol=1e-3)
 
 
 def test_a_posterior_of_one_run_gives_another_study_the_same_depth_bit_for_bit(ran):

@@ -444,12 +444,12 @@ def points_of_record(out: Path) -> dict[str, int]:
 def stopped_in_a_sweep(bench: Bench, trials: int) -> Row:
     """SIGKILL, SIGTERM and SIGINT amid a sweep, serial and on workers: the rerun computes what is missing, no more."""
     row = Row(fault="sweep stopped amid its points")
-    ways = [(how, more) for more in ((), ("--jobs", "2"), ("--threads", "2")) for how in STOPS]
+    stops = [(how, more) for more in ((), ("--jobs", "2"), ("--threads", "2")) for how in STOPS]
     total = sum(points_of_record(bench.right).values())
     taken = 0
     for trial in range(trials):
         out = bench.fresh()
-        how, more = ways[trial % len(ways)]
+        how, more = stops[trial % len(stops)]
         process = bench.start(out, *more)
         _wait_for_points(process, out, bench.rng.randrange(1, total))
         process.send_signal(how)

@@ -72,7 +72,7 @@ def cost(pair: Study) -> xr.Dataset:
 
 
 def rows(cost: xr.Dataset) -> dict[str, dict[str, Any]]:
-    return cost.drop_dims("piece").to_dataframe().set_index("models").to_dict("index")
+    return cost.drop_dims("problem").to_dataframe().set_index("models").to_dict("index")
 
 
 def test_the_error_of_noise_alone_is_that_of_the_closed_forms(cost: xr.Dataset) -> None:
@@ -202,7 +202,7 @@ def test_the_command_reports_each_camera_and_leaves_a_run_alone(pair: Study, tmp
     assert {path.name for path in set(out.rglob("*.*")) - set(before)} == {"cost.json", "cost.svg"}
     summary = json.loads((out / "cost.json").read_text(encoding="utf-8"))
     assert sum(entry["chosen"] for entry in summary["entries"]) == 1
-    assert summary["pieces"][0]["title"] == "Pair"
+    assert summary["problems"][0]["title"] == "Pair"
 
 
 def test_a_run_measures_it_on_request_and_a_later_report_shows_it(

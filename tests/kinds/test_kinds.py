@@ -119,9 +119,16 @@ def test_a_new_kind_is_one_file_and_one_entry(copy: Path) -> None:
     depth = tree["depth"].to_dataset().sel(camera="scanner")
     # 0.1 px of 5 µm: δZ = Z² δu/(f B), and the baseline is swept.
     for baseline in (0.05, 0.1, 0.2):
-        noise = depth["depth_uncertainty_way"].sel(way="noise").sel({"scanner.baseline": baseline}).sel(distance=3.0)
+        noise = (
+            depth["depth_uncertainty_by_error_source"]
+            .sel(error_source="noise")
+            .sel({"scanner.baseline": baseline})
+            .sel(distance=3.0)
+        )
         assert float(noise) == pytest.approx(3.0**2 * 0.5e-6 / (8e-3 * baseline), rel=2e-3)
-    calibrated = depth["depth_uncertainty_way"].sel({"way": "calibration", "scanner.baseline": 0.1, "distance": 3.0})
+    calibrated = depth["depth_uncertainty_by_error_source"].sel(
+        {"error_source": "calibration", "scanner.baseline": 0.1, "distance": 3.0}
+    )
     # As errors of the place of the line: f/cos²θ δθ, f/Z δB, and u/f δf, at Z = 3 m.
     slopes = np.array(
         [

@@ -126,8 +126,10 @@ def test_omissions_change_depth_by_no_more_than_stated(close_range: Study, close
         own, complete = (
             close_range.definition.with_models({name: models}).case.cameras[name] for models in (problem.models, whole)
         )
-        for way, quantity in (("both", "depth_uncertainty"), ("noise", "depth_noise")):
-            moved = np.abs(depth_uncertainty(own, places, way) / depth_uncertainty(complete, places, way) - 1.0)
+        for error_source, quantity in (("both", "depth_uncertainty"), ("noise", "depth_noise")):
+            moved = np.abs(
+                depth_uncertainty(own, places, error_source) / depth_uncertainty(complete, places, error_source) - 1.0
+            )
             assert moved.max() <= problem.choice.changes[quantity].relative <= 0.05
 
 

@@ -1,4 +1,4 @@
-"""Every distance, way and limit that a study's questions use is looked at before calibration is simplified."""
+"""Every distance, error source and limit that a study's questions use is looked at before calibration is simplified."""
 
 from __future__ import annotations
 

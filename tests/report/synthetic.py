@@ -16,7 +16,7 @@ from tradestudy.cameras.stereo.method import METHOD as STEREO
 from tradestudy.results import dataset
 
 DISTANCE = np.geomspace(0.05, 10.0, 160)
-WAYS = ["noise", "calibration", "both"]
+ERROR_SOURCES = ["noise", "calibration", "both"]
 QUANTILES = [0.025, 0.15865525393145707, 0.5, 0.8413447460685429, 0.975]
 PARTS = ["noise", "relative rotation", "relative position", "interior orientation", "array"]
 READINGS = {
@@ -89,7 +89,7 @@ def _depth(keys: list[str], sweep: Sweep, declared: dict[str, float]) -> xr.Data
     noise = np.stack([0.12 * z**2, 1.8e-4 * z**2, 6.9e-4 * z**2])
     calibration = np.stack([0.006 * z**2, 0.0349 * z**2, 0.0349 * z**2])
     both = np.hypot(noise, calibration)
-    way = np.stack([noise, calibration, both], axis=-1)
+    by_error_source = np.stack([noise, calibration, both], axis=-1)
     # Of the stereo rigs' calibration the rotation has 90 % and the position 10 %; on the axis the array moves no depth.
     share = np.full((*noise.shape, len(PARTS)), np.nan)
     share[..., 0] = noise**2 / both**2
@@ -101,15 +101,15 @@ def _depth(keys: list[str], sweep: Sweep, declared: dict[str, float]) -> xr.Data
     values = {
         "depth_discrimination": np.stack([noise, farther], axis=-1),
         "depth_uncertainty": both,
-        "depth_uncertainty_way": way,
-        "depth_uncertainty_way_error": 0.004 * way,
+        "depth_uncertainty_by_error_source": by_error_source,
+        "depth_uncertainty_by_error_source_error": 0.004 * by_error_source,
         "variance_share": share,
         "converged": np.ones_like(both, dtype=bool),
-        "depth_quantile": z[None, :, None, None] + way[..., None] * np.array([-1.96, -1, 0, 1, 1.96]),
+        "depth_quantile": z[None, :, None, None] + by_error_source[..., None] * np.array([-1.96, -1, 0, 1, 1.96]),
         "depth_uncertainty_error": 0.004 * both,
         "equivalent_baseline": np.stack([np.full_like(z, b) for b in (3.6e-4, 0.1, 0.1)]),
-        "failed_fraction": np.where(way > 3.0, 0.02, 0.0),
-        "failed_fraction_error": np.zeros_like(way),
+        "failed_fraction": np.where(by_error_source > 3.0, 0.02, 0.0),
+        "failed_fraction_error": np.zeros_like(by_error_source),
         "usable": (z >= near[:, None]) & (z <= far[:, None]),
         "limit_met": np.stack([z >= near[:, None], z <= far[:, None]], axis=-1).astype(np.int8),
         "limit_value": np.ones((*both.shape, 2)),
@@ -130,7 +130,7 @@ def _depth(keys: list[str], sweep: Sweep, declared: dict[str, float]) -> xr.Data
         "camera": keys,
         "distance": z,
         "side": ["nearer", "farther"],
-        "way": WAYS,
+        "error_source": ERROR_SOURCES,
         "part": PARTS,
         "limit": ["overlap", "focus"],
     }
@@ -144,8 +144,8 @@ def _depth(keys: list[str], sweep: Sweep, declared: dict[str, float]) -> xr.Data
 
 def _decision(keys: list[str]) -> xr.Dataset:
     best = np.where(DISTANCE < 0.15, "", np.where(DISTANCE < 0.391, keys[0], keys[2]))
-    by_way, by_place = np.array([20.0, 0.2, 1.0]), np.array([1.0, 1.1, 1.2])[:, None]
-    ratio = np.array([3.4, 0.9, 5.0, 6.0])[:, None, None] * by_place * by_way
+    by_error_source, by_place = np.array([20.0, 0.2, 1.0]), np.array([1.0, 1.1, 1.2])[:, None]
+    ratio = np.array([3.4, 0.9, 5.0, 6.0])[:, None, None] * by_place * by_error_source
     certain = np.where(ratio < 1, keys[0], keys[2])
     winner = np.where(np.array(PLACES)[:, None] < 0.391, keys[0], certain)
     values = {
@@ -172,7 +172,7 @@ def _decision(keys: list[str]) -> xr.Dataset:
     }
     coordinates = {
         "distance": DISTANCE,
-        "way": WAYS,
+        "error_source": ERROR_SOURCES,
         "reading": list(READINGS),
         "place": PLACES,
         "question": ["yaw", "b"],

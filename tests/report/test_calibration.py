@@ -103,7 +103,7 @@ def test_a_handover_is_given_with_its_error(make_tree: MakeTree) -> None:
     decision = tree["decision"].to_dataset().copy(deep=True)
     decision["change_error"][0] = 0.02
     tree["decision"] = xr.DataTree(decision)
-    assert list(handovers(decision.isel(reading=0).sel(way="both"))) == [(0.391, 0.02)]
+    assert list(handovers(decision.isel(reading=0).sel(error_source="both"))) == [(0.391, 0.02)]
     assert any("switches at 0.391 m ± 20 mm;" in text for text in texts(report_of(tree)))
 
 
@@ -157,7 +157,7 @@ def test_the_source_of_every_calibration_is_given(make_tree: MakeTree) -> None:
 def test_a_camera_without_errors_is_taken_as_perfect(make_tree: MakeTree) -> None:
     tree = make_tree()
     depth = tree["depth"].to_dataset().copy(deep=True)
-    depth["depth_uncertainty_way"].loc[{"camera": "r5", "way": "calibration"}] = 0.0
+    depth["depth_uncertainty_by_error_source"].loc[{"camera": "r5", "error_source": "calibration"}] = 0.0
     tree["depth"] = xr.DataTree(depth)
     report = report_of(tree)
     assert [row[1] for row in table(report, "calibration-source-table")] == [
@@ -221,7 +221,11 @@ def with_ranks(tree: xr.DataTree) -> xr.DataTree:
             "pair_first": ["r5"],
             "pair_second": [WIDE],
         },
-        {"pair": [f"r5 against {WIDE}"], "rank_way": ["calibration", "both"], "rank_distance": [0.3, 0.5, 1.0]},
+        {
+            "pair": [f"r5 against {WIDE}"],
+            "rank_error_source": ["calibration", "both"],
+            "rank_distance": [0.3, 0.5, 1.0],
+        },
     )
     tree["decision"] = xr.DataTree(tree["decision"].to_dataset().merge(ranks))
     return tree
@@ -246,7 +250,11 @@ def test_ranks_appear_in_text_figure_and_table(make_tree: MakeTree) -> None:
 def with_field(tree: xr.DataTree) -> xr.DataTree:
     """Twice as uncertain 70 % of the way to the corner, where the R5 sees nothing."""
     depth = tree["depth"].to_dataset()
-    off = (2.0 * depth[["depth_uncertainty", "depth_uncertainty_way"]]).expand_dims(field=[0.7], axis=1).copy(deep=True)
+    off = (
+        (2.0 * depth[["depth_uncertainty", "depth_uncertainty_by_error_source"]])
+        .expand_dims(field=[0.7], axis=1)
+        .copy(deep=True)
+    )
     off["depth_uncertainty"].loc[{"camera": "r5"}] = np.nan
     tree["depth_field"] = xr.DataTree(off)
     return tree

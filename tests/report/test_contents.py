@@ -94,9 +94,9 @@ def test_the_answer_says_where_nothing_is_usable_and_why(tree: xr.DataTree) -> N
         "65.24° across: too little overlap)."
     )
     # Noise alone is 20 times, calibration alone a fifth of the ratio: 0.68 at 0.3 m, 0.75, 0.82.
-    ways = next(text for text in found if "noise alone" in text)
-    assert "noise alone favours Stereo 100 mm, 65.24° across at 3 of 3" in ways
-    assert "calibration alone favours Raytrix R5, Keplerian at 3 of 3" in ways
+    favoured = next(text for text in found if "noise alone" in text)
+    assert "noise alone favours Stereo 100 mm, 65.24° across at 3 of 3" in favoured
+    assert "calibration alone favours Raytrix R5, Keplerian at 3 of 3" in favoured
 
 
 def test_usable_cameras_that_are_not_candidates_are_named(make_tree: Callable[..., xr.DataTree]) -> None:
@@ -143,22 +143,22 @@ def test_equal_uncertainties_do_not_count_as_a_loss(make_tree: Callable[..., xr.
     tree = make_tree()
     decision = tree["decision"].to_dataset().copy(deep=True)
     # Noise: two wins of the second camera and a tie; calibration: a win of the first, a tie, and both unbounded.
-    for place, way, ratio in ((1, "noise", 1.0), (1, "calibration", 1.0), (2, "calibration", np.nan)):
-        spot = {"reading": "as declared", "place": decision["place"].values[place], "way": way}
+    for place, error_source, ratio in ((1, "noise", 1.0), (1, "calibration", 1.0), (2, "calibration", np.nan)):
+        spot = {"reading": "as declared", "place": decision["place"].values[place], "error_source": error_source}
         decision["more_certain"].loc[spot] = ""
         decision["uncertainty_ratio"].loc[spot] = ratio
     tree["decision"] = xr.DataTree(decision)
-    ways = next(text for text in sentences(document_of(tree)) if "noise alone" in text)
-    assert "noise alone favours Stereo 100 mm, 65.24° across at 2 of 3 declared distances, ties them at 1;" in ways
+    favoured = next(text for text in sentences(document_of(tree)) if "noise alone" in text)
+    assert "noise alone favours Stereo 100 mm, 65.24° across at 2 of 3 declared distances, ties them at 1;" in favoured
     assert (
         "calibration alone favours Raytrix R5, Keplerian at 1 of 3 declared distances, ties them at 1, "
-        "decides nothing at 1." in ways
+        "decides nothing at 1." in favoured
     )
-    decision["more_certain"].loc[{"way": "calibration"}] = ""
-    decision["uncertainty_ratio"].loc[{"way": "calibration"}] = 1.0
+    decision["more_certain"].loc[{"error_source": "calibration"}] = ""
+    decision["uncertainty_ratio"].loc[{"error_source": "calibration"}] = 1.0
     tree["decision"] = xr.DataTree(decision)
-    ways = next(text for text in sentences(document_of(tree)) if "noise alone" in text)
-    assert ways.endswith("calibration alone ties them at 3 of 3 declared distances.")
+    favoured = next(text for text in sentences(document_of(tree)) if "noise alone" in text)
+    assert favoured.endswith("calibration alone ties them at 3 of 3 declared distances.")
 
 
 def test_the_answer_gives_both_ends_of_a_range_in_millimetres_and_per_cent(tree: xr.DataTree) -> None:
@@ -209,7 +209,7 @@ def test_crossovers_are_a_range_of_assumptions(tree: xr.DataTree) -> None:
 
 
 def test_one_reading_that_reverses_the_verdict_is_named(tree: xr.DataTree) -> None:
-    data = tree["decision"].to_dataset().sel(way="both")
+    data = tree["decision"].to_dataset().sel(error_source="both")
     turning = data["reading"].values[np.asarray(data["flips"].transpose("reading", ...)).any(axis=1)]
     assert len(turning) == 1
     texts = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if isinstance(b, Paragraph)]

@@ -191,10 +191,10 @@ def test_shares_are_stacked_to_one_and_small_ones_named(tree: xr.DataTree) -> No
 _SHIFTS = (-0.12, 0.0, 0.12)  # of the marks of a row, nearest place on top
 
 
-@pytest.mark.parametrize(("panel", "way"), [(0, "both"), (1, "noise"), (2, "calibration")])
-def test_every_reading_has_its_marks_at_its_ratios(tree: xr.DataTree, panel: int, way: str) -> None:
+@pytest.mark.parametrize(("panel", "error_source"), [(0, "both"), (1, "noise"), (2, "calibration")])
+def test_every_reading_has_its_marks_at_its_ratios(tree: xr.DataTree, panel: int, error_source: str) -> None:
     axes = figures.figure(tree, "readings").axes[panel]
-    decision = tree["decision"].to_dataset().sel(way=way)
+    decision = tree["decision"].to_dataset().sel(error_source=error_source)
     marks: dict[bool, set[tuple[float, float]]] = {True: set(), False: set()}
     for line in axes.get_lines():
         if line.get_linestyle() == "None":
@@ -213,7 +213,7 @@ def test_readings_without_bound_are_counted_and_shown(make_tree: Callable[..., x
     tree = make_tree()
     decision = tree["decision"].to_dataset().copy(deep=True)
     # At 1 m: 3.4 · 1.2 as declared, then unbounded, undecided, and the first camera's bound against none.
-    decision["uncertainty_ratio"].loc[{"place": 1.0, "way": "both"}] = [4.08, np.inf, np.nan, 0.0]
+    decision["uncertainty_ratio"].loc[{"place": 1.0, "error_source": "both"}] = [4.08, np.inf, np.nan, 0.0]
     tree["decision"] = xr.DataTree(decision)
     drawing = figures.build(tree)["readings"]
     sentence = "At 1\u00a0m the ratio runs from 0 to ∞ and is above 1 in 2 of 4 readings, undecided in 1."
@@ -376,9 +376,9 @@ def test_bars_and_maps_have_tables_of_their_values(make_tree: Callable[..., xr.D
     tree = make_tree(sweep={"b": [1.0, 2.0, 3.0], "f": [1.0, 4.0]})
     drawings = figures.build(tree)
     decision = tree["decision"].to_dataset()
-    for table, way in zip(drawings["readings"].values(), ("both", "noise", "calibration"), strict=True):
+    for table, error_source in zip(drawings["readings"].values(), ("both", "noise", "calibration"), strict=True):
         for row, reading in zip(table.rows, decision["reading"].values, strict=True):
-            ratio = decision["uncertainty_ratio"].sel(reading=reading, way=way).values
+            ratio = decision["uncertainty_ratio"].sel(reading=reading, error_source=error_source).values
             assert row == (reading, *(pretty(float(one), NUMBER) for one in ratio))
     depth = tree["depth"].to_dataset().sel(distance=reference_distance(tree))["depth_uncertainty"]
     for table, camera in zip(drawings["sweep_map"].values(), moved_cameras(tree), strict=True):

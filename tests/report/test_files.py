@@ -104,13 +104,15 @@ def test_figures_and_tables_of_an_earlier_report_are_removed(tree: xr.DataTree, 
 
 
 def test_tables_hold_every_number_with_all_its_digits(tree: xr.DataTree) -> None:
-    table = csv_tables.tables(tree)["depth_by_camera_distance_way.csv"].decode()
+    table = csv_tables.tables(tree)["depth_by_camera_distance_error_source.csv"].decode()
     rows = list(csv.DictReader(io.StringIO(table)))
     depth = tree["depth"].to_dataset()
-    assert len(rows) == depth["depth_uncertainty_way"].size
+    assert len(rows) == depth["depth_uncertainty_by_error_source"].size
     for row in rows[:: len(rows) // 50]:
-        where = {"camera": row["camera"], "distance": float(row["distance [m]"]), "way": row["way"]}
-        assert float(row["depth_uncertainty_way [m]"]) == float(depth["depth_uncertainty_way"].sel(where))
+        where = {"camera": row["camera"], "distance": float(row["distance [m]"]), "error_source": row["error_source"]}
+        assert float(row["depth_uncertainty_by_error_source [m]"]) == float(
+            depth["depth_uncertainty_by_error_source"].sel(where)
+        )
 
 
 def test_text_in_tables_is_quoted_and_never_a_formula() -> None:

@@ -26,9 +26,9 @@ def test_a_sheet_has_three_to_five_distances_and_the_parts_of_the_uncertainty(fo
     definition = study.plan().definition
     for name, camera in definition.case.cameras.items():
         one = data.sel(camera=name)
-        for variable, way in (("z_accuracy", "calibration"), ("temporal_noise", "noise")):
+        for variable, error_source in (("z_accuracy", "calibration"), ("temporal_noise", "noise")):
             np.testing.assert_allclose(
-                one[variable].values, depth_uncertainty(camera, data["sheet_distance"].values, way), rtol=1e-12
+                one[variable].values, depth_uncertainty(camera, data["sheet_distance"].values, error_source), rtol=1e-12
             )
 
 

@@ -83,9 +83,9 @@ def test_yaw_that_equals_the_r5_at_half_a_metre(headline: Study, headline_result
         }
     ).run()
     table = depth.data["decision"].to_dataset()
-    assert float(table["uncertainty_ratio"].sel(reading="as declared", place=0.5, way="both")) == pytest.approx(
-        1, rel=1e-3
-    )  # draws are settled at other distances for a question than for a run
+    assert float(
+        table["uncertainty_ratio"].sel(reading="as declared", place=0.5, error_source="both")
+    ) == pytest.approx(1, rel=1e-3)  # draws are settled at other distances for a question than for a run
     # By hand: u ≈ Z²/B ψ (1 + (B/2Z)²) for yaw alone must equal the R5's 25.8 mm.
     by_hand = 25.8e-3 * 0.1 / 0.25 / (1 + 0.01)
     assert solved == pytest.approx(by_hand, rel=0.02)
@@ -111,30 +111,31 @@ def test_every_nan_and_infinity_of_depth_has_its_reason(headline_result: Result)
     assert (np.isnan(depth["depth_quantile"]) == ~seen).all()
     assert (np.isnan(depth["failed_fraction"]) == ~seen).all()
     # Infinite exactly where the far end of the interval is beyond the pole.
-    beyond = depth["failed_fraction"].sel(way="both") >= 0.15865525393145707
+    beyond = depth["failed_fraction"].sel(error_source="both") >= 0.15865525393145707
     assert (np.isinf(depth["depth_uncertainty"]) == beyond).all()
     assert np.isnan(depth["virtual_depth"].sel(camera=stereo)).all()
     assert not np.isnan(depth["virtual_depth"].sel(camera=~stereo)).any()
 
 
 def test_calibration_of_the_plenoptic_camera_is_never_zero(headline_result: Result) -> None:
-    way = headline_result.data["depth"].to_dataset()["depth_uncertainty_way"].sel(way="calibration")
-    assert ((way > 0) | np.isnan(way)).all()
-    assert (way.sel(camera=~way["camera"].str.startswith("stereo")) > 0).all()
+    uncertainty = headline_result.data["depth"].to_dataset()["depth_uncertainty_by_error_source"]
+    calibration = uncertainty.sel(error_source="calibration")
+    assert ((calibration > 0) | np.isnan(calibration)).all()
+    assert (calibration.sel(camera=~calibration["camera"].str.startswith("stereo")) > 0).all()
 
 
 def test_flips_are_counted_against_the_study_as_declared(headline_result: Result) -> None:
     table = headline_result.data["decision"].to_dataset()
     assert not table["flips"].sel(reading="as declared").any()
-    more_certain = table["certainty_flips"].sel(place=0.5, way="both")
+    more_certain = table["certainty_flips"].sel(place=0.5, error_source="both")
     assert more_certain["reading"].values[more_certain.values].tolist() == ["least-squares-all"]
     # At half a metre the rig's own other focal lengths have too little overlap: then only the R5 is usable.
-    winner = table["flips"].sel(place=0.5, way="both")
+    winner = table["flips"].sel(place=0.5, error_source="both")
     assert winner["reading"].values[winner.values].tolist() == ["printed-focal-length", "diagonal"]
 
 
 def test_the_preferred_camera_switches_where_overlap_begins(headline_result: Result) -> None:
-    table = headline_result.data["decision"].to_dataset().sel(way="both")
+    table = headline_result.data["decision"].to_dataset().sel(error_source="both")
     own = table.sel(reading="as declared")
     found = [
         (float(place), str(nearer), str(farther))
@@ -166,7 +167,9 @@ def test_other_cameras_give_plausible_different_answers(headline: Study, headlin
     assert u_new / u_old == pytest.approx(1 / 3, rel=0.03)
     # At the total covering plane, |v| = 2, noise is ((a − f)/f)² b_L σ_v with the same σ_v: 121 b_L against 25 b_L′.
     noise = [
-        float(d["depth_uncertainty_way"].sel(camera="raytrix-r5", way="noise").interp(distance=0.15))
+        float(
+            d["depth_uncertainty_by_error_source"].sel(camera="raytrix-r5", error_source="noise").interp(distance=0.15)
+        )
         for d in (depth, before)
     ]
     gaps = [study.definition.case.cameras["raytrix-r5"].microlenses.gap for study in (changed, headline)]

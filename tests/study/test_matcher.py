@@ -78,7 +78,7 @@ def test_depth_uses_the_error_of_the_matcher() -> None:
     # Noise of parallel cameras far below their disparity is u = Z² σ/(c B).
     noise = [evaluate_depth(one, PLACES).uncertainty[0] for one in (real, bound)]
     np.testing.assert_allclose(noise[0] / noise[1], by_matcher / at_best, rtol=2e-3)
-    both, calibration = (evaluate_depth(real, PLACES).uncertainty[way] for way in (2, 1))
+    both, calibration = (evaluate_depth(real, PLACES).uncertainty[index] for index in (2, 1))
     np.testing.assert_allclose(both, np.hypot(noise[0], calibration), rtol=5e-3)
 
 
@@ -94,9 +94,9 @@ def test_false_matches_add_to_failures_beyond_infinity(model: str) -> None:
     beyond = ndtr(-camera.disparity(far) / camera.noise(far))
     assert beyond[1] > 0.05
     found = evaluate_depth(camera, far)
-    for way in (0, 2):
+    for index in (0, 2):
         truth = 1.0 - (1.0 - beyond) * (1.0 - 0.02)
-        np.testing.assert_allclose(found.failed_fraction[way], truth, rtol=5e-3)
+        np.testing.assert_allclose(found.failed_fraction[index], truth, rtol=5e-3)
     assert np.all(found.failed_fraction[1] == 0.0)  # a calibration matches nothing
     np.testing.assert_array_equal(
         distribution(camera, far, "both").half_width,

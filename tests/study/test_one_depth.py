@@ -95,7 +95,7 @@ def own_corners(tmp_path_factory: pytest.TempPathFactory) -> Result:
 
 def test_a_rig_with_another_corner_file_measures_as_its_posterior_says(own_corners: Result) -> None:
     """Depths triangulated in plain numpy from the saved draws, on the axis."""
-    found = depth_of(own_corners).sel(camera="webcams", way="calibration")
+    found = depth_of(own_corners).sel(camera="webcams", error_source="calibration")
     distance = found["distance"].values
     posterior = own_corners.data["calibration"].to_dataset().sel(posterior="webcams")
     shared = posterior["posterior_best"].notnull().values
@@ -105,7 +105,10 @@ def test_a_rig_with_another_corner_file_measures_as_its_posterior_says(own_corne
     points = np.stack([np.append(centre[:2] / 2 + z * axis[:2] / axis[2], z) for z in distance])
     depths = depths_read(best, best + draws - draws.mean(axis=0), points)
     low, high = np.quantile(depths, [0.158655, 0.841345], axis=0)
-    width, error = found["depth_uncertainty_way"].values, found["depth_uncertainty_way_error"].values
+    width, error = (
+        found["depth_uncertainty_by_error_source"].values,
+        found["depth_uncertainty_by_error_source_error"].values,
+    )
     np.testing.assert_array_less(np.abs(width - (high - low) / 2.0), 0.01 * width + 3.0 * error)
     np.testing.assert_allclose(found["depth_quantile"].values[:, [1, 3]], np.stack([low, high], axis=-1), rtol=1e-3)
 
@@ -113,12 +116,12 @@ def test_a_rig_with_another_corner_file_measures_as_its_posterior_says(own_corne
 def test_fewer_views_leave_more_uncertain_and_limit_the_range(own_corners: Result) -> None:
     """All 29 views leave 0.49, 16 and 118 mm at 0.5, 2 and 5 m; 12 leave more, beside the same noise."""
     found = depth_of(own_corners).sel(camera="webcams")
-    width = found["depth_uncertainty_way"].sel(way="calibration")
+    width = found["depth_uncertainty_by_error_source"].sel(error_source="calibration")
     assert np.all(width.interp(distance=[0.5, 2.0, 5.0]) > np.array([0.49e-3, 16e-3, 118e-3]))
     assert float(found["variance_share"].sel(part="relative position", distance=5.0)) > 0.3
-    both = np.hypot(width, found["depth_uncertainty_way"].sel(way="noise"))
+    both = np.hypot(width, found["depth_uncertainty_by_error_source"].sel(error_source="noise"))
     np.testing.assert_allclose(found["depth_uncertainty"].values, both.values, rtol=0.02)
-    assert (found["depth_uncertainty"] == found["depth_uncertainty_way"].sel(way="both")).all()
+    assert (found["depth_uncertainty"] == found["depth_uncertainty_by_error_source"].sel(error_source="both")).all()
 
 
 @pytest.fixture(scope="module")
@@ -143,9 +146,9 @@ def after(folder: Path) -> Result:
 
 def test_corners_leave_the_rig_surer_than_a_yaw_of_a_fifth_of_a_degree(before: Result, after: Result) -> None:
     """B = 100 mm: Z²ψ/B(1 + (B/2Z)²) is 35.0 mm at 1 m for the declared 0.2°."""
-    at = {"camera": RIG, "distance": 1.0, "way": "calibration"}
+    at = {"camera": RIG, "distance": 1.0, "error_source": "calibration"}
     declared, known = (
-        float(depth_of(one, "depth_at_places").sel(at)["depth_uncertainty_way"]) for one in (before, after)
+        float(depth_of(one, "depth_at_places").sel(at)["depth_uncertainty_by_error_source"]) for one in (before, after)
     )
     assert declared == pytest.approx(np.radians(0.2) / 0.1 * (1 + 0.05**2), rel=0.01)
     assert known < 0.03 * declared
@@ -157,13 +160,13 @@ def test_matching_noise_then_dominates_the_rig(before: Result, after: Result) ->
         depth_of(one, "depth_at_places").sel(camera=RIG, distance=1.0)["variance_share"] for one in (before, after)
     ]
     assert [str(share.idxmax("part").item()) for share in shares] == ["relative rotation", "noise"]
-    noise = depth_of(after, "depth_at_places").sel(camera=RIG, distance=1.0, way="noise")
-    assert float(noise["depth_uncertainty_way"]) == pytest.approx(1e-6 / (8.0e-3 * 0.1), rel=0.01)
+    noise = depth_of(after, "depth_at_places").sel(camera=RIG, distance=1.0, error_source="noise")
+    assert float(noise["depth_uncertainty_by_error_source"]) == pytest.approx(1e-6 / (8.0e-3 * 0.1), rel=0.01)
     assert float(shares[1].sel(part="noise")) > 0.8
 
 
 def test_answer_and_requirements_follow_from_the_posterior(before: Result, after: Result) -> None:
-    best = [one.data["decision"].to_dataset()["best_camera"].sel(way="both") for one in (before, after)]
+    best = [one.data["decision"].to_dataset()["best_camera"].sel(error_source="both") for one in (before, after)]
     assert [str(one.sel(distance=10.0).item()) for one in best] == ["", RIG]
     met = [one.data["requirements"].to_dataset()["met"].sel(requirement="mid-range") for one in (before, after)]
     assert [bool(one) for one in met] == [False, True]
@@ -171,7 +174,7 @@ def test_answer_and_requirements_follow_from_the_posterior(before: Result, after
     assert str(named.item()) == RIG
     # The same numbers everywhere: the ratio of the decision is that of /depth_at_places.
     widths = depth_of(after, "depth_at_places")["depth_uncertainty"].sel(distance=1.0)
-    ratio = after.data["decision"].to_dataset()["uncertainty_ratio"].sel(place=1.0, way="both").item()
+    ratio = after.data["decision"].to_dataset()["uncertainty_ratio"].sel(place=1.0, error_source="both").item()
     assert ratio == pytest.approx(float(widths.sel(camera="raytrix-r5") / widths.sel(camera=RIG)), rel=1e-12)
 
 

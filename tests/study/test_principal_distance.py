@@ -41,7 +41,7 @@ def test_a_study_is_read_by_the_declared_distance() -> None:
         "requirements=null",
     ]
     depth = load(CLOSE, changes).run().data["depth"].to_dataset()
-    noise = depth["depth_uncertainty_way"].sel(camera="pair-declared", way="noise")
+    noise = depth["depth_uncertainty_by_error_source"].sel(camera="pair-declared", error_source="noise")
     noise = noise.sel(distance=55.3e-3, method="nearest")
     # Both lines of sight turn by 0.1 px over c; near the crossing, dZ is that times (Z² + B²/4)/B.
     turned = 0.1 * 7.4e-6 / (7.4 / 15 * 55.3e-3)

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth import WAYS, depth_uncertainty, distribution, evaluate_depth
+from tradestudy.analysis.depth import ERROR_SOURCES, depth_uncertainty, distribution, evaluate_depth
 from tradestudy.analysis.usable import (
     all_met,
     boundaries,
@@ -62,12 +62,12 @@ class PairVerdict:
     Parameters
     ----------
     winner, more_certain
-        Names by place and way, shape (place, way); ``winner`` considers only usable cameras, is empty if none is, and
-        names both if they are tied.
+        Names by place and error source, shape (place, error source); ``winner`` considers only usable cameras, is empty
+        if none is, and names both if they are tied.
     ratio
-        Uncertainty of the first camera relative to the second, shape (place, way).
+        Uncertainty of the first camera relative to the second, shape (place, error source).
     crossings, changes
-        For each way, where the two are equally uncertain, usable or not, and where the winner changes.
+        For each error source, where the two are equally uncertain, usable or not, and where the winner changes.
     """
 
     winner: list[list[str]]
@@ -112,11 +112,11 @@ def best_cameras(
 
 
 def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVerdict:
-    """Which of two cameras is more certain, and which wins among the usable ones, at places [m] and for each way."""
+    """Which of two cameras is more certain, and which wins among the usable ones, at places [m], by error source."""
     found = {name: evaluate_depth(case.cameras[name], places) for name in pair}
     usable = {name: is_usable(case, name, places) for name in pair}
     winners, certain, ratios = [], [], []
-    for number in range(len(WAYS)):
+    for number in range(len(ERROR_SOURCES)):
         uncertainty = {name: one.uncertainty[number] for name, one in found.items()}
         error = {name: stated_error(case.cameras[name], one.uncertainty_error[number]) for name, one in found.items()}
         winners.append(best_cameras(usable, uncertainty, error))
@@ -124,7 +124,7 @@ def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVe
         certain.append([name if name in pair else "" for name in best_cameras(everywhere, uncertainty, error)])
         with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
             ratios.append(uncertainty[pair[0]] / uncertainty[pair[1]])
-    crossings = {way: _crossings(case, pair, way) for way in WAYS}
+    crossings = {error_source: _crossings(case, pair, error_source) for error_source in ERROR_SOURCES}
     ends = {place: 0.0 for name in pair for place in _ends_of_use(case, name)}
     return PairVerdict(
         winner=[list(row) for row in zip(*winners, strict=True)],
@@ -132,27 +132,30 @@ def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVe
         ratio=np.stack(ratios, axis=-1),
         crossings=crossings,
         changes={
-            way: _changes(case, pair, way, ends | {one.distance: one.error for one in crossings[way]}) for way in WAYS
+            error_source: _changes(
+                case, pair, error_source, ends | {one.distance: one.error for one in crossings[error_source]}
+            )
+            for error_source in ERROR_SOURCES
         },
     )
 
 
-def _log_ratios(first: DepthCamera, second: DepthCamera, distance: FloatArray, way: str) -> FloatArray:
+def _log_ratios(first: DepthCamera, second: DepthCamera, distance: FloatArray, error_source: str) -> FloatArray:
     """ln(u₁/u₂) of each scramble; ±∞ where one is unbounded, NaN where both are; shape (scrambles, distances)."""
     a, b = (
-        distribution(camera, np.where(camera.images(distance), distance, np.nan), way).half_widths(ONE_SIGMA)
+        distribution(camera, np.where(camera.images(distance), distance, np.nan), error_source).half_widths(ONE_SIGMA)
         for camera in (first, second)
     )
     with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
         return np.asarray(np.log(a) - np.log(b))
 
 
-def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, way: str) -> list[str]:
+def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, error_source: str) -> list[str]:
     """The usable camera of lower uncertainty at each distance, regardless of its error."""
     sure = {name: np.zeros(distance.shape) for name in pair}
     found = best_cameras(
         {name: is_usable(case, name, distance) for name in pair},
-        {name: depth_uncertainty(case.cameras[name], distance, way) for name in pair},
+        {name: depth_uncertainty(case.cameras[name], distance, error_source) for name in pair},
         sure,
     )
     return [name.split(TIED)[0] for name in found]
@@ -165,12 +168,12 @@ def _ends_of_use(case: Case, name: str) -> tuple[float, ...]:
     return tuple(end.distance for end in usable_ends(camera, case.criteria, case.distance, limits))
 
 
-def _changes(case: Case, pair: tuple[str, str], way: str, places: Mapping[float, float]) -> tuple[Change, ...]:
+def _changes(case: Case, pair: tuple[str, str], error_source: str, places: Mapping[float, float]) -> tuple[Change, ...]:
     """Where the winner changes, which can only be where a camera's usable range ends or the uncertainties are equal."""
     if not places:
         return ()
     ordered = np.array(sorted(places))
-    sides = _winners(case, pair, np.concatenate([ordered * (1.0 - _BESIDE), ordered * (1.0 + _BESIDE)]), way)
+    sides = _winners(case, pair, np.concatenate([ordered * (1.0 - _BESIDE), ordered * (1.0 + _BESIDE)]), error_source)
     found: list[Change] = []
     for place, nearer, farther in zip(ordered.tolist(), sides[: ordered.size], sides[ordered.size :], strict=True):
         # Changes of both cameras at the same place, up to rounding, are reported once.
@@ -179,21 +182,21 @@ def _changes(case: Case, pair: tuple[str, str], way: str, places: Mapping[float,
     return tuple(found)
 
 
-def _crossings(case: Case, pair: tuple[str, str], way: str) -> tuple[Crossing, ...]:
+def _crossings(case: Case, pair: tuple[str, str], error_source: str) -> tuple[Crossing, ...]:
     """Where the smaller uncertainty passes from one camera to the other, between distances of significant lead."""
     first, second = (case.cameras[name] for name in pair)
     step = max(1, case.distance.size // _MOST_PLACES)
     distance = np.union1d(case.distance[::step], case.distance[-1:])
-    ratios = _log_ratios(first, second, distance, way)
+    ratios = _log_ratios(first, second, distance, error_source)
     lead = _sure_lead(ratios)
     decided = np.flatnonzero(lead)
     turns = np.flatnonzero(lead[decided[1:]] != lead[decided[:-1]])
     found = []
     for before, after in zip(decided[turns], decided[turns + 1], strict=True):
         grid = distance[before : after + 1]
-        place = _turn(first, second, grid, way, begins=lead[before] > 0)
+        place = _turn(first, second, grid, error_source, begins=lead[before] > 0)
         if place is not None:
-            error = scramble_error(_log_ratios(first, second, places_around(place), way), place)
+            error = scramble_error(_log_ratios(first, second, places_around(place), error_source), place)
             found.append(Crossing(distance=place, error=error, nearer=pair[0] if lead[before] < 0 else pair[1]))
     return tuple(found)
 
@@ -207,12 +210,14 @@ def _sure_lead(ratios: FloatArray) -> FloatArray:
     return np.where(sure & ~np.isnan(mean), np.sign(mean), 0.0)
 
 
-def _turn(first: DepthCamera, second: DepthCamera, grid: FloatArray, way: str, *, begins: bool) -> float | None:
+def _turn(
+    first: DepthCamera, second: DepthCamera, grid: FloatArray, error_source: str, *, begins: bool
+) -> float | None:
     """Distance [m] between two significant leads where the ratio passes one; the middle one of several."""
 
     def below_one(points: FloatArray) -> FloatArray:
         with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
-            ratio = depth_uncertainty(first, points, way) / depth_uncertainty(second, points, way)
+            ratio = depth_uncertainty(first, points, error_source) / depth_uncertainty(second, points, error_source)
         return margin(ratio < 1.0, ratio - 1.0)
 
     # Between the poles of either camera the ratio is undefined; it then counts as "not below one" on both sides.

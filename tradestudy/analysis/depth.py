@@ -29,7 +29,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.uncertainty.shapley import shapley_shares
 
-WAYS: Final = ("noise", "calibration", "both")
+ERROR_SOURCES: Final = ("noise", "calibration", "both")
 _PILOTS: Final = 9  # distances at which a model is compared with draws
 
 
@@ -44,12 +44,12 @@ class DepthEvaluation:
     discrimination
         Towards and away from the camera [m], shape (2, distance); the second may be infinite.
     uncertainty, quantile, failed_fraction
-        For noise only, calibration only and both: half the central 68.27 % interval [m], shape (way, distance); the
-        quantiles of depth [m], shape (way, distance, quantile), infinite beyond the pole; the share of measurements
-        beyond the pole or falsely matched. The first two leave false matches out.
+        For noise only, calibration only and both: half the central 68.27 % interval [m], shape (error source,
+        distance); the quantiles of depth [m], shape (error source, distance, quantile), infinite beyond the pole; the
+        share of measurements beyond the pole or falsely matched. The first two leave false matches out.
     uncertainty_error, failed_fraction_error
-        Estimated errors of these, shape (way, distance): the standard error of the draws, or the measured difference
-        of a cheaper model from draws.
+        Estimated errors of these, shape (error source, distance): the standard error of the draws, or the measured
+        difference of a cheaper model from draws.
     converged
         Whether the sampling error is within the tolerance; always true for the linear model.
     shares
@@ -81,10 +81,10 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: float = 0.0
     Where the camera forms no image or does not see the point, all its measurements are NaN.
     """
     given, distance = distance, _imaged(camera, distance)
-    found = [distribution(camera, distance, way, field) for way in WAYS]
+    found = [distribution(camera, distance, error_source, field) for error_source in ERROR_SOURCES]
     uncertainty, failed = (np.stack([getattr(one, of) for one in found]) for of in ("half_width", "failed_fraction"))
     if camera.propagation.model != "exact":
-        measured = [model_error(camera, distance, way, field) for way in WAYS]
+        measured = [model_error(camera, distance, error_source, field) for error_source in ERROR_SOURCES]
         relative = np.stack([one.half_width for one in measured])
         known = np.where(np.isinf(uncertainty), np.nan, uncertainty)
         uncertainty_error = relative * known
@@ -113,32 +113,34 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: float = 0.0
     )
 
 
-def distribution(camera: DepthCamera, distance: FloatArray, way: str, field: float = 0.0) -> DepthDistribution:
+def distribution(camera: DepthCamera, distance: FloatArray, error_source: str, field: float = 0.0) -> DepthDistribution:
     """The distribution of depth at distances [m], by the camera's model of propagation.
 
     Every model treats noise alone exactly.
     """
-    return _known(camera, distance.tobytes(), field, way)
+    return _known(camera, distance.tobytes(), field, error_source)
 
 
 @lru_cache(maxsize=256)
-def _known(camera: DepthCamera, distances: bytes, field: float, way: str) -> DepthDistribution:
+def _known(camera: DepthCamera, distances: bytes, field: float, error_source: str) -> DepthDistribution:
     """The cached distribution, which limits, ratios and tables of one camera request repeatedly."""
-    return _with_false_matches(_of_true_matches(camera, np.frombuffer(distances), field, way), camera, way)
+    return _with_false_matches(
+        _of_true_matches(camera, np.frombuffer(distances), field, error_source), camera, error_source
+    )
 
 
-def _of_true_matches(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
+def _of_true_matches(camera: DepthCamera, distance: FloatArray, field: float, error_source: str) -> DepthDistribution:
     model, groups = camera.propagation.model, camera.calibration.groups
-    if way == "noise" or (way == "both" and (model == "off" or not groups)):
+    if error_source == "noise" or (error_source == "both" and (model == "off" or not groups)):
         return noise_distribution(camera, distance, field)
     if not groups or (model != "exact" and has_covariance(camera)):
-        return linear_distribution(camera, distance, field, way)
-    return exact_distribution(camera, distance, field, way)
+        return linear_distribution(camera, distance, field, error_source)
+    return exact_distribution(camera, distance, field, error_source)
 
 
-def _with_false_matches(found: DepthDistribution, camera: DepthCamera, way: str) -> DepthDistribution:
+def _with_false_matches(found: DepthDistribution, camera: DepthCamera, error_source: str) -> DepthDistribution:
     """The distribution with false matches m added to the failures f: ``1 − (1 − f)(1 − m)``."""
-    share = 0.0 if way == "calibration" else false_match_share(camera)
+    share = 0.0 if error_source == "calibration" else false_match_share(camera)
     if share == 0.0:
         return found
     return replace(found, failures=lambda: found.failed + share * (1.0 - found.failed))
@@ -154,22 +156,22 @@ class DepthErrors:
         The camera with its calibration and model of propagation.
     distance
         [m]; NaN where the camera forms no image.
-    way
+    error_source
         The errors considered: ``both``, ``noise`` or ``calibration`` alone.
     """
 
     camera: DepthCamera
     distance: FloatArray
-    way: str = "both"
+    error_source: str = "both"
 
     @classmethod
-    def of(cls, camera: DepthCamera, distance: FloatArray, way: str = "both") -> DepthErrors:
+    def of(cls, camera: DepthCamera, distance: FloatArray, error_source: str = "both") -> DepthErrors:
         """For any distances, including those where no image is formed."""
-        return cls(camera=camera, distance=_imaged(camera, distance), way=way)
+        return cls(camera=camera, distance=_imaged(camera, distance), error_source=error_source)
 
     @cached_property
     def _distribution(self) -> DepthDistribution:
-        return distribution(self.camera, self.distance, self.way)
+        return distribution(self.camera, self.distance, self.error_source)
 
     @property
     def uncertainty(self) -> FloatArray:
@@ -182,9 +184,9 @@ class DepthErrors:
         return self._distribution.failed_fraction
 
 
-def depth_uncertainty(camera: DepthCamera, distance: FloatArray, way: str = "both") -> FloatArray:
+def depth_uncertainty(camera: DepthCamera, distance: FloatArray, error_source: str = "both") -> FloatArray:
     """Half the central 68.27 % interval of depth [m] alone, for root finding."""
-    return distribution(camera, _imaged(camera, distance), way).half_width
+    return distribution(camera, _imaged(camera, distance), error_source).half_width
 
 
 def depth_uncertainty_error(camera: DepthCamera, distance: FloatArray) -> FloatArray:
@@ -221,18 +223,21 @@ class ModelError:
         return self.failures()
 
 
-def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", field: float = 0.0) -> ModelError:
+def model_error(
+    camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: float = 0.0
+) -> ModelError:
     """Estimate the error of a camera's model of propagation.
 
     If all errors are normal, the exact model to second order gives the error. Otherwise draws at some of these
     distances do: between two of them the larger error counts, with twice the standard error of the draws added.
     """
     known = distance[~np.isnan(distance)]
-    if not known.size or way == "noise" or not camera.calibration.groups:  # exact in every model
+    if not known.size or error_source == "noise" or not camera.calibration.groups:  # exact in every model
         none = np.where(np.isnan(distance), np.nan, 0.0)
         return ModelError(half_width=none, intervals=none, failures=lambda: none)
-    if (curved := second_order(camera, distance, field, way)) is not None:
-        line, read = distribution(camera, distance, way, field), _with_false_matches(curved.expected, camera, way)
+    if (curved := second_order(camera, distance, field, error_source)) is not None:
+        line = distribution(camera, distance, error_source, field)
+        read = _with_false_matches(curved.expected, camera, error_source)
         intervals = [_apart(line, read, coverage) + curved.uncertain for coverage in camera.propagation.coverages]
         return ModelError(
             half_width=_apart(read, line, ONE_SIGMA) + curved.uncertain,
@@ -240,8 +245,8 @@ def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", fi
             failures=lambda: np.abs(line.failed_fraction - read.failed_fraction),
         )
     places = known[np.unique(np.linspace(0, known.size - 1, _PILOTS).round().astype(int))]
-    draws = _with_false_matches(trial_distribution(camera, places, field, way), camera, way)
-    line = distribution(camera, places, way, field)
+    draws = _with_false_matches(trial_distribution(camera, places, field, error_source), camera, error_source)
+    line = distribution(camera, places, error_source, field)
     intervals = [_apart(line, draws, coverage) for coverage in camera.propagation.coverages]
 
     def failures() -> FloatArray:

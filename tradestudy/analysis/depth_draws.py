@@ -75,15 +75,15 @@ def noise_group() -> Source:
     return Source(name=PIXEL_NOISE, distribution=score, error_class=ErrorClass.MEASUREMENT)
 
 
-def uncertain_groups(camera: ReadsDepth, way: str) -> tuple[Group, ...]:
+def uncertain_groups(camera: ReadsDepth, error_source: str) -> tuple[Group, ...]:
     """What is drawn: noise, calibration, or both; calibrations and their ageing never average."""
-    noise = (noise_group(),) if ErrorClass.MEASUREMENT in CLASSES[way] else ()
-    return (*noise, *(camera.calibration.groups if way != "noise" else ()))
+    noise = (noise_group(),) if ErrorClass.MEASUREMENT in CLASSES[error_source] else ()
+    return (*noise, *(camera.calibration.groups if error_source != "noise" else ()))
 
 
-def fixed_errors(camera: ReadsDepth, way: str) -> dict[str, FloatArray]:
+def fixed_errors(camera: ReadsDepth, error_source: str) -> dict[str, FloatArray]:
     """The errors that are not drawn but have a mean other than zero."""
-    held = camera.calibration.groups if way == "noise" else ()
+    held = camera.calibration.groups if error_source == "noise" else ()
     means = {name: mean for group in held for name, mean in zip(group.parameters, group.nominal, strict=True)}
     return {name: np.full((1, 1), mean) for name, mean in means.items() if mean != 0.0}
 
@@ -104,11 +104,11 @@ def read_draws(
 
 
 @lru_cache(maxsize=128)
-def uncertain_sources(camera: DepthCamera, way: str, field: float = 0.0) -> Sources:
+def uncertain_sources(camera: DepthCamera, error_source: str, field: float = 0.0) -> Sources:
     """See `uncertain_groups`; joint draws are ordered by their effect on depth at a field position."""
     groups = (
         replace(group, along=_responses(camera, group, field)[[0, -1]]) if isinstance(group, JointDraws) else group
-        for group in uncertain_groups(camera, way)
+        for group in uncertain_groups(camera, error_source)
     )
     return Sources(groups=tuple(groups))
 
@@ -140,9 +140,9 @@ def _places(camera: DepthCamera) -> FloatArray:
     return judged[[0, judged.size // 2, -1]]
 
 
-def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0, way: str = "both") -> Model:
+def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0, error_source: str = "both") -> Model:
     """A model of the inverse depths at distances [m], in the form that `propagate` expects."""
-    fixed, noise = fixed_errors(camera, way), camera.noise(distance, field)
+    fixed, noise = fixed_errors(camera, error_source), camera.noise(distance, field)
 
     def model(values: Mapping[str, FloatArray]) -> Outcome:
         draws = len(next(iter(values.values()))) if values else 1
@@ -153,17 +153,19 @@ def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0,
 
 
 @lru_cache(maxsize=64)
-def _alignment(camera: DepthCamera, way: str, field: float) -> ScoreAlignment:
-    return alignment_with([outcome_model(camera, _places(camera), field, way)], uncertain_sources(camera, way, field))
+def _alignment(camera: DepthCamera, error_source: str, field: float) -> ScoreAlignment:
+    return alignment_with(
+        [outcome_model(camera, _places(camera), field, error_source)], uncertain_sources(camera, error_source, field)
+    )
 
 
 @lru_cache(maxsize=32)
-def _drawn(camera: DepthCamera, way: str, field: float, draws: int) -> tuple[Drivers, dict[str, FloatArray]]:
+def _drawn(camera: DepthCamera, error_source: str, field: float, draws: int) -> tuple[Drivers, dict[str, FloatArray]]:
     """The errors (scrambles · draws, 1) of every scramble, and the variables that drive depth in them.
 
     The first coordinates move depth most.
     """
-    sources, alignment = uncertain_sources(camera, way, field), _alignment(camera, way, field)
+    sources, alignment = uncertain_sources(camera, error_source, field), _alignment(camera, error_source, field)
 
     def of_scramble(scramble: int) -> tuple[FloatArray, dict[str, FloatArray]]:
         seed = camera.propagation.seed
@@ -197,10 +199,10 @@ def _drivers(
 
 
 def _read_all(
-    camera: DepthCamera, distance: FloatArray, field: float, way: str, values: Mapping[str, FloatArray]
+    camera: DepthCamera, distance: FloatArray, field: float, error_source: str, values: Mapping[str, FloatArray]
 ) -> FloatArray:
     """Inverse depths [1/m] of all draws, (distances, draws); computed on several threads if there are many."""
-    fixed, noise = fixed_errors(camera, way), camera.noise(distance, field)
+    fixed, noise = fixed_errors(camera, error_source), camera.noise(distance, field)
     draws = len(next(iter(values.values())))
     found = np.empty((distance.size, draws))
     step = max(64, _AT_ONCE // max(distance.size, 1))
@@ -226,20 +228,22 @@ def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> 
     return np.asarray(np.broadcast_to(read, (1, distance.size))[0])
 
 
-def trial_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
+def trial_distribution(camera: DepthCamera, distance: FloatArray, field: float, error_source: str) -> DepthDistribution:
     """The same from a few draws, including their error, for checking a cheaper model."""
-    return _of_draws(camera, distance, field, way, _TRIAL_DRAWS)
+    return _of_draws(camera, distance, field, error_source, _TRIAL_DRAWS)
 
 
-def exact_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
+def exact_distribution(camera: DepthCamera, distance: FloatArray, field: float, error_source: str) -> DepthDistribution:
     """The distribution of depth by draws through the exact model, as many as the tolerance requires."""
-    return _of_draws(camera, distance, field, way, settled_draws(camera, field, way))
+    return _of_draws(camera, distance, field, error_source, settled_draws(camera, field, error_source))
 
 
-def _of_draws(camera: DepthCamera, distance: FloatArray, field: float, way: str, draws: int) -> DepthDistribution:
+def _of_draws(
+    camera: DepthCamera, distance: FloatArray, field: float, error_source: str, draws: int
+) -> DepthDistribution:
     probabilities = camera.propagation.probabilities
-    drivers, values = _drawn(camera, way, field, draws)
-    inverse, upper = _read_all(camera, distance, field, way, values), 1.0 - np.array(probabilities)
+    drivers, values = _drawn(camera, error_source, field, draws)
+    inverse, upper = _read_all(camera, distance, field, error_source, values), 1.0 - np.array(probabilities)
     off = missed(inverse, drivers, SCRAMBLES, upper)
     quantiles = np.stack([_ranked_quantiles(one, upper) for one in np.split(inverse, SCRAMBLES, axis=1)])
     counted = 1.0 - np.mean((inverse > 0.0).reshape(distance.size, SCRAMBLES, draws), axis=2).T
@@ -280,7 +284,7 @@ def draws_to_expect(camera: DepthCamera) -> float:
 
 
 @lru_cache(maxsize=1024)
-def settled_draws(camera: DepthCamera, field: float, way: str) -> int:
+def settled_draws(camera: DepthCamera, field: float, error_source: str) -> int:
     """Draws per scramble, doubled until every judged half width is within the tolerance.
 
     Intervals narrower than their distance and intervals without a far end are judged; those in between are reported
@@ -291,7 +295,9 @@ def settled_draws(camera: DepthCamera, field: float, way: str) -> int:
     judged = judged[camera.images(judged)]
     draws = _FIRST_DRAWS
     while judged.size and 2 * draws * SCRAMBLES <= propagation.max_draws:
-        if np.all(_of_draws(camera, judged, field, way, draws).converged(propagation.tolerance, widest=judged)):
+        if np.all(
+            _of_draws(camera, judged, field, error_source, draws).converged(propagation.tolerance, widest=judged)
+        ):
             break
         draws *= 2
     return draws

@@ -13,7 +13,7 @@ from tradestudy.analysis.depth_points import DepthTable
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.optics.arrays import FloatArray
 
-_BOTH: Final = -1  # index of noise and calibration together among the ways
+_BOTH: Final = -1  # index of noise and calibration together among the error sources
 _ROUNDING: Final = 1e-9  # of a distance
 
 

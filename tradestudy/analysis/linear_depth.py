@@ -62,9 +62,9 @@ class LinearReading:
 
 
 @lru_cache(maxsize=128)
-def _covariance(camera: ReadsDepth, way: str) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
+def _covariance(camera: ReadsDepth, error_source: str) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
     """Names, means and covariance of what is drawn."""
-    sources = Sources(groups=uncertain_groups(camera, way))
+    sources = Sources(groups=uncertain_groups(camera, error_source))
     covariance = sources.covariance()
     if covariance is None:
         missing = ", ".join(group.name for group in sources.groups if group.covariance is None)
@@ -84,7 +84,7 @@ def has_covariance(camera: ReadsDepth) -> bool:
     return all(group.covariance is not None for group in camera.calibration.groups)
 
 
-def linear_reading(camera: ReadsDepth, distance: FloatArray, field: float, way: str = "both") -> LinearReading:
+def linear_reading(camera: ReadsDepth, distance: FloatArray, field: float, error_source: str = "both") -> LinearReading:
     """Linearise the depth measurement of a camera at distances [m] about the means of its errors.
 
     Raises
@@ -92,21 +92,21 @@ def linear_reading(camera: ReadsDepth, distance: FloatArray, field: float, way: 
     OutOfRangeError
         An uncertain parameter has no variance.
     """
-    return _linearised(camera, np.asarray(distance, dtype=np.float64).tobytes(), field, way)
+    return _linearised(camera, np.asarray(distance, dtype=np.float64).tobytes(), field, error_source)
 
 
 @lru_cache(maxsize=4)
-def _linearised(camera: ReadsDepth, distances: bytes, field: float, way: str) -> LinearReading:
+def _linearised(camera: ReadsDepth, distances: bytes, field: float, error_source: str) -> LinearReading:
     """What noise alone, calibration alone and both have in common."""
     distance = np.frombuffer(distances)
-    names, mean, covariance = _covariance(camera, way)
+    names, mean, covariance = _covariance(camera, error_source)
     deviation = np.sqrt(np.diag(covariance))
     moving = np.flatnonzero(deviation > 0.0)
     step = np.broadcast_to(_STEP * deviation[:, None], (deviation.size, distance.size)).copy()
     noise = camera.noise(distance, field)
     if PIXEL_NOISE in names:  # in units of its own standard deviation
         step[names.index(PIXEL_NOISE)] *= np.maximum(1.0, _LEAST_NOISE_PX * camera.sample_pitch / noise)
-    values = fixed_errors(camera, way)
+    values = fixed_errors(camera, error_source)
     for k in np.flatnonzero((deviation > 0.0) | (mean != 0.0)):
         acts = (moving == k)[:, None] * (step[k] if names[k] == PIXEL_NOISE else step[k, :1])
         values[names[k]] = mean[k] + np.concatenate([acts, -acts])
@@ -118,7 +118,7 @@ def _linearised(camera: ReadsDepth, distances: bytes, field: float, way: str) ->
     return LinearReading(parameters=names, covariance=covariance, sensitivity=sensitivity)
 
 
-def linear_distribution(camera: ReadsDepth, distance: FloatArray, field: float, way: str) -> DepthDistribution:
+def linear_distribution(camera: ReadsDepth, distance: FloatArray, field: float, error_source: str) -> DepthDistribution:
     """The distribution of depth where every error acts like a multiple of the noise's standard deviation.
 
     Inverse depth is linear in all errors. The ratio of its standard deviation to that from noise alone scales the
@@ -126,8 +126,8 @@ def linear_distribution(camera: ReadsDepth, distance: FloatArray, field: float, 
     """
     line = linear_reading(camera, distance, field)
     noise = np.abs(line.sensitivity[line.parameters.index(PIXEL_NOISE)])
-    of_way = line if way == "both" else line.without(PIXEL_NOISE)
-    return scaled_noise(camera, distance, field, of_way.standard_deviation / noise)
+    included = line if error_source == "both" else line.without(PIXEL_NOISE)
+    return scaled_noise(camera, distance, field, included.standard_deviation / noise)
 
 
 def noise_distribution(camera: ReadsDepth, distance: FloatArray, field: float) -> DepthDistribution:

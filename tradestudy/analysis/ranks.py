@@ -17,7 +17,7 @@ from tradestudy.uncertainty.evaluation import Model, Outcome
 from tradestudy.uncertainty.sources import Group, Sources
 from tradestudy.uncertainty.streams import scrambled_sobol
 
-RANK_WAYS: Final = ("calibration", "both")
+RANK_ERROR_SOURCES: Final = ("calibration", "both")
 """Calibration errors alone, as after averaging all noise away, and single measurements."""
 _DRAWS, _SCRAMBLES = 2**11, 8
 _PREFIXES: Final = ("first/", "second/")
@@ -25,26 +25,26 @@ _PREFIXES: Final = ("first/", "second/")
 
 @dataclass(frozen=True, kw_only=True)
 class RankPoint:
-    """Two cameras to compare at distances [m] in one of `RANK_WAYS`."""
+    """Two cameras to compare at distances [m] with one of `RANK_ERROR_SOURCES`."""
 
     first: DepthCamera
     second: DepthCamera
     distance: FloatArray
-    way: str
+    error_source: str
 
 
 def rank_at(point: RankPoint) -> RankProbability:
     """See `rank`."""
-    return rank(point.first, point.second, point.distance, point.way)
+    return rank(point.first, point.second, point.distance, point.error_source)
 
 
-def rank(first: DepthCamera, second: DepthCamera, distance: FloatArray, way: str) -> RankProbability:
+def rank(first: DepthCamera, second: DepthCamera, distance: FloatArray, error_source: str) -> RankProbability:
     """Probability that the depth error of the first camera is smaller than that of the second, over distances [m].
 
     A change of temperature or pressure that both declare identically is one event, drawn once for both.
     """
     cameras = (first, second)
-    groups = [uncertain_groups(camera, way) for camera in cameras]
+    groups = [uncertain_groups(camera, error_source) for camera in cameras]
     shared = [group for group in groups[0] if group.name in SESSION_PARAMETERS and group in groups[1]]
     own = [
         group.under(prefix)

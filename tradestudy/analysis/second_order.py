@@ -46,7 +46,7 @@ class SecondOrder:
 
 
 def second_order(
-    camera: DepthCamera, distance: FloatArray, field: float, way: str, *, any_shape: bool = False
+    camera: DepthCamera, distance: FloatArray, field: float, error_source: str, *, any_shape: bool = False
 ) -> SecondOrder | None:
     """Evaluate depth exactly along the direction of the errors that moves it most, and to second order across.
 
@@ -61,7 +61,7 @@ def second_order(
         True distances [m] where the camera forms an image.
     field
         Field position.
-    way
+    error_source
         The errors considered: ``noise``, ``calibration`` or ``both``.
     any_shape
         Whether to treat errors of other shapes through their normal scores; the result then only distinguishes a large
@@ -72,7 +72,7 @@ def second_order(
     SecondOrder | None
         None if an error is not normal: then only draws give the error.
     """
-    groups = uncertain_groups(camera, way)
+    groups = uncertain_groups(camera, error_source)
     if not all(_is_normal(group) or (any_shape and not isinstance(group, JointDraws)) for group in groups):
         return None
     sources = Sources(groups=groups)
@@ -83,7 +83,7 @@ def second_order(
         drawn = sources.draw(spread.reshape(count, -1))
         values = {name: one.reshape(spread.shape[1:]) if one.size > 1 else one for name, one in drawn.items()}
         return read_draws(
-            camera, {**fixed_errors(camera, way), **values}, distance, field, camera.noise(distance, field)
+            camera, {**fixed_errors(camera, error_source), **values}, distance, field, camera.noise(distance, field)
         )
 
     axes = np.eye(count)[:, :, np.newaxis]

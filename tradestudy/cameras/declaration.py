@@ -47,7 +47,7 @@ PixelCount = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 class LensPart(Part):
     """A lens: its focal length or field of view, and its f-number."""
 
-    ways: ClassVar[tuple[int, ...]] = (1,)
+    counts_given: ClassVar[tuple[int, ...]] = (1,)
     """How many of focal length and field of view a lens may give."""
 
     focal_length: FocalLengthOrPixels | None = Field(
@@ -63,7 +63,7 @@ class LensPart(Part):
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
-        if (self.focal_length is not None) + (self.field_of_view is not None) not in self.ways:
+        if (self.focal_length is not None) + (self.field_of_view is not None) not in self.counts_given:
             raise MistakeAt((), "give exactly one of focal_length and field_of_view (null removes an inherited one)")
         if self.field_of_view is None and "across" in self.model_fields_set:
             raise MistakeAt(("across",), "belongs to field_of_view; remove it (null removes an inherited one)")

@@ -140,7 +140,7 @@ def _edges(tree: xr.DataTree, found: Sequence[Winner]) -> Iterator[Edge]:
 def _crossovers(tree: xr.DataTree) -> Iterator[tuple[float, float]]:
     decision = group(tree, "decision")
     if "crossover_distance" in decision:
-        own = decision.isel(reading=0).sel(way="both")
+        own = decision.isel(reading=0).sel(error_source="both")
         yield from zip(own["crossover_distance"].values, SURE * own["crossover_error"].values, strict=True)
 
 

@@ -89,27 +89,27 @@ def _shown(text: str, titles: Mapping[str, str]) -> str:
 
 def differing_models(runs: Sequence[Run]) -> Iterator[Difference]:
     """Models that were chosen differently, for problems that every run solves."""
-    if not all(has(run.tree, "effects", "situation", "slot", "model", "chosen", "piece_title") for run in runs):
+    if not all(has(run.tree, "effects", "problem_of", "slot", "model", "chosen", "problem_title") for run in runs):
         return
     chosen = [_chosen(run) for run in runs]
     titles = titles_of(runs) | {
         str(key): str(title)
         for run in runs
         for key, title in zip(
-            *(group(run.tree, "effects")[name].values for name in ("piece", "piece_title")), strict=True
+            *(group(run.tree, "effects")[name].values for name in ("problem", "problem_title")), strict=True
         )
     }
     for place in chosen[0]:
         if all(place in one for one in chosen) and len({one[place] for one in chosen}) > 1:
-            situation, slot = place
+            problem, slot = place
             values = tuple(_model_words(slot, one[place]) for one in chosen)
-            yield Difference(what=titles.get(situation, situation), values=values)
+            yield Difference(what=titles.get(problem, problem), values=values)
 
 
 def _chosen(run: Run) -> dict[tuple[str, str], str]:
     effects = group(run.tree, "effects")
-    rows = zip(*(effects[name].values for name in ("situation", "slot", "model", "chosen")), strict=True)
-    return {(str(situation), str(slot)): str(model) for situation, slot, model, acts in rows if np.equal(acts, 1)}
+    rows = zip(*(effects[name].values for name in ("problem_of", "slot", "model", "chosen")), strict=True)
+    return {(str(problem), str(slot)): str(model) for problem, slot, model, acts in rows if np.equal(acts, 1)}
 
 
 def _model_words(slot: str, model: str) -> str:

@@ -37,7 +37,8 @@ _COVERED_ELSEWHERE: Final = (
 )  # fmt: skip
 _OF_PLACES, _OF_DEPTH, _REQUIREMENTS = "depth_at_places", "depth", "requirements"
 _PARTS_OF_DEPTH: Final = (
-    "depth_uncertainty_way", "depth_quantile", "equivalent_baseline", "limit_value", "usable_near", "usable_far",
+    "depth_uncertainty_by_error_source", "depth_quantile", "equivalent_baseline", "limit_value",
+    "usable_near", "usable_far",
 )  # fmt: skip
 # They repeat another variable, or the conclusions.
 _REPETITIONS: Final[Mapping[str, tuple[str, ...]]] = {

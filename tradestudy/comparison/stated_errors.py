@@ -64,11 +64,11 @@ def _standard_errors(tree: xr.DataTree, data: xr.Dataset, beside: str) -> xr.Dat
 
 def standard_errors(tree: xr.DataTree, camera: str) -> float:
     """Factor of the error of a depth uncertainty: `SURE` for a standard error of draws, 1 for linear propagation."""
-    if not has(tree, "effects", "situation", "slot", "model", "chosen"):
+    if not has(tree, "effects", "problem_of", "slot", "model", "chosen"):
         return SURE
     effects = group(tree, "effects")
     drawn = (effects["slot"] == "calibration") & (effects["model"] == "exact") & (effects["chosen"] == 1)
-    return SURE if camera in effects["situation"].values[drawn.values] else 1.0
+    return SURE if camera in effects["problem_of"].values[drawn.values] else 1.0
 
 
 def _left_out(tree: xr.DataTree, data: xr.Dataset, variable: str) -> xr.DataArray | float:
@@ -84,9 +84,9 @@ def left_out_share(tree: xr.DataTree, camera: str, quantity: str) -> float:
     if not has(tree, "effects", "joint_change"):
         return 0.0
     changes = group(tree, "effects")["joint_change"]
-    if camera not in changes["piece"].values or quantity not in changes["quantity"].values:
+    if camera not in changes["problem"].values or quantity not in changes["quantity"].values:
         return 0.0
-    return float(np.nan_to_num(changes.sel(piece=camera, quantity=quantity).item()))
+    return float(np.nan_to_num(changes.sel(problem=camera, quantity=quantity).item()))
 
 
 def beyond(values: tuple[FloatArray, FloatArray], errors: tuple[FloatArray, FloatArray]) -> np.ndarray:

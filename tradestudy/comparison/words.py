@@ -20,9 +20,9 @@ _BY_UNIT: Final[Mapping[str, Dimension]] = {
 _LABELS: Final[Mapping[tuple[str, str], str]] = {
     ("side", "nearer"): "to the nearer side",
     ("side", "farther"): "to the farther side",
-    ("way", "noise"): "noise only",
-    ("way", "calibration"): "calibration only",
-    ("way", "both"): "noise and calibration",
+    ("error_source", "noise"): "noise only",
+    ("error_source", "calibration"): "calibration only",
+    ("error_source", "both"): "noise and calibration",
 }
 _UNNAMED_GROUPS: Final = ("depth", "depth_at_places", "disparity_causes")
 _MOST_PERCENT: Final = 1000.0

@@ -79,22 +79,22 @@ def depth_problem(case: Case, name: str, title: str, chosen: Models, offered: Of
     )
 
 
-def _ways(camera: DepthCamera, offered: Offered) -> tuple[str, ...]:
-    """The ways to propagate a camera's calibration errors; noise alone where it has none."""
+def _propagations(camera: DepthCamera, offered: Offered) -> tuple[str, ...]:
+    """The models that propagate a camera's calibration errors; noise alone where it has none."""
     if not camera.calibration.groups:
         return (OFF,)
-    return tuple(way for way in offered["calibration"] if way != "linear" or has_covariance(camera))
+    return tuple(model for model in offered["calibration"] if model != "linear" or has_covariance(camera))
 
 
 def _complete(camera: DepthCamera, offered: Offered) -> Models:
-    return {**{slot: models[-1] for slot, models in offered.items()}, "calibration": _ways(camera, offered)[-1]}
+    return {**{slot: models[-1] for slot, models in offered.items()}, "calibration": _propagations(camera, offered)[-1]}
 
 
 def _sets(camera: DepthCamera, chosen: Models, offered: Offered) -> Iterator[tuple[Models, float]]:
     """Sets of models, with the tolerance of their draws over that of the study."""
     complete = _complete(camera, offered)
-    for way in _ways(camera, offered):
-        yield {**chosen, "calibration": way}, 1.0
+    for propagation in _propagations(camera, offered):
+        yield {**chosen, "calibration": propagation}, 1.0
     for law in offered.get(LENSES[0], ()):
         lenses: Models = {lens: law for lens in LENSES if law in offered.get(lens, ())}
         yield {**chosen, **lenses}, 1.0
@@ -105,17 +105,17 @@ def _sets(camera: DepthCamera, chosen: Models, offered: Offered) -> Iterator[tup
 
 def _words(models: Models, offered: Offered, tolerance: float) -> str:
     """A set of models in words that distinguish it from the others."""
-    way = MODEL["calibration", models["calibration"]]
+    propagation = MODEL["calibration", models["calibration"]]
     if models["calibration"] == "exact":
-        way += f" to {pretty(tolerance, FRACTION, digits=2)}"
+        propagation += f" to {pretty(tolerance, FRACTION, digits=2)}"
     pictures = {slot: names for slot, names in offered.items() if slot != "calibration" and len(names) > 1}
     if not pictures:
-        return way
+        return propagation
     if all(models[slot] == names[-1] for slot, names in pictures.items()):
-        return f"every effect, {way}"
+        return f"every effect, {propagation}"
     laws = dict.fromkeys(models[lens] for lens in LENSES if lens in pictures)
     named = [law.capitalize() for law in laws if law != OFF]
-    return f"{f'{listed(named)} diffraction' if named else 'no diffraction'}, {way}"
+    return f"{f'{listed(named)} diffraction' if named else 'no diffraction'}, {propagation}"
 
 
 def _usable_places(case: Case, camera: DepthCamera) -> FloatArray:

@@ -91,8 +91,8 @@ def study_cost(plan: Plan, steps: Steps | None = None, *, budget: float = DEFAUL
 
 def cost_json(study: str, cost: xr.Dataset) -> str:
     """A cost as JSON: its attributes, and a row for every problem and every entry."""
-    tables = {"pieces": cost.drop_dims("entry").to_dataframe().reset_index()}
-    tables["entries"] = cost.drop_dims("piece").to_dataframe()
+    tables = {"problems": cost.drop_dims("entry").to_dataframe().reset_index()}
+    tables["entries"] = cost.drop_dims("problem").to_dataframe()
     rows = {name: json.loads(one.to_json(orient="records", double_precision=15)) for name, one in tables.items()}
     return json.dumps({"study": study, **cost.attrs, **rows}, indent=2) + "\n"
 
@@ -120,7 +120,7 @@ def _models(plan: Plan, name: str) -> tuple[Models, Offered]:
 def _dataset(found: list[Measured], budget: float) -> xr.Dataset:
     entries = [(one, entry) for one in found for entry in one.entries]
     values = {
-        "piece_of": [one.problem.name for one, _ in entries],
+        "problem_of": [one.problem.name for one, _ in entries],
         "models": [entry.models for _, entry in entries],
         "relative_error": [entry.error for _, entry in entries],
         "seconds": [entry.seconds for _, entry in entries],
@@ -135,7 +135,7 @@ def _dataset(found: list[Measured], budget: float) -> xr.Dataset:
     return dataset(
         "cost",
         values,
-        {"piece": [one.problem.name for one in found]},
+        {"problem": [one.problem.name for one in found]},
         attributes={
             "machine": json.dumps(machine.identity(), sort_keys=True),
             "measured": datetime.now(UTC).isoformat(timespec="seconds"),

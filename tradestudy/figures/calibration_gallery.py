@@ -91,7 +91,7 @@ def _tie_words(tree: xr.DataTree, name: str) -> str:
 
 
 def _ranks(tree: xr.DataTree) -> Drawing:
-    decision = tree["decision"].to_dataset().sel(rank_way="calibration")
+    decision = tree["decision"].to_dataset().sel(rank_error_source="calibration")
     titles = camera_titles(tree)
     sentences = []
     for pair in decision["pair"].values:

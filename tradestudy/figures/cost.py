@@ -57,18 +57,18 @@ def cost_drawing(tree: xr.DataTree) -> Drawing:
 
 def _drawn(data: xr.Dataset) -> list[str]:
     """Names of the problems that have entries."""
-    return list(dict.fromkeys(str(name) for name in data["piece_of"].values))
+    return list(dict.fromkeys(str(name) for name in data["problem_of"].values))
 
 
 def _in_words(data: xr.Dataset, name: str) -> str:
-    one = data.isel(entry=data["piece_of"].values == name)
+    one = data.isel(entry=data["problem_of"].values == name)
     every = ", ".join(
         f"{models} {pretty(float(took), DURATION, digits=2)} and {100.0 * float(error):.2g} %"
         for models, took, error in zip(
             one["models"].values, one["seconds"].values, one["relative_error"].values, strict=True
         )
     )
-    return f"{one['title'].sel(piece=name).item()}: {every}. "
+    return f"{one['title'].sel(problem=name).item()}: {every}. "
 
 
 @styled()
@@ -80,7 +80,7 @@ def draw_cost(data: xr.Dataset) -> StudyFigure:
     figure = new_figure(_HEIGHT * rows + _LEGEND_HEIGHT)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, name in zip(panels, names, strict=False):
-        _panel(axes, data.isel(entry=data["piece_of"].values == name).sel(piece=name))
+        _panel(axes, data.isel(entry=data["problem_of"].values == name).sel(problem=name))
     for axes in panels[len(names) :]:
         axes.remove()
     styles = {"a set of models": _MODELS, "frontier": _FRONTIER, "a run's choice": _RING, "next digit": _STAR}
@@ -89,12 +89,12 @@ def draw_cost(data: xr.Dataset) -> StudyFigure:
     return figure
 
 
-def _panel(axes: Axes, piece: xr.Dataset) -> None:
-    shown = np.isfinite(piece["relative_error"].values)
-    one = piece.isel(entry=shown).sortby("seconds")
+def _panel(axes: Axes, problem: xr.Dataset) -> None:
+    shown = np.isfinite(problem["relative_error"].values)
+    one = problem.isel(entry=shown).sortby("seconds")
     seconds, error = np.asarray(one["seconds"].values), 100.0 * np.asarray(one["relative_error"].values)
     on, chosen, star = (one[of].values.astype(bool) for of in ("frontier", "chosen", "next_digit"))
-    floor = 100.0 * float(piece["reference_error"])
+    floor = 100.0 * float(problem["reference_error"])
     axes.plot(seconds[on], error[on], drawstyle="steps-post", zorder=1, **_FRONTIER)
     axes.axhline(floor, zorder=2, **_REFERENCE)
     axes.plot(seconds, error, zorder=3, label="a set of models", **_MODELS)
@@ -105,7 +105,7 @@ def _panel(axes: Axes, piece: xr.Dataset) -> None:
     for took in seconds[star]:  # slow and far from exact is where there are the fewest marks
         price = f"★ 10× as exact: {pretty(float(took), DURATION, digits=2)}"
         axes.text(0.985, 0.97, price, transform=axes.transAxes, ha="right", va="top", fontsize=SMALL)
-    axes.set_title(shortened(str(piece["title"].item()), _TITLE))
+    axes.set_title(shortened(str(problem["title"].item()), _TITLE))
     axes.set(xlabel="seconds", ylabel="error [%]")
 
 

@@ -232,7 +232,7 @@ def _readings(tree: xr.DataTree) -> Drawing:
     numerator, denominator = titles[decision.attrs["first"]], titles[decision.attrs["second"]]
     sentences = []
     for place in ratio["place"].values:
-        values = np.asarray(ratio.sel(place=place, way="both").values, dtype=float)
+        values = np.asarray(ratio.sel(place=place, error_source="both").values, dtype=float)
         known = values[~np.isnan(values)]
         if known.size == values.size == 1:
             sentences.append(f"At {distance(float(place))} the ratio is {significant(float(known[0]))}. ")
@@ -252,7 +252,7 @@ def _readings(tree: xr.DataTree) -> Drawing:
         alt=f"Dot chart of the uncertainty of {numerator} over that of {denominator}, one row per reading, one mark "
         "per distance, three panels: noise and calibration, noise only, calibration only. " + "".join(sentences),
         draw=partial(readings.draw_readings, tree),
-        values=partial(reading_tables, tree, readings.WAY_TITLES),
+        values=partial(reading_tables, tree, readings.ERROR_SOURCE_TITLES),
     )
 
 

@@ -23,7 +23,7 @@ from tradestudy.figures.style import (
 )
 from tradestudy.results.views.groups import FloatArray, camera_titles, group
 
-WAY_WORDS = {"calibration": "calibration alone", "both": "single measurements"}
+ERROR_SOURCE_WORDS = {"calibration": "calibration alone", "both": "single measurements"}
 _LETTERS = 22  # in a line of the title of a panel, of the third of a page
 
 
@@ -37,8 +37,11 @@ def draw_rank_probability(tree: xr.DataTree) -> StudyFigure:
     panels = camera_panels(figure, len(pairs), float(distance[-1]))
     letters = _LETTERS * PANELS_IN_A_ROW // min(PANELS_IN_A_ROW, len(pairs))
     for axes, pair, (first, second) in zip(panels, data["pair"].values, pairs, strict=True):
-        ways = enumerate(data["rank_way"].values)
-        lines = [_line(axes, distance, data.sel(pair=pair, rank_way=way), order) for order, way in ways]
+        error_sources = enumerate(data["rank_error_source"].values)
+        lines = [
+            _line(axes, distance, data.sel(pair=pair, rank_error_source=error_source), order)
+            for order, error_source in error_sources
+        ]
         axes.axhline(0.5, color=SOFT, linewidth=0.8, zorder=0)
         distance_axis(axes, (float(distance[0]), float(distance[-1])), dense=len(pairs) == 1)
         axes.set_ylim(0.0, 1.0)
@@ -57,7 +60,7 @@ def _line(axes: Axes, distance: FloatArray, there: xr.Dataset, order: int) -> Na
     seen = np.asarray((there["rank_first"] + there["rank_second"]).values, dtype=np.float64) > 0.0
     first = np.where(seen, np.asarray(there["rank_first"].values, dtype=np.float64), np.nan)
     error = 2.0 * np.asarray(there["rank_first_error"].values, dtype=np.float64)
-    label = WAY_WORDS[str(there["rank_way"].item())]
+    label = ERROR_SOURCE_WORDS[str(there["rank_error_source"].item())]
     axes.fill_between(distance, first - error, first + error, color=style.color, alpha=0.2, linewidth=0, label=label)
     axes.plot(distance, first, color=style.color, linestyle=style.dash, label=label)
     return NamedCurve(name=label, color=style.color, x=distance, y=first)

@@ -29,26 +29,26 @@ from tradestudy.figures.style import (
 from tradestudy.results.views.groups import FloatArray, camera_titles
 from tradestudy.wording import distance
 
-WAY_TITLES = {"both": "noise and calibration", "noise": "noise only", "calibration": "calibration only"}
+ERROR_SOURCE_TITLES = {"both": "noise and calibration", "noise": "noise only", "calibration": "calibration only"}
 _ROW = 0.27  # inches
 _STEP = 0.12  # of a row, from one place to the next, so that marks of like ratios stay apart
 
 
 @styled()
 def draw_readings(tree: xr.DataTree) -> StudyFigure:
-    """One row per reading, one mark per declared distance: the ratio of the uncertainties, three ways, 1 marked."""
+    """One row per reading, one mark per declared distance: the ratio of uncertainties, by error source; 1 is marked."""
     decision = tree["decision"].to_dataset()
     ratio = decision["uncertainty_ratio"]
     titles = {key: shortened(title, 28) for key, title in camera_titles(tree).items()}
     names = [str(name) for name in ratio["reading"].values]
     places = np.asarray(ratio["place"].values, dtype=np.float64)
     figure = new_figure(1.35 + _ROW * len(names))
-    panels = figure.subplots(1, len(WAY_TITLES), sharey=True, width_ratios=(2.2, 1.0, 1.0))
-    for axes, (way, title) in zip(panels, WAY_TITLES.items(), strict=True):
+    panels = figure.subplots(1, len(ERROR_SOURCE_TITLES), sharey=True, width_ratios=(2.2, 1.0, 1.0))
+    for axes, (error_source, title) in zip(panels, ERROR_SOURCE_TITLES.items(), strict=True):
         _panel(
             axes,
-            np.asarray(ratio.sel(way=way).values, dtype=np.float64),
-            decision["certainty_flips"].sel(way=way).values,
+            np.asarray(ratio.sel(error_source=error_source).values, dtype=np.float64),
+            decision["certainty_flips"].sel(error_source=error_source).values,
         )
         axes.set_title(title, fontsize=PANEL_TITLE)
     first, second = titles[decision.attrs["first"]], titles[decision.attrs["second"]]
@@ -92,7 +92,7 @@ def _mark(order: int, count: int, *, filled: bool) -> Line2D:
 
 
 def _panel(axes: Axes, ratio: FloatArray, flips: npt.NDArray[np.bool_]) -> None:
-    """All marks of one way; `ratio` and `flips` have shape (reading, place)."""
+    """All marks of one error source; `ratio` and `flips` have shape (reading, place)."""
     finite = ratio[np.isfinite(ratio) & (ratio > 0)]
     low, high = (min(float(finite.min()), 0.5), max(float(finite.max()), 2.0)) if finite.size else (0.5, 2.0)
     low, high = low / 1.4, high * 1.4

@@ -57,13 +57,18 @@ def _sources(title: str, fields: list[str], data: xr.Dataset) -> ValueTable:
 
 
 def reading_tables(tree: xr.DataTree, titles: dict[str, str]) -> Tables:
-    """The ratio of the uncertainties of a pair in every reading, one table for each of the `titles` of its ways."""
+    """The ratio of the uncertainties of a pair in every reading, one table for each error source in `titles`."""
     data = group(tree, "decision")
     columns = ["Reading", *(f"at {distance(float(place))}" for place in data["place"].values)]
     names = [str(name) for name in data["reading"].values]
     return tuple(
-        grid(title, columns, names, data["uncertainty_ratio"].sel(way=way).transpose("reading", "place").values)
-        for way, title in titles.items()
+        grid(
+            title,
+            columns,
+            names,
+            data["uncertainty_ratio"].sel(error_source=error_source).transpose("reading", "place").values,
+        )
+        for error_source, title in titles.items()
     )
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart, PointSpreadPart
 
 _FEWEST, _FEW = 3, 12  # distances in two samples of a camera's table, whose time grows linearly beyond
-_DRAWN_WAYS: Final = 2  # calibration, and both; noise alone has a closed form
+_DRAWN_ERROR_SOURCES: Final = 2  # calibration, and both; noise alone has a closed form
 # A fit takes a few Gauss-Newton steps; sampling takes four ensembles of 500 steps, with two walkers per parameter.
 # Both evaluate the same views and corners, so their ratio per parameter is a constant count.
 _FITS_PER_PARAMETER: Final = 20
@@ -93,7 +93,7 @@ def drawing_seconds(camera: DepthCamera, distances: int) -> float:
     first = seconds_of(lambda: expected.append(draws_to_expect(camera)))
     doubled = 2.0 ** math.ceil(math.log2(expected[0]))
     # Doubling until there are enough draws costs as much again; then every distance is evaluated.
-    return _DRAWN_WAYS * first * doubled * (2.0 + distances / max(1, len(camera.propagation.judged)))
+    return _DRAWN_ERROR_SOURCES * first * doubled * (2.0 + distances / max(1, len(camera.propagation.judged)))
 
 
 def correction_seconds(points: Sequence[LatticePoint]) -> float:

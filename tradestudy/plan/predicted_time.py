@@ -37,7 +37,7 @@ if TYPE_CHECKING:  # few studies ask for light, or infer
     from tradestudy.calibration.target.camera_target import TargetToInfer
 
 # Time of other questions about a camera, in units of its table over all distances: a verdict finds crossovers and
-# switches of the winner in three ways; ranks draw two ways; a claim needs one way, mostly cached already.
+# switches of the winner for three error sources; ranks draw two; a claim needs one, mostly cached already.
 _TABLES_OF_A_VERDICT: Final = 1.5
 _TABLES_OF_RANKS: Final = 2.0
 _TABLES_OF_A_CLAIM: Final = 0.4

@@ -45,7 +45,7 @@ def depth_values(depth: xr.Dataset) -> list[dict[str, CurveValues]]:
     x, ends = np.asarray(depth["distance"].values, dtype=np.float64), depth["quantile"].values
     beside = pretty(float(ends[-1] - ends[0]), FRACTION)
     low, high = (
-        by_design(depth, depth["depth_quantile"].sel(way="both").isel(quantile=end), "camera", "distance")
+        by_design(depth, depth["depth_quantile"].sel(error_source="both").isel(quantile=end), "camera", "distance")
         for end in (0, -1)
     )
     nearer, farther = (

@@ -64,9 +64,9 @@ _SYMBOL = re.compile(r"(?<!\w)([^\W\d_])_(\w+)")
 
 def with_subscripts(text: str) -> Spans:
     """Text in which symbols such as ``b_L`` have subscripts."""
-    pieces = _SYMBOL.split(literal(text))
+    parts = _SYMBOL.split(literal(text))
     styles: tuple[SpanStyle, ...] = ("plain", "emphasis", "sub")
-    return tuple(Span(piece, styles[place % 3]) for place, piece in enumerate(pieces) if piece)
+    return tuple(Span(part, styles[place % 3]) for place, part in enumerate(parts) if part)
 
 
 def plain_text(text: Text) -> str:
@@ -110,8 +110,8 @@ def _parsed(template: str, values: Mapping[str, Text]) -> Iterator[Span]:
 _STYLES: tuple[SpanStyle, ...] = ("strong", "emphasis", "code", "sub", "sup", "link")
 
 
-def _filled(piece: str, style: SpanStyle, target: str, values: Mapping[str, Text]) -> Iterator[Span]:
-    for index, part in enumerate(_PLACE.split(piece)):
+def _filled(template: str, style: SpanStyle, target: str, values: Mapping[str, Text]) -> Iterator[Span]:
+    for index, part in enumerate(_PLACE.split(template)):
         if index % 2:
             value = values[part]
             yield from (Span(literal(value), style, target),) if isinstance(value, str) else value

@@ -199,16 +199,16 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
 
 RANKS: Final[Mapping[str, Variable]] = {
     "rank_first": Variable(
-        dims=("pair", "rank_way", "rank_distance"),
+        dims=("pair", "rank_error_source", "rank_distance"),
         units="1",
         long_name="probability that the depth error of the first camera is the smaller one",
         error="rank_first_error",
     ),
     "rank_first_error": Variable(
-        dims=("pair", "rank_way", "rank_distance"), units="1", long_name=_REPLICATES, error=_ESTIMATE
+        dims=("pair", "rank_error_source", "rank_distance"), units="1", long_name=_REPLICATES, error=_ESTIMATE
     ),
     "rank_second": Variable(
-        dims=("pair", "rank_way", "rank_distance"),
+        dims=("pair", "rank_error_source", "rank_distance"),
         units="1",
         long_name="probability that the depth error of the second camera is the smaller one",
         error="rank_first_error",

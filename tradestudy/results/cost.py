@@ -8,7 +8,7 @@ from typing import Final
 from tradestudy.results.variable import Variable
 
 _ENTRY: Final = ("entry",)
-_PIECE: Final = ("piece",)
+_PROBLEM: Final = ("problem",)
 
 
 def _words(dims: tuple[str, ...], long_name: str) -> Variable:
@@ -16,7 +16,7 @@ def _words(dims: tuple[str, ...], long_name: str) -> Variable:
 
 
 COST: Final[Mapping[str, Variable]] = {
-    "piece_of": _words(_ENTRY, "camera or light path, by its name in piece"),
+    "problem_of": _words(_ENTRY, "camera or light path, by its name in problem"),
     "models": _words(_ENTRY, "models and settings, in words"),
     "relative_error": Variable(
         dims=_ENTRY,
@@ -36,10 +36,13 @@ COST: Final[Mapping[str, Variable]] = {
     "next_digit": Variable(
         dims=_ENTRY, units="1", long_name="whether it is the fastest with at most a tenth of the chosen entry's error"
     ),
-    "title": _words(_PIECE, "name in figures and sentences"),
-    "reference": _words(_PIECE, "reference of the errors; empty where there was no time for one"),
+    "title": _words(_PROBLEM, "name in figures and sentences"),
+    "reference": _words(_PROBLEM, "reference of the errors; empty where there was no time for one"),
     "reference_error": Variable(
-        dims=_PIECE, units="1", long_name="relative error of the reference; NaN without one", error="an estimate itself"
+        dims=_PROBLEM,
+        units="1",
+        long_name="relative error of the reference; NaN without one",
+        error="an estimate itself",
     ),
-    "left_out": _words(_PIECE, "what was not measured and why, one line each"),
+    "left_out": _words(_PROBLEM, "what was not measured and why, one line each"),
 }

@@ -42,18 +42,18 @@ DEPTH: Final[Mapping[str, Variable]] = {
         "measured departure from draws",
         error="an estimate of an error; NaN where the interval is not bounded",
     ),
-    "depth_uncertainty_way": Variable(
-        dims=("camera", "distance", "way"),
+    "depth_uncertainty_by_error_source": Variable(
+        dims=("camera", "distance", "error_source"),
         units="m",
         long_name="depth uncertainty from noise only, calibration only, and both; "
         f"infinite where the interval has no far end, {_UNSEEN}",
         symbol="u(a)",
         error=SEE_ERROR,
     ),
-    "depth_uncertainty_way_error": Variable(
-        dims=("camera", "distance", "way"),
+    "depth_uncertainty_by_error_source_error": Variable(
+        dims=("camera", "distance", "error_source"),
         units="m",
-        long_name="error of depth_uncertainty_way, defined as depth_uncertainty_error",
+        long_name="error of depth_uncertainty_by_error_source, defined as depth_uncertainty_error",
         error="an estimate of an error; NaN where the interval is not bounded",
     ),
     "variance_share": Variable(
@@ -66,14 +66,14 @@ DEPTH: Final[Mapping[str, Variable]] = {
         error="that of the linearisation in inverse depth",
     ),
     "depth_quantile": Variable(
-        dims=("camera", "distance", "way", "quantile"),
+        dims=("camera", "distance", "error_source", "quantile"),
         units="m",
         long_name=f"quantile of one measured depth; infinite beyond the pole, {_UNSEEN}",
         symbol="a_p",
         error=SEE_ERROR,
     ),
     "failed_fraction": Variable(
-        dims=("camera", "distance", "way"),
+        dims=("camera", "distance", "error_source"),
         units="1",
         long_name="fraction of measurements that fail: disparity beyond that of infinity, or a declared fraction of "
         "false "
@@ -82,7 +82,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         error="failed_fraction_error",
     ),
     "failed_fraction_error": Variable(
-        dims=("camera", "distance", "way"),
+        dims=("camera", "distance", "error_source"),
         units="1",
         long_name=f"error of failed_fraction, defined as depth_uncertainty_error; {_UNSEEN}",
         error="an estimate of an error",
@@ -189,8 +189,9 @@ DEPTH: Final[Mapping[str, Variable]] = {
 }
 
 _OF_FIELD: Final = (
-    "depth_uncertainty", "depth_uncertainty_error", "depth_uncertainty_way", "depth_uncertainty_way_error",
-    "variance_share", "depth_quantile", "failed_fraction", "failed_fraction_error", "converged",
+    "depth_uncertainty", "depth_uncertainty_error", "depth_uncertainty_by_error_source",
+    "depth_uncertainty_by_error_source_error", "variance_share", "depth_quantile", "failed_fraction",
+    "failed_fraction_error", "converged",
 )  # fmt: skip
 DEPTH_FIELD: Final[Mapping[str, Variable]] = {
     name: replace(DEPTH[name], dims=("camera", "field", *DEPTH[name].dims[1:])) for name in _OF_FIELD

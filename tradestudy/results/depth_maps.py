@@ -35,7 +35,7 @@ _COUNTS: Final = {
     "points": "points that show a surface within the searched distances",
     "seen": "unoccluded points that appear in two of the compared pictures",
     "measured": "those of these points that have a depth",
-    "elsewhere": "points with a depth that do not appear in two of the compared pictures",
+    "measured_unseen": "points with a depth that do not appear in two of the compared pictures",
     "windows": "non-overlapping matching windows that the measured points fill",
 }
 COUNTS: Final = tuple(_COUNTS)

@@ -8,7 +8,7 @@ from typing import Final
 from tradestudy.results.variable import Variable
 
 _DECISION, _CHANGE = ("decision",), ("decision", "quantity")
-_PIECE, _TOGETHER = ("piece",), ("piece", "quantity")
+_PROBLEM, _TOGETHER = ("problem",), ("problem", "quantity")
 _HOW = "computed, rule (a closed rule, with a margin) or trial (a more expensive model at a few places, with a margin)"
 _KNOWN_AS = "see evidence: computed with a margin for places in between, a bound, or a trial with a margin"
 
@@ -18,7 +18,7 @@ def _words(dims: tuple[str, ...], long_name: str) -> Variable:
 
 
 EFFECTS: Final[Mapping[str, Variable]] = {
-    "situation": _words(_DECISION, "camera, lens or light path that the model belongs to, as in piece"),
+    "problem_of": _words(_DECISION, "camera, lens or light path that the model belongs to, by its name in problem"),
     "slot": _words(_DECISION, "effect"),
     "model": _words(_DECISION, "model of the effect; off leaves the effect out"),
     "chosen": Variable(dims=_DECISION, units="1", long_name="whether the model is applied", error="exact"),
@@ -59,6 +59,6 @@ EFFECTS: Final[Mapping[str, Variable]] = {
         long_name="tolerance on the relative change; NaN where the study does not ask for the quantity",
         error="declared",
     ),
-    "piece_title": _words(_PIECE, "the camera, lens or light path in words"),
-    "summary": _words(_PIECE, "what is simulated, and the largest omission, in one line"),
+    "problem_title": _words(_PROBLEM, "the camera, lens or light path in words"),
+    "summary": _words(_PROBLEM, "what is simulated, and the largest omission, in one line"),
 }

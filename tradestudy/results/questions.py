@@ -9,76 +9,82 @@ from tradestudy.results.variable import SEE_ERROR, Variable
 
 DECISION: Final[Mapping[str, Variable]] = {
     "best_camera": Variable(
-        dims=("distance", "way"),
+        dims=("distance", "error_source"),
         units="",
         long_name="usable candidate with the lowest depth uncertainty, and those that differ from it by no more than "
         "both errors; empty where none is usable",
     ),
     "winner": Variable(
-        dims=("reading", "place", "way"),
+        dims=("reading", "place", "error_source"),
         units="",
         long_name="usable camera of the main pair with the lower depth uncertainty; empty where neither is usable",
     ),
     "more_certain": Variable(
-        dims=("reading", "place", "way"),
+        dims=("reading", "place", "error_source"),
         units="",
         long_name="camera of the main pair with the lower depth uncertainty, usable or not",
     ),
     "uncertainty_ratio": Variable(
-        dims=("reading", "place", "way"),
+        dims=("reading", "place", "error_source"),
         units="1",
         long_name="depth uncertainty of the first camera of the main pair over that of the second; "
         "infinite where only the first has no far end, NaN where both have none",
         error=SEE_ERROR,
     ),
     "within_tolerance": Variable(
-        dims=("reading", "place", "way"),
+        dims=("reading", "place", "error_source"),
         units="1",
         long_name="whether the uncertainties of the main pair differ by no more than the tolerance, so that the "
         "omitted effects could reverse which is lower",
         error="exact",
     ),
     "flips": Variable(
-        dims=("reading", "place", "way"),
+        dims=("reading", "place", "error_source"),
         units="1",
         long_name="whether the winner differs from the study's reading",
     ),
     "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes"),
     "certainty_flips": Variable(
-        dims=("reading", "place", "way"),
+        dims=("reading", "place", "error_source"),
         units="1",
         long_name="whether the more certain camera, usable or not, differs from the study's reading",
     ),
     "change_distance": Variable(
-        dims=("reading", "way", "change"),
+        dims=("reading", "error_source", "change"),
         units="m",
         long_name="distance where the winner of the main pair switches; NaN where there is none",
         error="change_error; its range over readings is stored too",
     ),
     "change_error": Variable(
-        dims=("reading", "way", "change"),
+        dims=("reading", "error_source", "change"),
         units="m",
         long_name="standard error over independent scrambles; infinite where not every scramble has the switch, "
         "NaN where there is none",
         error="an estimate of an error",
     ),
-    "change_nearer": Variable(dims=("reading", "way", "change"), units="", long_name="winner nearer than the switch"),
-    "change_farther": Variable(dims=("reading", "way", "change"), units="", long_name="winner beyond the switch"),
+    "change_nearer": Variable(
+        dims=("reading", "error_source", "change"), units="", long_name="winner nearer than the switch"
+    ),
+    "change_farther": Variable(
+        dims=("reading", "error_source", "change"), units="", long_name="winner beyond the switch"
+    ),
     "crossover_distance": Variable(
-        dims=("reading", "way", "crossing"),
+        dims=("reading", "error_source", "crossing"),
         units="m",
         long_name="distance where the cameras of the main pair are equally uncertain; NaN where there is none",
         error="crossover_error; its range over readings is stored too",
     ),
     "crossover_error": Variable(
-        dims=("reading", "way", "crossing"),
+        dims=("reading", "error_source", "crossing"),
         units="m",
         long_name="standard error over independent scrambles; infinite where not every scramble has the crossover, "
         "NaN where there is none",
         error="an estimate of an error",
     ),
     "crossover_nearer": Variable(
-        dims=("reading", "way", "crossing"), units="", long_name="more certain camera nearer than the crossover"
+        dims=("reading", "error_source", "crossing"),
+        units="",
+        long_name="more certain camera nearer than the crossover",
     ),
     "design_best_camera": Variable(
         dims=("design_place",),

@@ -71,7 +71,7 @@ class PicturesToRead:
         Values of the pictures and their true depth [m], by name.
     waves
         Diffraction in each picture; None if it was rendered by rays.
-    way
+    error_source
         Which error sources the predicted uncertainty includes; see `depth_uncertainty`.
     middle
         Distance of the middle of the scene [m].
@@ -82,7 +82,7 @@ class PicturesToRead:
     values: Mapping[str, NDArray[Any]]
     depths: Mapping[str, NDArray[np.float32]]
     waves: Mapping[str, Waves | None]
-    way: str
+    error_source: str
     middle: float
 
 
@@ -188,7 +188,7 @@ def measure_depth(rendering: Rendering, readers: Sequence[CameraReader], steps: 
             values={its.name: its.values for its in rendering.pictures if its.camera == one.taken.name},
             depths={its.name: its.depth for its in rendering.pictures if its.camera == one.taken.name},
             waves=_waves(rendering, one),
-            way="both" if rendering.image.rig == "drawn" else "noise",
+            error_source="both" if rendering.image.rig == "drawn" else "noise",
             middle=sum(rendering.scene.extent) / 2.0,
         )
         for one in readers
@@ -219,7 +219,7 @@ def read_depth(point: PicturesToRead) -> MeasuredDepth:
     }
     found = one.reader.read(pictures)
     truth = one.reader.truth(point.depths, {name: its.pure for name, its in pictures.items()})
-    predicted = predicted_uncertainty(one.taken.camera, np.asarray(truth.depth, np.float64), point.way)
+    predicted = predicted_uncertainty(one.taken.camera, np.asarray(truth.depth, np.float64), point.error_source)
     scored = score(found, truth, predicted, one.search.window_px)
     return MeasuredDepth(
         camera=one.taken.name,
@@ -257,7 +257,7 @@ def window_at(settings: PictureSettings, camera: DepthCamera, distance: float) -
 def _matcher(point: PicturesToRead, found: DepthMap, truth: TrueDepth) -> str:
     """The matcher fitted to the errors, as a declaration for study files; or why there is none."""
     camera = point.reader.taken.camera
-    if point.way == "both" and isinstance(camera, DepthCamera) and camera.calibration.groups:
+    if point.error_source == "both" and isinstance(camera, DepthCamera) and camera.calibration.groups:
         return (
             "no matcher can be fitted: calibration errors of the drawn rig would count as the matcher's; "
             "set scene.image.rig to as-designed"
@@ -268,14 +268,14 @@ def _matcher(point: PicturesToRead, found: DepthMap, truth: TrueDepth) -> str:
         return f"no matcher can be fitted: {reason}"
 
 
-def predicted_uncertainty(camera: Camera, depth: FloatArray, way: str) -> FloatArray:
+def predicted_uncertainty(camera: Camera, depth: FloatArray, error_source: str) -> FloatArray:
     """Depth uncertainty [m] of a camera at true depths; NaN for a camera that measures no disparity."""
     known = np.isfinite(depth)
     if not isinstance(camera, DepthCamera) or not np.any(known):
         return np.full(depth.shape, np.nan)
     ends = float(depth[known].min()), float(depth[known].max())
     distances = np.linspace(*ends, _DISTANCES) if ends[0] < ends[1] else np.array(ends[:1])
-    return np.interp(depth, distances, depth_uncertainty(camera, distances, way))
+    return np.interp(depth, distances, depth_uncertainty(camera, distances, error_source))
 
 
 def predicted_availability(camera: Camera, distance: float) -> float:

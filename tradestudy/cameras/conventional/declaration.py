@@ -67,8 +67,8 @@ class ConventionalFocusPart(Part):
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
-        ways = (self.distance, self.image_scale, self.working_distance)
-        if sum(way is not None for way in ways) != 1:
+        given = (self.distance, self.image_scale, self.working_distance)
+        if sum(one is not None for one in given) != 1:
             raise MistakeAt((), "give exactly one of distance, image_scale and working_distance")
         if self.working_distance is not None and self.reference is None:
             raise MistakeAt(

@@ -32,7 +32,7 @@ _NEARLY_PARALLEL: Final = 0.05
 class StereoLensPart(LensPart):
     """The lenses of both cameras; a calibrated pair takes its focal length from its geometry."""
 
-    ways: ClassVar[tuple[int, ...]] = (0, 1)
+    counts_given: ClassVar[tuple[int, ...]] = (0, 1)
 
     f_number: FNumber = Field(default="2.8", validate_default=True, description="Focal length over pupil diameter.")
 

@@ -38,8 +38,8 @@ class DepthScore:
         Points that the estimator can measure: it sees them in two pictures, and nothing hides them.
     measured
         Seen points that have a depth.
-    elsewhere
-        Depths assigned to points that it cannot measure, such as hidden ones.
+    measured_unseen
+        Points that have a depth although the estimator cannot measure them, such as hidden ones.
     windows
         Number of windows without common pixels that the measured points fill.
     bias, spread
@@ -74,7 +74,7 @@ class DepthScore:
     points: int
     seen: int
     measured: int
-    elsewhere: int
+    measured_unseen: int
     windows: float
     bias: float
     spread: float
@@ -151,7 +151,7 @@ def score(found: DepthMap, truth: TrueDepth, predicted: Samples, window_px: floa
         points=int(points.sum()),
         seen=int(seen.sum()),
         measured=int(filled.sum()),
-        elsewhere=int(np.count_nonzero(measured & ~truth.measurable)),
+        measured_unseen=int(np.count_nonzero(measured & ~truth.measurable)),
         windows=float(filled.sum() / window_px**2),
         matcher="",
         **whole,

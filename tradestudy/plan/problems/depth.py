@@ -279,7 +279,7 @@ def _variant(definition: StudyDefinition, name: str, forced: Models) -> DepthVar
         criteria=definition.case.criteria,
         distance=np.unique(np.append(distance[::step], distance[-1:])),
         asked=np.unique(list(_distances_asked(file))),
-        ways=_ways_asked(file),
+        error_sources=_error_sources_asked(file),
         fields=tuple(file.propagation.field_places),
         forced=applicable(camera, forced),
     )
@@ -296,7 +296,7 @@ def _distances_asked(file: StudyFile) -> Iterator[float]:
         yield from getattr(claim, "over", None) or ()
 
 
-def _ways_asked(file: StudyFile) -> tuple[str, ...]:
+def _error_sources_asked(file: StudyFile) -> tuple[str, ...]:
     """The errors that answers include: both kinds, and calibration alone where a question names it."""
     named = {getattr(one, "errors", "") for one in (*file.solve.values(), *file.claims.values())}
     return ("both", "calibration") if "calibration" in named else ("both",)
@@ -306,7 +306,7 @@ def _same(one: DepthVariant, other: DepthVariant) -> bool:
     return (
         one.camera == other.camera
         and one.fields == other.fields
-        and one.ways == other.ways
+        and one.error_sources == other.error_sources
         and one.criteria == other.criteria
         and np.array_equal(one.distance, other.distance)
         and np.array_equal(one.asked, other.asked)

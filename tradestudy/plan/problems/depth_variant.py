@@ -93,7 +93,7 @@ class DepthVariant:
         Models that the study prescribes.
     fields
         Places in the field that the study declares, besides the axis.
-    ways
+    error_sources
         The errors that answers include: ``both``, and ``calibration`` alone where a question names it.
     only_in
         The readings and inverse questions in which the variant occurs; empty if the study or a design has it.
@@ -105,7 +105,7 @@ class DepthVariant:
     asked: FloatArray
     forced: Models
     fields: tuple[float, ...] = ()
-    ways: tuple[str, ...] = ("both",)
+    error_sources: tuple[str, ...] = ("both",)
     only_in: tuple[str, ...] = ()
     _errors_px: dict[PictureModels, FloatArray] = field(default_factory=dict, init=False)
     _replaced: dict[frozenset[tuple[str, str]], Replaced] = field(default_factory=dict, init=False)
@@ -206,8 +206,8 @@ class DepthVariant:
         if not has_covariance(self.reference):  # as for noise alone, which models move the most
             return np.zeros(self._everywhere.shape)
         noise, calibration = (
-            linear_reading(self.reference, self._everywhere, 0.0, way).standard_deviation
-            for way in ("noise", "calibration")
+            linear_reading(self.reference, self._everywhere, 0.0, error_source).standard_deviation
+            for error_source in ("noise", "calibration")
         )
         return np.asarray(calibration / noise)
 
@@ -420,7 +420,9 @@ class DepthVariant:
         """The error at a place in the field; 0 where nothing is measured, infinite where it cannot be determined."""
         error = np.zeros(tried.shape) if all_normal(camera) else clear_departure(camera, tried, field)
         if not np.any(error > _CLEARLY):  # otherwise linear propagation fails clearly, and draws would add nothing
-            error = np.fmax.reduce([model_error(camera, tried, way, field).intervals for way in self.ways])
+            error = np.fmax.reduce(
+                [model_error(camera, tried, error_source, field).intervals for error_source in self.error_sources]
+            )
         measured = ~np.isnan(distribution(camera, tried, "both", field).half_width)
         return np.where(measured, np.where(np.isnan(error), np.inf, error), 0.0)
 

@@ -303,7 +303,7 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     """Where the preferred camera of the main pair switches, and how far other readings move that."""
     if not has(tree, "decision", "change_distance"):
         return
-    decision, titles = group(tree, "decision").sel(way="both"), camera_titles(tree)
+    decision, titles = group(tree, "decision").sel(error_source="both"), camera_titles(tree)
     first, second = (titles[decision.attrs[end]] for end in ("first", "second"))
     handed = [list(handovers(decision.isel(reading=row))) for row in range(decision.sizes["reading"])]
     own = "at " + " and ".join(with_error(*place, distance) for place in handed[0]) if handed[0] else "nowhere"

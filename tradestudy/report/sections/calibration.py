@@ -98,8 +98,8 @@ def _averaging(tree: xr.DataTree) -> Table:
     depth, places = table_depth(tree), table_distances(tree)
 
     def cell(key: str, place: float) -> str:
-        there = depth["depth_uncertainty_way"].sel(camera=key).sel(distance=place, method="nearest")
-        noise, calibration = (float(there.sel(way=way)) for way in ("noise", "calibration"))
+        there = depth["depth_uncertainty_by_error_source"].sel(camera=key).sel(distance=place, method="nearest")
+        noise, calibration = (float(there.sel(error_source=error_source)) for error_source in ("noise", "calibration"))
         return _readings_worth(noise, calibration)
 
     return Table(

@@ -25,17 +25,17 @@ def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterato
 
 def answers(cost: xr.Dataset) -> Iterator[Spans]:
     """Time and error for every camera and picture of a study, and the cost of one more digit."""
-    for name in cost["piece"].values:
-        rows = cost.isel(entry=cost["piece_of"].values == name)
-        yield _answer(cost.sel(piece=name), rows.drop_dims("piece").to_dataframe().to_dict("records"))
+    for name in cost["problem"].values:
+        rows = cost.isel(entry=cost["problem_of"].values == name)
+        yield _answer(cost.sel(problem=name), rows.drop_dims("problem").to_dataframe().to_dict("records"))
 
 
-def _answer(piece: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
-    left_out = str(piece["left_out"].item()).splitlines()
+def _answer(problem: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
+    left_out = str(problem["left_out"].item()).splitlines()
     chosen = [entry for entry in entries if entry["chosen"]]
     if not chosen:
-        return say("**{title}**: {why}.", title=str(piece["title"].item()), why="; ".join(left_out))
-    own, error, floor = chosen[0], float(chosen[0]["relative_error"]), float(piece["reference_error"])
+        return say("**{title}**: {why}.", title=str(problem["title"].item()), why="; ".join(left_out))
+    own, error, floor = chosen[0], float(chosen[0]["relative_error"]), float(problem["reference_error"])
     finer = [entry for entry in entries if entry["next_digit"]]
     if finer:
         more = f"ten times as exact takes {_seconds(finer[0])} ({finer[0]['models']})"
@@ -45,7 +45,7 @@ def _answer(piece: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
         more = "no measured set of models is ten times as exact"
     return say(
         "**{title}**: {models} takes {seconds} and errs by {most}{error}; {more}.{left_out}",
-        title=str(piece["title"].item()),
+        title=str(problem["title"].item()),
         models=str(own["models"]),
         seconds=_seconds(own),
         most="at most " if error <= floor else "",

@@ -38,7 +38,7 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
     for name in data["camera"].values:
         one = data.sel(camera=name)
         usable = f"usable {_usable(*(float(one[name]) for name in ('near_limit', 'far_limit')))}"
-        across, down = (pretty(float(one[f"{way}_field_of_view"]), ANGLE) for way in ("horizontal", "vertical"))
+        across, down = (pretty(float(one[f"{axis}_field_of_view"]), ANGLE) for axis in ("horizontal", "vertical"))
         yield Table(
             name=f"datasheet-{name}",
             caption=f"{titles[str(name)]}: {usable}; field of view as focused, {across} × {down}.",

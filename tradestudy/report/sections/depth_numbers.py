@@ -17,7 +17,7 @@ from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher,
 from tradestudy.wording import distance
 
 _NEGLIGIBLE_SHARE = 1e-6  # the error of the computed share
-WAYS = {"noise": "noise", "calibration": "calibration", "both": "both"}
+_ERROR_SOURCES = ("noise", "calibration", "both")
 
 
 def list_depths(tree: xr.DataTree) -> Iterator[Block]:
@@ -40,10 +40,16 @@ def _values_at_places(tree: xr.DataTree) -> Table:
         rows.append((f"At {distance(float(place))}",))
         for key, title in titles_in(tree, "depth").items():
             camera = there.sel(camera=key)
-            known = [camera[name] for name in ("depth_uncertainty_way", "depth_uncertainty_way_error")]
-            u = {way: tuple(float(one.sel(way=way)) for one in known) for way in WAYS}
+            known = [
+                camera[name]
+                for name in ("depth_uncertainty_by_error_source", "depth_uncertainty_by_error_source_error")
+            ]
+            u = {
+                error_source: tuple(float(one.sel(error_source=error_source)) for one in known)
+                for error_source in _ERROR_SOURCES
+            }
             nearer, farther = (float(camera["depth_discrimination"].sel(side=side)) for side in ("nearer", "farther"))
-            low, high = camera["depth_quantile"].sel(way="both").values[[0, -1]]
+            low, high = camera["depth_quantile"].sel(error_source="both").values[[0, -1]]
             rows.append(
                 (
                     title,
@@ -61,7 +67,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
             Column(title="Camera", weight=1),
             Column(title="Usable"),
             Column(title="Discrim­ination", align="right"),
-            *(Column(title=f"u {title}", align="right") for title in WAYS.values()),
+            *(Column(title=f"u {error_source}", align="right") for error_source in _ERROR_SOURCES),
             Column(title="relative", align="right"),
             Column(title=f"{content} interval", align="right"),
         ),
@@ -135,7 +141,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
     def table(
         name: str, variable: str, caption: str, write: Callable[[float], str], notes: tuple[Text, ...] = ()
     ) -> Table:
-        data = depth[variable].sel(way="both") if "way" in depth[variable].dims else depth[variable]
+        data = depth[variable].sel(error_source="both") if "error_source" in depth[variable].dims else depth[variable]
         return Table(
             name=name,
             caption=caption,
@@ -212,7 +218,7 @@ def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
 
 def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
     """The ratio of uncertainties, noise and calibration together, for every reading and place."""
-    both = decision.sel(way="both")
+    both = decision.sel(error_source="both")
 
     def cell(reading: Any, place: Any) -> Text:
         at = both.sel(reading=reading, place=place)
@@ -244,8 +250,8 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
     """Where the uncertainties of the pair are equal, and how far readings move that."""
     if "crossover_distance" not in decision:
         return
-    values = np.asarray(decision["crossover_distance"].sel(way="both").values, dtype=np.float64)
-    errors = decision["crossover_error"].sel(way="both").values[0]
+    values = np.asarray(decision["crossover_distance"].sel(error_source="both").values, dtype=np.float64)
+    errors = decision["crossover_error"].sel(error_source="both").values[0]
     own = [with_error(float(v), float(e), distance) for v, e in zip(values[0], errors, strict=True) if np.isfinite(v)]
     others = values[1:][np.isfinite(values[1:])]
     declared = (

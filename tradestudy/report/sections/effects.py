@@ -76,10 +76,10 @@ def _rows(tree: xr.DataTree) -> list[dict[str, Any]]:
     if not rows:
         return []
     data = group(tree, "effects")
-    pieces = [str(name) for name in data["piece"].values]
+    problems = [str(name) for name in data["problem"].values]
     found = []
     for number, row in enumerate(rows):
-        place = pieces.index(str(row["situation"]))
+        place = problems.index(str(row["problem_of"]))
         asked = data["tolerance"].values[place]
         change = data["change"].values[number]
         with np.errstate(invalid="ignore"):
@@ -88,7 +88,7 @@ def _rows(tree: xr.DataTree) -> list[dict[str, Any]]:
         found.append(
             row
             | {
-                "title": str(data["piece_title"].values[place]),
+                "title": str(data["problem_title"].values[place]),
                 "change": float(change[worst]),
                 "quantity": str(data["quantity"].values[worst]),
                 "evidence": str(data["evidence"].values[number, worst]),

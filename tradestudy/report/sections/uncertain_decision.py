@@ -19,8 +19,10 @@ def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
     pair = decision.isel(pair=0)
     first, second = (titles[str(pair[name].item())] for name in ("pair_first", "pair_second"))
 
-    def between(way: str) -> str:
-        there = pair["rank_first"].sel(rank_way=way).sel(rank_distance=places, method="nearest").values
+    def between(error_source: str) -> str:
+        there = (
+            pair["rank_first"].sel(rank_error_source=error_source).sel(rank_distance=places, method="nearest").values
+        )
         low, high = share(float(there.min())), share(float(there.max()))
         return low if low == high else f"{low} to {high}"
 
@@ -53,10 +55,12 @@ def _rank_table(tree: xr.DataTree) -> Table:
         return f"{100 * first:.1f} ± {100 * error:.1f}\N{NO-BREAK SPACE}%"
 
     rows: list[tuple[Text, ...]] = []
-    for way in data["rank_way"].values:
-        rows.append(("Calibration alone" if way == "calibration" else "Single measurements, noise and calibration",))
+    for error_source in data["rank_error_source"].values:
+        rows.append(
+            ("Calibration alone" if error_source == "calibration" else "Single measurements, noise and calibration",)
+        )
         for pair in data["pair"].values:
-            there = data.sel(pair=pair, rank_way=way)
+            there = data.sel(pair=pair, rank_error_source=error_source)
             names = [titles[str(there[name].item())] for name in ("pair_first", "pair_second")]
             rows.append((*names, *(cell(there, place) for place in places)))
     return Table(

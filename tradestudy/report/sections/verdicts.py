@@ -16,14 +16,14 @@ from tradestudy.wording import counted, distance
 
 def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
     """What noise and calibration favour by themselves, and the verdict on the pair under other readings."""
-    ways, table = tuple(_ways(tree)), tuple(_stability(tree))
+    favoured, table = tuple(_favoured_cameras(tree)), tuple(_stability(tree))
     if table:
         yield Heading(text="Which camera each error source favours", anchor="verdicts")
-        yield Bullets(ways)
+        yield Bullets(favoured)
         yield from table
 
 
-def _ways(tree: xr.DataTree) -> Iterator[Spans]:
+def _favoured_cameras(tree: xr.DataTree) -> Iterator[Spans]:
     """The cameras that noise alone and calibration alone favour, with the number of declared distances."""
     if not has(tree, "decision", "more_certain", "uncertainty_ratio"):
         return
@@ -33,12 +33,12 @@ def _ways(tree: xr.DataTree) -> Iterator[Spans]:
         "Of {first} and {second}, {noise}; {calibration}.",
         first=titles[pair[0]],
         second=titles[pair[1]],
-        noise=_favoured(decision.isel(reading=0).sel(way="noise"), pair, titles, "noise"),
-        calibration=_favoured(decision.isel(reading=0).sel(way="calibration"), pair, titles, "calibration"),
+        noise=_favoured(decision.isel(reading=0).sel(error_source="noise"), pair, titles, "noise"),
+        calibration=_favoured(decision.isel(reading=0).sel(error_source="calibration"), pair, titles, "calibration"),
     )
 
 
-def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], way: str) -> str:
+def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], error_source: str) -> str:
     """Wins, ties and undecided distances of one error source; equal uncertainties count as ties."""
     names = [str(name) for name in decision["more_certain"].values]
     neither = np.asarray(decision["uncertainty_ratio"].values, dtype=np.float64)[[not name for name in names]]
@@ -50,7 +50,7 @@ def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], 
     parts += [f"ties them at {neither.size - undecided}"] if neither.size > undecided else []
     parts += [f"decides nothing at {undecided}"] if undecided else []
     parts[0] += f" of {counted(len(names), 'declared distance')}"
-    return f"{way} alone {', '.join(parts)}"
+    return f"{error_source} alone {', '.join(parts)}"
 
 
 def _stability(tree: xr.DataTree) -> Iterator[Block]:

@@ -15,7 +15,7 @@ from tradestudy.wording import distance
 
 TIED = ", "
 """Separates the names of tied cameras, whose difference is below its stated error."""
-_WAY = "both"  # noise and calibration together
+_BOTH = "both"  # noise and calibration together
 _SLIVER = 0.01  # of the study's range of distance
 _BRIEF = 0.03  # of that range, in logarithm
 
@@ -52,7 +52,7 @@ def winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
     Between two computed distances, the boundary is the end of a usable range or the crossover that lies between them;
     without either, it is their geometric mean.
     """
-    best = group(tree, "decision")["best_camera"].sel(way=_WAY)
+    best = group(tree, "decision")["best_camera"].sel(error_source=_BOTH)
     every = np.asarray(best["distance"].values, dtype=np.float64)
     return merged_ranges([str(name) for name in best.values], every, _exact_ends(tree))
 
@@ -113,7 +113,7 @@ def _exact_ends(tree: xr.DataTree) -> FloatArray:
         ends += [depth["usable_near"].values.ravel(), depth["usable_far"].values.ravel()]
     decision = group(tree, "decision")
     if "crossover_distance" in decision:
-        ends.append(decision["crossover_distance"].sel(way=_WAY).values[0].ravel())
+        ends.append(decision["crossover_distance"].sel(error_source=_BOTH).values[0].ravel())
     every = np.concatenate(ends).astype(np.float64)
     return np.asarray(every[np.isfinite(every)])
 
@@ -151,7 +151,7 @@ def flips(tree: xr.DataTree) -> Iterator[Flips]:
     """The readings under which another camera wins, at every declared distance."""
     if not has(tree, "decision", "more_certain", "winner", "flips", "uncertainty_ratio"):
         return
-    decision = group(tree, "decision").sel(way=_WAY)
+    decision = group(tree, "decision").sel(error_source=_BOTH)
     names = [str(name) for name in decision["reading"].values]
     for place in decision["place"].values:
         there = decision.sel(place=place)
@@ -174,7 +174,7 @@ def flips(tree: xr.DataTree) -> Iterator[Flips]:
 def handovers(decision: xr.Dataset) -> Iterator[tuple[float, float]]:
     """Distances [m] where the better camera of the pair switches, with their errors.
 
-    Expects ``/decision`` of one reading and one ``way``.
+    Expects ``/decision`` of one reading and one ``error_source``.
     """
     for place, error, nearer, farther in zip(
         *(decision[f"change_{name}"].values for name in ("distance", "error", "nearer", "farther")), strict=True

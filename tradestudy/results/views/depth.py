@@ -109,7 +109,12 @@ def shares_at(depth: xr.Dataset, camera: str, distance: float) -> xr.DataArray:
 
 def decided_by_calibration(depth: xr.Dataset, camera: str) -> bool:
     """Whether calibration, and not measurement noise alone, contributes to a camera's depth uncertainty."""
-    return bool(np.nanmax(np.append(of_camera(depth, "depth_uncertainty_way", camera, way="calibration"), 0.0)) > 0.0)
+    return bool(
+        np.nanmax(
+            np.append(of_camera(depth, "depth_uncertainty_by_error_source", camera, error_source="calibration"), 0.0)
+        )
+        > 0.0
+    )
 
 
 def largest_source(tree: xr.DataTree, camera: str, distance: float) -> str | None:

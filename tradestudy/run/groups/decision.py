@@ -21,7 +21,7 @@ from tradestudy.analysis.claims import (
     verdict_over_readings,
 )
 from tradestudy.analysis.decision import PairVerdict, best_cameras, decide_pair, stated_error
-from tradestudy.analysis.depth import WAYS
+from tradestudy.analysis.depth import ERROR_SOURCES
 from tradestudy.analysis.inverse_questions import solve
 from tradestudy.analysis.required_values import solve_requirement
 from tradestudy.execution.steps import Progress, shares_before
@@ -47,14 +47,14 @@ def decision_group(
     file, case = definition.file, definition.case
     progress("decision", 0.0)
     values: dict[str, Any] = {}
-    coordinates: dict[str, Any] = {"distance": case.distance, "way": list(WAYS)}
+    coordinates: dict[str, Any] = {"distance": case.distance, "error_source": list(ERROR_SOURCES)}
     attributes: dict[str, Any] = {}
     nominal = depth if depth["depth_uncertainty"].ndim == 2 else depth_as_declared(definition)
     rows = {name: i for i, name in enumerate(case.cameras)}
     names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(rows)
     attributes["candidates"] = ", ".join(names)
     usable = {name: nominal["usable"].values[rows[name]] for name in names}
-    widths, errors = (nominal[f"depth_uncertainty_way{of}"].values for of in ("", "_error"))
+    widths, errors = (nominal[f"depth_uncertainty_by_error_source{of}"].values for of in ("", "_error"))
     values["best_camera"] = np.stack(
         [
             best_cameras(
@@ -62,7 +62,7 @@ def decision_group(
                 {name: widths[rows[name], :, w] for name in names},
                 {name: stated_error(case.cameras[name], errors[rows[name], :, w]) for name in names},
             )
-            for w in range(len(WAYS))
+            for w in range(len(ERROR_SOURCES))
         ],
         axis=-1,
     )
@@ -133,12 +133,16 @@ def _pair_arrays(verdicts: Mapping[str, PairVerdict], tolerance: float) -> dict[
 def _padded(
     rows: Sequence[Mapping[str, Sequence[Any]]], fields: Sequence[str], absent: Sequence[Any]
 ) -> dict[str, Any]:
-    """Every field of the events, over (reading, way, event), padded to equal length and at least one event."""
+    """Every field of the events, over (reading, error source, event), padded to equal length and at least one event."""
     most = max((len(events) for row in rows for events in row.values()), default=0)
     return {
         name: np.array(
             [
-                [[getattr(one, name) for one in row[way]] + [empty] * (max(most, 1) - len(row[way])) for way in WAYS]
+                [
+                    [getattr(one, name) for one in row[error_source]]
+                    + [empty] * (max(most, 1) - len(row[error_source]))
+                    for error_source in ERROR_SOURCES
+                ]
                 for row in rows
             ]
         )

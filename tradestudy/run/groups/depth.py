@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tradestudy.analysis.depth import WAYS, DepthEvaluation
+from tradestudy.analysis.depth import ERROR_SOURCES, DepthEvaluation
 from tradestudy.analysis.depth_points import (
     DepthPoint,
     DepthTable,
@@ -89,7 +89,7 @@ def depth_field_group(
     return dataset(
         "depth_field",
         values,
-        {name: coordinates[name] for name in ("camera", "distance", "way", "quantile", "part")}
+        {name: coordinates[name] for name in ("camera", "distance", "error_source", "quantile", "part")}
         | {"field": list(fields)},
     )
 
@@ -100,7 +100,7 @@ def _coordinates(definition: StudyDefinition, distance: FloatArray, part_names: 
         "camera": list(cameras),
         "distance": distance,
         "side": ["nearer", "farther"],
-        "way": list(WAYS),
+        "error_source": list(ERROR_SOURCES),
         "quantile": list(next(iter(cameras.values())).propagation.probabilities),
         "part": part_names,
         "limit": list(LIMIT_NAMES),
@@ -166,22 +166,22 @@ def _error_arrays(evaluations: Sequence[DepthEvaluation]) -> tuple[dict[str, NDA
     """The variables for depth errors, with the camera as first dimension, and the names of all their parts."""
     part_names = list(dict.fromkeys(name for one in evaluations for name in one.shares))
 
-    def over_ways(name: str) -> FloatArray:
+    def over_error_sources(name: str) -> FloatArray:
         return np.stack([getattr(one, name).T for one in evaluations])
 
-    uncertainty, error = over_ways("uncertainty"), over_ways("uncertainty_error")
+    uncertainty, error = over_error_sources("uncertainty"), over_error_sources("uncertainty_error")
     missing = np.full_like(evaluations[0].distance, np.nan)
     return {
-        "depth_uncertainty": uncertainty[..., WAYS.index("both")],
-        "depth_uncertainty_error": error[..., WAYS.index("both")],
-        "depth_uncertainty_way": uncertainty,
-        "depth_uncertainty_way_error": error,
+        "depth_uncertainty": uncertainty[..., ERROR_SOURCES.index("both")],
+        "depth_uncertainty_error": error[..., ERROR_SOURCES.index("both")],
+        "depth_uncertainty_by_error_source": uncertainty,
+        "depth_uncertainty_by_error_source_error": error,
         "variance_share": np.stack(
             [np.stack([one.shares.get(name, missing) for name in part_names], axis=-1) for one in evaluations]
         ),
         "depth_quantile": np.stack([np.moveaxis(one.quantile, 0, 1) for one in evaluations]),
-        "failed_fraction": over_ways("failed_fraction"),
-        "failed_fraction_error": over_ways("failed_fraction_error"),
+        "failed_fraction": over_error_sources("failed_fraction"),
+        "failed_fraction_error": over_error_sources("failed_fraction_error"),
         "converged": np.stack([one.converged for one in evaluations]),
     }, part_names
 

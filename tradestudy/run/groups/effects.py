@@ -23,7 +23,7 @@ def effects_group(plan: Plan) -> xr.Dataset:
     return dataset(
         "effects",
         {
-            "situation": [one.name for one, _ in decisions],
+            "problem_of": [one.name for one, _ in decisions],
             "slot": [decision.slot for _, decision in decisions],
             "model": [decision.model for _, decision in decisions],
             "chosen": [float(decision.chosen) for _, decision in decisions],
@@ -36,13 +36,13 @@ def effects_group(plan: Plan) -> xr.Dataset:
             "joint_evidence": [[_evidence(one) for one in row] for row in together],
             "forced_change": [[one.relative for one in _row(problem.by_forcing)] for problem in plan.problems],
             "tolerance": [[one.asked.get(q, math.nan) for q in QUANTITIES] for one in plan.problems],
-            "piece_title": [one.title for one in plan.problems],
+            "problem_title": [one.title for one in plan.problems],
             "summary": [summary(one) for one in plan.problems],
         },
         {
             "decision": [f"{one.name}: {decision.slot}: {decision.model}" for one, decision in decisions],
             "quantity": list(QUANTITIES),
-            "piece": [one.name for one in plan.problems],
+            "problem": [one.name for one in plan.problems],
         },
     )
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.analysis.ranks import RANK_WAYS, RankPoint, rank_at
+from tradestudy.analysis.ranks import RANK_ERROR_SOURCES, RankPoint, rank_at
 from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
@@ -17,7 +17,7 @@ _MOST_DISTANCES: Final = 25
 
 
 def ranks_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
-    """Ranks over (pair, way, distance) for the pairs that the decision compares."""
+    """Ranks over (pair, error source, distance) for the pairs that the decision compares."""
     decision = definition.file.decision
     assert decision is not None  # the caller has checked
     pairs = decision.compare or (decision.between,)
@@ -25,14 +25,16 @@ def ranks_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
     cameras = definition.case.cameras
     names = [f"{first} against {second}" for first, second in pairs]
     points = [
-        RankPoint(first=cameras[first], second=cameras[second], distance=distance, way=way)
+        RankPoint(first=cameras[first], second=cameras[second], distance=distance, error_source=error_source)
         for first, second in pairs
-        for way in RANK_WAYS
+        for error_source in RANK_ERROR_SOURCES
     ]
-    found = steps.map("ranks", rank_at, points, [f"{name}, {way}" for name in names for way in RANK_WAYS])
+    found = steps.map(
+        "ranks", rank_at, points, [f"{name}, {error_source}" for name in names for error_source in RANK_ERROR_SOURCES]
+    )
 
     def over_pairs(name: str) -> Any:
-        return np.array([getattr(one, name) for one in found]).reshape(len(pairs), len(RANK_WAYS), -1)
+        return np.array([getattr(one, name) for one in found]).reshape(len(pairs), len(RANK_ERROR_SOURCES), -1)
 
     return dataset(
         "decision",
@@ -45,7 +47,7 @@ def ranks_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
         },
         {
             "pair": names,
-            "rank_way": list(RANK_WAYS),
+            "rank_error_source": list(RANK_ERROR_SOURCES),
             "rank_distance": distance,
         },
     )
