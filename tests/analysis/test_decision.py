@@ -151,8 +151,8 @@ def test_two_cameras_are_equally_certain_at_the_solution(tmp_path: Path) -> None
     definition = load_definition(file)
     definition = definition.with_models({"rig": {"calibration": "exact"}, "other": {"calibration": "exact"}})
     found = solve(definition, definition.file.solve["stretch"])
-    wanted = half_width(2.0, noise=2.0 * PIXEL, baseline=0.0)
-    truth = brentq(lambda s: half_width(2.0, noise=PIXEL, baseline=s) - wanted, 1e-4, 2e-2)
+    target = half_width(2.0, noise=2.0 * PIXEL, baseline=0.0)
+    truth = brentq(lambda s: half_width(2.0, noise=PIXEL, baseline=s) - target, 1e-4, 2e-2)
     assert 0.0 < found.error < 0.01 * truth
     assert abs(found.value - truth) < 5.0 * found.error
 

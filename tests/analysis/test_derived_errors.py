@@ -174,16 +174,16 @@ def test_kirchhoff_s_correction_is_computed_beforehand_with_progress(study: Stud
     """Then no distance of the study waits for it."""
     few = {"from": "54 mm", "to": "57 mm", "points": 5, "spacing": "log"}
     slow = study.with_values({"scene.distances": few, "decision.at": ["54 mm", "57 mm"]})
-    acting = slow.with_models({"pair-f22": {"main_lens_diffraction": "kirchhoff"}})
+    with_kirchhoff = slow.with_models({"pair-f22": {"main_lens_diffraction": "kirchhoff"}})
     reported: list[tuple[str, float]] = []
-    compute_kirchhoff_pictures(acting, lambda step, share: reported.append((step, share)))
+    compute_kirchhoff_pictures(with_kirchhoff, lambda step, share: reported.append((step, share)))
     shares = [share for _, share in reported]
     assert shares == sorted(set(shares))
     assert len(shares) > 5
     assert (shares[0], shares[-1]) == (0.0, 1.0)
     assert {step for step, _ in reported} == {"pictures"}
     computed = kirchhoff_correction.cache_info().misses
-    by_kirchhoff, by_fresnel = (uncertainty(one, "pair-f22", slow.case.distance) for one in (acting, slow))
+    by_kirchhoff, by_fresnel = (uncertainty(one, "pair-f22", slow.case.distance) for one in (with_kirchhoff, slow))
     assert kirchhoff_correction.cache_info().misses == computed
     assert np.any(by_kirchhoff != by_fresnel)
     reported.clear()

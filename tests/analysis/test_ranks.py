@@ -60,10 +60,10 @@ def answer(folder: Path, errors: str, model: str) -> Solved:
 @pytest.mark.parametrize("model", ["exact", "linear"])
 def test_two_tied_inputs_are_varied_together(tmp_path: Path, model: str) -> None:
     """Both spreads σ, ρ = 0.9: u = s σ √(1 − 2ρw + w²), s = ((a − f)/f)², w = (a/(a − f))²; the gap adds s v δ."""
-    f, a, wanted = 12.5e-3, 0.5, 5e-3
+    f, a, target = 12.5e-3, 0.5, 5e-3
     slope, weight = ((a - f) / f) ** 2, (a / (a - f)) ** 2
     gap = slope * (14.77255e-3 - f * a / (a - f)) / 0.568093e-3 * 0.2e-6
-    expected = math.sqrt(wanted**2 - gap**2) / (slope * math.sqrt(1 - 2 * 0.9 * weight + weight**2))
+    expected = math.sqrt(target**2 - gap**2) / (slope * math.sqrt(1 - 2 * 0.9 * weight + weight**2))
     found = answer(tmp_path, "calibration", model)
     assert found.value == pytest.approx(expected, rel=0.01)
     assert "declared: 2 um" in found.answer

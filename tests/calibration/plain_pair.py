@@ -23,12 +23,12 @@ def inverse_depth_read(rig: Numbers, seen: Numbers) -> float:
         Left x, left y, right x, right y [px]; of the last only its distortion counts.
     """
     slopes = _undistorted(rig[:6], seen[:2])
-    wanted = _undistorted(rig[6:12], seen[2:])[0]
+    target = _undistorted(rig[6:12], seen[2:])[0]
     turned = Rotation.from_rotvec(rig[12:15]).apply(np.array([*slopes, 1.0]))
 
     def off(inverse: float) -> float:
         x, _, z = turned + inverse * rig[15:18]
-        return float(x / z - wanted)
+        return float(x / z - target)
 
     low, high = -5.0, 20.0
     return float(brentq(off, low, high, xtol=1e-15, rtol=1e-14))

@@ -184,12 +184,12 @@ def test_rays_are_refined_where_the_first_ones_miss_the_tolerance(start: str, mo
     """Perfect lenses have the picture of a disc by exact areas of the pupil; the first rays are too few on purpose."""
     perfect = CircularLens(radius=0.1e-3, focal_length=2e-3, lens_phase="perfect")
     path, disc = camera(lens_phase="perfect", main_lens=perfect), DiscSource(diameter=0.6e-3, distance=24e-3)
-    wanted = ChainAccuracy(tolerance=2e-2)
+    accuracy = ChainAccuracy(tolerance=2e-2)
     start_rays_at(start, monkeypatch)
     monkeypatch.setattr(exact_rays, "_ORDER", 1.0)
-    found = image(path, disc, EXACT_RAYS, accuracy=wanted)
-    assert found.effort["rays"] > 1.5 * exact_rays.ray_count(path, disc, wanted)
-    assert relative(found.pixels, image(path, disc, GEOMETRIC).pixels) < found.numerical_error <= wanted.tolerance
+    found = image(path, disc, EXACT_RAYS, accuracy=accuracy)
+    assert found.effort["rays"] > 1.5 * exact_rays.ray_count(path, disc, accuracy)
+    assert relative(found.pixels, image(path, disc, GEOMETRIC).pixels) < found.numerical_error <= accuracy.tolerance
 
 
 def test_samples_of_the_detector_are_refined_too(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -197,13 +197,13 @@ def test_samples_of_the_detector_are_refined_too(monkeypatch: pytest.MonkeyPatch
     path = camera(
         centres=np.zeros((1, 2)), focal_lengths=np.array([60e-6]), pixels=PixelGrid(pitch=1.8e-6, shape=(15, 15))
     )
-    disc, wanted = DiscSource(diameter=2.2e-3, distance=24e-3), ChainAccuracy(tolerance=2e-2)
+    disc, accuracy = DiscSource(diameter=2.2e-3, distance=24e-3), ChainAccuracy(tolerance=2e-2)
     assert exact_rays.start_of_rays(path, disc) == "detector"
-    found = image(path, disc, EXACT_RAYS, accuracy=wanted)
-    assert found.effort["rays"] > 1.5 * exact_rays.ray_count(path, disc, wanted)
+    found = image(path, disc, EXACT_RAYS, accuracy=accuracy)
+    assert found.effort["rays"] > 1.5 * exact_rays.ray_count(path, disc, accuracy)
     start_rays_at("array", monkeypatch)
     truth = image(path, disc, EXACT_RAYS, accuracy=ChainAccuracy(tolerance=8e-3)).pixels
-    assert relative(found.pixels, truth) < found.numerical_error <= wanted.tolerance
+    assert relative(found.pixels, truth) < found.numerical_error <= accuracy.tolerance
 
 
 def test_cases_beyond_rays_are_refused() -> None:

@@ -40,8 +40,8 @@ def test_importing_it_loads_no_heavy_library() -> None:
 def test_every_docstring_gives_law_parameters_result_errors_source_and_example(name: str) -> None:
     text = inspect.getdoc(getattr(optics, name))
     assert text is not None
-    wanted = ("Parameters", "Returns", "Raises", "References", "Examples")
-    assert [section for section in wanted if f"\n{section}\n---" not in text] == []
+    required = ("Parameters", "Returns", "Raises", "References", "Examples")
+    assert [section for section in required if f"\n{section}\n---" not in text] == []
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda one: one.name)

@@ -224,11 +224,11 @@ def test_images_of_points_keep_kirchhoff_unless_fresnel_is_forced() -> None:
     part = tradestudy.load(STUDY).file.point_spread
     assert part is not None
     small = part.model_copy(update={"window": 4.0, "tolerance": 1e-3})
-    wanted = {"psf_width": 0.01}
-    assert choose(PointSpreadProblem(small, {}), wanted, {}).models["main_lens_diffraction"] == "kirchhoff"
+    asked = {"psf_width": 0.01}
+    assert choose(PointSpreadProblem(small, {}), asked, {}).models["main_lens_diffraction"] == "kirchhoff"
     free = PointSpreadProblem(small, {})
     fresnel: Models = {"main_lens_diffraction": "fresnel"}
-    assert choose(PointSpreadProblem(small, fresnel), wanted, fresnel).models == fresnel
+    assert choose(PointSpreadProblem(small, fresnel), asked, fresnel).models == fresnel
     assert free.try_out(fresnel)
     assert free.changes(fresnel)["psf_width"].relative > 0.01  # parabolic phases spread Kirchhoff's images
 

@@ -89,18 +89,18 @@ def test_labels_keep_their_order_distance_and_bounds() -> None:
     rng = np.random.default_rng(3)
     for _ in range(200):
         count = int(rng.integers(1, 9))
-        wanted, sizes = rng.random(count), rng.uniform(0.01, 1.0 / count, count)
-        placed = spread(wanted, sizes)
-        order = np.argsort(wanted)
+        ideal, sizes = rng.random(count), rng.uniform(0.01, 1.0 / count, count)
+        placed = spread(ideal, sizes)
+        order = np.argsort(ideal)
         gaps = np.diff(placed[order]) - (sizes[order][1:] + sizes[order][:-1]) / 2.0
         assert np.all(gaps > -1e-12)
         assert np.all(placed - sizes / 2.0 > -1e-12)
         assert np.all(placed + sizes / 2.0 < 1.0 + 1e-12)
-        alone = np.abs(wanted[:, None] - wanted) > (sizes[:, None] + sizes) / 2.0
+        alone = np.abs(ideal[:, None] - ideal) > (sizes[:, None] + sizes) / 2.0
         free = np.all(alone | np.eye(count, dtype=bool), axis=1)
-        inside = (wanted > sizes / 2.0) & (wanted < 1.0 - sizes / 2.0)
+        inside = (ideal > sizes / 2.0) & (ideal < 1.0 - sizes / 2.0)
         if np.all(free & inside):
-            np.testing.assert_allclose(placed, wanted)
+            np.testing.assert_allclose(placed, ideal)
 
 
 def test_two_labels_that_would_touch_move_apart_equally() -> None:

@@ -63,7 +63,7 @@ def test_claim_4_last_disparity_step(headline_result: Result) -> None:
 def test_contradictions_of_table_1_are_reported(headline_result: Result) -> None:
     rows = headline_result.data["contradictions"].to_dataset().to_dataframe().set_index("camera")
     focus = rows["what"] == "principal distance against focus distance"
-    # Focused at 1 m, by f/(a − f): 3.15 % at 30.5 mm, 1.14 % at 11.3 mm; the 0.81 % of 8 mm are within the 1 % wanted.
+    # Focused at 1 m, by f/(a − f): 3.15 % at 30.5 mm, 1.14 % at 11.3 mm; the 0.81 % of 8 mm are within the 1 % allowed.
     assert set(rows.index[focus]) == {"stereo-printed", "stereo-short", "stereo-65-diagonal"}
     table = rows[~focus]
     assert table.loc["stereo-printed", "implied"].startswith("19.06° across")

@@ -422,7 +422,7 @@ class TestHostileFiles:
         assert in_time(write(text))
 
 
-PIECES = [
+FRAGMENTS = [
     b": ", b"- ", b"[", b"]", b"{", b"}", b"&a ", b"*a", b"!!str ", b"\t", b"\n", b"\n  ", b"'", b'"', b"|", b"? ",
     b"<<: ", b"#", b"---\n", b"\0", b"\xff", b"\xe2\x80\xa8", b"null", b"true", b".inf", b".nan", b"-1", b"0", b"1e999",
     b"9" * 40, b'"\\uD800"', b"mm", b"%YAML 1.2\n", b"from: ", b"like: ", b"value: ", b"basis: ", b"infinity",
@@ -443,7 +443,7 @@ def mutated(draw: st.DrawFn) -> bytes:
     for _ in range(draw(st.integers(1, 4))):
         start = draw(st.integers(0, len(content)))
         end = start + draw(st.sampled_from([0, 0, 1, 5, 20]))
-        content = content[:start] + draw(st.sampled_from([*PIECES, b"", content[end : end + 100]])) + content[end:]
+        content = content[:start] + draw(st.sampled_from([*FRAGMENTS, b"", content[end : end + 100]])) + content[end:]
     return content
 
 

@@ -74,8 +74,8 @@ def name_places(axes: Axes, places: Sequence[float], names: Sequence[str]) -> No
         return
     width, height = panel_size(axes)
     room = np.full(len(places), _LINE_HEIGHT * SMALLEST / width)
-    wanted = np.array([_fraction(axes, "x", place) for place in places])
-    for place, name, across in zip(wanted, names, spread(wanted, room), strict=True):
+    ideal = np.array([_fraction(axes, "x", place) for place in places])
+    for place, name, across in zip(ideal, names, spread(ideal, room), strict=True):
         axes.annotate(
             printable(name),
             (place, 1.0),
@@ -118,24 +118,24 @@ def _fraction(axes: Axes, which: str, value: float) -> float:
     return float((here - low) / (high - low))
 
 
-def spread(wanted: FloatArray, sizes: FloatArray) -> FloatArray:
+def spread(ideal: FloatArray, sizes: FloatArray) -> FloatArray:
     """Centres for labels of these sizes side by side from 0 to 1, in the order of the ideal ones and close to them.
 
     Least squares: neighbours that would overlap form a block about their mean. Labels that need too much room are
     centred.
     """
-    order = np.argsort(wanted, kind="stable")
+    order = np.argsort(ideal, kind="stable")
     blocks: list[tuple[float, float, list[int]]] = []  # centre, size, members
     for one in order:
-        block = (_kept(float(wanted[one]), float(sizes[one])), float(sizes[one]), [int(one)])
+        block = (_kept(float(ideal[one]), float(sizes[one])), float(sizes[one]), [int(one)])
         while blocks and blocks[-1][0] + blocks[-1][1] / 2.0 > block[0] - block[1] / 2.0:
             centre, size, members = blocks.pop()
             together = [*members, *block[2]]
             offsets = np.cumsum(sizes[together]) - sizes[together] / 2.0
             whole = size + block[1]
-            block = (_kept(float(np.mean(wanted[together] - offsets)) + whole / 2.0, whole), whole, together)
+            block = (_kept(float(np.mean(ideal[together] - offsets)) + whole / 2.0, whole), whole, together)
         blocks.append(block)
-    placed = np.empty(len(wanted))
+    placed = np.empty(len(ideal))
     for centre, size, members in blocks:
         placed[members] = centre - size / 2.0 + np.cumsum(sizes[members]) - sizes[members] / 2.0
     return placed

@@ -65,8 +65,8 @@ def _noise_words(tree: xr.DataTree) -> str:
     for key in data["camera"].values:
         values = np.asarray(data["depth_over_bound"].sel(camera=key).values, dtype=np.float64)
         known = values[np.isfinite(values)]
-        told = f"{significant(known.min())} to {significant(known.max())}" if known.size else "not measured"
-        words.append(f"{titles[str(key)]} {told}")
+        spread = f"{significant(known.min())} to {significant(known.max())}" if known.size else "not measured"
+        words.append(f"{titles[str(key)]} {spread}")
     return "; ".join(words)
 
 

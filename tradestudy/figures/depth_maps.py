@@ -56,8 +56,8 @@ def _error_words(tree: xr.DataTree) -> str:
     for k in range(min(_MOST, data.sizes["mapped_camera"])):
         one = data.isel(mapped_camera=k)
         bias, spread = float(one["depth_bias"]), float(one["depth_spread"])
-        told = f"{pretty(bias, LENGTH)} ± {pretty(spread, LENGTH)}" if np.isfinite(spread) else "measured nothing"
-        words.append(f"{titles[str(one['mapped_camera'].item())]} {told}")
+        error = f"{pretty(bias, LENGTH)} ± {pretty(spread, LENGTH)}" if np.isfinite(spread) else "measured nothing"
+        words.append(f"{titles[str(one['mapped_camera'].item())]} {error}")
     return "; ".join(words) + "."
 
 

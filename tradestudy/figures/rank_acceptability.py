@@ -24,11 +24,11 @@ def rank_drawing(tree: xr.DataTree) -> Drawing | None:
     found = candidates_by_rank(tree)[:_MOST]
     if len(found) <= 1:
         return None
-    told = "; ".join(f"{one.title} {pretty(one.ranks[0], FRACTION, 2)}" for one in found)
+    listed_values = "; ".join(f"{one.title} {pretty(one.ranks[0], FRACTION, 2)}" for one in found)
     return Drawing(
         name="rank_acceptability",
         caption="Fraction of the possible weights under which each candidate takes each rank, the first rank darkest.",
-        alt=f"Fraction of the possible weights that rank each candidate first: {told}.",
+        alt=f"Fraction of the possible weights that rank each candidate first: {listed_values}.",
         draw=lambda: draw_ranks(tree),
         values=lambda: rank_tables(tree),
     )

@@ -51,7 +51,7 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
     if len(dims) == 2 and np.ptp(_least(data, dims)) == 0.0:  # no contours: designs fail alike
         return None
     names = " and ".join(path_words(tree, dim) for dim in dims)
-    told = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree))
+    conclusions = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree))
     shown = "Smallest margin of the requirements that must hold" if len(dims) == 2 else "Margin of each requirement"
     curves = (
         "Marks: computed designs; the curves pass 0 at the limits found between them. Shaded: all that must hold are"
@@ -62,7 +62,7 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
         caption=f"{shown} against the {names}: met above 0. {marks} met. Dashed: "
         "the study as declared. Where no camera is usable throughout, the margin is at most minus the fraction of "
         "the range that is not usable.",
-        alt=f"Margins against the {names}. {told}.",
+        alt=f"Margins against the {names}. {conclusions}.",
         draw=lambda: draw_requirement_margins(tree),
         values=lambda: _tables(tree, data, dims) if len(dims) == 2 else (),
     )

@@ -19,7 +19,7 @@ from tradestudy.wording import distance, span
 Tables = tuple[ValueTable, ...]
 
 
-def told(value: float, dimension: Dimension = NUMBER) -> str:
+def worded(value: float, dimension: Dimension = NUMBER) -> str:
     """A number in words, a dash where there is none."""
     return "—" if np.isnan(value) else pretty(float(value), dimension)
 
@@ -37,7 +37,7 @@ def grid(
     dimension: Dimension = NUMBER,
 ) -> ValueTable:
     """A table of numbers: `columns` names all columns, `names` the rows of `values`."""
-    rows = [(name, *(told(value, dimension) for value in row)) for name, row in zip(names, values, strict=True)]
+    rows = [(name, *(worded(value, dimension) for value in row)) for name, row in zip(names, values, strict=True)]
     return ValueTable(caption=caption, columns=tuple(columns), rows=tuple(rows))
 
 
@@ -82,7 +82,7 @@ def focus_tables(tree: xr.DataTree) -> Tables:
     rows = []
     for key, title in camera_titles(tree).items():
         one = data.sel(camera=key)
-        row = [title, _where(one, "sharp"), told(float(one["scene_resolution"]), LENGTH)]
+        row = [title, _where(one, "sharp"), worded(float(one["scene_resolution"]), LENGTH)]
         rows.append((*row, _where(one, "resolved")) if equal else tuple(row))
     return (ValueTable(caption="Distances from the lens", columns=tuple(columns), rows=tuple(rows)),)
 
@@ -191,7 +191,10 @@ def residual_tables(residual: FloatArray) -> Tables:
             caption=f"Mean residuals in cells of the {side} picture: x, y [px]",
             columns=columns,
             rows=tuple(
-                (f"row {number + 1}", *("—" if np.isnan(x) else f"{told(x)}, {told(y)}" for x, y in row))
+                (
+                    f"row {number + 1}",
+                    *("—" if np.isnan(x) else f"{worded(x)}, {worded(y)}" for x, y in row),
+                )
                 for number, row in enumerate(cells)
             ),
         )

@@ -21,12 +21,12 @@ def worths_drawing(tree: xr.DataTree) -> Drawing | None:
     found = worths(tree)[:_MOST]
     if not found:
         return None
-    told = "; ".join(f"{one.says} {pretty(one.worth, FRACTION, digits=2)}" for one in found)
+    listed_values = "; ".join(f"{one.says} {pretty(one.worth, FRACTION, digits=2)}" for one in found)
     return Drawing(
         name="assumption_worths",
         caption="Worth of knowing each assumption before choosing a camera: the average reduction of relative depth "
         "uncertainty; bars span one standard error to either side.",
-        alt=f"Worth of knowing each assumption: {told}.",
+        alt=f"Worth of knowing each assumption: {listed_values}.",
         draw=lambda: draw_worths(tree),
     )
 

@@ -177,9 +177,9 @@ def _array(value: Any, dtype: Any) -> Any:
         found = np.asarray(value)
     except ValueError:
         raise _UnfitError(*_NUMBERS) from None
-    wanted = np.dtype(kind) if isinstance(kind, type) and issubclass(kind, np.generic) else np.dtype(np.float64)
+    expected = np.dtype(kind) if isinstance(kind, type) and issubclass(kind, np.generic) else np.dtype(np.float64)
     if found.size == 0 and found.dtype == np.float64:
-        return found.astype(wanted)
-    if found.dtype.kind not in "buifc" or not np.can_cast(found.dtype, wanted, casting="same_kind"):
+        return found.astype(expected)
+    if found.dtype.kind not in "buifc" or not np.can_cast(found.dtype, expected, casting="same_kind"):
         raise _UnfitError(*_NUMBERS)
-    return found.astype(wanted, copy=False)
+    return found.astype(expected, copy=False)

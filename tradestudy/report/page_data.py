@@ -62,12 +62,12 @@ def page_data(
         Makes HTML of a block that is said of a design.
     """
     pool = _Pool()
-    told = {
+    data = {
         "figures": {name: [_panel(name, panel, values, pool) for panel in one.panels] for name, one in figures.items()},
         "values": {name: pool.curve(one) for name, one in values.items()},
         "designs": None if designs is None else _designs(designs, pool, write),
     }
-    return json.dumps({**told, "arrays": pool.texts}, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+    return json.dumps({**data, "arrays": pool.texts}, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _panel(figure: str, panel: Panel, values: Mapping[str, CurveValues], pool: _Pool) -> dict[str, Any]:
@@ -85,10 +85,10 @@ def _panel(figure: str, panel: Panel, values: Mapping[str, CurveValues], pool: _
 
 def _curve(figure: str, curve: Curve, values: Mapping[str, CurveValues], pool: _Pool) -> dict[str, Any]:
     """A curve as the script reads it; without data where the results have its values."""
-    told = {name: getattr(curve, name) for name in ("kind", "label", "name", "color")}
+    fields = {name: getattr(curve, name) for name in ("kind", "label", "name", "color")}
     own = () if "/".join(curve.name.split("/")[:2]) in values else ("x", "y", "top")
     return {
-        **told,
+        **fields,
         "id": f"{figure}-{curve.id}",
         **{name: pool.place(np.frombuffer(getattr(curve, name))) for name in own},
     }

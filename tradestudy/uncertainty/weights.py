@@ -149,13 +149,13 @@ class WeightSpace:
 
 def _simplex(points: FloatArray) -> FloatArray:
     """Uniform points of the simplex Σv = 1 from points of the cube, by stick breaking: shape (n + 1, draws)."""
-    pieces: list[FloatArray] = []
+    shares: list[FloatArray] = []
     left = np.ones(points.shape[1])
     for number, row in enumerate(points):
         share = -np.expm1(np.log1p(-row) / (len(points) - number))
-        pieces.append(left * share)
+        shares.append(left * share)
         left = left * (1.0 - share)
-    return np.stack([*pieces, left])
+    return np.stack([*shares, left])
 
 
 def range_mistake(low: Sequence[float], high: Sequence[float]) -> str:

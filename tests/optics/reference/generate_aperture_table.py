@@ -97,8 +97,8 @@ def on_disc(case: dict, rings: int, angles: int) -> mp.mpc:
 def on_axis(case: dict) -> mp.mpc:
     """Integral over the radius where source and target lie on the axis."""
     radius = mp.mpf(case["radius"])
-    pieces = [radius * i / 8 for i in range(9)]
-    return 2 * mp.pi * mp.quad(lambda r: integrand(case, r, mp.mpf(0)) * r, pieces)
+    breaks = [radius * i / 8 for i in range(9)]
+    return 2 * mp.pi * mp.quad(lambda r: integrand(case, r, mp.mpf(0)) * r, breaks)
 
 
 def cases() -> list[dict]:

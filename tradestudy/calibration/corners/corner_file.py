@@ -149,8 +149,8 @@ def _read_table(path: Path) -> tuple[FloatArray, float]:
         header = [name.strip() for name in reader.fieldnames or ()]
         reader.fieldnames = header
         unit = next((u for u in _BOARD_UNITS if f"board_x_{u}" in header and f"board_y_{u}" in header), "mm")
-        wanted = ("view", "corner", f"board_x_{unit}", f"board_y_{unit}", *_IMAGE_COLUMNS)
-        missing = [name for name in wanted if name not in header]
+        required = ("view", "corner", f"board_x_{unit}", f"board_y_{unit}", *_IMAGE_COLUMNS)
+        missing = [name for name in required if name not in header]
         if missing and any(";" in name for name in header):
             raise CornerFileError(
                 f"{path.name}:1: semicolons separate the columns",
@@ -162,10 +162,10 @@ def _read_table(path: Path) -> tuple[FloatArray, float]:
             raise CornerFileError(
                 f"{path.name} lacks columns",
                 value=", ".join(missing),
-                limit=", ".join(wanted),
+                limit=", ".join(required),
                 remedy="name the columns in the first line",
             )
-        rows = [_numbers(path, line, row, wanted) for line, row in enumerate(reader, start=2)]
+        rows = [_numbers(path, line, row, required) for line, row in enumerate(reader, start=2)]
     if not rows:
         raise CornerFileError(
             f"{path.name} has no corners", value="0 rows", limit=">= 1", remedy="write one row per corner and view"
@@ -180,7 +180,7 @@ def _refuse_utf16(path: Path) -> None:
             raise CornerFileError(f"{path.name} is UTF-16 text", limit="UTF-8", remedy="save it as CSV in UTF-8")
 
 
-def _numbers(path: Path, line: int, row: dict[str, Any], wanted: Sequence[str]) -> list[float]:
+def _numbers(path: Path, line: int, row: dict[str, Any], required: Sequence[str]) -> list[float]:
     """Cells of one row as finite numbers."""
     if surplus := row.get(_SURPLUS):
         fields = len(row) - 1 + len(surplus)
@@ -191,7 +191,7 @@ def _numbers(path: Path, line: int, row: dict[str, Any], wanted: Sequence[str]) 
             remedy="write decimal points, not commas, and remove surplus fields",
         )
     numbers = []
-    for name in wanted:
+    for name in required:
         try:
             number = float(row[name] or "")
         except ValueError:

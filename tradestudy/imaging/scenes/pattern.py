@@ -120,11 +120,11 @@ class Pattern:
 
     def mixture(self, variance: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
         """The level, and the share of the next one, whose filter has this variance along each axis."""
-        wanted = np.maximum(variance * (4.0 / self.sample**2) + 1.0 / 3.0, 1.0)
-        _, exponent = np.frexp(wanted)
+        required = np.maximum(variance * (4.0 / self.sample**2) + 1.0 / 3.0, 1.0)
+        _, exponent = np.frexp(required)
         level = np.minimum((exponent - 1) >> 1, self.levels - 2).astype(np.intp)
-        scale = np.ldexp(np.ones_like(wanted), 2 * level)
-        return level, np.clip((wanted / scale - 1.0) / 3.0, 0.0, 1.0).astype(np.float32)
+        scale = np.ldexp(np.ones_like(required), 2 * level)
+        return level, np.clip((required / scale - 1.0) / 3.0, 0.0, 1.0).astype(np.float32)
 
     def brightness(
         self,

@@ -54,19 +54,19 @@ def ray_reach(path: LightPath, source: PointSource, *, whole_pupil: bool = False
     aberrated = lenses.pupil is not None and lenses.pupil.aberrated
     within = (0.25, 0.5, 0.75, 1.0) if aberrated else (1.0,)  # the steepest ray need not pass the rim
     rings = [np.zeros((1, 2)), *(share * lenses.reach * rim for share in within)]
-    acting = [True] * (1 + len(within) * angle.size)
+    refracts = [True] * (1 + len(within) * angle.size)
     if lenses.gaps == "clear":
         rings.append(lenses.cell_reach * rim)
-        acting += [False] * angle.size
+        refracts += [False] * angle.size
     offset = np.concatenate(rings)
     at = lenses.centres[:, None] + offset  # (lenses, points, 2)
     slope = _arriving_slope(path, source, at, rim, whole_pupil)  # (lenses, points, candidates, 2)
-    power = np.asarray(acting)[:, None, None] / lenses.focal_lengths[:, None, None, None]
+    power = np.asarray(refracts)[:, None, None] / lenses.focal_lengths[:, None, None, None]
     behind = slope - power * offset[:, None, :]
     if lenses.pupil is not None and aberrated:
         for term in lenses.pupil.path_terms(lenses.reach):
             bent = np.stack(term.slope(offset[:, 0], offset[:, 1]), axis=-1)
-            behind = behind + (np.asarray(acting)[:, None] * bent)[:, None, :]
+            behind = behind + (np.asarray(refracts)[:, None] * bent)[:, None, :]
     landing = at[:, :, None] + b * behind
     image = landing[:, 0].mean(axis=1)
     travel = np.linalg.norm(b * behind, axis=-1).max(axis=(1, 2))

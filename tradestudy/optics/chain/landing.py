@@ -27,8 +27,8 @@ from tradestudy.optics.chain.regions import (
     aperture_region,
     cell_region,
     on_segments,
-    pieces,
     resolving,
+    subintervals,
 )
 from tradestudy.optics.chain.scene import LightPath, PixelGrid
 from tradestudy.optics.propagation.lens import PointSource
@@ -168,7 +168,7 @@ def pixel_nodes(
     edges_x, edges_y = ((e - t) / scale for e, t in zip((pixels.edges_x, pixels.edges_y), offset, strict=True))
     low, high = (float(f(region.breaks)) for f in (np.min, np.max))
     cuts = np.concatenate([region.breaks, edges_x, region.on_line(edges_y) if corners else []])
-    start, stop = pieces(cuts, low, high)
+    start, stop = subintervals(cuts, low, high)
     upright = (start == low) | (stop == high)
     across = on_segments(
         start,

@@ -9,7 +9,15 @@ from itertools import pairwise
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray, IndexArray
-from tradestudy.optics.chain.regions import Disc, Region, aperture_region, cell_region, on_segments, pieces, resolving
+from tradestudy.optics.chain.regions import (
+    Disc,
+    Region,
+    aperture_region,
+    cell_region,
+    on_segments,
+    resolving,
+    subintervals,
+)
 from tradestudy.optics.chain.scene import Microlenses
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes, gauss_legendre, rectangle_nodes
 
@@ -204,7 +212,7 @@ def lit_nodes(lenses: Microlenses, lit: Disc, *, cycles: float) -> CellNodes:
     low, high = (float(f([g(outer.breaks), g(lit.breaks)])) for f, g in ((max, np.min), (min, np.max)))
     if high <= low:
         return _joined([])
-    start, stop = pieces(breaks, low, high)
+    start, stop = subintervals(breaks, low, high)
     count = resolving(math.pi / 2 * (stop - start), frequency)
     columns = on_segments(start, stop, count, bend=np.ones(start.shape, dtype=bool))
     x = columns.points

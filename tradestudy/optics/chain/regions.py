@@ -169,7 +169,7 @@ def resolving(length: FloatArray, frequency: float, *, tolerance: float = 1e-6, 
     return np.asarray(-(-count // step) * step)
 
 
-def pieces(breaks: FloatArray, low: float, high: float) -> tuple[FloatArray, FloatArray]:
+def subintervals(breaks: FloatArray, low: float, high: float) -> tuple[FloatArray, FloatArray]:
     """Beginnings and ends of the parts of an interval between breaks."""
     inside = np.unique(np.concatenate([[low, high], breaks[(breaks > low) & (breaks < high)]]))
     return inside[:-1], inside[1:]

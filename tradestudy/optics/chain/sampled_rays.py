@@ -119,9 +119,9 @@ def through_microlens(path: LightPath, index: int, offset: Plane, arriving: Plan
         parts.append((in_cell(lenses, offset) & ~in_lens, False))
     total = np.zeros(path.pixels.shape)
     x, y = lenses.centres[index]
-    for inside, acting in parts:
+    for inside, refracts in parts:
         here, slope = offset.where(inside), arriving.where(inside)
-        leaving = turned(lenses.lens(index), here, slope, backward=False) if acting else slope
+        leaving = turned(lenses.lens(index), here, slope, backward=False) if refracts else slope
         landing = here.plus(leaving, path.detector_distance)
         total += _on_pixels(path.pixels, landing.beside(-x, -y), power[inside])
     return total

@@ -180,11 +180,11 @@ def wave_spot_image(
     squared, on_rings, radial = _along_radius(source, nodes, images.eighths)
     picks = rng.choice(nodes.all, size=min(_MOST_DRAWN, len(nodes.all)), replace=False)
     turned = [_turned_ring(asked, nodes, ring, group) for ring in uneven]
-    pieces = np.array_split(radial, -(-len(radial) // _AT_ONCE))
+    chunks = np.array_split(radial, -(-len(radial) // _AT_ONCE))
     *followed, per_point = compute(
         [
             *turned,
-            *(partial(follow_points, asked, one, (1,) * len(one), tuple(range(len(one)))) for one in pieces),
+            *(partial(follow_points, asked, one, (1,) * len(one), tuple(range(len(one)))) for one in chunks),
             partial(_points_error, asked, picks, float(pixels.sum())),
         ],
         lambda share: done(_SHARE_OF_NODES + (1 - _SHARE_OF_NODES) * share),

@@ -57,7 +57,7 @@ def slow_factor(
     shuffled = rng.permutation(count)
     fit, held = shuffled[:_SAMPLE_NODES], shuffled[-_SAMPLE_NODES // 2 :]
     probes = tuple(c.min() + np.ptp(c) * rng.random(32) for c in box)
-    wanted = _slow(problem, base, fit, probes)
+    exact = _slow(problem, base, fit, probes)
     _refuse_wide(problem, base, fit, box)
     for degree in _DEGREES:
         counts = tuple(degree if np.ptp(c) > 0 else 1 for c in box)
@@ -65,7 +65,7 @@ def slow_factor(
         mesh = tuple(m.ravel() for m in np.meshgrid(*axes, indexing="ij"))
         onto = _tensor_lagrange(probes, box, counts)
         sampled = _slow(problem, base, fit, mesh)
-        error = _relative(apply_along_rows(onto.T, sampled.T).T - wanted, wanted)
+        error = _relative(apply_along_rows(onto.T, sampled.T).T - exact, exact)
         if error <= problem.low_rank:
             break
     else:
@@ -84,7 +84,7 @@ def slow_factor(
     return SlowFactor(
         node=node,
         coefficients=mixing.reshape(columns.size, *counts),
-        error=_relative(apart, wanted),
+        error=_relative(apart, exact),
     )
 
 

@@ -63,7 +63,7 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     yield from _requirements(requirement_conclusions(tree), ", as declared" if designs else "")
     if measured := tuple(_measured(tree)):
         yield Callout(title="Measured in pictures", blocks=(Bullets(measured),))
-    told = [
+    sentences = [
         *_weighed(tree),
         *_taken_as_perfect(tree),
         *_doubted(tree),
@@ -72,8 +72,8 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
         *_at_the_bound(tree),
         *_reversed(tree),
     ]
-    if told:  # in one paragraph, so that the page has room for its figure
-        yield Paragraph(tuple(span for text in told for span in (*text, Span(" "))))
+    if sentences:  # in one paragraph, so that the page has room for its figure
+        yield Paragraph(tuple(span for text in sentences for span in (*text, Span(" "))))
     yield from pictures_of(drawings, "requirement_margins" if "requirement_margins" in drawings else "whole_range")
 
 
@@ -128,20 +128,20 @@ def _requirement(one: RequirementConclusion) -> Spans:
 
 def _designs(tree: xr.DataTree) -> Iterator[Spans]:
     """What the designs of a sweep meet and favour, and how they move the crossover and usable ranges."""
-    told = [
+    sentences = [
         feasible_words(tree),
         f"Best {favoured}" if (favoured := "; ".join(favoured_words(tree))) else "",
         crossover_words(tree),
         *usable_span_words(tree),
     ]
-    for sentence in filter(None, told):
+    for sentence in filter(None, sentences):
         yield say("{sentence}.", sentence=sentence)
 
 
 def _weighed(tree: xr.DataTree) -> Iterator[Spans]:
     """The camera that ranks first by all declared criteria."""
-    if told := trade_off_conclusion(tree):
-        yield say("**By all criteria** ([](#trade-off-table)): {told}.", told=told)
+    if conclusion := trade_off_conclusion(tree):
+        yield say("**By all criteria** ([](#trade-off-table)): {conclusion}.", conclusion=conclusion)
 
 
 def _measured(tree: xr.DataTree) -> Iterator[Spans]:
@@ -185,9 +185,8 @@ def _doubted(tree: xr.DataTree) -> Iterator[Spans]:
 
 def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
     """The inputs that decide the answers most, and their bases."""
-    told = rests_on(tree)
-    if told:
-        yield say("**This rests on** {inputs}.", inputs="; ".join(told))
+    if inputs := rests_on(tree):
+        yield say("**This rests on** {inputs}.", inputs="; ".join(inputs))
 
 
 def _at_the_bound(tree: xr.DataTree) -> Iterator[Spans]:
@@ -273,7 +272,7 @@ def _why_none(best: BestCameras, start: float, end: float) -> str:
         fewest = np.flatnonzero(broken[least_broken(broken)])
         reasons.setdefault(limit_words(best.limits[fewest[0]]) if fewest.size else "", []).append(best.titles[key])
     alone = len(measuring) == 1
-    told = [words if alone else f"{listed(cameras)}: {words}" for words, cameras in reasons.items() if words][
+    explained = [words if alone else f"{listed(cameras)}: {words}" for words, cameras in reasons.items() if words][
         :_MOST_REASONS
     ]
     beside = [
@@ -284,7 +283,7 @@ def _why_none(best: BestCameras, start: float, end: float) -> str:
         and any(near < end and far > start for near, far in best.cameras[key].usable)
     ]
     others = f"; usable there, but not a candidate: {', '.join(beside)}" if beside else ""
-    return (f" ({'; '.join(told)})" if told else "") + others
+    return (f" ({'; '.join(explained)})" if explained else "") + others
 
 
 def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:

@@ -52,10 +52,10 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
 
 def _of_matching(tree: xr.DataTree) -> str:
     """Cameras whose disparity errors are bounds, and why pixel locking is not temporal noise."""
-    told = best_of_any_matcher(at_the_bound(tree))
+    text = best_of_any_matcher(at_the_bound(tree))
     if declared_matchers(tree):
-        told += " Declared pixel locking is not temporal noise: it is the same in every repeated measurement."
-    return f" {told.strip()}" if told else ""
+        text += " Declared pixel locking is not temporal noise: it is the same in every repeated measurement."
+    return f" {text.strip()}" if text else ""
 
 
 def _rows(one: xr.Dataset) -> Iterator[tuple[Text, ...]]:

@@ -32,14 +32,14 @@ def describe_depth_loop(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     )
     yield from pictures_of(drawings, "depth_loop")
     for k, name in enumerate(data["camera"].values):
-        yield Paragraph(_told(data.isel(camera=k), titles[str(name)]))
+        yield Paragraph(_fitted_matcher(data.isel(camera=k), titles[str(name)]))
     yield Paragraph(
         "The file matchers.yaml beside this report contains the fitted matchers, ready for the cameras of a study."
     )
     yield from score_tables(name="depth-loop", first=_first_columns(data), rows=list(_rows(data, titles)))
 
 
-def _told(one: xr.Dataset, title: str) -> Text:
+def _fitted_matcher(one: xr.Dataset, title: str) -> Text:
     """The fitted matcher of one camera, or why there is none."""
     declared = str(one["matcher"].item())
     if np.isnan(one["matcher_factor"].item()):
@@ -47,8 +47,8 @@ def _told(one: xr.Dataset, title: str) -> Text:
     over = one["over_matcher"].values[one["fitted"].values == 0.0]
     over = over[np.isfinite(over)]
     text = say("**{title}**: `{matcher}`.", title=title, matcher=declared.partition("  # ")[0])
-    told = with_error(one["matcher_factor"].item(), one["matcher_factor_error"].item(), significant)
-    text += say(" Its factor is {factor}.", factor=told)
+    factor = with_error(one["matcher_factor"].item(), one["matcher_factor_error"].item(), significant)
+    text += say(" Its factor is {factor}.", factor=factor)
     if over.size:
         text += say(
             " It predicts {low} to {high} of the noise found on {count}.",

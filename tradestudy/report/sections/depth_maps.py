@@ -40,11 +40,11 @@ def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
         yield Paragraph(_matcher("; ".join(cameras), matcher))
 
 
-def _matcher(title: str, told: str) -> Text:
+def _matcher(title: str, text: str) -> Text:
     """The key as a study declares it, or why there is nothing to declare."""
-    declared, _, errors = told.partition("  # ")
+    declared, _, errors = text.partition("  # ")
     if not errors:
-        return say("**{title}**: {why}.", title=title, why=told)
+        return say("**{title}**: {why}.", title=title, why=text)
     return say("**{title}**: `{matcher}` ({errors}).", title=title, matcher=declared, errors=errors)
 
 

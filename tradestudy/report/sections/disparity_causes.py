@@ -46,7 +46,7 @@ def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
             place=distance(float(found["distance"][middle])),
         )
     )
-    yield Bullets(tuple(_told(found.sel(camera=key), titles, middle) for key in titles))
+    yield Bullets(tuple(_largest_cause_in_words(found.sel(camera=key), titles, middle) for key in titles))
     yield from _in_use(tree, found, titles)
     yield from _of_matchers(tree)
     yield _table(found, titles)
@@ -57,7 +57,7 @@ def _in_use(tree: xr.DataTree, found: xr.Dataset, titles: Mapping[str, str]) -> 
     if not has(tree, "depth", "disparity_error_px"):
         return
     used = table_depth(tree)["disparity_error_px"]
-    told = []
+    differences = []
     for key, title in titles.items():
         whole = found["matched_error_px" if _is_real(found.sel(camera=key)) else "disparity_error_px"].sel(camera=key)
         own = used.sel(camera=key, distance=found["distance"])
@@ -69,52 +69,52 @@ def _in_use(tree: xr.DataTree, found: xr.Dataset, titles: Mapping[str, str]) -> 
         place = compared[apart[compared].argmax()]
         with_all, without = significant(float(whole[place])), significant(float(own[place]))
         if with_all != without:
-            told.append(
+            differences.append(
                 f"{without} px instead of {with_all} px for {title} at {distance(float(own['distance'][place]))}"
             )
-    if told:
+    if differences:
         yield Paragraph(
             say(
                 "These errors include every effect: a cause that is left out would seem to have no influence. Depth "
-                "leaves effects out where that changes it by less than the tolerance, and so uses {told}.",
-                told=listed(told),
+                "leaves effects out where that changes it by less than the tolerance, and so uses {differences}.",
+                differences=listed(differences),
             )
         )
 
 
 def _of_matchers(tree: xr.DataTree) -> Iterator[Block]:
     """What each bound leaves out: a real matcher, unless the study declares one."""
-    if told := best_of_any_matcher(at_the_bound(tree)):
+    if bounds := best_of_any_matcher(at_the_bound(tree)):
         yield Paragraph(
             say(
-                "{told} `scene.picture.matcher`, or `depth.matcher` of a camera, declares what a real one adds.",
-                told=told,
+                "{bounds} `scene.picture.matcher`, or `depth.matcher` of a camera, declares what a real one adds.",
+                bounds=bounds,
             )
         )
     declared = declared_matchers(tree)
     if not declared:
         return
     alike = {words: [title for title, own in declared.items() if own == words] for words in declared.values()}
-    told = " ".join(f"The declared matcher of {listed(names)} adds {words}." for words, names in alike.items())
+    added = " ".join(f"The declared matcher of {listed(names)} adds {words}." for words, names in alike.items())
     yield Paragraph(
         say(
-            "{told} A floor and the rms of pixel locking add in quadrature; pixel locking does not average out within "
+            "{added} A floor and the rms of pixel locking add in quadrature; pixel locking does not average out within "
             "one distance. False matches count as failed measurements.",
-            told=told,
+            added=added,
         )
     )
 
 
-def _told(camera: xr.Dataset, titles: Mapping[str, str], middle: int) -> str:
+def _largest_cause_in_words(camera: xr.Dataset, titles: Mapping[str, str], middle: int) -> str:
     """Which cause counts most for one camera at one distance, and where another one does."""
     there = camera.isel(distance=middle)
     own = _largest(there)
-    elsewhere = [
+    others = [
         f"at {distance(float(place['distance']))} {_CAUSES[other[0]]} ({significant(other[1])} times)"
         for place in (camera.isel(distance=k) for k in range(camera.sizes["distance"]))
         if (other := _largest(place)) is not None and (own is None or other[0] != own[0])
     ]
-    return _sentence(there, titles) + (f" What counts most elsewhere: {', '.join(elsewhere)}." if elsewhere else "")
+    return _sentence(there, titles) + (f" What counts most elsewhere: {', '.join(others)}." if others else "")
 
 
 def _sentence(there: xr.Dataset, titles: Mapping[str, str]) -> str:
@@ -137,7 +137,7 @@ def _sentence(there: xr.Dataset, titles: Mapping[str, str]) -> str:
         left = ", ".join(f"{words[name]} {without[name]}" for name in order)
         return f"{light}, and no texture is left to match: {left}."
     first, *others = order
-    told = f"{words[first]} it would be {_change(error, changed[first])}; " + ", ".join(
+    changes = f"{words[first]} it would be {_change(error, changed[first])}; " + ", ".join(
         f"{words[name]} {_change(error, changed[name])}" for name in others
     )
     largest = _largest(there)
@@ -146,8 +146,8 @@ def _sentence(there: xr.Dataset, titles: Mapping[str, str]) -> str:
     what = "None of these causes counts" if largest is None else f"{most} {_CAUSES[largest[0]]}"
     if real:
         matched = f"a disparity error of {significant(float(there['matched_error_px']))} px by the declared matcher"
-        return f"{light}, {matched}, with a bound of {significant(error)} px. {what}: {told}."
-    return f"{light}, a disparity error of {significant(error)} px. {what}: {told}."
+        return f"{light}, {matched}, with a bound of {significant(error)} px. {what}: {changes}."
+    return f"{light}, a disparity error of {significant(error)} px. {what}: {changes}."
 
 
 def _is_real(there: xr.Dataset) -> bool:
@@ -186,8 +186,8 @@ def _factor(error: float, changed: float) -> float:
     if np.isinf(error) or changed == 0.0:
         return np.inf
     factor = error / changed
-    told_apart = factor == 0.0 or "1" not in (significant(factor), significant(1.0 / factor))
-    return factor if told_apart else 1.0
+    distinct = factor == 0.0 or "1" not in (significant(factor), significant(1.0 / factor))
+    return factor if distinct else 1.0
 
 
 def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:

@@ -62,11 +62,11 @@ def _front(tree: xr.DataTree) -> Iterator[Block]:
     if not front.designs:
         yield Paragraph("No design of the sweep meets every requirement that must hold.")
         return
-    told = f" The {_MOST_ROWS} of {front.count} that score highest at the mean of the weights."
+    only_best = f" The {_MOST_ROWS} of {front.count} that score highest at the mean of the weights."
     yield Table(
         name="pareto-front",
         caption="Pareto-optimal designs: they meet every requirement that must hold, and no other such design is at "
-        "least as good in every criterion and better in one." + (told if front.count > _MOST_ROWS else ""),
+        "least as good in every criterion and better in one." + (only_best if front.count > _MOST_ROWS else ""),
         columns=(
             *(Column(title=name, align="right") for name in front.swept),
             Column(title="Camera", weight=2),

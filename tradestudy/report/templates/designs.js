@@ -136,11 +136,11 @@ if (data.designs) {
       if (table) equip(table, numberOf(one));
     }
     const words = axes.map((axis, n) => axis.words[places[n]]);
-    const told = axes.map((axis, n) => `${axis.says} ${words[n]}`).join(", ");
+    const values = axes.map((axis, n) => `${axis.says} ${words[n]}`).join(", ");
     for (const figure of figures) {
       for (const panel of figure.panels) panel.showDesign(design);
       const follows = figure.panels.some((panel) => panel.read.some((curve) => baseName(curve) in data.values));
-      figure.note.textContent = design !== null && follows ? `Now shown: ${told}.` : "";
+      figure.note.textContent = design !== null && follows ? `Now shown: ${values}.` : "";
       if (figure.readable) figure.table();
     }
     inputs.forEach(([input, output], n) => {

@@ -56,8 +56,8 @@ class Figure {
       for (const { x, columns } of groups.values()) {
         const head = html("tr", {}, html("th", { scope: "col" }, panel.x.label || "x"),
           ...columns.map(({ curve }) => html("th", { scope: "col", class: "right" }, curve.label)));
-        const rows = [...x].map((value, k) => html("tr", {}, html("th", { scope: "row" }, told(panel.x, value)),
-          ...columns.map(({ y }) => html("td", { class: "right" }, told(panel.y, y[k])))));
+        const rows = [...x].map((value, k) => html("tr", {}, html("th", { scope: "row" }, worded(panel.x, value)),
+          ...columns.map(({ y }) => html("td", { class: "right" }, worded(panel.y, y[k])))));
         const caption = html("caption", {}, [panel.y.label, panel.title].filter(Boolean).join(", ") || this.number);
         const table = html("table", {}, caption, html("thead", {}, head), html("tbody", {}, ...rows));
         this.tables.append(html("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": `Values of ${this.number}` }, table));
@@ -124,12 +124,12 @@ class Figure {
     for (const figure of figures) if (figure !== this) figure.readout.classList.remove("shown");
     const points = rows.length === 1 && rows[0].curve.kind === "points";
     const at = points ? rows[0].x : value;
-    const title = [panel.title, `${panel.x.label || "at"} ${told(panel.x, at)}`].filter(Boolean).join(" · ");
+    const title = [panel.title, `${panel.x.label || "at"} ${worded(panel.x, at)}`].filter(Boolean).join(" · ");
     this.readout.replaceChildren(html("div", { class: "at" }, title), ...rows.map(({ curve, x, y, beside }) =>
       html("div", { class: "row", "data-label": curve.label },
         swatch(curve.color), `${curve.label} `,
-        html("b", {}, told(panel.y, y)), " ", html("span", { class: "interval" }, beside),
-        x !== value && !points ? ` (at ${told(panel.x, x)})` : "")));
+        html("b", {}, worded(panel.y, y)), " ", html("span", { class: "interval" }, beside),
+        x !== value && !points ? ` (at ${worded(panel.x, x)})` : "")));
     this.readout.classList.toggle("shown", rows.length > 0);
   }
 

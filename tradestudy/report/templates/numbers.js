@@ -82,7 +82,7 @@ const valueAt = (scale, part) => {
 const isLength = (scale) => scale.unit in LENGTHS;
 const inBase = (scale, value) => value * scale.factor * (LENGTHS[scale.unit] ?? 1);
 const fromBase = (scale, value) => value / scale.factor / (LENGTHS[scale.unit] ?? 1);
-const told = (scale, value) => {
+const worded = (scale, value) => {
   if (Number.isNaN(value)) return "—";
   if (Object.keys(scale.names).length) return scale.names[String(Number(value.toPrecision(6)))] ?? significant(value);
   if (isLength(scale)) return (scale.label.includes("distance") ? distance : length)(inBase(scale, value));

@@ -80,13 +80,13 @@ class Panel {
     return line ? [...new Set(this.points(line).x)].sort((a, b) => a - b) : [];
   }
 
-  // What is told beside a value: an interval, the value to the other side, or the band of the same label there.
+  // What is shown beside a value: an interval, the value to the other side, or the band of the same label there.
   beside(curve, { x, low, high, beside }, k) {
     if (high?.length) return beside ? `${beside}: ${span(low[k], high[k])}` : `nearer, ${length(high[k])} farther`;
     const band = !high && this.curves.find((one) => one.kind === "band" && one.label === curve.label && one.x != null);
     if (!band) return "";
     const own = numbers(band.x), at = nearest(own, x[k], this.x);
-    return Math.abs(this.X(own[at]) - this.X(x[k])) < 1 ? `${told(this.y, numbers(band.y)[at])} to ${told(this.y, numbers(band.top)[at])}` : "";
+    return Math.abs(this.X(own[at]) - this.X(x[k])) < 1 ? `${worded(this.y, numbers(band.y)[at])} to ${worded(this.y, numbers(band.top)[at])}` : "";
   }
 
   // A line through the whole panel, upright or level.
@@ -222,5 +222,5 @@ function ticksOf(scale, from, to) {
     const step = [1, 2, 5, 10].find((one) => one * size >= rough) * size;
     for (let k = Math.ceil(low / step); k * step <= high; k += 1) found.push(k * step);
   }
-  return found.filter((value) => value >= low && value <= high).map((value) => [value, told(scale, Number(value.toPrecision(6)))]);
+  return found.filter((value) => value >= low && value <= high).map((value) => [value, worded(scale, Number(value.toPrecision(6)))]);
 }

@@ -210,12 +210,12 @@ def _missing(document: Document, finding: _Finding) -> Problem:
         )
     owner = finding.alignment.owner
     meaning = key_meaning(owner, path[-1])
-    wanted = _wanted(value_schema(owner, path[-1])) or _with_keys(keys_of_part(owner, path[-1]), "; ")
-    what = f"this key is missing{f' ({meaning})' if meaning else ''}{wanted}{' is expected' if wanted else ''}"
+    expected = _expected_value(value_schema(owner, path[-1])) or _with_keys(keys_of_part(owner, path[-1]), "; ")
+    what = f"this key is missing{f' ({meaning})' if meaning else ''}{expected}{' is expected' if expected else ''}"
     return document.locate(above).problem(path, what)
 
 
-def _wanted(schema: dict[str, Any]) -> str:
+def _expected_value(schema: dict[str, Any]) -> str:
     """Say what value a missing key should have, as far as its schema tells: the choices, the limits or an example."""
     if choices := schema.get("enum", [schema["const"]] if "const" in schema else []):
         return f"; {_choice(choices) if all(isinstance(one, str) for one in choices) else choices[0]}"
