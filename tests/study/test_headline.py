@@ -60,6 +60,15 @@ def test_claim_4_last_disparity_step(headline_result: Result) -> None:
     assert verdict(headline_result, "C4") == "cannot be decided from the paper"
 
 
+def test_claims_name_cameras_by_their_titles(headline_result: Result) -> None:
+    quantity = headline_result.data["claims"].to_dataset()["quantity"]
+    assert str(quantity.sel(claim="C1").item()) == "near end of the overlap limit of Stereo rig, 8 mm lens"
+    assert str(quantity.sel(claim="C2").item()) == (
+        "largest uncertainty of Stereo rig, 8 mm lens relative to that of Raytrix R5, 500 mm to 10 m, "
+        "noise and calibration errors"
+    )
+
+
 def test_contradictions_of_table_1_are_reported(headline_result: Result) -> None:
     rows = headline_result.data["contradictions"].to_dataset().to_dataframe().set_index("camera")
     focus = rows["what"] == "principal distance against focus distance"

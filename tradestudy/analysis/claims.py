@@ -49,27 +49,27 @@ def claims_in_order(claims: Mapping[str, ClaimPart], names: Sequence[str]) -> li
     return [asked[place] for place in mixed(len(asked))]
 
 
-def claim_quantity(claim: ClaimPart) -> str:
-    """The quantity that answers a claim, in words."""
+def claim_quantity(claim: ClaimPart, titles: Mapping[str, str]) -> str:
+    """The quantity that answers a claim, in words; `titles` name the cameras."""
     match claim:
         case LimitDistanceClaim():
-            return f"{claim.end} end of the {claim.limit.replace('_', ' ')} limit of {claim.camera}"
+            return f"{claim.end} end of the {claim.limit.replace('_', ' ')} limit of {titles[claim.camera]}"
         case UncertaintyRatioClaim():
             span = " to ".join(pretty(end, LENGTH) for end in claim.over)
-            ratio = f"uncertainty of {claim.camera} relative to that of {claim.against}"
+            ratio = f"uncertainty of {titles[claim.camera]} relative to that of {titles[claim.against]}"
             return f"largest {ratio}, {span}, {_FROM[claim.errors]}"
         case ShareBetterClaim():
             span = " to ".join(pretty(end, LENGTH) for end in claim.over)
-            other = f"{claim.against} is not, or is less certain"
-            return f"fraction of {span} (log scale) where {claim.camera} is usable and {other}"
+            other = f"{titles[claim.against]} is not, or is less certain"
+            return f"fraction of {span} (log scale) where {titles[claim.camera]} is usable and {other}"
         case RelativeUncertaintyDistanceClaim():
             share = pretty(claim.threshold, FRACTION)
             reached = f"reaches {share} of the distance"
-            return f"distance where the uncertainty of {claim.camera} {reached}, {_FROM[claim.errors]}"
+            return f"distance where the uncertainty of {titles[claim.camera]} {reached}, {_FROM[claim.errors]}"
         case DepthOfFieldClaim():
-            return depth_of_field_words(claim)
+            return depth_of_field_words(claim, titles)
         case DepthOfFieldRatioClaim():
-            return depth_of_field_ratio_words(claim)
+            return depth_of_field_ratio_words(claim, titles)
         case _:
             # Only studies that ask for wave optics load it.
             from tradestudy.analysis.wave_claims import wave_claim_words

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -44,14 +45,14 @@ def _extent_within(found: SharpRange, near: float, far: float) -> float:
     return float(np.sum(covered[:, 1] - covered[:, 0]))
 
 
-def depth_of_field_words(claim: DepthOfFieldClaim) -> str:
-    """The quantity that answers the claim, in words."""
-    return f"depth of field of {claim.camera}, {_blur_words(claim.blur, claim.diffraction)}"
+def depth_of_field_words(claim: DepthOfFieldClaim, titles: Mapping[str, str]) -> str:
+    """The quantity that answers the claim, in words; `titles` name the cameras."""
+    return f"depth of field of {titles[claim.camera]}, {_blur_words(claim.blur, claim.diffraction)}"
 
 
-def depth_of_field_ratio_words(claim: DepthOfFieldRatioClaim) -> str:
-    """The quantity that answers the claim, in words."""
-    text = f"ratio of the depth of field of {claim.camera} to that of {claim.against}"
+def depth_of_field_ratio_words(claim: DepthOfFieldRatioClaim, titles: Mapping[str, str]) -> str:
+    """The quantity that answers the claim, in words; `titles` name the cameras."""
+    text = f"ratio of the depth of field of {titles[claim.camera]} to that of {titles[claim.against]}"
     if claim.over is not None:
         text += f" between {pretty(claim.over[0], LENGTH)} and {pretty(claim.over[1], LENGTH)}"
     if claim.resolution is not None:

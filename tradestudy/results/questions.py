@@ -154,7 +154,7 @@ CLAIMS: Final[Mapping[str, Variable]] = {
     "says": Variable(dims=("claim",), units="", long_name="the claim in the words of its source"),
     "source": Variable(dims=("claim",), units="", long_name="where the claim is made"),
     "expected": Variable(dims=("claim",), units="", long_name="expected value or bound"),
-    "quantity": Variable(dims=("claim",), units="", long_name="quantity that is computed to answer it"),
+    "quantity": Variable(dims=("claim",), units="", long_name="quantity that answers it; cameras by their titles"),
     "tolerance_reason": Variable(
         dims=("claim",), units="", long_name="how the expectation and its tolerance follow from the wording"
     ),

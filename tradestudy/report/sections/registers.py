@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final
@@ -233,18 +232,12 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
             say(
                 "**{claim}**: {quantity}. Tolerance: {why}.",
                 claim=str(r["claim"]),
-                quantity=_with_titles(str(r["quantity"]), camera_titles(tree)),
+                quantity=str(r["quantity"]),
                 why=str(r["tolerance_reason"]),
             )
             for r in rows
         ),
     )
-
-
-def _with_titles(words: str, titles: Mapping[str, str]) -> str:
-    """Words in which the keys of cameras become their titles."""
-    keys = "|".join(map(re.escape, sorted(titles, key=len, reverse=True)))
-    return re.sub(rf"(?<![\w-])(?:{keys})(?![\w-])", lambda found: titles[found[0]], words) if keys else words
 
 
 _NEAR: Final = ", within the tolerance: omitted effects could reverse it"

@@ -161,6 +161,7 @@ def claims_group(
     The predicted seconds of the answers, and of the requirements after them, set the shares of progress.
     """
     claims = definition.file.claims
+    titles = {name: part.title for name, part in definition.file.cameras.items()}
     names = list(readings)
     value = np.full((len(claims), len(names)), np.nan)
     met = np.full(value.shape, -1, dtype=np.int8)
@@ -191,7 +192,7 @@ def claims_group(
             "says": [claim.says for claim in claims.values()],
             "source": [claim.source for claim in claims.values()],
             "expected": [expectation(claim.expect) for claim in claims.values()],
-            "quantity": [claim_quantity(claim) for claim in claims.values()],
+            "quantity": [claim_quantity(claim, titles) for claim in claims.values()],
             "tolerance_reason": [claim.tolerance_reason for claim in claims.values()],
             "verdict": [verdict for verdict, _ in verdicts],
             "reason": [reason for _, reason in verdicts],
