@@ -11,7 +11,7 @@ import pytest
 from tests.analysis.plain_depths import CENTRAL, B, of_rig, stereo_depth
 from tests.cameras.builders import stereo
 from tradestudy.analysis.depth import model_error
-from tradestudy.analysis.linear_depth import linear_distribution, linear_reading
+from tradestudy.analysis.linear_depth import linear_distribution, linearised_depth
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.plan.plan import plan_of
 from tradestudy.study.loading import load_definition
@@ -59,8 +59,8 @@ def test_a_line_in_inverse_depth_holds_where_a_line_in_depth_fails(distance: flo
     line = linear_distribution(rig, np.array([distance]), 0.0, "calibration")
     assert line.half_widths(0.95)[0, 0] == pytest.approx(true, rel=2e-3)
     assert line.quantile[[0, -1], 0] == pytest.approx([near, far], rel=2e-3)
-    reading = linear_reading(rig, np.array([distance]), 0.0)
-    in_depth = 1.959964 * distance**2 * float(reading.standard_deviation[0])
+    line = linearised_depth(rig, np.array([distance]), 0.0)
+    in_depth = 1.959964 * distance**2 * float(line.standard_deviation[0])
     assert (abs(in_depth / true - 1.0) > 0.01) == (distance > 1.45)
 
 

@@ -48,7 +48,7 @@ def stereo_trial() -> CalibrationTrial:
         target=SyntheticTarget(points=flat_grid(5, 4, 0.04), poses=poses, noise=np.full(4, 0.1)),
         model=observe_pair,
         priors=normal_priors(SHARED_NAMES, centre, deviation),
-        reading=depth_of_draws,
+        measurement=depth_of_draws,
         distances=np.array([0.3, 0.5, 1.0, 3.0, 10.0]),
     )
 
@@ -77,7 +77,7 @@ def plenoptic_trial() -> CalibrationTrial:
         target=SyntheticTarget(points=flat_grid(4, 3, 0.01), poses=poses, noise=np.full(3, 0.1)),
         model=plenoptic,
         priors=normal_priors(("mla_distance", "focal_length", "microlens_gap"), centre, np.full(3, 20e-6)),
-        reading=plenoptic_depth,
+        measurement=plenoptic_depth,
         distances=np.array([0.15, 0.3, 0.5, 1.0, 3.0]),
     )
 

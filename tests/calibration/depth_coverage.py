@@ -86,7 +86,7 @@ class DepthCase:
             ),
             model=observer(self.camera, names),
             priors=normal_priors(names, np.zeros(len(names)), self.deviations),
-            reading=lambda truth, draws, distances: np.empty((len(draws), len(distances))),
+            measurement=lambda truth, draws, distances: np.empty((len(draws), len(distances))),
             distances=np.array([self.near, self.far_calibrated]),
         )
 
@@ -183,8 +183,8 @@ def by_corners(rng: np.random.Generator, *, sampled: bool = False) -> BoolArray:
     (group,), distances = calibration.groups, np.array([0.6, 500.0])
     errors = dict(zip(SHARED_NAMES, group.draw(rng.standard_normal((group.dimensions, DRAWS)))[..., None], strict=True))
     errors["pixel_noise"] = 1e-6 * rng.standard_normal((DRAWS, 2))
-    assert calibration.reading is not None
-    stated = calibration.reading(distances, 0.0, errors, None).inverse_depth
+    assert calibration.measurement is not None
+    stated = calibration.measurement(distances, 0.0, errors, None).inverse_depth
     points = np.stack([np.full(2, 0.05), np.zeros(2), distances], axis=-1)
     seen = pictures(truth, points) + 0.1 * rng.standard_normal((2, 1)) * np.array([0.5, 0.0, -0.5, 0.0])
     read = np.array([plain_pair.inverse_depth_read(best, place) for place in seen])

@@ -24,7 +24,7 @@ def stereo_trial():
         target=SyntheticTarget(points=flat_grid(5, 4, 0.04), poses=poses, noise=np.full(4, 0.1)),
         model=observe_pair,
         priors=normal_priors(SHARED_NAMES, centre, deviation),
-        reading=depth_of_draws,
+        measurement=depth_of_draws,
         distances=DISTANCES,
         draws=400,
     )
@@ -63,7 +63,7 @@ def line_trial():
     def line(parameters, points):
         return parameters[..., 0, None, None] + parameters[..., 1, None, None] * points[..., 2:]
 
-    def reading(truth, draws, distances):
+    def measurement(truth, draws, distances):
         return (truth[0] + truth[1] * distances - draws[:, :1]) / draws[:, 1:]
 
     poses = np.zeros((6, 6))
@@ -79,7 +79,7 @@ def line_trial():
         target=target,
         model=line,
         priors=normal_priors(("offset", "slope"), np.array([0.0, 1.0]), np.array([0.5, 0.2])),
-        reading=reading,
+        measurement=measurement,
         distances=np.array([1.0, 3.0]),
     )
 

@@ -234,13 +234,13 @@ def test_a_calibration_with_a_declared_lens_model_is_saved_and_read_again(
     write_posterior(tmp_path / "rig.nc", found.posterior)
     again = posterior_of_file(tmp_path / "rig.nc", "rig", camera)
     z, none = np.array([0.3, 1.0]), {}
-    assert found.calibration.reading is not None
+    assert found.calibration.measurement is not None
     for field in (0.0, 0.7):
-        read = [one.reading(z, field, none, None).inverse_depth for one in (found.calibration, again)]
+        read = [one.measurement(z, field, none, None).inverse_depth for one in (found.calibration, again)]
         np.testing.assert_allclose(read[0], 1.0 / z[None], rtol=1e-9)
         np.testing.assert_array_equal(read[1], read[0])
     errors = {"left_radial_distortion_k3": np.full((1, 1), 1e-2)}
-    changed = found.calibration.reading(z, 0.9, errors, None).inverse_depth
+    changed = found.calibration.measurement(z, 0.9, errors, None).inverse_depth
     assert np.all(np.abs(changed * z - 1.0) > 1e-5)
 
 

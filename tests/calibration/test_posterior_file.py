@@ -1,4 +1,4 @@
-"""A posterior saved and loaded: the same bits, the same reading, and what is refused."""
+"""A posterior saved and loaded: the same bits, the same measured depths, and what is refused."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ def test_a_rig_of_corners_is_loaded_bit_for_bit(tmp_path, calibrated_webcams):
     assert loaded.vocabulary == rig.calibration.vocabulary
     for field in (0.0, 0.5):
         found, expected = (
-            calibration.reading(DISTANCES, field, errors_of(calibration), None)
+            calibration.measurement(DISTANCES, field, errors_of(calibration), None)
             for calibration in (loaded, rig.calibration)
         )
         assert np.array_equal(found.inverse_depth, expected.inverse_depth)
@@ -57,7 +57,7 @@ def test_a_target_is_loaded_bit_for_bit(tmp_path):
     found, expected = (errors_of(calibration) for calibration in (loaded, inferred.calibration))
     assert list(found) == list(expected)
     assert all(np.array_equal(found[name], expected[name]) for name in found)
-    assert loaded.reading is None
+    assert loaded.measurement is None
 
 
 def test_a_covariance_is_one_about_its_own_best_values(tmp_path):
@@ -98,7 +98,7 @@ def test_unknown_names_are_reported(tmp_path):
 
 def test_a_contradiction_of_posterior_and_declared_rig_gives_both_values(tmp_path):
     path = saved(tmp_path / "rig.nc")
-    assert posterior_of_file(path, "rig", stereo()).reading is not None
+    assert posterior_of_file(path, "rig", stereo()).measurement is not None
     with pytest.raises(
         GeometryContradictionError, match=r"declared baseline 200 mm, the posterior says 100.*another posterior"
     ):

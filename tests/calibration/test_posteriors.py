@@ -17,7 +17,7 @@ from tests.calibration.cameras import (
 from tests.calibration.radial_rig import SHARED_NAMES
 from tradestudy.calibration.corners.corner_file import CornerFileError
 from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError, check_geometry
-from tradestudy.calibration.corners.rig_reading import rig_parameters
+from tradestudy.calibration.corners.rig_measurement import rig_parameters
 from tradestudy.calibration.posteriors import MOST_DRAWS, infer, to_infer
 from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.cameras.calibration_declaration import calibration_part
@@ -87,7 +87,7 @@ def test_the_target_ties_array_distance_and_focal_length(r5):
     ],
 )
 def test_a_target_shrinks_what_depth_needs(camera, priors, part):
-    """Depth by draws of the posterior beside depth by draws of the priors, by the same reading."""
+    """Depth by draws of the posterior beside depth by draws of the priors, by the same measurement."""
     # A uniform prior no wider than the posterior is refused where the peak lies outside: not with this seed.
     inferred = infer(shown(camera, priors, part, seed=1))
     (group,) = inferred.calibration.groups

@@ -39,9 +39,9 @@ def test_a_quarter_turn_about_the_axis_shares_the_middle_square():
 def test_the_measured_pair_shares_what_opencv_finds(calibrated_webcams):
     """Every second pixel of both pictures, undistorted by OpenCV, placed in the plane, and projected into the other."""
     cv2 = pytest.importorskip("cv2")
-    rig, reading = calibrated_webcams.fit.explained.shared, calibrated_webcams.calibration.reading
+    rig, measurement = calibrated_webcams.fit.explained.shared, calibrated_webcams.calibration.measurement
     left, right, turn, shift = rig[:6], rig[6:12], cv2.Rodrigues(rig[12:15])[0], rig[15:]
-    columns, rows = reading.pixels
+    columns, rows = measurement.pixels
     grid = np.stack(np.meshgrid(np.arange(0.5, columns, 2.0), np.arange(0.5, rows, 2.0)), axis=-1).reshape(-1, 1, 2)
 
     def seen(source, target, rotation, translation, z):
@@ -60,5 +60,5 @@ def test_the_measured_pair_shares_what_opencv_finds(calibrated_webcams):
         from_left = seen(left, right, turn, shift, (axis, distance))
         normal = turn @ axis
         from_right = seen(right, left, turn.T, -turn.T @ shift, (normal, distance + normal @ shift))
-        found = reading.shared_area(np.array([distance]))[0]
+        found = measurement.shared_area(np.array([distance]))[0]
         assert found == pytest.approx(min(from_left, from_right), abs=3e-3)

@@ -12,7 +12,7 @@ from tradestudy.calibration.target.target_inference import TargetProblem, fit_ta
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 
-DepthReading = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
+DepthMeasurement = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 """Takes the true parameters (P,), draws (K, P) and true depths (D,) [m]; returns the depths (K, D) that the
 draws read."""
 
@@ -29,7 +29,7 @@ class CalibrationTrial:
         The camera.
     priors : Priors
         Where truths come from, and what the inference supposes.
-    reading : DepthReading
+    measurement : DepthMeasurement
         Depths read with drawn parameters of what the true camera sees.
     distances : array (D,)
         True depths [m].
@@ -40,7 +40,7 @@ class CalibrationTrial:
     target: SyntheticTarget
     model: CameraModel
     priors: Priors
-    reading: DepthReading
+    measurement: DepthMeasurement
     distances: FloatArray
     draws: int = 1000
 
@@ -88,7 +88,7 @@ class CalibrationTrial:
 
     def _shares(self, truth: FloatArray, draws: FloatArray) -> FloatArray:
         """Share of draws below the truth for each depth and each parameter."""
-        depths = self.reading(truth, draws, self.distances)
+        depths = self.measurement(truth, draws, self.distances)
         if np.any(np.isnan(depths)):
             raise NotConvergedError(
                 "draws of a synthetic calibration read no depth",

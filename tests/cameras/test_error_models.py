@@ -28,7 +28,7 @@ AIR = Environment(
 )  # fmt: skip
 
 
-# What differs from measurement to measurement, or from lens to lens, is in the reading alone.
+# What differs from measurement to measurement, or from lens to lens, is in the measured depth alone.
 IN_READING_ALONE = ("pixel_noise", "microlens_center_scatter", "array_rotation")
 
 
@@ -102,7 +102,7 @@ def test_a_disparity_that_crosses_zero_continues_in_its_direction():
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("triangulation", ["disparity", "midpoint"])
 def test_a_rig_with_known_errors_measures_the_truth(triangulation, seed):
-    """All errors at once, in rig and calibration alike, over the field: observation and reading are inverses."""
+    """All errors at once, in rig and calibration alike, over the field: observation and measured depth are inverses."""
     rig = stereo(triangulation=triangulation, convergence_angle=0.05)
     errors = drawn(STEREO_ERRORS, np.random.default_rng(seed))
     z = np.array([0.7, 2.0])
@@ -140,8 +140,8 @@ def test_the_stereo_picture_is_that_of_rotation_matrices():
     np.testing.assert_allclose(found[:2], rig.lens.focal_length * (point[:2] + np.array([0.05, 0.0])) / point[2])
 
 
-def sensitivity(reading, distance, field, name, step):
-    plus, minus = (reading(distance, field, {name: np.array([[s * step]])}).inverse_depth for s in (1.0, -1.0))
+def sensitivity(measurement, distance, field, name, step):
+    plus, minus = (measurement(distance, field, {name: np.array([[s * step]])}).inverse_depth for s in (1.0, -1.0))
     return -(distance**2) * (plus - minus)[0] / (2.0 * step)
 
 
@@ -150,7 +150,7 @@ def test_stereo_sensitivities_off_the_axis_are_those_of_the_textbook():
     rig = stereo()
     field = 0.7
 
-    def reading(distance, where, errors):
+    def measurement(distance, where, errors):
         return rig.read(distance, where, errors)
 
     z = np.array([2.0, 5.0])
@@ -158,27 +158,27 @@ def test_stereo_sensitivities_off_the_axis_are_those_of_the_textbook():
     y = field * 5.12e-3 / 30.5e-3
     lever = z**2 / 0.1
     for name, expected in (("yaw", lever * (1 + x**2)), ("roll", lever * y), ("pitch", -lever * x * y)):
-        found = sensitivity(reading, z, field, name, 1e-5)
+        found = sensitivity(measurement, z, field, name, 1e-5)
         np.testing.assert_allclose(np.abs(found), np.abs(expected), rtol=1e-6)
 
 
 def test_plenoptic_sensitivities_are_the_published_ones():
     """6.24 and 6.40 mm per µm of z and f_M at 1 m, of opposite sign; 20 µm of field curvature: 10.6 mm at 0.3 m."""
 
-    def reading(distance, where, errors):
+    def measurement(distance, where, errors):
         return r5().read(distance, where, errors)
 
     one = np.array([1.0])
-    z = sensitivity(reading, one, 0.0, "mla_distance", 1e-8)[0]
-    f = sensitivity(reading, one, 0.0, "focal_length", 1e-8)[0]
+    z = sensitivity(measurement, one, 0.0, "mla_distance", 1e-8)[0]
+    f = sensitivity(measurement, one, 0.0, "focal_length", 1e-8)[0]
     assert abs(z) == pytest.approx(6.24e3, rel=1e-3)
     assert abs(f) == pytest.approx(6.40e3, rel=1e-3)
     assert z * f < 0
     near = np.array([0.3, 1.0])
-    curved = 20e-6 * np.abs(sensitivity(reading, near, 1.0, "field_curvature", 1e-8))
+    curved = 20e-6 * np.abs(sensitivity(measurement, near, 1.0, "field_curvature", 1e-8))
     np.testing.assert_allclose(curved, [10.6e-3, 125e-3], rtol=5e-3)
-    assert np.all(sensitivity(reading, near, 0.0, "field_curvature", 1e-8) == 0.0)
-    tilted = sensitivity(reading, near, 1.0, "array_tilt_x", 1e-6)
+    assert np.all(sensitivity(measurement, near, 0.0, "field_curvature", 1e-8) == 0.0)
+    tilted = sensitivity(measurement, near, 1.0, "array_tilt_x", 1e-6)
     # A tilt moves the array by tilt · x and takes the same from the gap, on which a_L = v b_L hangs.
     v = r5().virtual_depth(near)
     np.testing.assert_allclose(np.abs(tilted), (1 + v) * 5.632e-3 * ((near - 12.5e-3) / 12.5e-3) ** 2, rtol=1e-5)
@@ -245,7 +245,7 @@ def test_colour_moves_depth_seen_through_one_lens(build):
 
 
 def test_plenoptic_reading_in_forty_digits():
-    """Every error of the reading at once, written out again with mpmath for one point at the edge."""
+    """Every error of the measured depth at once, written out again with mpmath for one point at the edge."""
     known = 30e-6
     camera = r5(field_curvature=known)
     rng = np.random.default_rng(4)
@@ -324,8 +324,8 @@ def test_unseen_points_and_impossible_cameras_are_reported():
     assert np.broadcast_to(nearest.no_overlap, (2, 2)).tolist() == [[True, False]] * 2
     bent = rig.read(DISTANCES, 0.9, {"left_distortion_k1": np.array([[0.0], [-40.0]])})
     assert bent.out_of_range.any(axis=1).tolist() == [False, True]
-    reading = r5().read(np.array([0.01, 1.0]), 0.0, {"microlens_gap": np.array([[0.0], [-1e-3]])})
-    assert reading.out_of_range.tolist() == [[True, False], [True, True]]
+    measurement = r5().read(np.array([0.01, 1.0]), 0.0, {"microlens_gap": np.array([[0.0], [-1e-3]])})
+    assert measurement.out_of_range.tolist() == [[True, False], [True, True]]
     diverging = rig.read(np.array([10.0]), 0.0, {"yaw": np.array([[1.0 * DEG], [-1.0 * DEG]])})
     assert sorted(np.sign(diverging.inverse_depth[:, 0])) == [-1.0, 1.0]
     with pytest.raises(OutOfRangeError, match="no such error"):

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
+from tradestudy.cameras.depth_measurement import Errors
 from tradestudy.cameras.light_cones import Pose
-from tradestudy.cameras.reading import Errors
 from tradestudy.cameras.stereo.pair import Pair, pair_interior, pair_observation, pair_poses
 from tradestudy.cameras.stereo.row_alignment import row_alignment
 from tradestudy.optics.arrays import FloatArray

@@ -20,13 +20,13 @@ from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.contradictions import Contradiction, lens_contradictions
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DepthCamera, DisparityErrorLaw
+from tradestudy.cameras.depth_measurement import Errors, MeasuredInverseDepth, require_field, require_known, value_of
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import NOISE_PARAMETER, PIXEL_NOISE, ErrorParameter, ErrorVocabulary
 from tradestudy.cameras.focus import SingleLensFocus
 from tradestudy.cameras.method import Formula, Method
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
-from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
 from tradestudy.cameras.through_lens import picture_through_lens
 from tradestudy.declarations.quantities import Angle, Baseline, ObjectDistanceOrInfinity
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -124,14 +124,14 @@ class LaserScanner(DepthCamera):
 
     def read(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
-    ) -> InverseDepthReading:
+    ) -> MeasuredInverseDepth:
         require_known(errors, ERRORS, "a laser scanner")
         require_field(field)
         place = self.disparity(distance)
         seen = np.abs(place) <= self.sensor.width / 2.0
         believed = self.baseline + value_of(errors, "baseline")
         inverse = self.inverse_depth(place, errors)
-        return InverseDepthReading(inverse_depth=inverse, no_overlap=~seen, out_of_range=np.asarray(believed <= 0.0))
+        return MeasuredInverseDepth(inverse_depth=inverse, no_overlap=~seen, out_of_range=np.asarray(believed <= 0.0))
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
         f = self.lens.focal_length + value_of(errors, "focal_length")

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.linear_depth import linear_reading
+from tradestudy.analysis.linear_depth import linearised_depth
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
@@ -32,7 +32,7 @@ def largest_cause(camera: DepthCamera, distance: FloatArray) -> Cause | None:
     """
     seen = distance[camera.images(distance)]
     try:
-        line = linear_reading(camera, seen, 0.0, "noise" if camera.propagation.model == "off" else "both")
+        line = linearised_depth(camera, seen, 0.0, "noise" if camera.propagation.model == "off" else "both")
     except OutOfRangeError:
         return None
     contributed = line.sensitivity * (line.covariance @ line.sensitivity)

@@ -14,7 +14,7 @@ from tradestudy.analysis.depth_draws import exact_distribution, trial_distributi
 from tradestudy.analysis.linear_depth import (
     has_covariance,
     linear_distribution,
-    linear_reading,
+    linearised_depth,
     noise_distribution,
 )
 from tradestudy.analysis.second_order import second_order
@@ -298,7 +298,7 @@ def variance_shares(camera: DepthCamera, distance: FloatArray, field: float = 0.
     parts = {name: camera.parameter(name).part for group in camera.calibration.groups for name in group.parameters}
     names = ("noise", *dict.fromkeys(parts.values()))
     try:
-        line = linear_reading(camera, distance, field, "noise" if camera.propagation.model == "off" else "both")
+        line = linearised_depth(camera, distance, field, "noise" if camera.propagation.model == "off" else "both")
     except OutOfRangeError:
         return {name: np.full(distance.shape, np.nan) for name in names}
     rows = [[k for k, own in enumerate(line.parameters) if parts.get(own, "noise") == name] for name in names]

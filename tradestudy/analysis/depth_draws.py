@@ -16,8 +16,8 @@ from tradestudy.analysis.control_line import Drivers, missed
 from tradestudy.analysis.depth_distribution import DepthDistribution
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_measurement import MeasuredInverseDepth
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
-from tradestudy.cameras.reading import InverseDepthReading
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
@@ -44,7 +44,7 @@ _WORTH_THREADS: Final = 2**18  # readings; fewer are done before a thread has st
 _OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances in focal lengths, used when none is judged
 
 
-class ReadsDepth(Protocol):
+class MeasuresDepth(Protocol):
     """What propagation needs of a camera."""
 
     def __hash__(self) -> int:
@@ -65,8 +65,10 @@ class ReadsDepth(Protocol):
     def noise(self, distance: ArrayLike, field: float = 0.0) -> FloatArray:
         """See `DepthCamera.noise`."""
 
-    def reading(self, distance: FloatArray, field: float, values: Mapping[str, FloatArray]) -> InverseDepthReading:
-        """See `DepthCamera.reading`."""
+    def measured_depth(
+        self, distance: FloatArray, field: float, values: Mapping[str, FloatArray]
+    ) -> MeasuredInverseDepth:
+        """See `DepthCamera.measured_depth`."""
 
 
 def noise_group() -> Source:
@@ -75,13 +77,13 @@ def noise_group() -> Source:
     return Source(name=PIXEL_NOISE, distribution=score, error_class=ErrorClass.MEASUREMENT)
 
 
-def uncertain_groups(camera: ReadsDepth, error_source: str) -> tuple[Group, ...]:
+def uncertain_groups(camera: MeasuresDepth, error_source: str) -> tuple[Group, ...]:
     """What is drawn: noise, calibration, or both; calibrations and their ageing never average."""
     noise = (noise_group(),) if ErrorClass.MEASUREMENT in CLASSES[error_source] else ()
     return (*noise, *(camera.calibration.groups if error_source != "noise" else ()))
 
 
-def fixed_errors(camera: ReadsDepth, error_source: str) -> dict[str, FloatArray]:
+def fixed_errors(camera: MeasuresDepth, error_source: str) -> dict[str, FloatArray]:
     """The errors that are not drawn but have a mean other than zero."""
     held = camera.calibration.groups if error_source == "noise" else ()
     means = {name: mean for group in held for name, mean in zip(group.parameters, group.nominal, strict=True)}
@@ -89,7 +91,7 @@ def fixed_errors(camera: ReadsDepth, error_source: str) -> dict[str, FloatArray]
 
 
 def read_draws(
-    camera: ReadsDepth, values: Mapping[str, FloatArray], distance: FloatArray, field: float, noise: FloatArray
+    camera: MeasuresDepth, values: Mapping[str, FloatArray], distance: FloatArray, field: float, noise: FloatArray
 ) -> FloatArray:
     """Inverse depths [1/m] measured at distances [m] with drawn errors (draws, 1); NaN where a draw has no rank.
 
@@ -99,7 +101,7 @@ def read_draws(
     errors = dict(values)
     if PIXEL_NOISE in errors:
         errors[PIXEL_NOISE] = errors[PIXEL_NOISE] * noise
-    found = camera.reading(distance, field, errors)
+    found = camera.measured_depth(distance, field, errors)
     return np.where(found.no_overlap | found.out_of_range, np.nan, found.inverse_depth)
 
 

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from tradestudy.analysis.depth import model_error
 from tradestudy.analysis.linear_depth import has_covariance, linear_distribution, noise_distribution
-from tradestudy.cameras.calibration import Calibration, Propagation, Reading
+from tradestudy.cameras.calibration import Calibration, DepthMeasurement, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.reading import InverseDepthReading, PicturePlaces
+from tradestudy.cameras.depth_measurement import MeasuredInverseDepth, PicturePlaces
 from tradestudy.optics.arrays import FloatArray
 
 ACROSS: Final = 25
@@ -73,10 +73,16 @@ class _AtPlaces:
             found[z == one] = np.interp(radius[z == one], radii, known)
         return found
 
-    def reading(self, distance: FloatArray, field: float, values: Mapping[str, FloatArray]) -> InverseDepthReading:  # noqa: ARG002 - the places say where
-        """See `DepthCamera.reading`."""
+    def measured_depth(
+        self,
+        distance: FloatArray,
+        field: float,  # noqa: ARG002 - the places say where
+        values: Mapping[str, FloatArray],
+    ) -> MeasuredInverseDepth:
+        """See `DepthCamera.measured_depth`."""
         known = self.calibration
-        read = known.reading or cast(Reading, self.camera.read)  # which takes places where the camera is mapped
+        # A camera that is mapped takes places.
+        read = known.measurement or cast(DepthMeasurement, self.camera.read)
         return read(distance, self.places, known.errors(values), known.environment)
 
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.depth_distribution import DepthDistribution
-from tradestudy.analysis.depth_draws import ReadsDepth, fixed_errors, read_draws, uncertain_groups
+from tradestudy.analysis.depth_draws import MeasuresDepth, fixed_errors, read_draws, uncertain_groups
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
@@ -27,7 +27,7 @@ _ROUNDS: Final = 7  # to 1e-7 of a standard deviation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LinearReading:
+class LinearisedDepth:
     """Inverse depth, linearised in every uncertain parameter.
 
     Parameters
@@ -51,10 +51,10 @@ class LinearReading:
         # With a correlation of ±1 rounding can make the variance slightly negative.
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
-    def without(self, name: str) -> LinearReading:
+    def without(self, name: str) -> LinearisedDepth:
         """The same without one parameter."""
         kept = [k for k, own in enumerate(self.parameters) if own != name]
-        return LinearReading(
+        return LinearisedDepth(
             parameters=tuple(self.parameters[k] for k in kept),
             covariance=self.covariance[np.ix_(kept, kept)],
             sensitivity=self.sensitivity[kept],
@@ -62,7 +62,7 @@ class LinearReading:
 
 
 @lru_cache(maxsize=128)
-def _covariance(camera: ReadsDepth, error_source: str) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
+def _covariance(camera: MeasuresDepth, error_source: str) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
     """Names, means and covariance of what is drawn."""
     sources = Sources(groups=uncertain_groups(camera, error_source))
     covariance = sources.covariance()
@@ -79,12 +79,14 @@ def _covariance(camera: ReadsDepth, error_source: str) -> tuple[tuple[str, ...],
 
 
 @lru_cache(maxsize=128)
-def has_covariance(camera: ReadsDepth) -> bool:
+def has_covariance(camera: MeasuresDepth) -> bool:
     """Whether everything uncertain about a camera has a variance, so that a line can be drawn."""
     return all(group.covariance is not None for group in camera.calibration.groups)
 
 
-def linear_reading(camera: ReadsDepth, distance: FloatArray, field: float, error_source: str = "both") -> LinearReading:
+def linearised_depth(
+    camera: MeasuresDepth, distance: FloatArray, field: float, error_source: str = "both"
+) -> LinearisedDepth:
     """Linearise the depth measurement of a camera at distances [m] about the means of its errors.
 
     Raises
@@ -96,7 +98,7 @@ def linear_reading(camera: ReadsDepth, distance: FloatArray, field: float, error
 
 
 @lru_cache(maxsize=4)
-def _linearised(camera: ReadsDepth, distances: bytes, field: float, error_source: str) -> LinearReading:
+def _linearised(camera: MeasuresDepth, distances: bytes, field: float, error_source: str) -> LinearisedDepth:
     """What noise alone, calibration alone and both have in common."""
     distance = np.frombuffer(distances)
     names, mean, covariance = _covariance(camera, error_source)
@@ -115,27 +117,29 @@ def _linearised(camera: ReadsDepth, distances: bytes, field: float, error_source
         read = read_draws(camera, values, distance, field, noise)
         sensitivity[moving] = (read[: moving.size] - read[moving.size :]) / (2.0 * step[moving])
     sensitivity.setflags(write=False)  # it is kept
-    return LinearReading(parameters=names, covariance=covariance, sensitivity=sensitivity)
+    return LinearisedDepth(parameters=names, covariance=covariance, sensitivity=sensitivity)
 
 
-def linear_distribution(camera: ReadsDepth, distance: FloatArray, field: float, error_source: str) -> DepthDistribution:
+def linear_distribution(
+    camera: MeasuresDepth, distance: FloatArray, field: float, error_source: str
+) -> DepthDistribution:
     """The distribution of depth where every error acts like a multiple of the noise's standard deviation.
 
     Inverse depth is linear in all errors. The ratio of its standard deviation to that from noise alone scales the
     noise at which the ends of intervals are read, so that noise alone is treated exactly.
     """
-    line = linear_reading(camera, distance, field)
+    line = linearised_depth(camera, distance, field)
     noise = np.abs(line.sensitivity[line.parameters.index(PIXEL_NOISE)])
     included = line if error_source == "both" else line.without(PIXEL_NOISE)
     return scaled_noise(camera, distance, field, included.standard_deviation / noise)
 
 
-def noise_distribution(camera: ReadsDepth, distance: FloatArray, field: float) -> DepthDistribution:
+def noise_distribution(camera: MeasuresDepth, distance: FloatArray, field: float) -> DepthDistribution:
     """The exact distribution of depth under noise alone: depth falls with disparity, so that quantiles map."""
     return scaled_noise(camera, distance, field, np.ones(distance.shape))
 
 
-def scaled_noise(camera: ReadsDepth, distance: FloatArray, field: float, scale: FloatArray) -> DepthDistribution:
+def scaled_noise(camera: MeasuresDepth, distance: FloatArray, field: float, scale: FloatArray) -> DepthDistribution:
     """The distribution of depth under noise that is larger by a scale (distances,)."""
     from scipy.special import ndtr, ndtri
 
@@ -155,13 +159,13 @@ def scaled_noise(camera: ReadsDepth, distance: FloatArray, field: float, scale: 
     )
 
 
-def _under_noise(camera: ReadsDepth, distance: FloatArray, field: float, scores: FloatArray) -> FloatArray:
+def _under_noise(camera: MeasuresDepth, distance: FloatArray, field: float, scores: FloatArray) -> FloatArray:
     """Inverse depth [1/m] measured with the noise at given scores, shape (scores, distances)."""
     errors = {**fixed_errors(camera, "noise"), PIXEL_NOISE: scores}
     return read_draws(camera, errors, distance, field, camera.noise(distance, field))
 
 
-def _score_of_infinity(camera: ReadsDepth, distance: FloatArray, field: float, reach: FloatArray) -> FloatArray:
+def _score_of_infinity(camera: MeasuresDepth, distance: FloatArray, field: float, reach: FloatArray) -> FloatArray:
     """The score of the noise at which infinity is read, by division; ∓reach (distances,) where it lies beyond."""
     beyond = _under_noise(camera, distance, field, np.stack([-reach, reach])) <= 0.0
     found = np.where(beyond[1], reach, -reach)

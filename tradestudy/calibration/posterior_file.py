@@ -16,7 +16,7 @@ from tradestudy.calibration.calibration_file import (
     read_calibration,
 )
 from tradestudy.calibration.corners.rig_geometry import check_geometry
-from tradestudy.calibration.corners.rig_reading import RigReading, pair_found, rig_parameters
+from tradestudy.calibration.corners.rig_measurement import RigMeasurement, pair_found, rig_parameters
 from tradestudy.calibration.corners.view_blocks import shared_names
 from tradestudy.calibration.projection import text_of_lens
 from tradestudy.calibration.sources import CALIBRATION, group_of_draws
@@ -94,12 +94,12 @@ def rig_calibration(camera: PairGeometry, posterior: CalibrationDraws, *, source
     """
     assert posterior.best is not None
     assert posterior.pixels is not None
-    reading = reading_of_rig(camera, pair_found(posterior.best, posterior.lens), posterior.pixels)
+    measurement = measurement_of_rig(camera, pair_found(posterior.best, posterior.lens), posterior.pixels)
     group = group_of_draws(CALIBRATION, posterior.names, posterior.draws)
-    return Calibration(groups=(group,), source=source, reading=reading, vocabulary=reading.vocabulary)
+    return Calibration(groups=(group,), source=source, measurement=measurement, vocabulary=measurement.vocabulary)
 
 
-def reading_of_rig(camera: PairGeometry, pair: CalibratedPair, pixels: tuple[int, int]) -> RigReading:
+def measurement_of_rig(camera: PairGeometry, pair: CalibratedPair, pixels: tuple[int, int]) -> RigMeasurement:
     """The exact model of a calibrated pair.
 
     Parameters
@@ -111,7 +111,7 @@ def reading_of_rig(camera: PairGeometry, pair: CalibratedPair, pixels: tuple[int
     pixels
         Columns and rows of its pictures.
     """
-    return RigReading(
+    return RigMeasurement(
         best=np.array(pair.parameters),
         lenses=pair.lenses,
         free=pair.free,
@@ -126,11 +126,11 @@ def as_calibrated(calibration: Calibration, camera: DepthCamera) -> Calibration:
 
     A calibration that already has an exact model of its own is returned unchanged.
     """
-    if camera.calibrated_pair is None or calibration.reading is not None or not calibration.inferred:
+    if camera.calibrated_pair is None or calibration.measurement is not None or not calibration.inferred:
         return calibration
     pixels = (camera.sensor.columns, camera.sensor.rows)
-    reading = reading_of_rig(cast(PairGeometry, camera), camera.calibrated_pair, pixels)
-    return replace(calibration, reading=reading, vocabulary=reading.vocabulary)
+    measurement = measurement_of_rig(cast(PairGeometry, camera), camera.calibrated_pair, pixels)
+    return replace(calibration, measurement=measurement, vocabulary=measurement.vocabulary)
 
 
 def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws) -> Calibration:

@@ -99,7 +99,7 @@ def given_twice(part: CalibrationPart, posterior: Calibration) -> list[MistakeAt
     """Declared errors that a saved posterior already determines, with paths relative to the part."""
     assert part.posterior is not None
     determined = {name for group in posterior.groups for name in group.parameters}
-    of_a_rig = posterior.reading is not None
+    of_a_rig = posterior.measurement is not None
     determines = "every parameter of the rig" if of_a_rig else "this error"
     return [
         MistakeAt(("errors", name), f"{part.posterior.file} (posterior.file) determines {determines}; remove it here")

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Final, Literal, Protocol
 
 import numpy as np
 
+from tradestudy.cameras.depth_measurement import Errors, Field, MeasuredInverseDepth
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import AGEING, ErrorVocabulary
-from tradestudy.cameras.reading import Errors, Field, InverseDepthReading
 from tradestudy.optics.arrays import FloatArray
 
 if TYPE_CHECKING:  # whoever draws errors has loaded it
     from tradestudy.uncertainty.sources import Group
 
-Reading = Callable[[FloatArray, Field, Errors, Environment | None], InverseDepthReading]
+DepthMeasurement = Callable[[FloatArray, Field, Errors, Environment | None], MeasuredInverseDepth]
 """Inverse depths that a camera measures at true distances [m] and a place in the field, with given errors."""
 PropagationModel = Literal["off", "linear", "exact"]
 SourceName = Literal["errors", "target", "corners", "posterior"]
@@ -24,13 +24,13 @@ ONE_SIGMA: Final = 0.6826894921370859
 """Probability in the central interval whose half width is the depth uncertainty."""
 
 
-class CalibratedReading(Protocol):
-    """The exact model of a calibrated pair of cameras: a `Reading` that knows what both of them see."""
+class CalibratedMeasurement(Protocol):
+    """The exact model of a calibrated pair of cameras: a `DepthMeasurement` that knows what both of them see."""
 
     def __call__(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None, /
-    ) -> InverseDepthReading:
-        """See `Reading`."""
+    ) -> MeasuredInverseDepth:
+        """See `DepthMeasurement`."""
 
     def shared_area(self, distance: FloatArray) -> FloatArray:
         """Share of each picture's area at distances [m] whose points the other camera also sees, the smaller one."""
@@ -49,7 +49,7 @@ class Calibration:
         How the camera responds to temperature and pressure; None if it does not.
     source
         Source of the distribution.
-    reading
+    measurement
         The exact model that the parameters belong to, if the source has its own; None for the camera's.
     vocabulary
         The parameters of that model; None for the camera's.
@@ -60,7 +60,7 @@ class Calibration:
     groups: tuple[Group, ...] = ()
     environment: Environment | None = None
     source: SourceName = "errors"
-    reading: CalibratedReading | None = None
+    measurement: CalibratedMeasurement | None = None
     vocabulary: ErrorVocabulary | None = field(default=None, compare=False)
     inferred: bool = True
 

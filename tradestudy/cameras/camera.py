@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from tradestudy.cameras.depth_measurement import Errors
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.focus import Focus
 from tradestudy.cameras.light_cones import Exposure
 from tradestudy.cameras.parts import Lens, Sensor
-from tradestudy.cameras.reading import Errors
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 

@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike
 from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.calibration import LINEAR, PERFECT, Calibration, Propagation
 from tradestudy.cameras.camera import Camera
+from tradestudy.cameras.depth_measurement import Errors, MeasuredInverseDepth
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import AGEING, SESSION_PARAMETERS, ErrorParameter, ErrorVocabulary
 from tradestudy.cameras.imported import ImportedRig
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
-from tradestudy.cameras.reading import Errors, InverseDepthReading
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.uncertainty.error_class import ErrorClass
@@ -183,7 +183,7 @@ class DepthCamera(Camera):
     @abstractmethod
     def read(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
-    ) -> InverseDepthReading:
+    ) -> MeasuredInverseDepth:
         """Inverse depths measured in changed surroundings with a calibration in error by ``errors``.
 
         Parameters
@@ -237,9 +237,11 @@ class DepthCamera(Camera):
         """The camera without what does not affect its picture: calibration, propagation and disparity error."""
         return replace(self, calibration=PERFECT, propagation=LINEAR, disparity_error_px=1.0)
 
-    def reading(self, distance: FloatArray, field: float, values: Mapping[str, FloatArray]) -> InverseDepthReading:
+    def measured_depth(
+        self, distance: FloatArray, field: float, values: Mapping[str, FloatArray]
+    ) -> MeasuredInverseDepth:
         """Inverse depths measured for draws of its calibration and noise, by the exact model that these belong to."""
-        read = self.read if self.calibration.reading is None else self.calibration.reading
+        read = self.read if self.calibration.measurement is None else self.calibration.measurement
         return read(distance, field, self.calibration.errors(values), self.calibration.environment)
 
     def parameter(self, name: str) -> ErrorParameter:

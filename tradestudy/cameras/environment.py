@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tradestudy.cameras.reading import Errors, value_of
+from tradestudy.cameras.depth_measurement import Errors, value_of
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.air import air_refractive_index, focal_length_change_with_medium
 from tradestudy.optics.arrays import FloatArray

@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tradestudy.cameras.depth_measurement import Errors, value_of
 from tradestudy.cameras.light_cones import AT_ORIGIN, Description, LightCones, Pose, Stop
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
 from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, PlaceOnArray
-from tradestudy.cameras.reading import Errors, value_of
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_models.rational import Rational
 from tradestudy.optics.microlens_coverage.lattice import lattice_of

@@ -13,13 +13,13 @@ from numpy.typing import ArrayLike
 
 from tradestudy.cameras.contradictions import PRINTED_TOLERANCE, Contradiction, lens_contradictions, show
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_measurement import Errors, MeasuredInverseDepth, require_field, require_known, value_of
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import ErrorVocabulary
 from tradestudy.cameras.microlens_exposure import MicrolensExposure, lattice_counts
 from tradestudy.cameras.parts import Lens, MicrolensArray
 from tradestudy.cameras.plenoptic_errors import PLENOPTIC_ERRORS
 from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation
-from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.units import FRACTION, LENGTH, pretty
@@ -98,7 +98,7 @@ class PlenopticCamera(DepthCamera):
 
     def read(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
-    ) -> InverseDepthReading:
+    ) -> MeasuredInverseDepth:
         """See `DepthCamera.read`, and `ArrayGeometry.changed` for the effect of the surroundings."""
         require_known(errors, PLENOPTIC_ERRORS, "a plenoptic camera")
         require_field(field)
@@ -108,7 +108,7 @@ class PlenopticCamera(DepthCamera):
         )
         seen = self.observe(geometry.changed(errors, environment), right * a, down * a, a)
         inverse, valid = self.believe(errors, seen, a)
-        return InverseDepthReading(
+        return MeasuredInverseDepth(
             inverse_depth=inverse,
             no_overlap=np.zeros((1, 1), dtype=bool),
             out_of_range=~(valid & (a > self.main_lens.focal_length)),

@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.cameras.depth_measurement import Errors, value_of
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
-from tradestudy.cameras.reading import Errors, value_of
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.lens_models.rational import Rational
 from tradestudy.optics.thin_lens import focus_shift

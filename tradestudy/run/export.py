@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.calibration.calibration_file import CalibrationDraws
-from tradestudy.calibration.corners.rig_reading import pair_found
+from tradestudy.calibration.corners.rig_measurement import pair_found
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.imported import ImportedCamera, ImportedRig
 from tradestudy.errors import TradestudyError

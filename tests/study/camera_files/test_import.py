@@ -289,9 +289,9 @@ def test_a_calibrated_pair_without_errors_reads_depth_exactly(tmp_path: Path) ->
     """What the geometry puts into the pictures, it reads back: 1/Z to rounding."""
     written.opencv(tmp_path / "rig.yml")
     camera = tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm")).definition.case.cameras["rig"]
-    assert camera.calibration.reading is not None
+    assert camera.calibration.measurement is not None
     distance = np.geomspace(0.3, 5.0, 7)
-    read = camera.calibration.reading(distance, 0.3, {"yaw": np.zeros((1, 1))}, None)
+    read = camera.calibration.measurement(distance, 0.3, {"yaw": np.zeros((1, 1))}, None)
     np.testing.assert_allclose(read.inverse_depth[0] * distance, 1.0, atol=1e-9)
 
 
@@ -373,12 +373,12 @@ def test_two_files_of_one_name_are_distinguished(tmp_path: Path) -> None:
 def test_rigs_that_differ_from_distance_to_distance_are_read_one_by_one(tmp_path: Path) -> None:
     written.opencv(tmp_path / "rig.yml")
     camera = tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm")).definition.case.cameras["rig"]
-    reading, distance = camera.calibration.reading, np.array([0.4, 1.0, 3.0])
-    assert reading is not None
+    measurement, distance = camera.calibration.measurement, np.array([0.4, 1.0, 3.0])
+    assert measurement is not None
     yaw = np.radians([[0.01, -0.02, 0.005], [0.0, 0.03, -0.01]])
-    together = reading(distance, 0.0, {"yaw": yaw}, None).inverse_depth
+    together = measurement(distance, 0.0, {"yaw": yaw}, None).inverse_depth
     apart = [
-        reading(distance[k : k + 1], 0.0, {"yaw": yaw[row, k].reshape(1, 1)}, None).inverse_depth.item()
+        measurement(distance[k : k + 1], 0.0, {"yaw": yaw[row, k].reshape(1, 1)}, None).inverse_depth.item()
         for row in range(2)
         for k in range(3)
     ]

@@ -147,8 +147,8 @@ def test_a_wrong_calibration_reads_what_opencv_would(tmp_path: Path, lenses: tup
     """A calibration off in focal length, rotation and k1, of lenses with all coefficients."""
     written.opencv(tmp_path / "rig.yml", **rows(lenses))
     path = study(tmp_path, rig=f"from: rig.yml, length_unit: mm{said}")
-    reading = tradestudy.load(path).definition.case.cameras["rig"].calibration.reading
-    assert reading is not None
+    measurement = tradestudy.load(path).definition.case.cameras["rig"].calibration.measurement
+    assert measurement is not None
     wrong = {
         "left_focal_length_x_px": 0.5,
         "right_focal_length_x_px": -0.2,
@@ -159,8 +159,8 @@ def test_a_wrong_calibration_reads_what_opencv_would(tmp_path: Path, lenses: tup
     errors = {name: np.full((1, 1), value) for name, value in wrong.items()}
     for distance, field in ((0.4, 0.0), (1.5, 0.5)):
         z = np.array([distance])
-        point = reading._points(z, field)[0]  # type: ignore[attr-defined]
-        read = 1.0 / reading(z, field, errors, None).inverse_depth.item()
+        point = measurement._points(z, field)[0]  # type: ignore[attr-defined]
+        read = 1.0 / measurement(z, field, errors, None).inverse_depth.item()
         assert abs(read / distance - 1.0) > 1e-4
         assert read == pytest.approx(depth_by_opencv(lenses, wrong, point), rel=1e-8)
 

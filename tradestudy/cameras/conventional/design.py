@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, ClassVar, Final
 from tradestudy.cameras.camera import Camera, Properties
 from tradestudy.cameras.contradictions import Contradiction, lens_contradictions, show
 from tradestudy.cameras.conventional.focus_stack import ImageStackFocus
+from tradestudy.cameras.depth_measurement import Errors
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.focus import BlurCriterion, SingleLensFocus
 from tradestudy.cameras.parts import Lens, require_positive
-from tradestudy.cameras.reading import Errors
 from tradestudy.cameras.single_lens_exposure import SingleLensExposure
 from tradestudy.optics.thin_lens import image_distance
 from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty

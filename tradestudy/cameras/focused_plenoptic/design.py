@@ -16,6 +16,7 @@ from tradestudy.cameras.depth_camera import (
     UsableCriteria,
     declared_disparity_error,
 )
+from tradestudy.cameras.depth_measurement import Errors
 from tradestudy.cameras.focused_plenoptic.description import focuses_before_array, properties_of
 from tradestudy.cameras.focused_plenoptic.estimator import (
     LENSES_OF_PAIRS,
@@ -35,7 +36,6 @@ from tradestudy.cameras.parts import require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.cameras.plenoptic import PlenopticCamera
 from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation
-from tradestudy.cameras.reading import Errors
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.depth_of_field.plenoptic import inverse_focus_virtual_depth, relay_blur_diameter

@@ -15,6 +15,15 @@ from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.contradictions import Contradiction, lens_contradictions, show
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
+from tradestudy.cameras.depth_measurement import (
+    Errors,
+    Field,
+    MeasuredInverseDepth,
+    require_field,
+    require_known,
+    shares_of,
+    value_of,
+)
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import ErrorVocabulary
 from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
@@ -22,15 +31,6 @@ from tradestudy.cameras.imported import ImportedRig
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
-from tradestudy.cameras.reading import (
-    Errors,
-    Field,
-    InverseDepthReading,
-    require_field,
-    require_known,
-    shares_of,
-    value_of,
-)
 from tradestudy.cameras.single_lens_exposure import SingleLensExposure
 from tradestudy.cameras.stereo.errors import STEREO_ERRORS
 from tradestudy.cameras.stereo.exported import rig_of_calibration, rig_of_design
@@ -200,7 +200,7 @@ class StereoRig(DepthCamera):
     @property
     def mapped(self) -> bool:
         """Whether distortion or calibration make depth differ over the picture by more than the field angle does."""
-        return self.distortion != IDEAL or self.calibration.reading is not None
+        return self.distortion != IDEAL or self.calibration.measurement is not None
 
     @property
     def gathering_lens(self) -> Lens:
@@ -276,7 +276,7 @@ class StereoRig(DepthCamera):
 
         A calibration with geometry of its own gives the share of each picture's area instead.
         """
-        if (calibrated := self.calibration.reading) is not None:
+        if (calibrated := self.calibration.measurement) is not None:
             z = np.asarray(distance, dtype=np.float64)
             return calibrated.shared_area(z.ravel()).reshape(z.shape)
         half = self.sensor.width / 2.0 / self.principal_distance
@@ -318,7 +318,7 @@ class StereoRig(DepthCamera):
 
     def read(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None = None
-    ) -> InverseDepthReading:
+    ) -> MeasuredInverseDepth:
         """Inverse depths of points in the view midway between the cameras; see `DepthCamera.read`.
 
         Baseline and principal distance expand with the housing. Pressure and color move the focus of a thin lens, not
@@ -329,7 +329,7 @@ class StereoRig(DepthCamera):
         changed = self._changed(errors, environment)
         image, seen = self._imaged(changed, z, field) if changed else _imaged(self, z.tobytes(), z.shape, field)
         inverse, valid = pair_inverse_depth(self.pair, errors, image)
-        return InverseDepthReading(inverse_depth=inverse, no_overlap=~seen, out_of_range=~valid)
+        return MeasuredInverseDepth(inverse_depth=inverse, no_overlap=~seen, out_of_range=~valid)
 
     def _imaged(self, changed: Errors, distance: FloatArray, field: Field) -> tuple[Image, BoolArray]:
         """Where a changed rig images points of the view midway between the cameras, and whether on both sensors."""

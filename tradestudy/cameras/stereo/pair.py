@@ -9,9 +9,9 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.cameras.depth_measurement import Errors, value_of
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.cameras.light_cones import Pose, pose_of
-from tradestudy.cameras.reading import Errors, value_of
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.lens_models.lens_model import LensModel
 from tradestudy.optics.lens_models.rational import IDEAL

@@ -20,12 +20,12 @@ from numpy.typing import ArrayLike
 
 from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.depth_camera import declared_disparity_error
+from tradestudy.cameras.depth_measurement import Errors
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import require_positive
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.cameras.plenoptic import PlenopticCamera, fill_factor
 from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation
-from tradestudy.cameras.reading import Errors
 from tradestudy.cameras.unfocused_plenoptic.compared_views import ComparedViews, ViewEstimator, baseline_of_views
 from tradestudy.cameras.unfocused_plenoptic.focus import RefocusedViewsFocus
 from tradestudy.cameras.unfocused_plenoptic.method import METHOD

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.cameras.depth_measurement import Errors, value_of
 from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation, PlaceOnArray, disparity_error
-from tradestudy.cameras.reading import Errors, value_of
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.depth import clear_departure, distribution, model_error
-from tradestudy.analysis.linear_depth import has_covariance, linear_reading, scaled_noise
+from tradestudy.analysis.linear_depth import has_covariance, linearised_depth, scaled_noise
 from tradestudy.analysis.second_order import all_normal
 from tradestudy.analysis.usable import Boundary, all_met, evaluate_limits, usable_ends, usable_stretches
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
@@ -206,7 +206,7 @@ class DepthVariant:
         if not has_covariance(self.reference):  # as for noise alone, which models move the most
             return np.zeros(self._everywhere.shape)
         noise, calibration = (
-            linear_reading(self.reference, self._everywhere, 0.0, error_source).standard_deviation
+            linearised_depth(self.reference, self._everywhere, 0.0, error_source).standard_deviation
             for error_source in ("noise", "calibration")
         )
         return np.asarray(calibration / noise)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tradestudy.analysis.linear_depth import has_covariance, linear_reading
+from tradestudy.analysis.linear_depth import has_covariance, linearised_depth
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.effects.models import OFF, Models
 from tradestudy.imaging.derived_error import PictureDisparityError
@@ -38,9 +38,9 @@ def moved_off_axis(reference: DepthCamera, places: FloatArray, fields: Sequence[
 
 
 def _moved(reference: DepthCamera, places: FloatArray, field: float, models: Models) -> float:
-    noise = linear_reading(reference, places, field, "noise").standard_deviation
+    noise = linearised_depth(reference, places, field, "noise").standard_deviation
     known = has_covariance(reference)  # without a covariance: noise alone, which models move the most
-    both = linear_reading(reference, places, field, "both").standard_deviation if known else noise
+    both = linearised_depth(reference, places, field, "both").standard_deviation if known else noise
     moved = noise * _noise_changed(reference, places, field, models)
     with np.errstate(invalid="ignore", divide="ignore"):
         beside = 0.0 if models.get("calibration") == OFF else np.maximum(both**2 - noise**2, 0.0)

@@ -35,7 +35,7 @@ Field = float | PicturePlaces
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class InverseDepthReading:
+class MeasuredInverseDepth:
     """Inverse depths that a camera measured.
 
     Parameters

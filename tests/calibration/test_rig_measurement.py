@@ -9,7 +9,7 @@ from tests.calibration.radial_rig import SHARED_NAMES
 from tests.data.simulate_corners import true_rig
 from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.real_rig import fit_rig
-from tradestudy.calibration.corners.rig_reading import RigReading, rig_parameters
+from tradestudy.calibration.corners.rig_measurement import RigMeasurement, rig_parameters
 from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.cameras.environment import Environment
 from tradestudy.errors import OutOfRangeError
@@ -18,9 +18,9 @@ from tradestudy.optics.triangulation import depth_of_inverse
 DISTANCES = np.array([0.3, 0.5, 1.0, 2.0, 5.0])
 
 
-def reading(best, camera=None, pixels=(1024, 1024)):
+def measurement(best, camera=None, pixels=(1024, 1024)):
     camera = stereo() if camera is None else camera
-    return RigReading(
+    return RigMeasurement(
         best=np.asarray(best, dtype=float),
         pixels=pixels,
         pixel_pitch=camera.sensor.pixel_pitch,
@@ -39,9 +39,9 @@ def test_the_measured_rig_reads_depth_as_well_as_its_saved_draws_say(calibrated_
     assert calibrated_webcams.failures == ()
     best, draws = calibrated_webcams.posterior.best, calibrated_webcams.posterior.draws
     assert draws.shape == (2**13, 18)
-    group, reading = calibrated_webcams.calibration.groups[0], calibrated_webcams.calibration.reading
+    group, measurement = calibrated_webcams.calibration.groups[0], calibrated_webcams.calibration.measurement
     exact = depth_of_inverse(
-        reading(DISTANCES, 0.0, dict(zip(SHARED_NAMES, group.draws.T[..., None], strict=True))).inverse_depth
+        measurement(DISTANCES, 0.0, dict(zip(SHARED_NAMES, group.draws.T[..., None], strict=True))).inverse_depth
     )
     found = half_width(exact)
     np.testing.assert_allclose(found, [0.595e-3, 0.780e-3, 2.97e-3, 15.6e-3, 114.5e-3], rtol=0.05)
@@ -62,7 +62,7 @@ def rotation(vector):
 
 
 def test_a_rig_without_error_reads_its_own_points(calibrated_webcams):
-    read = calibrated_webcams.calibration.reading
+    read = calibrated_webcams.calibration.measurement
     for field in (0.0, 0.6):
         found = read(DISTANCES, field, {})
         np.testing.assert_allclose(found.inverse_depth[0] * DISTANCES, 1.0, rtol=1e-12)
@@ -74,10 +74,10 @@ def test_noise_of_disparity_goes_half_to_each_side():
     """For parallel axes depth is f B/(d + e) with the error e of disparity, and y takes no part."""
     parallel = [800.0, 800.0, 511.5, 511.5, 0.0, 0.0] * 2 + [0.0, 0.0, 0.0, -0.1, 0.0, 0.0]
     noise = np.random.default_rng(0).normal(0.0, 1e-6, (7, DISTANCES.size))
-    found = reading(parallel)(DISTANCES, 0.3, {"pixel_noise": noise})
+    found = measurement(parallel)(DISTANCES, 0.3, {"pixel_noise": noise})
     disparity = 800.0 * 0.1 / DISTANCES + noise / 10e-6
     np.testing.assert_allclose(found.inverse_depth, disparity / 80.0, rtol=1e-12)
-    one = reading(parallel)(DISTANCES, 0.0, {"pixel_noise": noise[:, :1]})
+    one = measurement(parallel)(DISTANCES, 0.0, {"pixel_noise": noise[:, :1]})
     np.testing.assert_allclose(one.inverse_depth, (80.0 / DISTANCES + noise[:, :1] / 10e-6) / 80.0, rtol=1e-12)
 
 
@@ -93,11 +93,13 @@ def test_a_warmer_housing_moves_depth_as_it_does_that_of_the_ideal_rig():
     )
     parallel = [800.0, 800.0, 511.5, 511.5, 0.0, 0.0] * 2 + [0.0, 0.0, 0.0, -0.1, 0.0, 0.0]
     changes = {"temperature_change": np.array([[10.0]]), "pressure_change": np.array([[1e3]])}
-    found = reading(parallel)(DISTANCES, 0.0, changes, warm).inverse_depth
+    found = measurement(parallel)(DISTANCES, 0.0, changes, warm).inverse_depth
     np.testing.assert_allclose(found * DISTANCES, (1.0 + 23e-5) ** 2, rtol=1e-12)
     camera = stereo()
     np.testing.assert_allclose(found, camera.read(DISTANCES, 0.0, changes, warm).inverse_depth, rtol=1e-12)
-    np.testing.assert_allclose(reading(parallel)(DISTANCES, 0.0, changes).inverse_depth[0] * DISTANCES, 1.0, rtol=1e-14)
+    np.testing.assert_allclose(
+        measurement(parallel)(DISTANCES, 0.0, changes).inverse_depth[0] * DISTANCES, 1.0, rtol=1e-14
+    )
 
 
 AGED = {
@@ -119,7 +121,7 @@ def test_ageing_acts_as_on_the_ideal_rig(names, field):
     focal = camera.principal_distance / camera.sensor.pixel_pitch
     parallel = [focal, focal, 511.5, 511.5, 0.0, 0.0] * 2 + [0.0, 0.0, 0.0, -0.1, 0.0, 0.0]
     errors = {name: np.array([[AGED[name]]]) for name in names}
-    found = reading(parallel)(DISTANCES, field, errors).inverse_depth[0]
+    found = measurement(parallel)(DISTANCES, field, errors).inverse_depth[0]
     expected = np.broadcast_to(camera.read(DISTANCES, field, errors).inverse_depth, (1, 5))[0]
     change = np.abs(expected - 1.0 / DISTANCES)
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=5e-3 * change.max() + 3e-5)
@@ -127,9 +129,9 @@ def test_ageing_acts_as_on_the_ideal_rig(names, field):
 
 def test_names_and_places_that_do_not_exist_are_refused():
     with pytest.raises(OutOfRangeError, match="has no such error: array_tilt"):
-        reading(true_rig())(DISTANCES, 0.0, {"array_tilt": np.zeros((1, 1))})
+        measurement(true_rig())(DISTANCES, 0.0, {"array_tilt": np.zeros((1, 1))})
     with pytest.raises(OutOfRangeError, match=r"1\.5 \(allowed: 0"):
-        reading(true_rig())(DISTANCES, 1.5, {})
+        measurement(true_rig())(DISTANCES, 1.5, {})
 
 
 def test_simulated_corners_recover_the_rig_within_their_spread():

@@ -25,9 +25,9 @@ from tradestudy.calibration.projection import (
     rotation_vector,
 )
 from tradestudy.cameras.calibrated_pair import PINHOLES, RADIAL, CalibratedPair, Lenses
+from tradestudy.cameras.depth_measurement import Errors, Field, MeasuredInverseDepth, require_known, shares_of, value_of
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import INTERIOR, PIXEL_NOISE, ErrorParameter, ErrorVocabulary, Unit
-from tradestudy.cameras.reading import Errors, Field, InverseDepthReading, require_known, shares_of, value_of
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_models.families import ANGLES
 from tradestudy.optics.lens_models.lens_model import slopes
@@ -75,7 +75,7 @@ def pair_found(best: FloatArray, lens: FreeLens) -> CalibratedPair:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RigReading:
+class RigMeasurement:
     """The exact model of a pair calibrated from corners or by a calibration file, for a `Calibration`.
 
     Parameters
@@ -101,7 +101,7 @@ class RigReading:
 
     def __call__(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None = None
-    ) -> InverseDepthReading:
+    ) -> MeasuredInverseDepth:
         """Inverse depths from disparity in the frame of the left camera; arguments as for `DepthCamera.read`.
 
         The axis runs from the middle of the baseline midway between the two optical axes; field places lie from there
@@ -119,17 +119,17 @@ class RigReading:
         half = value_of(errors, PIXEL_NOISE)[..., None] / (2.0 * self.pixel_pitch)
         measured = np.where(inside[..., None], seen, size / 2.0) + half * np.array([1.0, 0.0, -1.0, 0.0])
         inverse = inverse_depth(self._believed(errors), measured, self.lenses, self.free)
-        return InverseDepthReading(
+        return MeasuredInverseDepth(
             inverse_depth=inverse, no_overlap=np.atleast_2d(~inside), out_of_range=inside & np.isnan(inverse)
         )
 
     def shared_area(self, distance: FloatArray) -> FloatArray:
-        """See `CalibratedReading`."""
+        """See `CalibratedMeasurement`."""
         return shared_area(self.best, self.lenses, self.free, self.pixels, distance)
 
     def _at_each(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None
-    ) -> InverseDepthReading:
+    ) -> MeasuredInverseDepth:
         """The measurement, one distance at a time, for errors of shape (draws, distances)."""
         found = []
         for k in range(len(distance)):
@@ -139,7 +139,7 @@ class RigReading:
             }
             found.append(self(distance[k : k + 1], field, here, environment))
         columns = np.broadcast_arrays(*(one.inverse_depth for one in found))
-        return InverseDepthReading(
+        return MeasuredInverseDepth(
             inverse_depth=np.concatenate(columns, axis=-1),
             no_overlap=np.concatenate([np.broadcast_to(one.no_overlap, columns[0].shape) for one in found], axis=-1),
             out_of_range=np.concatenate(
