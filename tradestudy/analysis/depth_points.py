@@ -11,7 +11,7 @@ from tradestudy.analysis.usable import Interval, all_met, evaluate_limits, usabl
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
-# From table to table the ratio varies between two and twenty.
+# The ratio varies from two to twenty between tables.
 _EFFORT_OF_DRAWS: Final = 6.0
 
 
@@ -36,7 +36,7 @@ class DepthTable:
 
 
 def relative_effort(camera: DepthCamera) -> float:
-    """Average work for a camera's depth relative to a camera without draws; weights the shares of progress."""
+    """Average computing time of a camera's depth relative to a camera without draws; it weights the progress shown."""
     return _EFFORT_OF_DRAWS if camera.propagation.model == "exact" and camera.calibration.groups else 1.0
 
 
