@@ -32,7 +32,7 @@ class MicrolensTypesFocus:
     main_lens, microlenses
         The parts.
     mla_distance
-        Main lens to array z [m].
+        Distance z from main lens to array [m].
     sample_pitch
         The pixel pitch [m].
     """
@@ -123,7 +123,7 @@ class MicrolensTypesFocus:
         return np.asarray(np.where(real, np.min(sizes, axis=0), np.nan))
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
-        """The spot behind a microlens times ``|v| (a − f)/f`` [m]."""
+        """Width of the diffraction spot behind a microlens, times ``|v| (a − f)/f`` [m]."""
         a, f, array = np.asarray(distance, dtype=np.float64), self.main_lens.focal_length, self.microlenses
         real = a > f
         v = virtual_depth(np.where(real, a, 2.0 * f), self.mla_distance, array.gap, f)

@@ -13,7 +13,7 @@ METHOD: Final = Method(
         "The main lens (focal length *f*~M~) images a point at distance *a*~M~ in front of or behind the "
         "microlens array at distance *z*; every microlens that sees this image repeats it on the detector, a "
         "gap *b*~L~ behind the array. The virtual depth *v* = *a*~L~/*b*~L~ is positive for a Keplerian relay "
-        "(image before the array) and negative for a Galilean one. Micro-image coordinates σ are measured "
+        "(image in front of the array) and negative for a Galilean one. Micro-image coordinates σ are measured "
         "from the centre of their own microlens.",
         Formula(
             typst='a_M = f_M [1 + f_M / ((z - f_M) - b_L (x_"off"^1 - x_"off"^2) / (sigma^1 - sigma^2))]',

@@ -29,18 +29,18 @@ def shared_view(
     baseline
         B [m].
     half_width
-        Of the normalised picture [1].
+        Half the width of the normalised picture [1].
     convergence_angle
         Full angle between the axes [rad].
     lens
-        Of both cameras.
+        Lens model of both cameras.
     """
     z = np.asarray(distance, dtype=np.float64)
     t = convergence_angle / 2.0
     first, last = -edge_angle(lens, -half_width, 0.0), edge_angle(lens, half_width, 0.0)
 
     def met(edge: float) -> FloatArray:
-        """Direction from the left camera to where an edge of the right camera's view meets the plane."""
+        """Direction from the left camera to the line in which an edge of the right camera's view meets the plane."""
         if abs(edge) >= _BESIDE:  # this edge never meets the plane: the view is unbounded on this side
             return np.full(z.shape, math.copysign(_BESIDE, edge))
         return np.arctan(baseline / z + math.tan(edge))
