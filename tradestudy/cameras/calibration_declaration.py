@@ -81,7 +81,7 @@ class StabilityPart(Part):
     )
 
     @model_validator(mode="after")
-    def _acts(self) -> Self:
+    def _consistent(self) -> Self:
         if mistakes := [*self._mistakes_of_ambient_conditions()]:
             raise MistakeAt.several(mistakes)
         return self
@@ -214,7 +214,7 @@ class CalibrationPart(Part):
                     wrong.append(
                         MistakeAt(path, f"the pair of {first} and {second} is given already; give each pair once")
                     )
-                elif pair <= given.keys() and (classes := self._classes(first, second)) is not None:
+                elif pair <= given.keys() and (classes := self._class_conflict(first, second)) is not None:
                     wrong.append(MistakeAt(path, f"errors drawn {classes} cannot be correlated"))
                 seen.add(pair)
         yield from wrong or _indefinite(self.correlations)
@@ -225,7 +225,7 @@ class CalibrationPart(Part):
                 if name not in given:
                     yield MistakeAt(path, f"{name!r} is not among the errors of this camera{nearest_name(name, given)}")
 
-    def _classes(self, first: str, second: str) -> str | None:
+    def _class_conflict(self, first: str, second: str) -> str | None:
         """How often each of two parameters is drawn; None where both are drawn equally often."""
         one, other = (self.camera.error_vocabulary[name].error_class for name in (first, second))
         return None if one is other else f"{one.value} and errors drawn {other.value}"

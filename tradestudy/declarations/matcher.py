@@ -37,7 +37,7 @@ class MatcherPart(Part):
     )
 
     @model_validator(mode="after")
-    def _says_something(self) -> Self:
+    def _not_empty(self) -> Self:
         if not self.given():
             names = list(type(self).model_fields)
             raise MistakeAt((), f"give at least one of {', '.join(names[:-1])} and {names[-1]}")

@@ -20,7 +20,7 @@ PROBABILITIES = (0.025, float(ndtr(-1.0)), 0.5, float(ndtr(1.0)), 0.975)
 COVERAGE = 0.95
 """Coverage of the shortest interval."""
 
-_LEFT_OUT_BELOW = np.linspace(0.0, 1.0 - COVERAGE, 401)
+_OMITTED_BELOW = np.linspace(0.0, 1.0 - COVERAGE, 401)
 
 POLE_MARGIN = 6.0
 """Mean and standard deviation of depth are stated only if infinity is at least this many standard deviations of inverse
@@ -131,8 +131,8 @@ def _of_ranked(ascending: FloatArray, *, depth: bool) -> tuple[FloatArray, ...]:
     _require_squares(ascending)
     finite = np.where(has_infinite[:, None], 0.0, ascending) if np.any(has_infinite) else ascending
     quantiles = order_quantile(ascending, PROBABILITIES)
-    low_ends = order_quantile(ascending, _LEFT_OUT_BELOW)
-    high_ends = order_quantile(ascending, _LEFT_OUT_BELOW + COVERAGE)
+    low_ends = order_quantile(ascending, _OMITTED_BELOW)
+    high_ends = order_quantile(ascending, _OMITTED_BELOW + COVERAGE)
     freedom = 1 if ascending.shape[-1] > 1 else 0
     margin = (
         _pole_margin(quantiles[2], order_quantile(ascending, 1.0 - _TAIL_PROBABILITY))
@@ -183,9 +183,9 @@ def replicate_statistics(values: FloatArray, failures: NDArray[np.int64], *, dep
         "quantiles": np.full((len(PROBABILITIES), outputs), np.nan),
         "half_width": np.full(outputs, np.nan),
         "shortest": np.full((2, outputs), np.nan),
-        "low_ends": np.full((_LEFT_OUT_BELOW.size, outputs), np.nan),
-        "high_ends": np.full((_LEFT_OUT_BELOW.size, outputs), np.nan),
-        "widths": np.full((_LEFT_OUT_BELOW.size, outputs), np.nan),
+        "low_ends": np.full((_OMITTED_BELOW.size, outputs), np.nan),
+        "high_ends": np.full((_OMITTED_BELOW.size, outputs), np.nan),
+        "widths": np.full((_OMITTED_BELOW.size, outputs), np.nan),
         "mean": np.full(outputs, np.nan),
         "standard_deviation": np.full(outputs, np.nan),
         "tail_shape": np.full(outputs, np.nan),

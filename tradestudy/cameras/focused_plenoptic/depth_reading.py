@@ -43,11 +43,11 @@ from tradestudy.optics.window_matching import (
     odd_window,
 )
 
-_AT_ONCE: Final = 400  # microlenses, so that one step fits into the cache
+_LENSES_AT_ONCE: Final = 400  # microlenses, so that one step fits into the cache
 _LEAST_SHARE: Final = 0.15  # of a window that both micro-images must show
-_AGREE: Final = 4.0  # standard deviations by which matches of one point may differ
-_ASIDE: Final = 0.25  # of the pupil diameter, by which views are shifted
-_TABLE: Final = 2048  # number of radii in the table of centroids
+_LARGEST_DISAGREEMENT: Final = 4.0  # standard deviations by which matches of one point may differ
+_VIEW_SHIFT: Final = 0.25  # of the pupil diameter, by which views are shifted
+_TABLE_RADII: Final = 2048  # number of radii in the table of centroids
 _SAME_SURFACE_PX: Final = 0.5  # difference of disparity allowed between the two pixels that show a point
 Step = tuple[int, int]
 
@@ -145,7 +145,7 @@ class RawPictureReader(DepthReader):
         synthesis = RawPictureSynthesis(camera=self.camera, search=self.search, picture=pictures["raw"])
         made = {"refocused": synthesis.refocused(middle)} if self.search.near <= middle <= self.search.far else {}
         if np.any(np.isfinite(found.depth)):
-            depth, aside = synthesis.filled_depth(found), _ASIDE * self.camera.main_lens.pupil_diameter
+            depth, aside = synthesis.filled_depth(found), _VIEW_SHIFT * self.camera.main_lens.pupil_diameter
             made["all_in_focus"] = synthesis.view(depth)
             made["view_left"] = synthesis.view(depth, (-aside, 0.0))
             made["view_right"] = synthesis.view(depth, (aside, 0.0))
@@ -162,8 +162,8 @@ class RawPictureReader(DepthReader):
         )
         other = grid.beside(step)
         there = np.flatnonzero(other[used] >= 0)
-        for begin in range(0, there.size, _AT_ONCE):
-            part = there[begin : begin + _AT_ONCE]
+        for begin in range(0, there.size, _LENSES_AT_ONCE):
+            part = there[begin : begin + _LENSES_AT_ONCE]
             one = self._matched(step, used[part], other[used[part]], values, variance)
             matches.disparity[part], matches.deviation[part] = one.disparity, one.deviation
             matches.reason[part] = one.reason
@@ -223,7 +223,7 @@ class RawPictureReader(DepthReader):
         """
         camera = self.camera
         array, pixel = camera.microlenses, camera.sensor.pixel_pitch
-        radius = (np.arange(_TABLE) + 0.5) / _TABLE * self._table_end
+        radius = (np.arange(_TABLE_RADII) + 0.5) / _TABLE_RADII * self._table_end
         ratios = []
         for f in array.focal_lengths:
             # The pupil as seen from the pixel, on the microlens.
@@ -241,8 +241,8 @@ class RawPictureReader(DepthReader):
         line = np.arange(self._grid.side)
         x, y = ((place[k][:, np.newaxis] + line).astype(np.float32) for k in (0, 1))
         distance = np.sqrt(np.square(x)[:, np.newaxis, :] + np.square(y)[:, :, np.newaxis])
-        bins = np.minimum(distance * np.float32(_TABLE / self._table_end), _TABLE - 1).astype(np.intp)
-        ratio = self._centroid_ratios.ravel()[bins + (_TABLE * self._types[lenses])[:, np.newaxis, np.newaxis]]
+        bins = np.minimum(distance * np.float32(_TABLE_RADII / self._table_end), _TABLE_RADII - 1).astype(np.intp)
+        ratio = self._centroid_ratios.ravel()[bins + (_TABLE_RADII * self._types[lenses])[:, np.newaxis, np.newaxis]]
         across, down = (np.float32(one) for one in along)
         return np.asarray(ratio * (across * x[:, np.newaxis, :] + down * y[:, :, np.newaxis]))
 
@@ -260,7 +260,7 @@ class RawPictureReader(DepthReader):
         row, y, x, partner, px, py = (one[ok] for one in (row, y, x, partner, px, py))
         apart = np.abs(back.disparity[partner, py, px] - forth.disparity[row, y, x])
         spread = np.hypot(back.deviation[partner, py, px], forth.deviation[row, y, x])
-        wrong = apart > np.maximum(_AGREE * spread, _SAME_SURFACE_PX)
+        wrong = apart > np.maximum(_LARGEST_DISAGREEMENT * spread, _SAME_SURFACE_PX)
         forth.reason[row[wrong], y[wrong], x[wrong]] = Reason.INCONSISTENT
 
     def _partner(
@@ -313,7 +313,7 @@ class RawPictureReader(DepthReader):
             length = np.float32(self._length(step))
             value, deviation = one.disparity / length, one.deviation / length
             agrees = (one.reason == Reason.MEASURED) & (
-                np.abs(value - best) <= _AGREE * np.hypot(deviation, best_deviation)
+                np.abs(value - best) <= _LARGEST_DISAGREEMENT * np.hypot(deviation, best_deviation)
             )
             weight = np.where(agrees, 1.0 / np.square(deviation), 0.0).astype(np.float32)
             total += weight * np.where(agrees, value, 0.0)

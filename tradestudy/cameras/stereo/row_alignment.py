@@ -12,17 +12,17 @@ from tradestudy.optics.arrays import FloatArray, IndexArray, Samples
 
 _PATCHES: Final = 16  # along each side of the picture
 _HALF_PATCH: Final = 15  # px
-_WIDEST: Final = 0.02  # of the longer side of the picture; a larger offset means that the rig has not been calibrated
-_NARROWEST: Final = 4  # px
-_ALIKE: Final = 0.7  # least correlation of two patches that show the same texture
-_LOWER: Final = 0.1  # by which the correlation must fall on both sides of its only peak
-_FEWEST: Final = 20  # patches needed to fit the five coefficients
-_FEWEST_ALONG: Final = 4  # different rows and columns in which they must lie
-_AGREEING: Final = 0.7  # fraction of the patches that must agree with the fit
-_AGREEING_PX: Final = 0.5  # largest residual of a patch that agrees with the fit
+_LARGEST_OFFSET: Final = 0.02  # of the longer side of the picture; a calibrated rig has no larger one
+_LEAST_REACH_PX: Final = 4  # rows searched even in a small picture
+_LEAST_CORRELATION: Final = 0.7  # least correlation of two patches that show the same texture
+_CORRELATION_DROP: Final = 0.1  # by which the correlation must fall on both sides of its only peak
+_FEWEST_PATCHES: Final = 20  # patches needed to fit the five coefficients
+_FEWEST_LINES: Final = 4  # different rows and columns in which they must lie
+_LEAST_AGREEING: Final = 0.7  # fraction of the patches that must agree with the fit
+_AGREEMENT_PX: Final = 0.5  # largest residual of a patch that agrees with the fit
 _SCATTER_PX: Final = 0.2  # residual beyond which a patch counts as an outlier
 _NEGLIGIBLE_PX: Final = 0.1  # too small an offset to affect matching windows
-_CERTAIN: Final = 3.0  # standard errors by which an offset must differ from zero
+_SIGNIFICANT: Final = 3.0  # standard errors by which an offset must differ from zero
 
 
 def row_alignment(left: Samples, right: Samples, steps: range, library: Any) -> Callable[[Samples], Samples]:
@@ -50,7 +50,7 @@ def row_alignment(left: Samples, right: Samples, steps: range, library: Any) -> 
         determines their row. Beyond the outermost patches, offsets are constant.
     """
     places, offsets = _offsets(left, right, steps, library)
-    if len(offsets) < _FEWEST or min(np.unique(places[:, k]).size for k in (0, 1)) < _FEWEST_ALONG:
+    if len(offsets) < _FEWEST_PATCHES or min(np.unique(places[:, k]).size for k in (0, 1)) < _FEWEST_LINES:
         return _unchanged
     from scipy.optimize import least_squares
 
@@ -63,11 +63,11 @@ def row_alignment(left: Samples, right: Samples, steps: range, library: Any) -> 
 
     fit = least_squares(residuals, start, loss="cauchy", f_scale=_SCATTER_PX)
     scatter = 1.4826 * float(np.median(np.abs(fit.fun)))
-    agreeing = float(np.mean(np.abs(fit.fun) < _AGREEING_PX))
+    agreeing = float(np.mean(np.abs(fit.fun) < _AGREEMENT_PX))
     border = _basis(np.stack(np.meshgrid(*np.linspace(hull[0], hull[1], 5).T), axis=-1).reshape(-1, 2), left.shape)
     error = scatter * np.linalg.norm(border @ np.linalg.pinv(base), axis=1)
     moved = np.abs(border @ fit.x)
-    if agreeing < _AGREEING or not np.any((moved > _NEGLIGIBLE_PX) & (moved > _CERTAIN * error)):
+    if agreeing < _LEAST_AGREEING or not np.any((moved > _NEGLIGIBLE_PX) & (moved > _SIGNIFICANT * error)):
         return _unchanged
     return lambda picture: _resampled(picture, fit.x, hull)
 
@@ -78,7 +78,7 @@ def _unchanged(picture: Samples) -> Samples:
 
 def _offsets(left: Samples, right: Samples, steps: range, library: Any) -> tuple[FloatArray, FloatArray]:
     """Patches of the left picture that are found in the right one: their row and column there, and row offset [px]."""
-    reach = max(_NARROWEST, math.ceil(_WIDEST * max(left.shape)))
+    reach = max(_LEAST_REACH_PX, math.ceil(_LARGEST_OFFSET * max(left.shape)))
     high, wide = _HALF_PATCH + reach, _HALF_PATCH
     first, second = (np.nan_to_num(one).astype(np.float32) for one in (left, right))
     lit = np.isfinite(left), np.isfinite(right)
@@ -93,7 +93,7 @@ def _offsets(left: Samples, right: Samples, steps: range, library: Any) -> tuple
                 continue
             alike = library.matchTemplate(second[strip], first[patch], library.TM_CCOEFF_NORMED)
             down, along = map(int, np.unravel_index(int(np.argmax(alike)), alike.shape))
-            if alike[down, along] < _ALIKE or not _is_lone_peak(alike.max(axis=1)):
+            if alike[down, along] < _LEAST_CORRELATION or not _is_lone_peak(alike.max(axis=1)):
                 continue
             above, peak, below = alike[down - 1 : down + 2, along].astype(float)
             places.append((row, start + wide + along))
@@ -116,7 +116,7 @@ def _is_lone_peak(best_of_row: Samples) -> bool:
 
     Stripes and gratings do not: stripes look the same when shifted along themselves, and gratings repeat.
     """
-    near = np.flatnonzero(best_of_row > best_of_row.max() - _LOWER)
+    near = np.flatnonzero(best_of_row > best_of_row.max() - _CORRELATION_DROP)
     return bool(near[0] > 0 and near[-1] < best_of_row.size - 1 and near[-1] - near[0] + 1 == near.size)
 
 

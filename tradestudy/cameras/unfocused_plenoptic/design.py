@@ -6,7 +6,7 @@ in two views whose parts are Δu apart shifted by
     d = Δu z (1/a − 1/a₀),    1/a₀ = 1/f − 1/z,
 
 on the array, by similar triangles from the pupil through the image point. This is exactly a parallel stereo rig with
-baseline Δu and principal distance z whose disparities are relative to the plane in focus. One lateral sample is one
+baseline Δu and principal distance z whose disparities are relative to the plane of focus. One lateral sample is one
 microlens.
 """
 
@@ -251,7 +251,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     @property
     def geometry(self) -> ArrayGeometry:
-        """The geometry with the array at the image of the plane in focus."""
+        """The geometry with the array at the image of the plane of focus."""
         return self.geometry_at(self.mla_distance)
 
     @property

@@ -10,7 +10,7 @@ METHOD: Final = Method(
     name="unfocused",
     title="Depth from an unfocused plenoptic camera",
     statements=(
-        "The main lens images the plane in focus, at *a*~0~, onto the array at *z*, and each pixel under a "
+        "The main lens images the plane of focus, at *a*~0~, onto the array at *z*, and each pixel under a "
         "microlens sees its own part of the pupil. Two views whose parts are Δ*u* apart show a point at "
         "distance *a* shifted by *d* on the array: a stereo rig inside one lens, whose samples are microlenses, "
         "not pixels. Disparity errors are therefore in microlenses.",
