@@ -40,7 +40,7 @@ class TradestudyError(Exception):
 
 
 class OutOfRangeError(TradestudyError, ValueError):
-    """An argument lies outside the validity of the law it is used in."""
+    """An argument lies outside the range in which the equation that uses it is valid."""
 
     exit_status = 2
 

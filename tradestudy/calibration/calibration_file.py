@@ -1,6 +1,6 @@
 """Calibrations in CSV or NetCDF files: a covariance or joint draws.
 
-CSV with draws: the first line names the parameters, every other line is one joint draw. CSV with a covariance: the
+CSV with draws: the first line names the parameters, and every other line is one joint draw. CSV with a covariance: the
 first line is ``parameter,mean,NAME,NAME…``, then one line per parameter with its name, its mean and its row of the
 covariance. NetCDF: ``draws(draw, parameter)``, or ``mean(parameter)`` and ``covariance(parameter, parameter_)``, with
 the names in a text variable ``parameter``. Numbers are in SI units, and in pixels where the name ends in ``_px``. The
@@ -153,7 +153,7 @@ def _read_csv(path: Path) -> CalibrationCovariance | CalibrationDraws:
 
 
 def _numbers(path: Path, rows: list[list[str]]) -> FloatArray:
-    """Cells as numbers."""
+    """Convert cells to numbers."""
     try:
         return np.array(rows, dtype=np.float64)
     except ValueError as error:

@@ -33,7 +33,7 @@ class CalibratedMeasurement(Protocol):
         """See `DepthMeasurement`."""
 
     def shared_area(self, distance: FloatArray) -> FloatArray:
-        """Share of a picture's area whose points at distances [m] the other camera also sees; the smaller of both."""
+        """Overlap of the pictures at distances [m]: the smaller of the shares of their areas that both cameras see."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,9 +50,9 @@ class Calibration:
     source
         Source of the distribution.
     measurement
-        The exact model that the parameters belong to, if the source has its own; None for the camera's.
+        The exact model to which the parameters belong, if the source has its own; None for the camera's model.
     vocabulary
-        The parameters of that model; None for the camera's.
+        The parameters of that model; None for those of the camera.
     inferred
         False until the posterior of a target or of corners is known; until then, ``groups`` is empty.
     """

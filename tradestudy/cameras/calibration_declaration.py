@@ -63,7 +63,7 @@ class StabilityPart(Part):
         default=None, description="Focal length for the object's colour minus that for the target's colour."
     )
     ageing: ErrorsPart = Field(
-        default_factory=ErrorsPart, description="Errors of parameters added since the calibration."
+        default_factory=ErrorsPart, description="Errors that parameters have gained since the calibration."
     )
     calibrated_at: CalibratedAtPart = Field(
         default_factory=CalibratedAtPart, description="Default: 20 degC and 1013.25 hPa."

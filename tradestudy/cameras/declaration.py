@@ -51,7 +51,7 @@ class LensPart(Part):
     """How many of the keys focal_length and field_of_view a lens may have."""
 
     focal_length: FocalLengthOrPixels | None = Field(
-        default=None, description="Focal length f: a length, or in px (pixel pitches) as calibrations give it."
+        default=None, description="Focal length f, as a length or, as calibrations give it, in px (pixel pitches)."
     )
     field_of_view: PositiveAngle | None = Field(
         default=None, description="Full field of view when focused at infinity, instead of focal_length."
@@ -90,12 +90,12 @@ class LensPart(Part):
 
 
 class SensorPart(Part):
-    """A pixel array."""
+    """The sensor, an array of pixels."""
 
     pixels: tuple[PixelCount, PixelCount] = Field(description="Columns and rows.", examples=[[1280, 800]])
     pixel_pitch: PixelPitch = Field(description="Distance between neighbouring pixel centres.")
     quantum_efficiency: QuantumEfficiency | None = Field(
-        default=None, description="Electrons per photon (EMVA 1288: η); scene.picture.light.photons needs it."
+        default=None, description="Electrons per photon (EMVA 1288: η); needed with scene.picture.light.photons."
     )
     temporal_dark_noise: NonNegativeElectrons | None = Field(
         default=None, description="Dark noise of this sensor (EMVA 1288: σ_d), instead of scene.picture.read_noise."
@@ -189,7 +189,7 @@ class AttributesPart(Part):
         default=None, description="Number of moving parts; default: one for each lens with a focus mechanism."
     )
     bits_per_pixel: PositiveCount | None = Field(
-        default=None, description="Bits per pixel of a raw image; data volumes need it."
+        default=None, description="Bits per pixel of a raw image; needed for data volumes."
     )
     envelope: tuple[PositiveLength, PositiveLength, PositiveLength] | None = Field(
         default=None, description="Length, width and height of the whole instrument."
@@ -202,7 +202,7 @@ class AttributesPart(Part):
 
 
 class CameraDeclaration(Part, ABC):
-    """A camera of a study; its ``kind`` names its class in study files."""
+    """A camera of a study; every kind has a class of its own, which ``kind`` identifies."""
 
     camera: ClassVar[type[Camera]]
     """The class of the cameras that it declares."""
@@ -222,7 +222,7 @@ class CameraDeclaration(Part, ABC):
 
     @classmethod
     def stated_by(cls, imported: Imported) -> Iterator[Stated]:
-        """The values that the content of a calibration file, of a type in `imports`, states about such a camera."""
+        """The values of such a camera that a calibration file states; its content has one of the types in `imports`."""
         raise NotImplementedError(imported)
 
     @abstractmethod

@@ -46,7 +46,7 @@ class UsableCriteria:
     availability
         Smallest availability: the fraction of points that the estimator's microlenses see.
     virtual_depth
-        Smallest absolute virtual depth v: 2 is the total covering plane.
+        Smallest absolute virtual depth v; 2 at the total covering plane.
     blur_px
         Largest blur on the sensor [px], of the sharpest microlens type or of the stereo lenses.
     disparity_step_px
@@ -54,7 +54,7 @@ class UsableCriteria:
     failed_fraction
         Largest fraction of measurements that end beyond infinity or are false matches.
     relative_uncertainty
-        Largest depth uncertainty over distance.
+        Largest depth uncertainty as a fraction of the distance.
     """
 
     overlap: float | None = None
@@ -75,7 +75,7 @@ class DisparityErrorLaw(Protocol):
 
     @property
     def false_matches(self) -> float:
-        """Share of all measurements that are false and count as failed."""
+        """Fraction of measurements that are false matches, which count as failed."""
         ...
 
     def error_px(self, camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
@@ -87,7 +87,7 @@ class DisparityErrorLaw(Protocol):
         ...
 
     def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
-        """Whether a matcher can reach the bound from which the error is derived, by distance [m]."""
+        """Whether a matcher can reach the bound from which the error is derived, at distances [m]."""
         ...
 
     def margin(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
@@ -98,7 +98,7 @@ class DisparityErrorLaw(Protocol):
         """Conditions of `limit` that do not hold at a distance [m], in words."""
 
     def saturation(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
-        """Electrons in the brightest pixels as a fraction of the saturation capacity; at most 1 is usable."""
+        """Electrons in the brightest pixels as a fraction of the saturation capacity; must not exceed 1."""
         ...
 
 
@@ -112,7 +112,7 @@ class DepthCamera(Camera):
     Parameters
     ----------
     disparity_error_px
-        Standard deviation of the disparity of one measurement [samples], constant or by a law.
+        Standard deviation of the disparity of one measurement [samples], as a number or as a law.
     discrimination_step_px
         The disparity step of the depth discrimination [samples].
     calibration

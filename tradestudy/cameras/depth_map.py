@@ -108,7 +108,7 @@ class TrueDepth:
 
 
 class DepthReader(ABC):
-    """One camera, as designed, set up to measure depth from its pictures."""
+    """Measures depth from the pictures of one camera, as designed."""
 
     @abstractmethod
     def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:

@@ -105,7 +105,7 @@ class ImportedRig:
     Parameters
     ----------
     left, right
-        The cameras, as seen from behind.
+        The cameras; left and right as seen from behind them.
     rotation, translation
         From the frame of the left camera to that of the right one, ``x_right = R x_left + t`` [1, m].
     conventions
@@ -137,7 +137,7 @@ class ImportedCorners:
     conventions
         How the file was read.
     key
-        The file, for the register.
+        The file, as named in the register of assumptions.
     """
 
     file: str

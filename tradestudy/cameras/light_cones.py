@@ -49,7 +49,7 @@ class LightCones:
     Parameters
     ----------
     pixel
-        Index of the requested pixel that each cone belongs to, shape (cones,).
+        Index of the requested pixel to which each cone belongs, shape (cones,).
     start, slope
         Start and slope of the ray through the centres of pixel and lens, shape (2, cones) [m] and [1].
     start_by_pixel, start_by_lens, slope_by_pixel, slope_by_lens

@@ -25,7 +25,7 @@ def largest_common_square(diameter: ArrayLike, apart: ArrayLike) -> FloatArray:
     diameter
         Diameter n of the discs.
     apart
-        Distance d between their centres, in the same unit; broadcast.
+        Distance d between their centres, in the same unit. Both broadcast.
     """
     n, d = np.asarray(diameter, dtype=np.float64), np.asarray(apart, dtype=np.float64)
     within = np.minimum(d, n)
@@ -121,11 +121,11 @@ class WholePictures:
 
     @property
     def widest_px(self) -> float:
-        """The side."""
+        """Side of the largest square at any distance [samples]."""
         return float(np.max(self.side_px))
 
     def through(self, width: float) -> MatchedPairs:  # noqa: ARG002 - the size of these pictures does not depend on the pupil
-        """One pair."""
+        """The two pictures, which are the only pair."""
         side = self.side_px[np.newaxis]
         return MatchedPairs(largest_px=side, apart_px=np.zeros_like(side), weight=np.ones_like(side))
 

@@ -35,11 +35,11 @@ class MicrolensExposure:
     main_lens, microlenses, geometry
         The design.
     errors
-        Deviations of the camera from its design: one number by name; for ``microlens_center_scatter``, one pair for
-        every microlens, shape (microlenses, 2).
+        Deviations of the camera from its design: one number for each name, but for ``microlens_center_scatter`` one
+        pair for every microlens, shape (microlenses, 2).
     reference_distance
         Distance [m] at which field curvature, depth distortion and radial distortion are exact; elsewhere they are
-        right to first order.
+        accurate to first order.
     """
 
     name: str

@@ -21,7 +21,7 @@ MARGIN: Final = 1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MicrolensGrid:
-    """Microlenses whose micro-images lie on the sensor, by their numbers along the lattice.
+    """Microlenses whose micro-images lie on the sensor, numbered along both directions of the lattice.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The parts of cameras: lens, sensor, microlens array. Frozen, in SI units, checked once."""
+"""The parts of cameras: lens, sensor and microlens array. They are frozen, in SI units, and checked once."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Lens:
     Parameters
     ----------
     focal_length
-        f [m].
+        Focal length f [m].
     f_number
         N = f / A with A the pupil diameter.
     """

@@ -37,12 +37,12 @@ _CELL_OVER_PITCH_SQUARED: Final = {"hexagonal": math.sqrt(3.0) / 2.0, "square": 
 
 @dataclass(frozen=True, kw_only=True)
 class PlenopticCamera(DepthCamera):
-    """Main lens, microlens array and sensor.
+    """A camera with a main lens, a microlens array and a sensor.
 
     Parameters
     ----------
     main_lens, microlenses
-        The parts.
+        The lens and the array.
     field_curvature
         How much farther from the main lens its image is known to lie in the corner of the sensor than on the axis [m];
         the error of the same name is the unknown part.

@@ -75,8 +75,8 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "microlens_center_scatter": ErrorParameter(
         unit="m",
         part="microlens centres",
-        meaning="One coordinate of a microlens centre, the origin of coordinates in its micro-image; it contributes √2 "
-        "times to the disparity of two microlenses.",
+        meaning="One coordinate of a microlens centre, the origin of coordinates in its micro-image; the disparity of "
+        "two microlenses contains √2 times this error.",
         error_class=ErrorClass.ELEMENT,
     ),
     PIXEL_NOISE: NOISE_PARAMETER,

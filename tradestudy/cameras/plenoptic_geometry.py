@@ -40,12 +40,12 @@ class ArrayGeometry:
     Parameters
     ----------
     focal_length
-        Focal length of the main lens f_M [m].
+        Focal length f_M of the main lens [m].
     mla_distance
-        Distance from main lens to array z [m].
+        Distance z from main lens to array [m].
     gap
-        Distance from array to sensor b_L [m].
-    pitch
+        Distance b_L from array to sensor [m].
+        pitch
         Pitch of the microlenses [m].
     corner
         Distance from the axis to the corner of the sensor [m].
@@ -95,7 +95,7 @@ class ArrayGeometry:
         return PlaceOnArray(geometry=self, errors=errors, x=slopes[0] * distance, y=slopes[1] * distance)
 
     def place_seen(self, errors: Errors, x: FloatArray, y: FloatArray) -> PlaceOnArray:
-        """The position on the array that corresponds to one on the sensor [m], by a calibration with ``errors``."""
+        """The position on the array of a position on the sensor [m], according to a calibration with ``errors``."""
         x, y = (
             seen - value_of(errors, f"array_offset_{axis}") - value_of(errors, f"principal_point_{axis}")
             for seen, axis in ((x, "x"), (y, "y"))
@@ -151,7 +151,7 @@ class PlaceOnArray:
 
     @cached_property
     def gap(self) -> FloatArray:
-        """Distance from array to sensor b_L [m]."""
+        """Distance b_L from array to sensor [m]."""
         return self.geometry.gap + value_of(self.errors, "microlens_gap") - self._tilt
 
     @cached_property
@@ -166,7 +166,7 @@ class PlaceOnArray:
 
     @cached_property
     def on_sensor(self) -> tuple[FloatArray, FloatArray]:
-        """The same place on the sensor [m]."""
+        """The same position on the sensor [m]."""
         x, y = (
             at + value_of(self.errors, f"principal_point_{axis}") + value_of(self.errors, f"array_offset_{axis}")
             for axis, at in (("x", self.x), ("y", self.y))

@@ -1,4 +1,4 @@
-"""Distances on a scale."""
+"""Ranges of distances, as studies declare them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MOST_DISTANCES = 100_000
 
 
 class DistanceRangePart(Part):
-    """Distances on a scale."""
+    """A range of distances with logarithmic or linear spacing."""
 
     start: ObjectDistance = Field(alias="from", description="Nearest distance.")
     stop: ObjectDistance = Field(alias="to", description="Farthest distance.")

@@ -98,7 +98,7 @@ class _Limited:
 
     @property
     def mean(self) -> float:
-        """Middle of the limits."""
+        """The middle between the limits."""
         return 0.5 * (self.low + self.high)
 
 
@@ -308,7 +308,7 @@ class CurvilinearTrapezoid(_Limited):
 
 
 def _log_ratio(outer: float, inner: float) -> float:
-    """ln(outer/inner), or 0 for inner = 0, where its only factor is zero."""
+    """ln(outer/inner), or 0 for inner = 0, where it is multiplied by zero."""
     return math.log(outer / inner) if inner > 0.0 else 0.0
 
 

@@ -207,7 +207,7 @@ class Replicate:
 
     @property
     def draws(self) -> int:
-        """Draws so far."""
+        """Number of draws so far."""
         return int(self.values.shape[1])
 
     def lengthen(self, draws: int, batch_draws: int) -> None:

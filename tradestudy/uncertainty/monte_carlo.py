@@ -37,7 +37,7 @@ _BYTES_PER_DRAW = 4 * 8
 
 @dataclass(frozen=True, kw_only=True)
 class Sampling:
-    """How many draws, and when to stop.
+    """The number of draws, and the criteria for stopping.
 
     Parameters
     ----------

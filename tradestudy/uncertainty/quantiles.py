@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from tradestudy.uncertainty.distributions import FloatArray
 
-# Selecting a few order statistics is faster than sorting a long row; for more of them or shorter rows, sorting is.
+# Selecting a few order statistics is faster than sorting long rows, but not for shorter rows or more of them.
 _MOST_SELECTED: Final = 16
 _DRAWS_PER_SELECTED: Final = 1000
 

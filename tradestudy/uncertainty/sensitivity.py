@@ -146,7 +146,7 @@ def sobol_indices(
     Returns
     -------
     SobolIndices
-        NaN, with a reason, for outputs that have draws that are not finite, and for outputs that do not vary.
+        NaN, with a reason, for outputs with draws that are not finite, and for outputs that do not vary.
 
     Raises
     ------
@@ -185,7 +185,7 @@ def sobol_indices(
 def _require_indices_exist(sources: Sources, names: tuple[str, ...], draws: int) -> None:
     if draws < 2 or draws & (draws - 1):
         raise OutOfRangeError(
-            "base draws of Sobol indices",
+            "number of base draws of Sobol indices",
             value=str(draws),
             limit="a power of two",
             remedy="Sobol points are balanced only in blocks of powers of two",

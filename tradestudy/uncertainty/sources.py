@@ -75,7 +75,7 @@ class Source:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """The one name."""
+        """The parameter's name, as a tuple."""
         return (self.name,)
 
     @property

@@ -12,7 +12,7 @@ from scipy.interpolate import BSpline
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import FloatArray
 
-_FEWEST: Final = 32  # draws
+_FEWEST: Final = 32  # number of draws
 _INTERVALS: Final = (1, 2, 4)  # of cubic splines; generalised cross-validation selects the best
 _DEGREE: Final = 3
 _FEW_CHOICES: Final = 8

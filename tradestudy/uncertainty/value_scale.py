@@ -17,7 +17,7 @@ class ValueScale:
     Parameters
     ----------
     worst, best
-        Values of the criterion that are worth 0 and 1; values beyond them are worth no less and no more.
+        Values of the criterion that are worth 0 and 1; values beyond them also count as 0 and 1.
     """
 
     worst: float

@@ -60,7 +60,7 @@ class CameraFit(_Fit):
     intrinsics : array (4 + n,)
         Intrinsic parameters in the order of ``projection.intrinsic_names`` [px, 1, rad].
     poses : array (V, 6)
-        Board to camera [rad, m].
+        Poses from board to camera [rad, m].
     covariance : array (4 + n, 4 + n)
         Covariance of the intrinsic parameters with poses marginalised, for the noise estimated from the residuals.
     noise_px : float
@@ -83,7 +83,7 @@ class PairFit(_Fit):
     shared : array (P,)
         Parameters in the order of ``view_blocks.shared_names`` [px, 1, rad, m].
     poses : array (V, 6)
-        Board to left camera [rad, m].
+        Poses from board to left camera [rad, m].
     covariance : array (P, P)
         Covariance of the shared parameters with poses marginalised, for independent corner noise.
     noise_px : float

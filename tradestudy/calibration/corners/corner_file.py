@@ -129,7 +129,7 @@ def read_corners(path: str | Path) -> StereoCorners:
 
 
 def _require_affordable(path: Path) -> None:
-    """Refuse files whose fit would take more than minutes, before parsing them."""
+    """Refuse files whose fit would take more than a few minutes, before parsing them."""
     with path.open("rb") as stream:
         rows = sum(block.count(b"\n") for block in iter(lambda: stream.read(1 << 20), b"")) - 1
     if rows > MOST_ROWS:
@@ -256,7 +256,7 @@ def _check_counts(corners: StereoCorners) -> None:
     """Refuse too few views, views with too few corners, and views with all corners on a line."""
     if len(corners.views) < MINIMUM_VIEWS:
         raise CornerFileError(
-            "too few views to calibrate from",
+            "too few views for a calibration",
             value=str(len(corners.views)),
             limit=f">= {MINIMUM_VIEWS}",
             remedy="add views with the board tilted differently",

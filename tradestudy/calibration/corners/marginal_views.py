@@ -30,7 +30,7 @@ class ViewStates:
     Parameters
     ----------
     poses : array (V, 6)
-        Board to left camera [rad, m].
+        Poses from board to left camera [rad, m].
     motions : array (V, 6)
         Rotation × lever and translation between the exposures, in the right camera's frame [m].
     """
@@ -113,7 +113,7 @@ class CompressedViews:
         step = np.concatenate([self.centre - shared, np.ones_like(shared[..., :1])], axis=-1)
         rows = self.motion_rows.reshape(-1, step.shape[-1])
         variance = noise_px[..., None] ** 2 + motion_scale[..., None] ** 2 * self.motion_gains.ravel()
-        # residual(θ) = r₀ + A (centre − θ), so the step has the sign
+        # residual(θ) = r₀ + A (centre − θ)
         seen = np.sum((step @ rows.T) ** 2 / variance + np.log(variance), axis=-1)
         rest = np.sum((step @ self.rest.T) ** 2, axis=-1) / noise_px**2
         total: FloatArray = -0.5 * (seen + rest) - self.rest_count * np.log(noise_px)

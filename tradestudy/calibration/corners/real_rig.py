@@ -162,7 +162,7 @@ class RigFit:
 
 
 def fit_rig(corners: StereoCorners) -> RigFit:
-    """Fit a pair, with outliers, left–right term, noise of the corners, and warp of the board.
+    """Fit a pair without outliers, with a left–right term, the noise of the corners, and the warp of the board.
 
     Corners are weighted, and every view has its own noise; see `CornerNoise`. Covariances are those of generalised
     least squares for this noise. The warp of the board is one of the unknowns: a fixed warp would underestimate the
@@ -181,7 +181,7 @@ def fit_rig(corners: StereoCorners) -> RigFit:
     Raises
     ------
     CornerFileError
-        A pair of columns or left and right are exchanged, a view contradicts the others, the board has only two rows of
+        Columns are swapped, left and right are exchanged, a view contradicts the others, the board has only two rows of
         corners, or the corners have no noise.
     NotConvergedError
         The views do not determine the parameters, or noise and warp do not settle.

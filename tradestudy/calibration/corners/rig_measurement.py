@@ -165,7 +165,7 @@ class RigMeasurement:
         return np.where(lengths, self.best * growth, self.best)
 
     def _calibrated_rigs(self, errors: Errors) -> FloatArray:
-        """The rigs according to calibrations with errors, shape (draws, P)."""
+        """The rigs that calibrations with errors describe, shape (draws, P)."""
         names = shared_names(self.free)
         own = np.broadcast_arrays(*(_of_draws(errors, name) for name in names))
         rigs: FloatArray = self.best + np.stack(own, axis=-1)

@@ -12,7 +12,7 @@ from tradestudy.calibration.projection import move, project, ray_slopes, rotatio
 from tradestudy.cameras.calibrated_pair import Lenses
 from tradestudy.optics.arrays import FloatArray
 
-_NODES: Final = (33, 25)  # across and down
+_NODES: Final = (33, 25)  # nodes across and down
 _OUTSIDE: Final = -1.0  # px from the edge, for nodes that show no point or whose point has no image
 
 

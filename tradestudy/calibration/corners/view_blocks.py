@@ -85,7 +85,7 @@ def camera_blocks(
     intrinsics : array (4 + n,)
         Intrinsic parameters, as for ``projection.project``.
     poses : array (V, 6)
-        Board to camera [rad, m].
+        Poses from board to camera [rad, m].
     board, image : array (V, N, 2)
         Corners on the board [m] and in the image [px].
     present : array (V, N)
@@ -117,7 +117,7 @@ def pair_blocks(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -
         Intrinsic parameters of the left and right camera, then the relative pose (left frame to right frame), in the
         order of ``shared_names`` [px, 1, rad, m].
     poses : array (V, 6)
-        Board to left camera [rad, m].
+        Poses from board to left camera [rad, m].
     corners : StereoCorners
         The observed corners.
 

@@ -169,7 +169,7 @@ def sample_posterior(
     log_probability : callable
         Log probabilities of many parameter vectors at once.
     starts : array (ensembles, walkers, P)
-        First positions, spread over plausible values, of at least four ensembles of an even number of walkers >= 2 P.
+        First positions, spread over plausible values; at least four ensembles with an even number of walkers >= 2 P.
     names : tuple of str
         Names of the parameters.
     rng : numpy.random.Generator

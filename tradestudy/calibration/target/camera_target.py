@@ -1,4 +1,4 @@
-"""Calibration of a camera by a simulated target: its observations, and the calibration that they promise."""
+"""Calibration of a camera by a simulated target: its observations, and the calibration expected from them."""
 
 from __future__ import annotations
 
@@ -139,14 +139,14 @@ def _priors(name: str, groups: tuple[Group, ...]) -> Priors:
                 rows.append((group.name, distribution.mean, np.inf, distribution.low, distribution.high))
             case None:
                 raise OutOfRangeError(
-                    f"{name}: correlated errors cannot be priors of a target",
+                    f"{name}: correlated errors cannot be priors for a target",
                     value=", ".join(group.parameters),
                     limit="independent errors",
                     remedy="remove their correlations; the target determines them",
                 )
             case _:
                 raise OutOfRangeError(
-                    f"{name}: the distribution of {group.name} cannot be a prior of a target",
+                    f"{name}: the distribution of {group.name} cannot be a prior for a target",
                     value=type(distribution).__name__,
                     limit="normal or uniform",
                     remedy="declare only a standard_deviation or a half_width",

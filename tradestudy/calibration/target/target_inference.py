@@ -22,7 +22,7 @@ from tradestudy.optics.arrays import FloatArray
 _RELATIVE_STEP = 1e-3  # of a prior's scale; central differences then err by 1e-6 of their change over that scale
 _POINT_STEP = 1e-5  # of a point's distance
 _MOST_STEPS, _MOST_POSE_STEPS = 50, 20
-_SETTLED = 1e-8  # squared step in standard deviations
+_SETTLED = 1e-8  # largest squared step of a converged fit, in standard deviations
 _CHUNK_NUMBERS = 250_000  # residuals at a time, which fit into a processor's cache
 
 

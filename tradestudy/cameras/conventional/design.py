@@ -61,7 +61,7 @@ class ConventionalCamera(Camera):
     Parameters
     ----------
     lens, sensor
-        The parts.
+        The lens and the sensor.
     focus_distance
         Distance in focus of a single image [m] from the principal plane; infinity is allowed.
     stack
@@ -107,7 +107,7 @@ class ConventionalCamera(Camera):
 
     @property
     def gathering_lens(self) -> Lens:
-        """The lens."""
+        """The only lens."""
         return self.lens
 
     @property
@@ -137,7 +137,7 @@ class ConventionalCamera(Camera):
         environment: Environment | None,  # noqa: ARG002 - as above
         stop_separation: float,
     ) -> Sequence[SingleLensExposure]:
-        """One picture, or those of the stack planned for a blur of one pixel."""
+        """One picture, or the pictures of a stack planned for a blur of one pixel."""
         focus = {"image": self.focus_distance}
         if isinstance(self.focus, ImageStackFocus):
             focus = {f"image-{k}": distance for k, distance in enumerate(self.focus.sharpest_distances, start=1)}
@@ -158,7 +158,7 @@ class ConventionalCamera(Camera):
         rows = [
             ("focal length", pretty(lens.focal_length, LENGTH, 4)),
             ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
-            ("focused at, from the principal plane", pretty(self.focus_distance, LENGTH, 4)),
+            ("focus distance, from the principal plane", pretty(self.focus_distance, LENGTH, 4)),
             ("working f-number", pretty(single.working_f_number, NUMBER, 4)),
             ("field of view across, focused at infinity", pretty(lens.field_of_view(self.sensor.width), ANGLE, 4)),
             (

@@ -60,7 +60,7 @@ class ImageStackFocus:
                 remedy="order the range",
             )
         if self.most_images < 1:
-            raise OutOfRangeError("images of a focus stack", value=str(self.most_images), limit="at least 1")
+            raise OutOfRangeError("number of images in a focus stack", value=str(self.most_images), limit="at least 1")
 
     def _at(self, focus_distance: float, name: str) -> SingleLensFocus:
         return SingleLensFocus(lens=self.lens, focus_distance=focus_distance, sample_pitch=self.sample_pitch, name=name)

@@ -31,9 +31,9 @@ class BlurCriterion:
     blur_px
         Diameter of the blur in lateral samples: pixels, or microlenses of an unfocused plenoptic camera.
     measure
-        Measure of the diffraction spot, added in quadrature to defocus; ``none``: geometric optics.
+        Measure of the diffraction spot, added in quadrature to defocus; ``none`` for geometric optics.
     wavelength
-        λ [m].
+        Wavelength λ [m].
 
     Raises
     ------
@@ -100,7 +100,7 @@ def sharp_range(names: tuple[str, ...], parts: Sequence[DepthOfField], reason: s
 
 
 class Focus(Protocol):
-    """The focus of a camera along its optical axis; all distances from the principal plane of its lens."""
+    """The focus of a camera along its optical axis; all distances are measured from the principal plane of its lens."""
 
     @property
     def mechanisms(self) -> int:

@@ -61,7 +61,7 @@ class SingleLensFocus:
 
     @property
     def working_f_number(self) -> float:
-        """N_w = b₀/A."""
+        """Working f-number N_w = b₀/A."""
         return float(image_distance(self.focus_distance, self.lens.focal_length)) / self.lens.pupil_diameter
 
     def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
@@ -84,7 +84,7 @@ class SingleLensFocus:
         return sharp_range((self.name,), [limits])
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:  # noqa: ARG002 - one, whatever the scene
-        """One."""
+        """Always one."""
         return 1
 
     def lateral_resolution(self, distance: ArrayLike) -> FloatArray:

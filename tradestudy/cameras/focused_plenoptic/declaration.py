@@ -88,7 +88,7 @@ class FocusPart(Part):
 
 
 class PlenopticDepthPart(DisparityPart):
-    """Depth by micro-images."""
+    """How the camera measures depth from its micro-images."""
 
     estimator: PlenopticEstimator = Field(description="Which micro-images are compared.")
     microlenses: UsedLenses | None = Field(

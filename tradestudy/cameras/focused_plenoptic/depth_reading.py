@@ -226,7 +226,7 @@ class RawPictureReader(DepthReader):
         radius = (np.arange(_TABLE_RADII) + 0.5) / _TABLE_RADII * self._table_end
         ratios = []
         for f in array.focal_lengths:
-            # The pupil as seen from the pixel, on the microlens.
+            # The pupil, projected from the pixel onto the microlens.
             scale = 1.0 + camera.mla_distance * (1.0 / array.gap - 1.0 / f)
             scale = math.copysign(max(abs(scale), 1e-6), scale)
             apart = radius * pixel * camera.mla_distance / array.gap / scale

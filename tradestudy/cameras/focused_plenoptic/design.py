@@ -54,7 +54,7 @@ COVERING_VIRTUAL_DEPTH: Final = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class FocusedPlenoptic(PlenopticCamera):
-    """Main lens, microlens array at z, sensor at b_L behind the array.
+    """Main lens, microlens array at a distance z behind it, and sensor at a distance b_L behind the array.
 
     Parameters
     ----------

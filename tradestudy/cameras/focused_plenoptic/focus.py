@@ -30,7 +30,7 @@ class MicrolensTypesFocus:
     Parameters
     ----------
     main_lens, microlenses
-        The parts.
+        The lens and the array.
     mla_distance
         Distance z from main lens to array [m].
     sample_pitch
@@ -50,7 +50,7 @@ class MicrolensTypesFocus:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the types."""
+        """Names of the microlens types."""
         count = self.microlenses.types
         return ("microlenses",) if count == 1 else tuple(f"type {number}" for number in range(1, count + 1))
 
@@ -98,7 +98,7 @@ class MicrolensTypesFocus:
         return sharp_range(self.names, parts)
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:  # noqa: ARG002 - one, whatever the scene
-        """One."""
+        """Always one."""
         return 1
 
     def lateral_resolution(self, distance: ArrayLike) -> FloatArray:

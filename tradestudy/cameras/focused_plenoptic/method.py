@@ -31,7 +31,7 @@ METHOD: Final = Method(
             "standard deviation of v. The derivative of a M with respect to z is minus the square of a M minus f M "
             "over f M; with respect to f M it is the square of a M over f M.",
         ),
-        "The last two have opposite signs: what matters is *z* − *f*~M~, and so the correlation of the two errors. "
+        "The last two have opposite signs: what matters is *z* − *f*~M~, and thus the correlation of both errors. "
         "How the error of one disparity becomes that of *v* depends on the declared estimator: it "
         "grows with *v*² for an adjacent pair (of any lenses, or of the same type), with *v* for the widest pair, "
         "and is constant for least squares over all lenses.",

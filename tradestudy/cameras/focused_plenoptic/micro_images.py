@@ -1,13 +1,13 @@
 """The micro-images that an estimator compares: the part of an object that they share, and its information.
 
-Microlenses D apart image a point at a_L before the array D (1 + b_L/a_L) apart on the sensor, and the centre of the
-main lens's pupil D (1 + b_L/z) apart, which is the distance between their micro-images. With aligned textures, the
-micro-images are therefore d apart,
+Two microlenses D apart form images of a point at a_L in front of the array that are D (1 + b_L/a_L) apart on the
+sensor. Their images of the centre of the main lens's pupil, and thus their micro-images, are D (1 + b_L/z) apart. When
+their textures are aligned, the micro-images are therefore d apart,
 
     d = D b_L |1/a_L − 1/z| = (D/|v|) b/z,    b = z − a_L,
 
 and a fraction d/n = D/(2 r) of the diameter n, where r is the radius of the disc in which microlenses see a point: the
-window vanishes exactly where no pair sees it. With z ≈ b, the array in the image of the main lens, it is n D/(p |v|).
+window vanishes exactly where no pair sees it. With z ≈ b, where the main lens images onto the array, d is n D/(p |v|).
 
 Off the axis, the rims of other stops vignette the pupil. A pixel behind a microlens sees one spot of the pupil, so rims
 narrow the micro-images and the disc without dimming the remaining pixels. The fraction of the width that remains along

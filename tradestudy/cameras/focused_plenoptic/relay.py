@@ -16,8 +16,8 @@ def relay_observation(
 ) -> Observation:
     """The observation of a point by a camera that deviates from its design by ``errors``.
 
-    Two microlenses Δx apart relay the image at a_L before the array: ``Δu = Δx (1 + b_L/a_L)`` (eq. 4 in absolute
-    coordinates of the detector).
+    Two microlenses Δx apart relay the image at a_L in front of the array: ``Δu = Δx (1 + b_L/a_L)`` (eq. 4 in absolute
+    coordinates on the detector).
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ class RawPictureSynthesis:
 
     @property
     def _over(self) -> float:
-        """b_L/z."""
+        """Ratio b_L/z of array gap to array distance."""
         return self.camera.microlenses.gap / self.camera.mla_distance
 
     @cached_property
@@ -78,7 +78,7 @@ class RawPictureSynthesis:
         """
         if not self.search.near <= distance <= self.search.far:
             raise OutOfRangeError(
-                "distance to refocus on",
+                "refocus distance",
                 value=f"{distance:g} m",
                 limit=f"{self.search.near:g} to {self.search.far:g} m",
                 remedy="choose a distance within the searched range",
@@ -125,7 +125,9 @@ class RawPictureSynthesis:
 
         rows, columns = np.nonzero(np.isfinite(found.depth))
         if not rows.size:
-            raise OutOfRangeError("depths in the map", value="0", limit="1 or more", remedy="use a scene with texture")
+            raise OutOfRangeError(
+                "number of depths in the map", value="0", limit="1 or more", remedy="use a scene with texture"
+            )
         depth = np.asarray(found.depth[rows, columns], np.float64)
         inverse = 1.0 / self.camera.virtual_depth(depth)
         at = np.stack([columns, rows]).astype(float)

@@ -38,12 +38,12 @@ class StereoLensPart(LensPart):
 
 
 class StereoDepthPart(DisparityPart):
-    """Depth by two cameras."""
+    """How the rig measures depth."""
 
     estimator: Literal["disparity", "midpoint"] = Field(
         default="disparity",
         validate_default=True,
-        description="How depth follows: from the disparity along the baseline, or from the midpoint between both rays.",
+        description="Depth is computed from the disparity along the baseline, or from the midpoint between both rays.",
     )
     disparity_error: PositivePixels | Literal["derived"] = Field(
         default="0.1 px", validate_default=True, description=DisparityPart.model_fields["disparity_error"].description
@@ -69,7 +69,7 @@ class StereoDeclaration(DepthCameraDeclaration):
     sensor: SensorPart
     geometry: GeometryPart | None = Field(
         default=None,
-        description="Both cameras as calibrated, instead of focal length and baseline; determines the measured depth.",
+        description="Both cameras as calibrated, instead of focal length and baseline; used to measure depth.",
     )
     baseline: Baseline | None = Field(
         default=None, validate_default=True, description="Distance between the two centres of projection."

@@ -37,8 +37,8 @@ _OPENCV_STEP: Final = 16  # disparities are in sixteenths of a pixel, and their 
 class PairReader(DepthReader):
     """Depth measured with a stereo rig as designed; the map has the pixels of the left picture.
 
-    Pictures of converging cameras or of lenses with distortion are rectified first; the map is then in the frame of the
-    rectified left picture. Then, rows that the errors of the rig displace are aligned.
+    Pictures of converging cameras or of lenses with distortion are rectified; the map is then in the frame of the
+    rectified left picture. Finally, rows that are displaced by errors of the rig are aligned.
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ class StereoRig(DepthCamera):
     Parameters
     ----------
     lens, sensor
-        The parts of each camera.
+        The lens and the sensor of each camera.
     focus_distance
         Distance in focus [m]; infinity is allowed; None if the lenses refocus on every object.
     principal_distance_rule
@@ -204,7 +204,7 @@ class StereoRig(DepthCamera):
 
     @property
     def gathering_lens(self) -> Lens:
-        """Either lens."""
+        """One of the two equal lenses."""
         return self.lens
 
     @property

@@ -38,7 +38,7 @@ _OF_BOTH: Final[ErrorVocabulary] = {
     "focal_length": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Principal distance of both cameras together; a calibration in pixels calls it the focal length.",
+        meaning="Principal distance common to both cameras; a calibration in pixels calls it the focal length.",
     ),
     "principal_point": ErrorParameter(
         unit="m",

@@ -149,7 +149,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     @property
     def views(self) -> int:
-        """All views."""
+        """Number of views."""
         return len(self.view_positions)
 
     @cached_property
