@@ -140,7 +140,7 @@ def test_too_few_corners_and_views_are_named(tmp_path):
     few = [row for row in rows() if row["view"] != "3" or int(row["corner"]) % 11 == 0]
     with pytest.raises(CornerFileError, match="view 3 has too few corners: 5 "):
         read_corners(write(tmp_path / "corners.csv", few))
-    with pytest.raises(CornerFileError, match="too few views to calibrate from: 2"):
+    with pytest.raises(CornerFileError, match=r"too few views.*: 2 "):
         read_corners(write(tmp_path / "corners.csv", [row for row in rows() if int(row["view"]) < 3]))
 
 
@@ -196,7 +196,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path, content, words):
 
 
 def test_one_view_is_too_few(tmp_path):
-    with pytest.raises(CornerFileError, match=r"too few views to calibrate from: 1 \(allowed: >= 3\); add views"):
+    with pytest.raises(CornerFileError, match=r"too few views.*: 1 \(allowed: >= 3\); add views"):
         read_corners(write(tmp_path / "corners.csv", [row for row in rows() if row["view"] == "5"]))
 
 

@@ -101,7 +101,7 @@ class ComparedPictures(Protocol):
         ...
 
     def at(self, index: NDArray[np.intp]) -> Self:
-        """The same at a selection of the distances."""
+        """Select some of the distances, by index."""
         ...
 
 
@@ -130,5 +130,5 @@ class WholePictures:
         return MatchedPairs(largest_px=side, apart_px=np.zeros_like(side), weight=np.ones_like(side))
 
     def at(self, index: NDArray[np.intp]) -> WholePictures:
-        """The same at a selection of the distances."""
+        """Select some of the distances, by index."""
         return WholePictures(side_px=self.side_px[index])

@@ -62,7 +62,7 @@ class LensStage:
         return np.asarray(self.aperture_diameter**2 / 8.0 * vergence / wavelength)
 
     def at(self, index: NDArray[np.intp]) -> LensStage:
-        """The same at a selection of the distances."""
+        """Select some of the distances, by index."""
         return LensStage(
             aperture_diameter=self.aperture_diameter,
             focal_length=self.focal_length[index],
@@ -133,7 +133,7 @@ class PictureGeometry:
         return replace(self, main_lens=main_lens, microlens=microlens)
 
     def at(self, index: NDArray[np.intp]) -> PictureGeometry:
-        """The same at a selection of the distances."""
+        """Select some of the distances, by index."""
         return replace(
             self,
             distance=self.distance[index],

@@ -52,7 +52,7 @@ class Draws:
                 "draws and replicates of a comparison",
                 value=f"{self.draws}, {self.replicates}",
                 limit="draws a power of two, replicates >= 2",
-                remedy="the error comes from the scatter of independent replicates",
+                remedy="use a power of two and several replicates, whose scatter gives the error",
             )
 
     def depths(self, model: Model, sources: Sources, alignment: ScoreAlignment, replicate: int) -> Replicate:

@@ -86,14 +86,14 @@ class Sampling:
                     f"{name} of a Sobol sequence",
                     value=str(number),
                     limit=f"a power of two >= {least}",
-                    remedy="Sobol points are balanced only in blocks of powers of two",
+                    remedy="use a power of two, for which Sobol points are balanced",
                 )
         if self.replicates < FEWEST_REPLICATES:
             raise OutOfRangeError(
                 "replicates",
                 value=str(self.replicates),
                 limit=f">= {FEWEST_REPLICATES}",
-                remedy="the standard error comes from the scatter of independent scrambles",
+                remedy="use more replicates, whose scatter gives the standard error",
             )
         if self.budget_draws < self.replicates * self.first_draws:
             raise OutOfRangeError(

@@ -188,7 +188,7 @@ def _require_indices_exist(sources: Sources, names: tuple[str, ...], draws: int)
             "number of base draws of Sobol indices",
             value=str(draws),
             limit="a power of two",
-            remedy="Sobol points are balanced only in blocks of powers of two",
+            remedy="use a power of two, for which Sobol points are balanced",
         )
     if not names:
         raise OutOfRangeError(

@@ -70,7 +70,7 @@ class MicroImages:
         )
 
     def at(self, index: NDArray[np.intp]) -> MicroImages:
-        """The same at a selection of the distances."""
+        """Select some of the distances, by index."""
         return replace(
             self,
             neighbours_apart_px=self.neighbours_apart_px[index],

@@ -167,7 +167,7 @@ def _interior(pair: Pair, errors: Errors, side: str) -> tuple[FloatArray, FloatA
 def _distortion(pair: Pair, errors: Errors, side: str) -> LensModel:
     """Lens model of one camera."""
     names = (f"{side}_distortion_k1", f"{side}_distortion_k2")
-    if errors.keys().isdisjoint(names):  # as in most rigs; a shortcut saves time in every reading
+    if errors.keys().isdisjoint(names):  # as in most rigs; a shortcut saves time in every measurement
         return pair.distortion
     return pair.distortion.with_radial_error(value_of(errors, names[0]), value_of(errors, names[1]))
 

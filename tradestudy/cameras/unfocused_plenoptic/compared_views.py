@@ -69,5 +69,5 @@ class ComparedViews:
         return MatchedPairs(largest_px=side, apart_px=np.zeros_like(side), weight=np.full_like(side, left_of_all**2))
 
     def at(self, index: NDArray[np.intp]) -> ComparedViews:
-        """The same at a selection of the distances."""
+        """Select some of the distances, by index."""
         return replace(self, side_px=self.side_px[index])
