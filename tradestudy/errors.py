@@ -40,7 +40,7 @@ class TradestudyError(Exception):
 
 
 class OutOfRangeError(TradestudyError, ValueError):
-    """An argument lies outside the validity of the law it is used in."""
+    """An argument lies outside the range in which the equation that uses it is valid."""
 
     exit_status = 2
 
@@ -48,7 +48,8 @@ class OutOfRangeError(TradestudyError, ValueError):
 class UnaffordableError(TradestudyError):
     """A computation needs more nodes, bytes or seconds than are allowed.
 
-    It is refused before it starts, with the number needed and the setting to change; it is never undersampled instead.
+    The program refuses it before it starts and names the number needed and the setting to change. It never undersamples
+    instead.
     """
 
     exit_status = 2
@@ -59,7 +60,7 @@ class NotConvergedError(TradestudyError):
 
 
 class ResultsError(TradestudyError):
-    """A results file cannot be read: truncated, foreign, or of another format version."""
+    """A results file cannot be read: it is truncated, comes from another program, or has another format version."""
 
 
 class NoResultsError(ResultsError):
@@ -106,7 +107,7 @@ class PlaceError(TradestudyError):
 
 
 class DiskError(TradestudyError):
-    """The disk refuses to be written or read."""
+    """The disk cannot be written or read."""
 
 
 _ANOTHER: Final = "give another --out"
@@ -123,12 +124,12 @@ _DISKS: Final = {
     errno.EACCES: f"its permissions do not allow it; {_ANOTHER}",
     errno.ENOSPC: "free some space and run again; finished work is kept",
     errno.EDQUOT: "free some of the quota and run again; finished work is kept",
-    errno.EIO: "check the disk, which does not respond",
+    errno.EIO: "check the disk, which reported an input/output error",
 }
 
 
 def place_error(error: OSError) -> PlaceError | DiskError | None:
-    """Translate an error of the operating system about a path or a disk; None for any other error."""
+    """Translate an operating-system error about a path or a disk; return None for any other error."""
     what = f"{error.filename or 'a file'} cannot be read or written"
     if error.errno in _PLACES:
         return PlaceError(what, value=error.strerror or "", remedy=_PLACES[error.errno])

@@ -130,7 +130,7 @@ class Dimension:
     example
         A valid value in a study file.
     display
-        Units of reports, from the smallest to the largest.
+        Units in reports, from the smallest to the largest.
     absolute
         Whether values in an offset unit are absolute (a temperature) or differences.
     """
@@ -143,7 +143,7 @@ class Dimension:
 
 
 def _shown_in(label: str) -> tuple[DisplayUnit, ...]:
-    """One display unit that is the SI unit itself."""
+    """The SI unit as the only display unit."""
     return (DisplayUnit(label=label, size=1.0),)
 
 
@@ -272,7 +272,7 @@ def parse(value: object, dimension: Dimension) -> float:
     ----------
     value
         Text such as ``"5.5 um"``, or a number from YAML; a bare number is valid only for fractions and plain
-        numbers. ``infinity`` reads as infinity of any dimension.
+        numbers. ``infinity`` is valid in any dimension.
     dimension
         Dimension that the value must have.
 
@@ -307,11 +307,11 @@ def parse(value: object, dimension: Dimension) -> float:
 
 
 _SHOWN_ERROR = 5e-4  # of a value
-_ROUNDING = 1e-6  # of the last digit shown: nearer to it, a value is that digit
+_ROUNDING = 1e-6  # of the last digit shown; a value this close to a digit is that digit
 
 
 def pretty(value: float, dimension: Dimension, digits: int = 3) -> str:
-    """Write an SI value with a readable unit: 0.0055 of a length is ``5.5 mm``.
+    """Write an SI value with a readable unit: a length of 0.0055 is ``5.5 mm``.
 
     Parameters
     ----------
@@ -418,12 +418,12 @@ def _in_si(number: str, unit: str, text: str, dimension: Dimension) -> float:
     written = float(number)
     if written == 0.0 or not math.isfinite(written):
         return written + resolved.offset
-    # In decimal arithmetic, so that "5.5 um" is the float 5.5e-6 and not its neighbour.
+    # Decimal arithmetic makes "5.5 um" the float 5.5e-6 and not its neighbour.
     return float(Decimal(number) * Decimal(repr(resolved.scale)) + Decimal(repr(resolved.offset)))
 
 
-# The most common units and those of every dimension, resolved as by pint, because importing pint takes longer than
-# reading a study.
+# The most common units and the SI unit of every dimension, with pint's values: importing pint takes longer than reading
+# a study.
 _USUAL: Mapping[str, _Unit] = {
     unit: _Unit(scale=scale, offset=0.0, dimensions=frozenset({(base.removeprefix("1/"), power)} if base else ()))
     for base, units in {

@@ -43,7 +43,7 @@ HEAD = "parameter,mean,a,b\n"
         ("a,b\n", "is empty"),
         ("a,b\n1,2\n3\n", r"csv:3 .*: 1 cells .allowed: 2\)"),
         ("a,b\n1,two\n", "'two'"),
-        ("a,a\n" + "1,2\n" * 120, "more than once"),
+        ("a,a\n" + "1,2\n" * 120, r"a .allowed: each exactly once"),
         ("a,b\n" + "1,2\n" * 99, "too few draws.*99"),
         ("a,b\n" + "1,nan\n" * 120, "120 cells.*finite"),
         (HEAD + "b,0,1,0\na,0,0,1\n", r"b, a .allowed: a, b"),

@@ -125,7 +125,7 @@ def test_impossible_cells_are_named(tmp_path, column, value, says):
 @pytest.mark.parametrize("factor", [0.0, 1e-300])
 def test_a_board_without_size_is_named(tmp_path, factor):
     table = [{**row, **{key: str(float(row[key]) * factor) for key in ("board_x_mm", "board_y_mm")}} for row in rows()]
-    with pytest.raises(CornerFileError, match=r"\(on the board\) lie at one place"):
+    with pytest.raises(CornerFileError, match=r"\(on the board\) .* m apart .*1e-06 m.*columns"):
         read_corners(write(tmp_path / "corners.csv", table))
 
 
@@ -140,7 +140,7 @@ def test_too_few_corners_and_views_are_named(tmp_path):
     few = [row for row in rows() if row["view"] != "3" or int(row["corner"]) % 11 == 0]
     with pytest.raises(CornerFileError, match="view 3 has too few corners: 5 "):
         read_corners(write(tmp_path / "corners.csv", few))
-    with pytest.raises(CornerFileError, match="too few views to calibrate from: 2"):
+    with pytest.raises(CornerFileError, match=r"too few views.*: 2 "):
         read_corners(write(tmp_path / "corners.csv", [row for row in rows() if int(row["view"]) < 3]))
 
 
@@ -164,7 +164,7 @@ def test_left_and_right_exchanged_are_named(tmp_path):
 def test_one_column_swapped_between_the_cameras_is_named(tmp_path, axis):
     # near parallel cameras fit such a file to 0.25 px: only the comparison shows it
     path = changed(tmp_path, lambda row: swap(row, f"left_{axis}_px", f"right_{axis}_px"))
-    with pytest.raises(CornerFileError, match=r"one pair of columns is swapped.*0\.33.* px rms, and 0\.23"):
+    with pytest.raises(CornerFileError, match=r"columns is swapped.*0\.33.* px rms, and 0\.23"):
         fit_rig(read_corners(path))
 
 
@@ -177,7 +177,7 @@ def test_a_view_numbered_from_the_other_end_is_named(tmp_path):
             row |= {"right_x_px": other["right_x_px"], "right_y_px": other["right_y_px"]}
         return row
 
-    with pytest.raises(CornerFileError, match=r"view 5 contradicts the others: relative rotation off by 1[78]"):
+    with pytest.raises(CornerFileError, match=r"view 5 .*rotation .*by 1[78]"):
         fit(changed(tmp_path, turn))
 
 
@@ -196,7 +196,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path, content, words):
 
 
 def test_one_view_is_too_few(tmp_path):
-    with pytest.raises(CornerFileError, match=r"too few views to calibrate from: 1 \(allowed: >= 3\); add views"):
+    with pytest.raises(CornerFileError, match=r"too few views.*: 1 \(allowed: >= 3\); add views"):
         read_corners(write(tmp_path / "corners.csv", [row for row in rows() if row["view"] == "5"]))
 
 
@@ -220,5 +220,5 @@ def test_decimal_commas_and_semicolons_are_named(tmp_path):
 def test_ten_identical_views_are_one(tmp_path):
     view = [row for row in rows() if row["view"] == "5"]
     table = [row | {"view": str(number)} for number in range(10) for row in view]
-    with pytest.raises(CornerFileError, match=r"view 1 repeats view 0 .*54 equal corners"):
+    with pytest.raises(CornerFileError, match=r"view 1 repeats view 0 .*54 "):
         read_corners(write(tmp_path / "corners.csv", table))

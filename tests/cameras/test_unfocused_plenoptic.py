@@ -258,7 +258,7 @@ def test_limits_of_the_usable_range():
         ({"disparity_error_px": 0.0}, "disparity error"),
         (
             {"microlenses": dataclasses.replace(camera().microlenses, gap=0.5e-3)},
-            "one focal length before the sensor",
+            "gap 500 um",
         ),
     ],
 )

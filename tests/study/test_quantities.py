@@ -115,7 +115,7 @@ def test_infinity_keeps_its_sign_and_its_place() -> None:
         ({"at_most": 1.0}, "3 m", "'3 m' is out of range; a length of 1 m or less is expected"),
         ({"at_least": 0.1, "at_most": 1.0}, "3 m", "'3 m' is out of range; a length from 100 mm to 1 m is expected"),
         ({"above": 0.0, "at_most": 1.0}, "3 m", "'3 m' is out of range; a length above 0 m and up to 1 m is expected"),
-        ({}, "inf", "infinity is not possible here; a length is expected, such as 30.5 mm"),
+        ({}, "inf", "infinity is not allowed here; a length is expected, such as 30.5 mm"),
     ],
 )
 def test_words(limits: dict[str, float], value: str, words: str) -> None:

@@ -92,7 +92,8 @@ def test_lines_of_sight_by_the_focal_length_contradict_a_blur_by_the_focus() -> 
     # f = 18.3 mm at a = 55.3 mm: c = f a/(a − f) = 27.35 mm, longer by 18.3/37.
     assert camera == "pair-declared"
     assert row.stated == "18.3 mm, the focal length"
-    assert row.implied.startswith("27.35 mm as focused at 55.3 mm: longer by 49.5 %")
+    assert row.implied.startswith("27.35 mm")
+    assert all(part in row.implied for part in ("55.3 mm", "49.5 %"))
     assert all(part in row.used for part in ("18.3 mm", "27.35 mm", "principal_distance: focused"))
 
 

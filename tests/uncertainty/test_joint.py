@@ -73,7 +73,7 @@ def test_a_constant_takes_no_coordinate():
 
 
 def test_an_invalid_covariance_is_refused_with_its_eigenvalue_and_a_remedy():
-    with pytest.raises(OutOfRangeError, match=r"not positive definite.*-4\.000e-01.*joint draws"):
+    with pytest.raises(OutOfRangeError, match=r"positive semidefinite.*-4\.000e-01.*joint draws"):
         joint([[1.0, 0.7, -0.7], [0.7, 1.0, 0.7], [-0.7, 0.7, 1.0]])
 
 

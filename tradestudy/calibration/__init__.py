@@ -1,1 +1,1 @@
-"""From corners, targets, files and posteriors to the distribution of a camera's parameters."""
+"""The distribution of a camera's parameters, from corners, targets, files and posteriors."""

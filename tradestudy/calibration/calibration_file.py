@@ -1,6 +1,6 @@
-"""User calibrations from CSV or NetCDF: a covariance or joint draws.
+"""Calibrations in CSV or NetCDF files: a covariance or joint draws.
 
-CSV with draws: the first line names the parameters, every other line is one joint draw. CSV with a covariance: the
+CSV with draws: the first line names the parameters, and every other line is one joint draw. CSV with a covariance: the
 first line is ``parameter,mean,NAME,NAME…``, then one line per parameter with its name, its mean and its row of the
 covariance. NetCDF: ``draws(draw, parameter)``, or ``mean(parameter)`` and ``covariance(parameter, parameter_)``, with
 the names in a text variable ``parameter``. Numbers are in SI units, and in pixels where the name ends in ``_px``. The
@@ -22,9 +22,9 @@ from tradestudy.calibration.projection import RADIAL_LENS, FreeLens, lens_of_tex
 from tradestudy.errors import OutOfRangeError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
 
-MINIMUM_DRAWS = 100  # fewer do not determine a 95 % interval
+MINIMUM_DRAWS = 100  # fewer cannot determine a 95 % interval
 _SYMMETRY_LIMIT = 1e-9  # relative
-_NEGATIVE_LIMIT = 1e-10  # of the largest eigenvalue of the correlation: rounding of a written file
+_NEGATIVE_LIMIT = 1e-10  # of the largest eigenvalue of the correlation matrix: the rounding of numbers in a file
 
 
 class CalibrationFileError(TradestudyError):
@@ -35,16 +35,16 @@ class CalibrationFileError(TradestudyError):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibrationCovariance:
-    """Calibration as a mean and a covariance.
+    """A calibration as mean and covariance.
 
     Parameters
     ----------
     names : tuple of str, length P
-        Parameters.
+        Names of the parameters.
     mean : array (P,)
         Best values.
     covariance : array (P, P)
-        Symmetric, positive semidefinite.
+        Their covariance, symmetric and positive semidefinite.
     """
 
     names: tuple[str, ...]
@@ -54,20 +54,20 @@ class CalibrationCovariance:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibrationDraws:
-    """Calibration as joint draws.
+    """A calibration as joint draws.
 
     Parameters
     ----------
     names : tuple of str, length P
-        Parameters.
+        Names of the parameters.
     draws : array (K, P)
         Joint draws.
     best : array (P,), optional
-        Best parameters of a rig calibrated from corners: those with which it measures depth.
+        Best parameters of a rig that is calibrated from corners, with which it measures depth.
     pixels : tuple of int, optional
-        Columns and rows of its pictures.
+        Columns and rows of the rig's pictures.
     lens
-        Of both cameras of a rig.
+        Lens model of both cameras of the rig.
     """
 
     names: tuple[str, ...]
@@ -78,7 +78,7 @@ class CalibrationDraws:
 
 
 def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDraws:
-    """Read a calibration, draws or a covariance, in the format of its suffix (.csv, .nc).
+    """Read draws or a covariance from a file whose suffix (.csv, .nc) gives the format.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
     Returns
     -------
     CalibrationCovariance or CalibrationDraws
-        Checked: names unique, numbers finite, covariance symmetric and positive semidefinite, enough draws.
+        Names are unique, numbers finite, a covariance is symmetric and positive semidefinite, and draws suffice.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
             remedy="rename or convert it",
         )
     try:
-        path.open("rb").close()  # for the message of the operating system
+        path.open("rb").close()  # raises with the message of the operating system
         found = _READERS[path.suffix](path)
     except (OSError, UnicodeDecodeError, KeyError) as error:
         raise CalibrationFileError(
@@ -122,7 +122,7 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
 
 
 def _read_csv(path: Path) -> CalibrationCovariance | CalibrationDraws:
-    """Draws or a covariance, by the first line."""
+    """Draws or a covariance, depending on the first line."""
     with path.open(newline="", encoding="utf-8") as stream:
         lines = [[cell.strip() for cell in line] for line in csv.reader(stream) if line]
     if len(lines) < 2:
@@ -133,7 +133,7 @@ def _read_csv(path: Path) -> CalibrationCovariance | CalibrationDraws:
     for number, row in enumerate(rows, start=2):
         if len(row) != len(header):
             raise CalibrationFileError(
-                f"{path.name}:{number} has a different number of cells than the header",
+                f"{path.name}:{number} does not have as many cells as the header",
                 value=f"{len(row)} cells",
                 limit=str(len(header)),
                 remedy="complete the line",
@@ -143,7 +143,7 @@ def _read_csv(path: Path) -> CalibrationCovariance | CalibrationDraws:
     names = tuple(header[2:])
     if tuple(row[0] for row in rows) != names:
         raise CalibrationFileError(
-            f"{path.name} names the rows of the covariance differently from its columns",
+            f"{path.name} has different names in the rows and columns of the covariance",
             value=", ".join(row[0] for row in rows),
             limit=", ".join(names),
             remedy="list the parameters in the same order in rows and columns",
@@ -153,7 +153,7 @@ def _read_csv(path: Path) -> CalibrationCovariance | CalibrationDraws:
 
 
 def _numbers(path: Path, rows: list[list[str]]) -> FloatArray:
-    """Cells as numbers."""
+    """Convert cells to numbers."""
     try:
         return np.array(rows, dtype=np.float64)
     except ValueError as error:
@@ -166,7 +166,7 @@ def _numbers(path: Path, rows: list[list[str]]) -> FloatArray:
 
 
 def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
-    """Draws or a covariance, by the variables."""
+    """Draws or a covariance, depending on the variables."""
     import h5netcdf
 
     with h5netcdf.File(path, "r") as file:
@@ -174,7 +174,7 @@ def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
             raise CalibrationFileError(
                 f"{path.name} contains no calibration",
                 value=", ".join(file.variables) or "no variables",
-                limit="variables named parameter, and draws or mean and covariance",
+                limit="variables named parameter and draws, or parameter, mean and covariance",
                 remedy="rename the variables",
             )
         names = tuple(
@@ -236,11 +236,11 @@ def _check_finite(path: Path, *tables: FloatArray) -> None:
 
 
 def _check_names(path: Path, names: tuple[str, ...]) -> None:
-    """Refuse parameters that are unnamed or named twice."""
+    """Refuse parameters without a name, and several with one name."""
     repeated = sorted({name for name in names if names.count(name) > 1 or not name})
     if repeated:
         raise CalibrationFileError(
-            f"{path.name} names parameters more than once or not at all",
+            f"{path.name} has unnamed parameters, or gives one name to several",
             value=", ".join(repeated) or "''",
             limit="each exactly once",
             remedy="rename the columns",
@@ -254,12 +254,12 @@ def _check_draws(path: Path, names: tuple[str, ...], draws: FloatArray) -> None:
             f"{path.name} contains too few draws, or draws of the wrong shape",
             value=" × ".join(map(str, draws.shape)),
             limit=f">= {MINIMUM_DRAWS} draws of {len(names)} parameters",
-            remedy="write one joint draw per row; with fewer draws give their covariance instead",
+            remedy="write one joint draw per row; for fewer draws, give their covariance instead",
         )
 
 
 def _checked_covariance(path: Path, names: tuple[str, ...], covariance: FloatArray) -> FloatArray:
-    """A symmetric, positive semidefinite covariance; any other is refused with the number that violates this."""
+    """The covariance, after checking that it is symmetric and positive semidefinite."""
     if covariance.shape != (len(names), len(names)):
         raise CalibrationFileError(
             f"the covariance in {path.name} does not match its names",
@@ -292,6 +292,6 @@ def _checked_covariance(path: Path, names: tuple[str, ...], covariance: FloatArr
             f"the covariance in {path.name} is not positive semidefinite",
             value=f"eigenvalue {values[0]:.2e} of the correlation matrix",
             limit=">= 0",
-            remedy="write it with all digits; correlations beyond ±1 indicate a wrong unit in one row",
+            remedy="write it with all digits; correlations beyond ±1 suggest a wrong unit in one row",
         )
     return (covariance + covariance.T) / 2.0

@@ -1,4 +1,4 @@
-"""Saved posteriors: written beside the results of a run, and read as calibrations of cameras."""
+"""Saved posteriors, which a run writes beside its results and cameras read as calibrations."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from tradestudy.uncertainty.sources import Group
 
 
 def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
-    """Write a posterior as NetCDF at full precision, for `read_calibration`.
+    """Write a posterior as a NetCDF file with full precision, for `read_calibration`.
 
     Parameters
     ----------
     path
-        The file; its folder exists.
+        Path of the file, in an existing folder.
     posterior
         Draws, with best parameters, picture size and lens for a rig calibrated from corners.
     """
@@ -62,16 +62,16 @@ def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration
     path
         NetCDF or CSV with joint draws or with a covariance; see `calibration_file`.
     name
-        Of the camera in its study.
+        Name of the camera in its study.
     camera
-        The design.
+        The camera as designed.
 
     Raises
     ------
     CalibrationFileError
         The file is unreadable or inconsistent, or names parameters that the camera does not have.
     GeometryContradictionError
-        It contradicts the declared geometry.
+        The file contradicts the declared geometry.
     """
     found = read_calibration(path)
     if isinstance(found, CalibrationDraws) and found.best is not None:
@@ -81,12 +81,12 @@ def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration
 
 
 def rig_calibration(camera: PairGeometry, posterior: CalibrationDraws, *, source: SourceName) -> Calibration:
-    """The calibration of a rig by the posterior of its parameters, with its own exact model.
+    """The calibration of a rig from the posterior of its parameters, with its own exact model.
 
     Parameters
     ----------
     camera
-        The design.
+        The camera as designed.
     posterior
         Draws of the parameters, the best parameters, their lens, and the size of the pictures.
     source
@@ -105,9 +105,9 @@ def measurement_of_rig(camera: PairGeometry, pair: CalibratedPair, pixels: tuple
     Parameters
     ----------
     camera
-        The design.
+        The camera as designed.
     pair
-        As calibrated.
+        The calibrated pair.
     pixels
         Columns and rows of its pictures.
     """
@@ -122,9 +122,9 @@ def measurement_of_rig(camera: PairGeometry, pair: CalibratedPair, pixels: tuple
 
 
 def as_calibrated(calibration: Calibration, camera: DepthCamera) -> Calibration:
-    """The calibration, with depth read by the calibrated geometry of a camera that has one.
+    """The calibration, with depth from the camera's calibrated geometry if it has one.
 
-    A calibration that already has an exact model of its own is returned unchanged.
+    A calibration that already has its own exact model is returned unchanged.
     """
     if camera.calibrated_pair is None or calibration.measurement is not None or not calibration.inferred:
         return calibration
@@ -134,12 +134,12 @@ def as_calibrated(calibration: Calibration, camera: DepthCamera) -> Calibration:
 
 
 def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws) -> Calibration:
-    """The posterior of a rig calibrated from corners; refused for any camera but a stereo rig."""
+    """The posterior of a rig calibrated from corners; refuses any camera but a stereo rig."""
     if not camera.corners_calibrate:
         raise CalibrationFileError(
             f"{path.name} contains the posterior of a stereo rig, but {name} is not one",
             limit="the posterior of a camera of the same kind",
-            remedy="use the file that a run wrote for such a camera",
+            remedy="use a file that a run wrote for a camera of this kind",
         )
     names = shared_names(found.lens.free)
     _require_known(path, found.names, names)
@@ -162,7 +162,7 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws)
 
 
 def _group(found: CalibrationCovariance | CalibrationDraws) -> Group:
-    """Errors about the file's own best values."""
+    """Errors relative to the best values in the file."""
     if isinstance(found, CalibrationDraws):
         return group_of_draws(CALIBRATION, found.names, found.draws)
     return JointNormal(

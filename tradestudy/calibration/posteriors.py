@@ -1,4 +1,4 @@
-"""Calibrations inferred from a synthetic target or from the corners of a real rig."""
+"""Calibrations inferred from a simulated target or from the corners of a real rig."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.streams import point_generator
 
 MOST_DRAWS = 2**13
-"""Number of joint posterior draws that are propagated, spread evenly over ensembles, steps and walkers."""
+"""Number of joint posterior draws to propagate, spread evenly over ensembles, steps and walkers."""
 _CHECKED_DRAWS = 1000
 
 
@@ -43,8 +43,8 @@ class InferredCalibration:
     Parameters
     ----------
     calibration
-        The part of the camera's calibration that the observations determine, with the exact model of a rig calibrated
-        from corners: `calibration_of` replaces the priors by it.
+        The part of the camera's calibration that the observations determine, with the exact model of a rig that is
+        calibrated from corners. `calibration_of` replaces the priors by it.
     posterior
         The propagated draws, as saved.
     sample, check
@@ -52,7 +52,7 @@ class InferredCalibration:
     laplace_deviation, laplace_seconds
         Standard deviations of the normal approximation, in the order of the sample, and its computing time [s].
     prior_deviation
-        Standard deviations of the priors; infinite where flat without bounds.
+        Standard deviations of the priors; infinite for a flat prior without bounds.
     fit, trust
         Bundle adjustment, left–right term and corner noise, and the checks of the calibration.
     """
@@ -70,14 +70,16 @@ class InferredCalibration:
     @property
     def failures(self) -> tuple[str, ...]:
         """Why the chains count as not converged; empty if they converged."""
-        efficiency = f"{self.check.efficiency:.2f} of the draws survive reweighting to refitted poses"
+        efficiency = (
+            f"reweighting to refitted poses leaves an effective share of {self.check.efficiency:.2f} of the draws"
+        )
         marginal = () if self.check.passed else (efficiency,)
         return (*self.sample.diagnostics.failures, *marginal)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CornersToInfer:
-    """A calibration of a rig from a corner file, still to be computed.
+    """A calibration of a rig from a corner file, not yet computed.
 
     Parameters
     ----------
@@ -98,7 +100,7 @@ class CornersToInfer:
 
     @classmethod
     def of(cls, name: str, camera: DepthCamera, part: CornersPart, folder: Path, *, seed: int) -> CornersToInfer:
-        """With the current content of the file; `infer` refuses one that cannot be read."""
+        """Build it with the current content of the file; `infer` refuses a file that cannot be read."""
         path = folder / part.file
         content = sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
         return cls(name=name, camera=camera, part=part, folder=folder, seed=seed, content=content)
@@ -107,20 +109,20 @@ class CornersToInfer:
 def to_infer(
     name: str, camera: DepthCamera, part: CalibrationPart, *, folder: Path, seed: int
 ) -> TargetToInfer | CornersToInfer | None:
-    """The inference that a camera's calibration requires; None if it requires none.
+    """The inference that a camera's calibration needs; None if it needs none.
 
     Parameters
     ----------
     name
-        Of the camera in its study.
+        Name of the camera in its study.
     camera
-        The design.
+        The camera as designed.
     part
         Its declared calibration.
     folder
         Folder of the files that the part names.
     seed
-        Of the study.
+        Seed of the study.
     """
     if part.corners is not None:
         return CornersToInfer.of(name, camera, part.corners, folder, seed=seed)
@@ -149,7 +151,7 @@ def infer_from_target(request: TargetToInfer) -> InferredCalibration:
     OutOfRangeError
         A prior is neither normal nor uniform, or is correlated with another.
     NotConvergedError
-        The fit does not converge, or the target leaves parameters undetermined.
+        The fit does not converge, or the target does not determine the parameters.
     """
     problem, rng = target_problem(request)
     fit = fit_target(problem)
@@ -168,14 +170,14 @@ def infer_from_target(request: TargetToInfer) -> InferredCalibration:
 
 
 def infer_from_corners(request: CornersToInfer) -> InferredCalibration:
-    """Calibrate a real rig from a corner file: bundle adjustment, left–right term, posterior with emcee.
+    """Calibrate a real rig from a corner file, by bundle adjustment with a left–right term, and sampling with emcee.
 
     Raises
     ------
     CornerFileError
         The file cannot be read, or is inconsistent.
     GeometryContradictionError
-        It contradicts the declared rig.
+        The corners contradict the declared rig.
     NotConvergedError
         The views do not determine the parameters.
     """
@@ -211,21 +213,21 @@ def infer_from_corners(request: CornersToInfer) -> InferredCalibration:
 
 
 def lens_of(part: FittedLensModel | None) -> FreeLens:
-    """The lens model that is fitted to both lenses."""
+    """The lens model to fit to both cameras."""
     return RADIAL_LENS if part is None else FreeLens(model=part.lens_model(), free=part.fitted)
 
 
 def with_square_size(draws: FloatArray, uncertainty: float, rng: np.random.Generator) -> FloatArray:
-    """Draws of a rig, shape (n, P), scaled by the relative error of the size of the board's squares.
+    """Draws of a rig, shape (n, P), scaled by draws of the relative error of the board's square size.
 
     Parameters
     ----------
     draws
-        In the order of ``shared_names``.
+        Parameters in the order of ``shared_names``.
     uncertainty
         Relative standard deviation of the size of the squares, which corners cannot determine.
     rng
-        Randomness.
+        Random-number generator.
     """
     if uncertainty == 0.0:
         return draws

@@ -1,8 +1,7 @@
-"""Projection by cameras with any lens model, and rigid motions, both with derivatives.
+"""Projection by cameras with any lens model, rigid motions, and the derivatives of both.
 
-Intrinsic parameters are the last axis of an array, in the order of ``intrinsic_names``; rotations are rotation vectors
-(axis times angle). Everything broadcasts over leading axes. Coefficients among the parameters replace those of the lens
-model.
+Intrinsic parameters form the last axis of an array, in the order of ``intrinsic_names``; rotations are rotation vectors
+(axis times angle). Leading axes broadcast. Coefficients among the parameters replace those of the lens model.
 """
 
 from __future__ import annotations
@@ -20,12 +19,12 @@ from tradestudy.optics.lens_models.lens_model import LensModel, slopes
 from tradestudy.optics.lens_models.rational import IDEAL
 
 LARGEST_ROLL = np.radians(45.0)
-"""Between the pictures of a pair: beyond it, disparity lies along the columns of one of them."""
+"""Largest roll between the pictures of a pair; beyond it, disparity lies along the columns of one of them."""
 _COEFFICIENT = "distortion_"
 
 
 def intrinsic_names(free: Sequence[str]) -> tuple[str, ...]:
-    """Names of the parameters of a camera with these coefficients."""
+    """Names of the intrinsic parameters of a camera with these free coefficients."""
     return (
         "focal_length_x_px",
         "focal_length_y_px",
@@ -47,9 +46,9 @@ class FreeLens:
     Parameters
     ----------
     model
-        Starting values of the free coefficients, and values of the fixed ones.
+        Lens model with starting values of the free coefficients and the values of the fixed ones.
     free
-        Names of the free coefficients, which are parameters.
+        Names of the free coefficients.
     """
 
     model: LensModel = IDEAL
@@ -115,7 +114,7 @@ def project(
     D. C. Brown, "Close-range camera calibration", Photogrammetric Engineering 37 (1971) 855, radial terms only.
     """
     x, y, z = points[..., 0], points[..., 1], points[..., 2]
-    with np.errstate(all="ignore"):  # outside its range the law gives NaN
+    with np.errstate(all="ignore"):  # outside its range the model gives NaN
         u, v = _lens(intrinsics, lens, free).image(x, y, z)
     return np.where(lens.sees(x, y, z)[..., None], _pixels(intrinsics, u, v), np.nan)
 
@@ -123,7 +122,7 @@ def project(
 def project_with_jacobians(
     intrinsics: FloatArray, points: FloatArray, lens: LensModel = IDEAL, free: Sequence[str] = RADIAL
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Image of points with its derivatives by the intrinsic parameters and by the points.
+    """Image of points, and its derivatives with respect to the intrinsic parameters and the points.
 
     Parameters
     ----------
@@ -133,15 +132,14 @@ def project_with_jacobians(
     Returns
     -------
     image : array (..., N, 2)
-        Image coordinates [px] by the law itself, without the limit of the valid field; image and derivatives are NaN
-        where the law has no value.
+        Image coordinates [px] even beyond the valid field; image and derivatives are NaN where the model has no value.
     by_intrinsics : array (..., N, 2, 4 + n)
-        Derivatives by the intrinsic parameters.
+        Derivatives with respect to the intrinsic parameters.
     by_points : array (..., N, 2, 3)
-        Derivatives by the points [px/m].
+        Derivatives with respect to the points [px/m].
     """
     lens = _lens(intrinsics, lens, free)
-    with np.errstate(all="ignore"):  # outside its range the law gives NaN
+    with np.errstate(all="ignore"):  # outside its range the model gives NaN
         u, v = lens.image(points[..., 0], points[..., 1], points[..., 2])
         by_points, by_coefficients = lens.derivatives(points, free)
     focal = np.stack([intrinsics[..., 0, None], intrinsics[..., 1, None]], axis=-1)[..., None]
@@ -154,7 +152,7 @@ def project_with_jacobians(
 def ray_slopes(
     intrinsics: FloatArray, image: FloatArray, lens: LensModel = IDEAL, free: Sequence[str] = RADIAL
 ) -> FloatArray:
-    """Slopes (X/Z, Y/Z) of the ray that a camera images at given coordinates: the inverse of ``project``.
+    """Slopes (X/Z, Y/Z) of the rays that a camera images at given coordinates: the inverse of ``project``.
 
     Parameters
     ----------
@@ -168,7 +166,7 @@ def ray_slopes(
     Returns
     -------
     array (..., N, 2)
-        Slopes of the rays [1]; NaN where the image coordinates are NaN, for rays 90° or more from the axis, and where
+        Slopes of the rays [1]; NaN where the image coordinates are NaN, for rays at 90° or more to the axis, and where
         the distortion cannot be inverted (too far outside the calibrated field).
     """
     x = (image[..., 0] - intrinsics[..., 2, None]) / intrinsics[..., 0, None]
@@ -199,7 +197,7 @@ def rotation_matrix(rotation_vector: FloatArray) -> FloatArray:
     """
     angle = np.linalg.norm(rotation_vector, axis=-1)[..., None, None]
     generator = cross_matrix(rotation_vector)
-    half = np.sinc(angle / (2.0 * np.pi))  # (1 - cos θ)/θ² = sinc²(θ/2)/2: no cancellation at small angles
+    half = np.sinc(angle / (2.0 * np.pi))  # (1 - cos θ)/θ² = sinc²(θ/2)/2 avoids cancellation at small angles
     matrix: FloatArray = np.eye(3) + np.sinc(angle / np.pi) * generator + 0.5 * half**2 * (generator @ generator)
     return matrix
 
@@ -227,7 +225,7 @@ def right_jacobian(rotation_vector: FloatArray) -> FloatArray:
     angle = np.linalg.norm(rotation_vector, axis=-1)[..., None, None]
     generator = cross_matrix(rotation_vector)
     first = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
-    small = angle < 1e-2  # the series is exact to 1e-16 there, the closed form loses digits
+    small = angle < 1e-2  # here the series is exact to 1e-16, and the closed form loses digits
     safe = np.where(small, 1.0, angle)
     second = np.where(
         small,
@@ -239,7 +237,7 @@ def right_jacobian(rotation_vector: FloatArray) -> FloatArray:
 
 
 def move(pose: FloatArray, points: FloatArray) -> FloatArray:
-    """Points after rigid motions, R x + t.
+    """Points after a rigid motion, R x + t.
 
     Parameters
     ----------
@@ -258,7 +256,7 @@ def move(pose: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def move_jacobian(pose: FloatArray, points: FloatArray) -> FloatArray:
-    """Derivative of ``move`` by the pose, shape (..., N, 3, 6): −R [x]× J_r beside the identity."""
+    """Derivative of ``move`` with respect to the pose, shape (..., N, 3, 6): −R [x]× J_r beside the identity."""
     rotation = rotation_matrix(pose[..., :3])[..., None, :, :]
     by_rotation = -rotation @ cross_matrix(points) @ right_jacobian(pose[..., :3])[..., None, :, :]
     identity = np.broadcast_to(np.eye(3), by_rotation.shape)
@@ -266,14 +264,14 @@ def move_jacobian(pose: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def _lens(intrinsics: FloatArray, lens: LensModel, free: Sequence[str]) -> LensModel:
-    """The lens model with the free coefficients of the intrinsic parameters, broadcasting with points."""
+    """The lens model with its free coefficients from the intrinsic parameters, shaped to broadcast with points."""
     changed = {name: intrinsics[..., 4 + k, None] for k, name in enumerate(free)}
     if all(np.all(value == getattr(lens, name)) for name, value in changed.items()):
-        return lens  # with scalar coefficients, for which it knows its inverse and field
+        return lens  # coefficients are scalars, for which the model has an inverse and a valid field
     return replace(lens, **changed)
 
 
 def _pixels(intrinsics: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
-    """From normalised image coordinates to pixels."""
+    """Convert normalised image coordinates to pixels."""
     f_x, f_y, c_x, c_y = (intrinsics[..., i, None] for i in range(4))
     return np.stack([f_x * u + c_x, f_y * v + c_y], axis=-1)

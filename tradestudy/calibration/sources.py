@@ -26,13 +26,13 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.error_class import ErrorClass
 
-if TYPE_CHECKING:  # `check` does without: it loads scipy
+if TYPE_CHECKING:  # these load scipy, which `check` does not need
     from tradestudy.uncertainty.distributions import Distribution
     from tradestudy.uncertainty.joint import JointDraws
     from tradestudy.uncertainty.sources import Group, Source
 
 CALIBRATION = "calibration"
-"""Name of the group that a source determines."""
+"""Name of the group of parameters that a source determines."""
 
 
 def calibration_of(
@@ -43,7 +43,7 @@ def calibration_of(
     wavelength: float,
     posterior: Calibration | None = None,
 ) -> Calibration:
-    """The joint distribution of everything uncertain about a camera, except measurement noise.
+    """The joint distribution of all that is uncertain about a camera, except measurement noise.
 
     Parameters
     ----------
@@ -54,15 +54,15 @@ def calibration_of(
     folder
         Folder of the files that the part names.
     wavelength
-        Of the scene [m].
+        Wavelength of the scene [m].
     posterior
-        Result of the part's source: the groups that it determines, and the exact model to which they belong. None
+        Result of the part's source: the groups that it determines, and the exact model to which they belong; None
         without a source, or before the source has been evaluated.
 
     Returns
     -------
     Calibration
-        Without groups and not ``inferred`` if the part has a source but no posterior is given.
+        The calibration; without groups and not ``inferred`` if the part has a source but no posterior is given.
     """
     if part.source != "errors" and posterior is None:
         return Calibration(source=part.source, inferred=False)
@@ -109,7 +109,7 @@ def given_twice(part: CalibrationPart, posterior: Calibration) -> list[MistakeAt
 
 
 def declared_groups(part: CalibrationPart, camera: DepthCamera, folder: Path) -> tuple[Group, ...]:
-    """The declared errors in the order of the vocabulary; correlated ones form one group."""
+    """The declared errors in the order of the vocabulary; correlated errors form one group."""
     from tradestudy.uncertainty.joint import GaussianCopula
     from tradestudy.uncertainty.sources import Source
 
@@ -135,7 +135,7 @@ def declared_groups(part: CalibrationPart, camera: DepthCamera, folder: Path) ->
 
 
 def stability_groups(part: StabilityPart, camera: DepthCamera, folder: Path) -> tuple[Source, ...]:
-    """Changes since the calibration: ageing, and changes of temperature, pressure and color."""
+    """Changes since the calibration: ageing, temperature, pressure and colour."""
     from tradestudy.uncertainty.sources import Source
 
     changes: dict[str, AnyDistribution | None] = dict(
@@ -157,7 +157,7 @@ def environment_of(part: StabilityPart, wavelength: float) -> Environment | None
     """How the camera responds to temperature and pressure; None if neither changes."""
     if part.temperature is None and part.pressure is None:
         return None
-    assert part.glass_index is not None  # the validator requires it of both
+    assert part.glass_index is not None  # the validator requires it for both
     return Environment(
         housing_expansion=part.housing_expansion or 0.0,
         focal_length_expansion=part.focal_length_expansion or 0.0,
@@ -169,7 +169,7 @@ def environment_of(part: StabilityPart, wavelength: float) -> Environment | None
 
 
 def distribution_of(part: AnyDistribution, folder: Path, pixel_pitch: float) -> Distribution:
-    """The distribution that a study declares, in SI; files are read from ``folder``, and pixels have this pitch [m].
+    """The distribution that a study declares, in SI, with files from ``folder`` and pixels of the given pitch [m].
 
     Raises
     ------
@@ -208,7 +208,7 @@ def distribution_of(part: AnyDistribution, folder: Path, pixel_pitch: float) -> 
 
 
 def group_of_draws(name: str, parameters: tuple[str, ...], draws: FloatArray) -> JointDraws:
-    """Joint draws of a calibration as errors about their mean."""
+    """Joint draws of a calibration as errors relative to their mean."""
     from tradestudy.uncertainty.joint import JointDraws
 
     return JointDraws(name=name, parameters=parameters, draws=draws - draws.mean(axis=0), error_class=ErrorClass.RIG)
@@ -237,7 +237,7 @@ def _draws(part: AnyDistribution, folder: Path) -> FloatArray:
         raise OutOfRangeError(f"'{path}' cannot be read", value=why) from None
     if column not in header:
         raise OutOfRangeError(
-            f"{path.name} has no such column",
+            f"{path.name} has no column with this name",
             value=column,
             limit=", ".join(header) or "no columns",
             remedy="name the columns in the first line",
@@ -253,6 +253,6 @@ def _draws(part: AnyDistribution, folder: Path) -> FloatArray:
             f"column {column} of {path.name} contains too few or non-finite draws",
             value=f"{draws.size} draws, {int(np.sum(~np.isfinite(draws)))} of them not finite",
             limit="at least two, all finite",
-            remedy="add draws, or remove those that failed",
+            remedy="add draws, or remove those that are not finite",
         )
     return draws

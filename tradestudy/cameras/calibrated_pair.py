@@ -28,7 +28,7 @@ class CalibratedPair:
     lenses
         Lens models of both cameras.
     free
-        Names of the coefficients, of both cameras, that are parameters and can be in error.
+        Names of the coefficients of both cameras that are parameters and can be in error.
     """
 
     parameters: tuple[float, ...]

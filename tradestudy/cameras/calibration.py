@@ -13,19 +13,19 @@ from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import AGEING, ErrorVocabulary
 from tradestudy.optics.arrays import FloatArray
 
-if TYPE_CHECKING:  # whoever draws errors has loaded it
+if TYPE_CHECKING:  # loaded only where errors are drawn
     from tradestudy.uncertainty.sources import Group
 
 DepthMeasurement = Callable[[FloatArray, Field, Errors, Environment | None], MeasuredInverseDepth]
-"""Inverse depths that a camera measures at true distances [m] and a place in the field, with given errors."""
+"""Inverse depths that a camera with given errors measures at true distances [m] and a field position."""
 PropagationModel = Literal["off", "linear", "exact"]
 SourceName = Literal["errors", "target", "corners", "posterior"]
 ONE_SIGMA: Final = 0.6826894921370859
-"""Probability in the central interval whose half width is the depth uncertainty."""
+"""Coverage of the central interval whose half-width is the depth uncertainty."""
 
 
 class CalibratedMeasurement(Protocol):
-    """The exact model of a calibrated pair of cameras: a `DepthMeasurement` that knows what both of them see."""
+    """The exact model of a calibrated pair of cameras: a `DepthMeasurement` that also gives their overlap."""
 
     def __call__(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None, /
@@ -33,26 +33,26 @@ class CalibratedMeasurement(Protocol):
         """See `DepthMeasurement`."""
 
     def shared_area(self, distance: FloatArray) -> FloatArray:
-        """Share of each picture's area at distances [m] whose points the other camera also sees, the smaller one."""
+        """Overlap of the pictures at distances [m]: the smaller of the shares of their areas that both cameras see."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """The one joint distribution of everything that is uncertain about a camera, except the noise of a measurement.
+    """The joint distribution of all that is uncertain about a camera, except the noise of its measurements.
 
     Parameters
     ----------
     groups
-        Independent groups of parameters, named as in the camera's vocabulary (or in ``vocabulary``). Ageing since the
-        calibration has the parameter's name with ``ageing_`` before it; session changes have names of their own.
+        Independent groups of parameters, named as in the camera's vocabulary (or in ``vocabulary``). The ageing of a
+        parameter since the calibration has the prefix ``ageing_``; session changes have names of their own.
     environment
         How the camera responds to temperature and pressure; None if it does not.
     source
         Source of the distribution.
     measurement
-        The exact model that the parameters belong to, if the source has its own; None for the camera's.
+        The exact model to which the parameters belong, if the source has its own; None for the camera's model.
     vocabulary
-        The parameters of that model; None for the camera's.
+        The parameters of that model; None for those of the camera.
     inferred
         False until the posterior of a target or of corners is known; until then, ``groups`` is empty.
     """
@@ -65,7 +65,7 @@ class Calibration:
     inferred: bool = True
 
     def errors(self, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        """Draws by the parameter names of the camera's model, with ageing added to the parameters."""
+        """Errors by the parameter names of the camera's model, from draws in which ageing is separate."""
         found = {name: value for name, value in values.items() if not name.startswith(AGEING)}
         for name, value in values.items():
             if name.startswith(AGEING):
@@ -86,19 +86,19 @@ class Propagation:
     ----------
     model
         ``off``: the total uncertainty is that of noise alone. ``linear``: the Jacobian of the exact model propagates
-        the covariance of all parameters to inverse depth; its standard deviation over that by noise alone scales the
-        noise at which interval ends are read. ``exact``: scrambled Sobol draws go through the exact model. With
-        ``off``, the uncertainty by calibration alone is linear.
+        the covariance of all parameters to inverse depth; the ratio of the resulting standard deviation to that due to
+        noise alone scales the noise for which the ends of intervals are computed. ``exact``: scrambled Sobol draws are
+        propagated by the exact model. With ``off``, the uncertainty due to calibration alone is computed linearly.
     seed
         Seed of the draws.
     tolerance
-        Relative sampling error allowed in a reported half width.
+        Relative sampling error allowed in a reported half-width.
     max_draws
-        Largest number of draws over all scrambles, for each camera, field place and error source.
+        Largest number of draws over all scrambles, for each camera, field position and error source.
     coverages
         Coverage of the central intervals that are reported; the first is that of the depth uncertainty.
     judged
-        Distances [m] that decide the number of draws.
+        Distances [m] at which the sampling error decides the number of draws.
     """
 
     model: PropagationModel = "linear"
@@ -110,10 +110,10 @@ class Propagation:
 
     @property
     def probabilities(self) -> tuple[float, ...]:
-        """Probabilities of the reported quantiles: the ends of every interval and the median, rising."""
+        """Probabilities of the reported quantiles: the ends of every interval and the median, in ascending order."""
         low = sorted((1.0 - coverage) / 2.0 for coverage in self.coverages)
         return (*low, 0.5, *(1.0 - p for p in reversed(low)))
 
 
 LINEAR: Final = Propagation()
-"""The cheapest model, with default coverages."""
+"""Propagation off, with default coverages."""

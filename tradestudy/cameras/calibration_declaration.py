@@ -36,7 +36,7 @@ SquareSizeUncertainty = Annotated[float, *quantity(units.FRACTION, at_least=0.0,
 
 _OF_UNIT: Final = {"m": LengthDistribution, "rad": AngleDistribution, "1": NumberDistribution}
 _SOURCES: Final[tuple[SourceName, ...]] = ("corners", "target", "posterior")
-_ROUNDING: Final = 1e-9  # of correlations written with nine digits, as in files of draws
+_ROUNDING: Final = 1e-9  # of correlations that are written with nine digits, as in files of draws
 
 
 class ErrorsPart(Part):
@@ -48,7 +48,7 @@ class ErrorsPart(Part):
 
 
 class CalibratedAtPart(Part):
-    """The surroundings of the calibration."""
+    """Ambient conditions during the calibration."""
 
     temperature: Temperature = Field(default=293.15, description="Air temperature during the calibration.")
     pressure: Pressure = Field(default=101325.0, description="Air pressure during the calibration.")
@@ -60,38 +60,40 @@ class StabilityPart(Part):
     temperature: TemperatureDistribution | None = Field(default=None, description="Change of air temperature.")
     pressure: PressureDistribution | None = Field(default=None, description="Change of air pressure.")
     color: LengthDistribution | None = Field(
-        default=None, description="Focal length in the colour of the object minus that in the colour of the target."
+        default=None, description="Focal length for the object's colour minus that for the target's colour."
     )
     ageing: ErrorsPart = Field(
-        default_factory=ErrorsPart, description="Errors of parameters added since the calibration."
+        default_factory=ErrorsPart, description="Errors that parameters have gained since the calibration."
     )
     calibrated_at: CalibratedAtPart = Field(
         default_factory=CalibratedAtPart, description="Default: 20 degC and 1013.25 hPa."
     )
     housing_expansion: ThermalExpansion | None = Field(
-        default=None, description="Linear thermal expansion of the housing between the parts; temperature needs it."
+        default=None, description="Coefficient of linear thermal expansion of the housing; needed with temperature."
     )
     focal_length_expansion: ThermalExpansion | None = Field(
-        default=None, description="Relative change of the focal length per kelvin; temperature needs it."
+        default=None, description="Relative change of the focal length per kelvin; needed with temperature."
     )
     glass_index: Annotated[float, Field(gt=1.1, lt=5.0)] | None = Field(
         default=None,
-        description="Refractive index of the lens, taken as one glass: it decides how the surrounding air changes the "
-        "focal length; temperature and pressure need it.",
+        description="Refractive index of the lens, treated as a single glass, which determines how the surrounding air "
+        "changes the focal length; needed with temperature or pressure.",
     )
 
     @model_validator(mode="after")
-    def _acts(self) -> Self:
-        if mistakes := [*self._mistakes_of_surroundings()]:
+    def _consistent(self) -> Self:
+        if mistakes := [*self._mistakes_of_ambient_conditions()]:
             raise MistakeAt.several(mistakes)
         return self
 
-    def _mistakes_of_surroundings(self) -> Iterator[MistakeAt]:
+    def _mistakes_of_ambient_conditions(self) -> Iterator[MistakeAt]:
         changes = [name for name in ("temperature", "pressure") if getattr(self, name) is not None]
         for name in changes:
             if getattr(self.calibrated_at, name) + lowest(getattr(self, name)) <= 0.0:
-                what = "reaches absolute zero" if name == "temperature" else "reaches a pressure below zero"
-                yield MistakeAt((name,), f"{what} from stability.calibrated_at.{name}; give a smaller change")
+                end = "absolute zero" if name == "temperature" else "zero pressure"
+                yield MistakeAt(
+                    (name,), f"can take stability.calibrated_at.{name} down to {end}; give a smaller change"
+                )
         needed_by: Mapping[str, tuple[str, ...]] = {
             "housing_expansion": ("temperature",),
             "focal_length_expansion": ("temperature",),
@@ -105,7 +107,7 @@ class StabilityPart(Part):
                 yield MistakeAt((using[0],), f"needs stability.{name} too")
             if given and not using:
                 yield MistakeAt(
-                    (name,), f"needs stability.{' or stability.'.join(users)}, without which it does nothing"
+                    (name,), f"has no effect without stability.{' or stability.'.join(users)}; add it, or remove this"
                 )
 
 
@@ -114,14 +116,15 @@ class CornersPart(Part):
 
     file: Text = Field(description="CSV file of corners, relative to this file.")
     lens_model: FittedLensModel | None = Field(
-        default=None, description="Lens model of both cameras; left out: radial distortion with k1 and k2."
+        default=None, description="Lens model of both cameras; default: radial distortion with k1 and k2."
     )
     compared_with: Annotated[tuple[FittedLensModel, ...], Field(max_length=10)] = Field(
         default=(),
         description="Other lens models to fit; the report says whether the corners support them and how depth changes.",
     )
     square_size_uncertainty: SquareSizeUncertainty = Field(
-        default=0.0, description="Relative standard deviation of the size of the squares, which corners cannot reveal."
+        default=0.0,
+        description="Relative standard deviation of the size of the squares, which the corners cannot determine.",
     )
     max_steps: MostSteps = Field(default=20_000, description="Largest number of steps of each posterior sampler.")
 
@@ -164,7 +167,9 @@ class CalibrationPart(Part):
     def _mistakes_of_source(self) -> Iterator[MistakeAt]:
         given = [name for name in _SOURCES if getattr(self, name) is not None]
         for name in given[1:]:
-            yield MistakeAt((name,), f"a calibration has one source, and {given[0]} is given already")
+            yield MistakeAt(
+                (name,), f"a calibration has only one source, and {given[0]} is given already; remove one of the two"
+            )
         if self.corners is not None and not self.camera.corners_calibrate:
             what = f"corners of two cameras calibrate a stereo rig; a {self.kind} camera takes target or posterior"
             yield MistakeAt(("corners",), what)
@@ -180,18 +185,20 @@ class CalibrationPart(Part):
     def _mistakes_of_priors(self) -> Iterator[MistakeAt]:
         given = self.errors.given()
         if not given:
-            yield MistakeAt(("target",), "needs errors: the priors of the parameters that it determines")
+            yield MistakeAt(("target",), "needs errors, the priors of the parameters that it determines")
         known = self.camera.error_vocabulary
         priors = {name for name in given if known[name].error_class is ErrorClass.RIG}
         for name in given:
             shape = given[name].resolved_shape
             if name in priors and shape not in ("normal", "uniform"):
-                yield MistakeAt(("errors", name), f"a prior of a target is normal or uniform, not {shape}")
+                yield MistakeAt(
+                    ("errors", name), f"{shape} is not a valid prior for a target; a normal or uniform one is expected"
+                )
         for name, others in self.correlations.items():
             if priors & {name, *others}:
                 what = (
-                    "priors of a target are independent, since it determines their correlation; remove this (null "
-                    "removes an inherited one)"
+                    "priors for a target are independent, because the target determines the correlations; remove this "
+                    "(null removes an inherited one)"
                 )
                 yield MistakeAt(("correlations", name), what)
 
@@ -202,10 +209,12 @@ class CalibrationPart(Part):
             for second in others:
                 pair, path = frozenset((first, second)), ("correlations", first, second)
                 if len(pair) == 1:
-                    wrong.append(MistakeAt(path, "an error is not correlated with itself"))
+                    wrong.append(MistakeAt(path, "an error cannot be correlated with itself; name two errors"))
                 elif pair in seen:
-                    wrong.append(MistakeAt(path, f"{second} with {first} is given already; give each pair once"))
-                elif pair <= given.keys() and (classes := self._classes(first, second)) is not None:
+                    wrong.append(
+                        MistakeAt(path, f"the pair of {first} and {second} is given already; give each pair once")
+                    )
+                elif pair <= given.keys() and (classes := self._class_conflict(first, second)) is not None:
                     wrong.append(MistakeAt(path, f"errors drawn {classes} cannot be correlated"))
                 seen.add(pair)
         yield from wrong or _indefinite(self.correlations)
@@ -216,7 +225,7 @@ class CalibrationPart(Part):
                 if name not in given:
                     yield MistakeAt(path, f"{name!r} is not among the errors of this camera{nearest_name(name, given)}")
 
-    def _classes(self, first: str, second: str) -> str | None:
+    def _class_conflict(self, first: str, second: str) -> str | None:
         """How often each of two parameters is drawn; None where both are drawn equally often."""
         one, other = (self.camera.error_vocabulary[name].error_class for name in (first, second))
         return None if one is other else f"{one.value} and errors drawn {other.value}"
@@ -229,7 +238,7 @@ def _distribution_of(parameter: ErrorParameter) -> type[DistributionPart[Any, An
 
 
 def correlated(correlations: Mapping[str, Mapping[str, float]]) -> list[tuple[str, ...]]:
-    """Groups of errors correlated with each other, directly or through others, in the order of their first one."""
+    """Groups of errors that are correlated, directly or through others, in the order of their first errors."""
     groups: list[list[str]] = []
     for first, others in correlations.items():
         joined = [group for group in groups if {first, *others} & set(group)]
@@ -242,7 +251,7 @@ def correlated(correlations: Mapping[str, Mapping[str, float]]) -> list[tuple[st
 def correlation_matrix(
     names: tuple[str, ...], correlations: Mapping[str, Mapping[str, float]]
 ) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """Correlations of these errors, square and symmetric: 1 on the diagonal, 0 where nothing is given."""
+    """Correlation matrix of these errors: 1 on the diagonal, 0 where nothing is given."""
     matrix = np.eye(len(names))
     at = {name: index for index, name in enumerate(names)}
     for first, others in correlations.items():
@@ -259,9 +268,9 @@ def _indefinite(correlations: Mapping[str, Mapping[str, float]]) -> Iterator[Mis
         if smallest < -len(names) * _ROUNDING:
             yield MistakeAt(
                 ("correlations", next(name for name in correlations if name in names)),
-                f"errors cannot be correlated like this: the matrix of {', '.join(names)} has the eigenvalue "
-                f"{smallest:.3g}; at least 0 is expected. Declare the missing pairs, since a pair left out is "
-                "uncorrelated, or reduce the correlations",
+                f"these correlations are impossible: the matrix of {', '.join(names)} has the eigenvalue "
+                f"{smallest:.3g}; at least 0 is expected. Declare the missing pairs (an omitted pair is "
+                "uncorrelated), or reduce the correlations",
             )
 
 
@@ -271,7 +280,7 @@ def calibration_part(camera: type[DepthCamera], kind: str) -> type[CalibrationPa
     Parameters
     ----------
     camera
-        Class of the cameras; the noise of their measurements is declared as their disparity error instead.
+        Class of the cameras. Measurement noise is not declared here, but as their disparity error.
     kind
         Name of the kind in study files.
     """

@@ -42,7 +42,7 @@ class Camera(ABC):
     lens_count: ClassVar[int] = 1
     """Number of equal lenses that take a picture at the same time."""
     rays_per_pixel: ClassVar[int] = 8
-    """Rays for each pixel and lens that leave a sampling error below 0.5 % in pictures by rays."""
+    """Number of rays per pixel and lens that keeps the sampling error of ray-traced pictures below 0.5 %."""
 
     sensor: Sensor
 
@@ -54,7 +54,7 @@ class Camera(ABC):
     @property
     @abstractmethod
     def focus(self) -> Focus:
-        """Its focus, which decides what is sharp."""
+        """The focus, which decides what is sharp."""
 
     @abstractmethod
     def properties(self) -> Properties:
@@ -66,7 +66,7 @@ class Camera(ABC):
 
     @abstractmethod
     def depth_behind_lens(self, nearest: float) -> float:
-        """Distance from principal plane to sensor [m] when focused as near as the scene requires, ``nearest`` [m]."""
+        """Distance from principal plane to sensor [m] when focused as near as the scene requires (``nearest`` [m])."""
 
     @property
     def makes_depth_map(self) -> bool:
@@ -75,12 +75,12 @@ class Camera(ABC):
 
     @property
     def separation(self) -> float:
-        """Distance of its parts across the line of sight [m]; 0 for cameras with one lens."""
+        """Distance [m] between its lenses across the line of sight; 0 for cameras with one lens."""
         return 0.0
 
     @property
     def view_baseline(self) -> float:
-        """Largest distance [m] between two views that depth is measured from; 0 for a single image."""
+        """Largest distance [m] between two views from which depth is measured; 0 for a single image."""
         return self.separation or (self.gathering_lens.pupil_diameter if self.makes_depth_map else 0.0)
 
     @property
@@ -116,12 +116,12 @@ class Camera(ABC):
         reference_distance
             Distance of the middle of the scene [m]; cameras that refocus are focused there.
         errors
-            Deviations of the camera from its design, by the names of its vocabulary and of `SESSION_PARAMETERS`;
-            individual errors of elements have shape (elements, 2).
+            Deviations of the camera from its design, by the names in its vocabulary and in `SESSION_PARAMETERS`;
+            errors of individual elements have shape (elements, 2).
         environment
             How the camera responds to its surroundings; None if it does not.
         stop_separation
-            Distance of a second stop before the lens, which vignettes off axis [m]; 0 for none.
+            Distance [m] from the lens to a second stop in front of it, which vignettes off axis; 0 for none.
 
         Raises
         ------

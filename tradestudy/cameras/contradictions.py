@@ -67,7 +67,7 @@ def digitiser_contradictions(sensor: Sensor, full_well: float, bits: int) -> lis
         Contradiction(
             what="saturation capacity against system gain and bit depth",
             stated=show(full_well, ELECTRONS),
-            implied=f"{show(2.0**bits / gain, ELECTRONS)} at the last of 2^{bits} digital numbers",
+            implied=f"{show(2.0**bits / gain, ELECTRONS)} at the largest of 2^{bits} digital numbers",
             used="whichever ends first",
         )
     ]
@@ -76,7 +76,7 @@ def digitiser_contradictions(sensor: Sensor, full_well: float, bits: int) -> lis
 def _sensitivity_contradictions(sensor: Sensor, stated: float | None) -> list[Contradiction]:
     """Check the threshold ``μ_p.min = (√(σ² + 1/4) + 1/2)/η, σ² = σ_d² + 1/(12 K²)``, formerly ``(σ + 1/2)/η``.
 
-    Source: EMVA 1288, releases 4.0 and 3.1. Nothing is implied without quantum efficiency and dark noise.
+    Source: EMVA 1288, releases 4.0 and 3.1. Without quantum efficiency and dark noise, there is nothing to check.
     """
     efficiency, dark = sensor.quantum_efficiency, sensor.temporal_dark_noise
     if stated is None or efficiency is None or dark is None:

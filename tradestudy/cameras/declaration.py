@@ -48,13 +48,13 @@ class LensPart(Part):
     """A lens: its focal length or field of view, and its f-number."""
 
     counts_given: ClassVar[tuple[int, ...]] = (1,)
-    """How many of focal length and field of view a lens may give."""
+    """How many of the keys focal_length and field_of_view a lens may have."""
 
     focal_length: FocalLengthOrPixels | None = Field(
-        default=None, description="Focal length f; in px, as calibrations give it, its unit is the pixel pitch."
+        default=None, description="Focal length f, as a length or, as calibrations give it, in px (pixel pitches)."
     )
     field_of_view: PositiveAngle | None = Field(
-        default=None, description="Full angle when focused at infinity, instead of a focal length."
+        default=None, description="Full field of view when focused at infinity, instead of focal_length."
     )
     across: Literal["width", "diagonal"] = Field(
         default="width", validate_default=True, description="The extent of the sensor that the field of view covers."
@@ -66,7 +66,9 @@ class LensPart(Part):
         if (self.focal_length is not None) + (self.field_of_view is not None) not in self.counts_given:
             raise MistakeAt((), "give exactly one of focal_length and field_of_view (null removes an inherited one)")
         if self.field_of_view is None and "across" in self.model_fields_set:
-            raise MistakeAt(("across",), "belongs to field_of_view; remove it (null removes an inherited one)")
+            raise MistakeAt(
+                ("across",), "belongs to field_of_view, which is missing; remove it (null removes an inherited one)"
+            )
         if self.field_of_view is not None and not self.field_of_view < math.pi:
             raise MistakeAt(("field_of_view",), "a flat sensor sees less than 180°")
         return self
@@ -88,21 +90,21 @@ class LensPart(Part):
 
 
 class SensorPart(Part):
-    """A pixel array."""
+    """The sensor, an array of pixels."""
 
     pixels: tuple[PixelCount, PixelCount] = Field(description="Columns and rows.", examples=[[1280, 800]])
     pixel_pitch: PixelPitch = Field(description="Distance between neighbouring pixel centres.")
     quantum_efficiency: QuantumEfficiency | None = Field(
-        default=None, description="Electrons per photon (EMVA 1288: η); scene.picture.light.photons needs it."
+        default=None, description="Electrons per photon (EMVA 1288: η); needed with scene.picture.light.photons."
     )
     temporal_dark_noise: NonNegativeElectrons | None = Field(
-        default=None, description="EMVA 1288: σ_d; of this sensor, instead of scene.picture.read_noise."
+        default=None, description="Dark noise of this sensor (EMVA 1288: σ_d), instead of scene.picture.read_noise."
     )
     saturation_capacity: PositiveElectrons | None = Field(
-        default=None, description="EMVA 1288: μ_e.sat; of this sensor, instead of scene.picture.full_well."
+        default=None, description="Full well of this sensor (EMVA 1288: μ_e.sat), instead of scene.picture.full_well."
     )
     system_gain: SystemGain | None = Field(
-        default=None, description="EMVA 1288: K; default: the gain that maps the full well to the full bit depth."
+        default=None, description="Gain (EMVA 1288: K); default: the one that maps the full well to the full bit depth."
     )
 
     def sensor(self) -> Sensor:
@@ -122,20 +124,20 @@ class DisparityPart(Part):
     """The precision with which disparity is measured."""
 
     disparity_error: PositivePixels | Literal["derived"] = Field(
-        description="Standard deviation of one measurement; derived: the Cramér–Rao bound of matching in the picture "
+        description="Standard deviation of one measurement; derived: the Cramér–Rao bound of matching the picture "
         "of the scene's texture (scene.picture)."
     )
     error_of: Literal["disparity", "coordinate"] = Field(
         default="disparity",
-        description="Whether the error is that of the disparity or of each image coordinate, where the disparity's "
-        "is √2 times larger.",
+        description="Whether the error is that of the disparity or of each image coordinate; that of the disparity "
+        "is √2 times that of a coordinate.",
     )
     discrimination_step: PositivePixels = Field(
         default="0.1 px", validate_default=True, description="Disparity step of the depth discrimination."
     )
     matcher: MatcherPart | None = Field(
         default=None,
-        description="What a real matcher adds to a derived error; keys left out default to scene.picture.matcher.",
+        description="Errors that a real matcher adds to a derived error; default: those of scene.picture.matcher.",
     )
 
     @model_validator(mode="after")
@@ -149,20 +151,20 @@ class DisparityPart(Part):
         if self.matcher is not None and self.disparity_error != "derived":
             raise MistakeAt(
                 ("matcher",),
-                "adds to a derived disparity error, and the error of this camera is declared; write disparity_error: "
+                "adds to a derived disparity error, but that of this camera is declared; write disparity_error: "
                 "derived, or remove matcher (null removes an inherited one)",
             )
         return self
 
     @property
     def declared_error_px(self) -> float | None:
-        """Standard deviation of the disparity [px], by either definition; None where it is derived."""
+        """Standard deviation of the disparity [px], for either error_of; None where it is derived."""
         if self.disparity_error == "derived":
             return None
         return self.disparity_error * (math.sqrt(2.0) if self.error_of == "coordinate" else 1.0)
 
     def error(self, picture_law: DisparityErrorLaw | None) -> DisparityError:
-        """The declared error of a disparity [px], or the law of its picture.
+        """The declared disparity error [px], or the law that derives it from the picture.
 
         Raises
         ------
@@ -181,13 +183,13 @@ class DisparityPart(Part):
 
 
 class AttributesPart(Part):
-    """Attributes that count in a comparison besides the curves; those left out are derived where possible."""
+    """Attributes to compare besides the curves; omitted ones are derived where possible."""
 
     moving_parts: Count | None = Field(
         default=None, description="Number of moving parts; default: one for each lens with a focus mechanism."
     )
     bits_per_pixel: PositiveCount | None = Field(
-        default=None, description="Bits per pixel of a raw image; data volumes need it."
+        default=None, description="Bits per pixel of a raw image; needed for data volumes."
     )
     envelope: tuple[PositiveLength, PositiveLength, PositiveLength] | None = Field(
         default=None, description="Length, width and height of the whole instrument."
@@ -200,7 +202,7 @@ class AttributesPart(Part):
 
 
 class CameraDeclaration(Part, ABC):
-    """A camera of a study; every kind has its own ``kind``, its name in study files."""
+    """A camera of a study; every kind has a class of its own, which ``kind`` identifies."""
 
     camera: ClassVar[type[Camera]]
     """The class of the cameras that it declares."""
@@ -220,7 +222,7 @@ class CameraDeclaration(Part, ABC):
 
     @classmethod
     def stated_by(cls, imported: Imported) -> Iterator[Stated]:
-        """The values of such a camera in a calibration file, whose content has one of the types in `imports`."""
+        """The values of such a camera that a calibration file states; its content has one of the types in `imports`."""
         raise NotImplementedError(imported)
 
     @abstractmethod
@@ -235,7 +237,7 @@ class CameraDeclaration(Part, ABC):
         Raises
         ------
         OutOfRangeError
-            If the parts do not make a camera.
+            If the parts cannot form a camera.
         """
 
 

@@ -42,11 +42,11 @@ class UsableCriteria:
     Parameters
     ----------
     overlap
-        Smallest share of each stereo image that the other one sees too.
+        Smallest overlap of the two pictures of a stereo rig.
     availability
-        Smallest share of points for which the estimator's microlenses exist.
+        Smallest availability: the fraction of points that the estimator's microlenses see.
     virtual_depth
-        Smallest absolute virtual depth v: 2 is the total covering plane.
+        Smallest absolute virtual depth v; 2 at the total covering plane.
     blur_px
         Largest blur on the sensor [px], of the sharpest microlens type or of the stereo lenses.
     disparity_step_px
@@ -54,7 +54,7 @@ class UsableCriteria:
     failed_fraction
         Largest fraction of measurements that end beyond infinity or are false matches.
     relative_uncertainty
-        Largest depth uncertainty over distance.
+        Largest depth uncertainty as a fraction of the distance.
     """
 
     overlap: float | None = None
@@ -69,13 +69,13 @@ class UsableCriteria:
 class DisparityErrorLaw(Protocol):
     """A disparity error derived from the picture that a camera takes at a distance.
 
-    Every method takes the camera, so that a law stays valid when the camera is changed. Places in the field are defined
-    as in `DepthCamera.read`.
+    Every method takes the camera, so that a law stays valid when the camera is changed. Field positions are defined as
+    in `DepthCamera.read`.
     """
 
     @property
     def false_matches(self) -> float:
-        """Share of all measurements that are false and count as failed."""
+        """Fraction of measurements that are false matches, which count as failed."""
         ...
 
     def error_px(self, camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
@@ -87,7 +87,7 @@ class DisparityErrorLaw(Protocol):
         ...
 
     def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
-        """Where a matcher can reach the bound from which the error is derived."""
+        """Whether a matcher can reach the bound from which the error is derived, at distances [m]."""
         ...
 
     def margin(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
@@ -98,7 +98,7 @@ class DisparityErrorLaw(Protocol):
         """Conditions of `limit` that do not hold at a distance [m], in words."""
 
     def saturation(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
-        """Electrons of the brightest pixels over the capacity of a pixel: at most 1."""
+        """Electrons in the brightest pixels as a fraction of the saturation capacity; must not exceed 1."""
         ...
 
 
@@ -112,7 +112,7 @@ class DepthCamera(Camera):
     Parameters
     ----------
     disparity_error_px
-        Standard deviation of the disparity of one measurement [samples], constant or by a law.
+        Standard deviation of the disparity of one measurement [samples], as a number or as a law.
     discrimination_step_px
         The disparity step of the depth discrimination [samples].
     calibration
@@ -129,7 +129,7 @@ class DepthCamera(Camera):
     method: ClassVar[Method]
     """How depth is measured from its pictures, for readers of a report."""
     error_vocabulary: ClassVar[ErrorVocabulary]
-    """Every parameter of its exact model that can be in error, `PIXEL_NOISE` among them."""
+    """Every parameter of its exact model that can be in error, including `PIXEL_NOISE`."""
     pictured_by_microlenses: ClassVar[bool] = False
     """Whether microlenses blur the matched picture."""
 
@@ -148,27 +148,27 @@ class DepthCamera(Camera):
         return None
 
     def exported(self, fitted: CalibratedPair | None = None) -> ImportedRig | None:  # noqa: ARG002 - of a pair
-        """The camera, or the pair that a fit found, in the form of calibration files; None if they cannot state it."""
+        """The camera, or a fitted pair, in the form of calibration files; None if they cannot describe it."""
         return None
 
     @property
     def sample_pitch(self) -> float:
-        """Distance of neighbouring samples, the unit of disparities [m]: the pixel pitch unless the kind differs."""
+        """Distance [m] between neighbouring samples, the unit of disparities: the pixel pitch, unless overridden."""
         return self.sensor.pixel_pitch
 
     @abstractmethod
     def disparity(self, distance: ArrayLike) -> FloatArray:
-        """The disparity that the estimator uses [m on the sensor], signed; it falls with distance."""
+        """The signed disparity that the estimator uses [m on the sensor]; it decreases with distance."""
 
     @abstractmethod
     def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
-        """The disparity [m] of a point at infinity, for the estimator as set up at a distance."""
+        """The disparity [m] of a point at infinity, with the estimator set up for a distance."""
 
     @abstractmethod
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
-        """The depth [m] that the estimator, as set up at a true distance, reads from a disparity [m].
+        """The depth [m] that the estimator, set up for a true distance, computes from a disparity [m].
 
-        It falls with disparity; +infinity at and beyond the disparity of infinity.
+        It decreases with disparity; +infinity at and beyond the disparity of infinity.
         """
 
     @property
@@ -178,35 +178,35 @@ class DepthCamera(Camera):
 
     @abstractmethod
     def field_angle(self, field: float) -> float:
-        """Angle between the chief ray and the axis [rad], at a place in the field as in `read`."""
+        """Angle between the chief ray and the axis [rad] at a field position, defined as in `read`."""
 
     @abstractmethod
     def read(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
     ) -> MeasuredInverseDepth:
-        """Inverse depths measured in changed surroundings with a calibration in error by ``errors``.
+        """Inverse depths measured in changed surroundings when ``errors`` are the errors of the calibration.
 
         Parameters
         ----------
         distance
             True distances [m], shape (distances,).
         field
-            Place of the point: 0 on the axis, 1 in the corner of the sensor.
+            Field position of the point: 0 on the axis, 1 in the corner of the sensor.
         errors
             Arrays of shape (draws, 1) by the names of `error_vocabulary` and `SESSION_PARAMETERS`; pixel noise may have
             shape (draws, distances).
         environment
-            How the camera, as designed at calibration, responds to its surroundings; None if it does not.
+            How the camera responds to its surroundings; None if it does not.
 
         Raises
         ------
         OutOfRangeError
-            For an error that the camera does not have, or a place beyond the sensor.
+            For an error that the camera does not have, or a position beyond the sensor.
         """
 
     @abstractmethod
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
-        """Measurements of target points by a camera that deviates from its design by ``errors`` [m on the sensor].
+        """Measurements [m on the sensor] of target points by a camera that deviates from its design by ``errors``.
 
         Returns one array for each component; inference stacks them along the last axis. The points x, y, z are in the
         camera's own frame [m].
@@ -230,17 +230,17 @@ class DepthCamera(Camera):
 
     @abstractmethod
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
-        """How it pictures objects at distances [m]: the quantities that blur, noise and window depend on."""
+        """How the camera pictures objects at distances [m]: the quantities that blur, noise and window depend on."""
 
     @cached_property
     def as_pictured(self) -> Self:
-        """The camera without what does not affect its picture: calibration, propagation and disparity error."""
+        """The camera without calibration, propagation and disparity error, which do not affect its picture."""
         return replace(self, calibration=PERFECT, propagation=LINEAR, disparity_error_px=1.0)
 
     def measured_depth(
         self, distance: FloatArray, field: float, values: Mapping[str, FloatArray]
     ) -> MeasuredInverseDepth:
-        """Inverse depths measured for draws of its calibration and noise, by the exact model that these belong to."""
+        """Inverse depths for draws of calibration and noise, by the exact model to which these belong."""
         read = self.read if self.calibration.measurement is None else self.calibration.measurement
         return read(distance, field, self.calibration.errors(values), self.calibration.environment)
 
@@ -252,7 +252,7 @@ class DepthCamera(Camera):
         return replace(found, part="ageing", error_class=ErrorClass.SESSION) if name != base else found
 
     def noise(self, distance: ArrayLike, field: float = 0.0) -> FloatArray:
-        """Standard deviation of the disparity of one measurement [m on the sensor] at a place in the field."""
+        """Standard deviation of the disparity of one measurement [m on the sensor] at a field position."""
         return disparity_error_at(self, distance, field) * self.sample_pitch
 
     def images(self, distance: ArrayLike) -> BoolArray:
@@ -260,13 +260,13 @@ class DepthCamera(Camera):
         return np.asarray(np.asarray(distance, dtype=np.float64) > self.gathering_lens.focal_length)
 
     def disparity_px(self, distance: ArrayLike) -> FloatArray:
-        """The disparity that the estimator uses [samples], signed."""
+        """The signed disparity that the estimator uses [samples]."""
         return self.disparity(distance) / self.sample_pitch
 
     def depth_discrimination(self, distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Change of true depth [m] that moves the disparity by the declared step, towards and away from the camera.
+        """Change of true depth [m] that changes the disparity by the declared step, towards and away from the camera.
 
-        The estimator stays as set up at the distance. The second value is infinite where the step reaches beyond the
+        The estimator stays set up for the distance. The second value is infinite where the step reaches beyond the
         disparity of infinity.
         """
         a = np.asarray(distance, dtype=np.float64)
@@ -278,7 +278,7 @@ class DepthCamera(Camera):
         return np.full(np.shape(distance), np.nan)
 
     def limits(self, distance: ArrayLike, criteria: UsableCriteria) -> Mapping[str, Limit]:
-        """The geometric conditions of the usable range at distances [m] that the criteria bound."""
+        """The geometric conditions of the usable range that the criteria bound, at distances [m]."""
         a = np.asarray(distance, dtype=np.float64)
         found = {"real_image": Limit(value=a, bound=self.gathering_lens.focal_length, met=self.images(a))}
         found |= self.limits_of_kind(a, criteria)
@@ -292,13 +292,13 @@ class DepthCamera(Camera):
             )
         return found
 
-    def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:  # noqa: ARG002 - none unless the kind has some
+    def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:  # noqa: ARG002 - used only by kinds that have some
         """The conditions that only cameras of this kind have."""
         return {}
 
 
 def disparity_error_at(camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
-    """Standard deviation of the disparity of one measurement [px] at distances [m] and a place in the field."""
+    """Standard deviation of the disparity of one measurement [px] at distances [m] and a field position."""
     error = camera.disparity_error_px
     if isinstance(error, float | int):
         return np.full(np.shape(distance), float(error))
@@ -306,7 +306,7 @@ def disparity_error_at(camera: DepthCamera, distance: ArrayLike, field: float = 
 
 
 def numerical_error_of_disparity_error(camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
-    """Estimated numerical error of `disparity_error_at` [px]: 0 where it is declared."""
+    """Estimated numerical error of `disparity_error_at` [px]: 0 for a declared error."""
     error = camera.disparity_error_px
     if isinstance(error, float | int):
         return np.zeros(np.shape(distance))
@@ -314,7 +314,7 @@ def numerical_error_of_disparity_error(camera: DepthCamera, distance: ArrayLike,
 
 
 def false_match_share(camera: DepthCamera) -> float:
-    """Share of all measurements that are false; 0 where the disparity error is declared, which excludes them."""
+    """Fraction of all measurements that are false matches; 0 for a declared disparity error, which excludes them."""
     error = camera.disparity_error_px
     return 0.0 if isinstance(error, float | int) else error.false_matches
 
@@ -326,7 +326,7 @@ def require_disparity_error(error: DisparityError) -> None:
 
 
 def declared_disparity_error(camera: DepthCamera) -> float:
-    """The declared disparity error [px] of a camera, for laws in which it cannot depend on distance.
+    """The declared disparity error [px] of a camera, for equations in which it cannot depend on distance.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Depth maps from the pictures of one camera: their inputs, their result, and the reader that measures them."""
+"""Depth maps from the pictures of one camera: the inputs, the result, and the reader that measures depth."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tradestudy.optics.arrays import BoolArray, FloatArray, Samples
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlatPicture:
-    """A flat-field corrected picture: divided by the light of an even white scene at every pixel.
+    """A flat-field-corrected picture: every pixel is divided by the light that it receives from a uniform white scene.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class DepthSearch:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthMap:
-    """Depth as a camera measured it, upright, in the pixels of the picture that it was measured in.
+    """Measured depth, upright, in the pixels of the picture in which it was measured.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class DepthMap:
     deviation
         Standard deviation of depth from the noise of the pictures and the texture of each window [m].
     disparity_deviation
-        The same for the disparity over the estimator's baseline [samples]; all NaN where depth is measured without one.
+        The same for the disparity over the estimator's baseline [samples]; NaN if depth is measured without a baseline.
     reason
         `Reason` of each pixel.
     """
@@ -108,7 +108,7 @@ class TrueDepth:
 
 
 class DepthReader(ABC):
-    """One camera, as designed, set up to measure depth from its pictures."""
+    """Measures depth from the pictures of one camera, as designed."""
 
     @abstractmethod
     def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
@@ -116,10 +116,10 @@ class DepthReader(ABC):
 
     @abstractmethod
     def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
-        """True depth of the map, from the true depth and the pure pixels of every picture, by name."""
+        """True depth for the map, from the true depth and the pure pixels of every picture, by name."""
 
-    def made_of(self, pictures: Mapping[str, FlatPicture], found: DepthMap, middle: float) -> dict[str, Samples]:  # noqa: ARG002 - none unless the kind makes some
-        """Pictures that the camera computes from its own pictures and depth, by name: brightness, or NaN without any.
+    def made_of(self, pictures: Mapping[str, FlatPicture], found: DepthMap, middle: float) -> dict[str, Samples]:  # noqa: ARG002 - used only by kinds that make some
+        """Brightness of pictures computed from the camera's pictures and depth, by name; NaN where there is none.
 
         ``middle`` is the distance of the middle of the scene [m]; pictures can be refocused there.
         """

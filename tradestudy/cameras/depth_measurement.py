@@ -18,12 +18,12 @@ Errors = Mapping[str, ArrayLike]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PicturePlaces:
-    """Places anywhere in the picture, one for each measured distance.
+    """Positions anywhere in the picture, one for each measured distance.
 
     Parameters
     ----------
     across, down : array (distances,)
-        Shares of half the sensor from its middle, −1 to 1.
+        Distance from the middle as a fraction of half the sensor, −1 to 1.
     """
 
     across: FloatArray
@@ -31,12 +31,12 @@ class PicturePlaces:
 
 
 Field = float | PicturePlaces
-"""Field position (0 on the axis, 1 in the corner of the sensor), or any places in the picture."""
+"""Field position (0 on the axis, 1 in the corner of the sensor), or any positions in the picture."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredInverseDepth:
-    """Inverse depths that a camera measured.
+    """Inverse depths measured by a camera.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class MeasuredInverseDepth:
     no_overlap
         Where the camera does not see the point at all; broadcasts against ``inverse_depth``.
     out_of_range
-        Where the errors make the camera impossible: a length that is not positive, a distortion without an inverse.
+        Where the errors make the camera impossible: a length is not positive, or a distortion has no inverse.
     """
 
     inverse_depth: FloatArray
@@ -65,7 +65,7 @@ def require_known(errors: Errors, known: Collection[str], camera: str) -> None:
 
 
 def shares_of(field: Field) -> tuple[FloatArray, FloatArray]:
-    """Shares of half the sensor across and down; refused beyond its edge."""
+    """Position as fractions of half the sensor, across and down; refuses positions beyond the edge."""
     if isinstance(field, PicturePlaces):
         return field.across, field.down
     require_field(field)
@@ -73,10 +73,10 @@ def shares_of(field: Field) -> tuple[FloatArray, FloatArray]:
 
 
 def require_field(field: float) -> None:
-    """Refuse a place beyond the edge of the sensor."""
+    """Refuse a position beyond the edge of the sensor."""
     if not 0.0 <= field <= 1.0:
         raise OutOfRangeError(
-            "place outside the field",
+            "field position beyond the edge of the sensor",
             value=f"{field:g}",
             limit="0 (axis) to 1 (corner of the sensor)",
             remedy="give the field position as a fraction of the distance from axis to corner",

@@ -14,25 +14,26 @@ from tradestudy.optics.arrays import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class Environment:
-    """The surroundings in which a camera was calibrated, and its response to changes of them.
+    """The ambient conditions in which a camera was calibrated, and its response to changes.
 
     Parameters
     ----------
     housing_expansion
-        Linear thermal expansion of the housing between the parts [1/K]; aluminium 23e-6.
+        Coefficient of linear thermal expansion of the housing [1/K]; 23e-6 for aluminium.
     focal_length_expansion
         Relative change of the focal length per kelvin [1/K].
     glass_index
-        Refractive index of the lens, taken as one glass; it decides how the surrounding air changes the focal length.
+        Refractive index of the lens, treated as a single glass; it determines how the surrounding air changes the focal
+        length.
     wavelength
         Wavelength in vacuum [m].
     temperature, pressure
-        Values during calibration [K], [Pa].
+        Values during the calibration [K], [Pa].
 
     Raises
     ------
     OutOfRangeError
-        For a glass index of at most 1.1, or a temperature or pressure that is not possible.
+        For a glass index of at most 1.1, or an impossible temperature or pressure.
     """
 
     housing_expansion: float
@@ -52,11 +53,11 @@ class Environment:
             )
 
     def length_factor(self, changes: Errors) -> FloatArray:
-        """Ratio of housing lengths now to those at calibration [1]."""
+        """Ratio of current housing lengths to those during calibration [1]."""
         return 1.0 + self.housing_expansion * value_of(changes, "temperature_change")
 
     def focal_length_factor(self, changes: Errors) -> FloatArray:
-        """Ratio of the focal length now to that at calibration [1]: thermal drift, and the air around the glass."""
+        """Ratio of the current focal length to that during calibration [1], from thermal drift and the ambient air."""
         warmer = value_of(changes, "temperature_change")
         factor: FloatArray = 1.0 + self.focal_length_expansion * warmer
         return factor * focal_length_change_with_medium(

@@ -20,7 +20,7 @@ class ErrorParameter:
     unit
         SI unit, or px.
     part
-        The group of error sources under which it is reported: "noise", "interior orientation", "array", for instance.
+        The group of error sources under which it is reported, such as "noise", "interior orientation" or "array".
     meaning
         One sentence for the authors of studies.
     error_class
@@ -45,24 +45,24 @@ SESSION_PARAMETERS: Final[ErrorVocabulary] = {
     "temperature_change": ErrorParameter(
         unit="K",
         part="temperature",
-        meaning="Temperature minus that of the calibration.",
+        meaning="Temperature minus that during the calibration.",
         error_class=ErrorClass.SESSION,
     ),
     "pressure_change": ErrorParameter(
         unit="Pa",
         part="pressure",
-        meaning="Ambient pressure minus that of the calibration.",
+        meaning="Ambient pressure minus that during the calibration.",
         error_class=ErrorClass.SESSION,
     ),
     "color_shift": ErrorParameter(
         unit="m",
         part="color",
-        meaning="Focal length in the colour of the object minus that in the colour of the calibration target.",
+        meaning="Focal length for the object's colour minus that for the calibration target's colour.",
         error_class=ErrorClass.SESSION,
     ),
 }
-"""Changes since the calibration, of the camera but not of its calibration."""
+"""Changes that affect the camera after its calibration, and that the calibration therefore does not contain."""
 INTERIOR: Final = "interior orientation"
-"""The part of parameters inside a camera: focal length, principal point, distortion, distances behind the lens."""
+"""The group of parameters inside a camera: focal length, principal point, distortion, distances behind the lens."""
 AGEING: Final = "ageing_"
-"""Prefix of a parameter's name for what has been added to its error since the calibration."""
+"""Prefix of a parameter's name that denotes the error added since the calibration."""

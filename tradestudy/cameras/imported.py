@@ -16,7 +16,7 @@ LensModelName = Literal[
     "stereographic",
     "longitude-latitude",
 ]
-"""Names of the families of `optics.lens_models`, and of two that no camera here can have."""
+"""Names of the families of `optics.lens_models`, and of two that the program does not model."""
 Vector = tuple[float, float, float]
 Rotation = tuple[Vector, Vector, Vector]
 Value = str | float | Sequence["Value"]
@@ -24,7 +24,7 @@ Value = str | float | Sequence["Value"]
 
 @dataclass(frozen=True, kw_only=True)
 class Convention:
-    """The interpretation of something that numbers alone do not determine.
+    """How to interpret something that numbers alone do not determine.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Stated:
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedCamera:
-    """One camera of a calibration file.
+    """One camera from a calibration file.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class ImportedCamera:
     pixels
         Columns and rows; None if the file does not state them.
     lens_model, coefficients
-        Maps slopes to the distorted slopes that the focal lengths multiply; coefficients by their usual names
+        The model maps slopes to the distorted slopes that the focal lengths multiply; coefficients by their usual names
         (k1 … k6, p1, p2, s1 … s4, tau_x, tau_y; xi; alpha; beta; w) [1], in radians where they are angles.
     conventions
         How the file was read.
@@ -100,16 +100,16 @@ class ImportedCamera:
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedRig:
-    """Two cameras of calibration files, and their relative pose.
+    """Two cameras from calibration files, and their relative pose.
 
     Parameters
     ----------
     left, right
-        The cameras, as seen from behind.
+        The cameras; left and right as seen from behind them.
     rotation, translation
         From the frame of the left camera to that of the right one, ``x_right = R x_left + t`` [1, m].
     conventions
-        How the files were read, beside the conventions of either camera.
+        How the files were read, in addition to the conventions of each camera.
     keys
         File and key of ``rotation`` and ``translation``.
     """
@@ -133,11 +133,11 @@ class ImportedCorners:
     focal_length, noise
         Mean of all focal lengths, and the standard deviation of one image coordinate of a corner [px].
     baseline
-        Distance of the centres of projection [m].
+        Distance between the centres of projection [m].
     conventions
         How the file was read.
     key
-        The file, for the register.
+        The file, as named in the register of assumptions.
     """
 
     file: str
@@ -150,7 +150,7 @@ class ImportedCorners:
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedPlenoptic:
-    """A focused plenoptic camera of a calibration file.
+    """A focused plenoptic camera from a calibration file.
 
     Parameters
     ----------

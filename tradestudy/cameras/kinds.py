@@ -1,4 +1,4 @@
-"""All kinds of cameras that a study may declare. A new kind is a package beside these and an entry here."""
+"""All kinds of cameras that a study may declare. A new kind needs a package beside these and an entry here."""
 
 from __future__ import annotations
 

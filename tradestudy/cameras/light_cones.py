@@ -1,8 +1,8 @@
 """The light that a camera gathers from a scene: for every pixel, the cones of rays that its lenses send to it.
 
-All coordinates are upright: x to the right, y down, z along the axis into the scene, and places on the sensor as in an
-upright picture. A ray starts in the plane z = 0 of its camera. It is linear in the place δ on the pixel and the place η
-on the lens that it passes last, both relative to their centres:
+All coordinates are upright: x to the right, y down, z along the axis into the scene, and positions on the sensor as in
+an upright picture. A ray starts in the plane z = 0 of its camera. It is linear in its position δ on the pixel and its
+position η on the lens that it passes last, both relative to their centres:
 
     start = start₀ + start_δ δ + start_η η,    slope = slope₀ + slope_δ δ + slope_η η    (x and y alike).
 """
@@ -24,7 +24,7 @@ PerCone = float | FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stop:
-    """A round aperture elsewhere on the path, which a ray meets at ``place + by_pixel δ + by_lens η`` from its centre.
+    """A round aperture elsewhere on the path; a ray passes ``place + by_pixel δ + by_lens η`` from its centre.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class LightCones:
     Parameters
     ----------
     pixel
-        Index of the requested pixel that each cone belongs to, shape (cones,).
+        Index of the requested pixel to which each cone belongs, shape (cones,).
     start, slope
         Start and slope of the ray through the centres of pixel and lens, shape (2, cones) [m] and [1].
     start_by_pixel, start_by_lens, slope_by_pixel, slope_by_lens
@@ -62,11 +62,11 @@ class LightCones:
         ``cos⁴θ/N²`` of the whole lens, with N its f-number towards the pixel and θ the angle of the ray through the
         centre of the pupil, as in `field_illumination`; shape (cones,).
     image_distance
-        Distance from the lens to the pixel [m]; negative where δ is rotated by 180° against η, as behind a single lens
-        whose picture is upright. Waves need it: a deflection of the ray by κ at the lens acts as
+        Distance from the lens to the pixel [m]; negative where δ is rotated by 180° relative to η, as behind a single
+        lens whose picture is upright. Diffraction needs it: a deflection of the ray by κ at the lens acts as
         ``δ = −κ × image_distance``.
     lens_type
-        Type of the lens that each cone passes; lenses of one type differ only by errors and the field curvature.
+        Type of the lens that each cone passes; lenses of one type differ only by errors and by field curvature.
     """
 
     pixel: NDArray[np.intp]
@@ -83,7 +83,7 @@ class LightCones:
     lens_type: NDArray[np.intp] | int
 
     def only(self, kept: NDArray[np.intp]) -> LightCones:
-        """Some of the cones, by their indices."""
+        """The cones with the given indices."""
 
         def of(value: PerCone) -> PerCone:
             return value[kept] if isinstance(value, np.ndarray) and value.ndim else value
@@ -138,7 +138,7 @@ class Exposure(Protocol):
 
     @property
     def name(self) -> str:
-        """Name of the picture among those of its camera."""
+        """Name of the picture, unique for its camera."""
 
     @property
     def sensor(self) -> Sensor:
@@ -149,11 +149,11 @@ class Exposure(Protocol):
         """The pose of its lens."""
 
     def cones(self, x: FloatArray, y: FloatArray, beyond: float = 0.0) -> LightCones:
-        """The cones of pixels with centres at upright places [m] from the middle of the sensor, shape (pixels,).
+        """The cones of pixels with centres at upright positions [m] from the middle of the sensor, shape (pixels,).
 
-        ``beyond`` is how far [m] past the last place that rays through a lens reach cones are still needed, for light
-        bent by diffraction.
+        Light that is bent by diffraction needs cones up to ``beyond`` [m] past the last position that rays through a
+        lens reach.
         """
 
     def description(self) -> Description:
-        """The numbers that other programs need to use the picture, in SI, with the errors of that camera."""
+        """The numbers, in SI, that other programs need to use the picture; they include the errors of that camera."""

@@ -1,4 +1,4 @@
-"""The windows that a matcher can use: the parts of an object that the compared pictures share."""
+"""The windows that a matcher can use: the parts of an object that all compared pictures show."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def largest_common_square(diameter: ArrayLike, apart: ArrayLike) -> FloatArray:
     diameter
         Diameter n of the discs.
     apart
-        Distance d between their centres, in the same unit; broadcast.
+        Distance d between their centres, in the same unit. Both broadcast.
     """
     n, d = np.asarray(diameter, dtype=np.float64), np.asarray(apart, dtype=np.float64)
     within = np.minimum(d, n)
@@ -34,14 +34,14 @@ def largest_common_square(diameter: ArrayLike, apart: ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MatchedWindow:
-    """The window equivalent to all pairs of an estimator; arrays over distance.
+    """The window equivalent to all pairs of an estimator, as arrays over distance.
 
     Parameters
     ----------
     side_px
         Side of the square [samples].
     apart_px
-        Offset of the two pictures where their textures coincide [samples]; the window lies halfway.
+        Offset of the two pictures when their textures coincide [samples]; the window lies halfway between them.
     """
 
     side_px: FloatArray
@@ -50,17 +50,17 @@ class MatchedWindow:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MatchedPairs:
-    """Pairs of pictures that an estimator compares; arrays (pairs, distances).
+    """Pairs of pictures that an estimator compares, as arrays of shape (pairs, distances).
 
     Parameters
     ----------
     largest_px
-        Side of the largest square that both show [samples].
+        Side of the largest square that both pictures show [samples].
     apart_px
         As in `MatchedWindow`.
     weight
-        Contribution of each pair to the information on the estimator's disparity, relative to a window of the same size
-        in which all pairs are compared through the whole pupil; through the whole pupil the weights sum to 1.
+        Contribution of each pair to the information on the estimator's disparity, relative to that of all pairs through
+        the whole pupil in a window of the same size. Through the whole pupil, the weights sum to 1.
     """
 
     largest_px: FloatArray
@@ -68,7 +68,7 @@ class MatchedPairs:
     weight: FloatArray
 
     def window(self, asked_px: ArrayLike) -> MatchedWindow:
-        """The window of one pair with the same information: ``W² = Σ_j g_j min(w_j, w)²``, w the requested side.
+        """The window of a single pair with the same information: ``W² = Σ_j g_j min(w_j, w)²``, w the requested side.
 
         Information on a disparity is proportional to the area of the window and adds up over pairs.
         """
@@ -81,11 +81,11 @@ class MatchedPairs:
 
 
 class ComparedPictures(Protocol):
-    """The pictures that an estimator compares, over distances."""
+    """The pictures that an estimator compares, as arrays over distance."""
 
     @property
     def stops_dim(self) -> bool:
-        """Whether every pixel sees the whole pupil, so that vignetting dims them all.
+        """Whether every pixel sees the whole pupil, so that vignetting dims all pixels.
 
         Pixels behind microlenses see parts of the pupil: vignetting takes all light from some, and none from others.
         """
@@ -97,11 +97,11 @@ class ComparedPictures(Protocol):
         ...
 
     def through(self, width: float) -> MatchedPairs:
-        """The pairs where a share `width` of the pupil's width is left."""
+        """The pairs where vignetting leaves a fraction `width` of the pupil's width."""
         ...
 
     def at(self, index: NDArray[np.intp]) -> Self:
-        """The same at some of the distances."""
+        """Select some of the distances, by index."""
         ...
 
 
@@ -112,7 +112,7 @@ class WholePictures:
     Parameters
     ----------
     side_px
-        Side of the largest square in them [samples], over distance.
+        Side of the largest square that they share [samples], over distance.
     """
 
     stops_dim: ClassVar[bool] = True
@@ -121,14 +121,14 @@ class WholePictures:
 
     @property
     def widest_px(self) -> float:
-        """The side."""
+        """Side of the largest square at any distance [samples]."""
         return float(np.max(self.side_px))
 
     def through(self, width: float) -> MatchedPairs:  # noqa: ARG002 - the size of these pictures does not depend on the pupil
-        """One pair."""
+        """The two pictures, which are the only pair."""
         side = self.side_px[np.newaxis]
         return MatchedPairs(largest_px=side, apart_px=np.zeros_like(side), weight=np.ones_like(side))
 
     def at(self, index: NDArray[np.intp]) -> WholePictures:
-        """The same at some of the distances."""
+        """Select some of the distances, by index."""
         return WholePictures(side_px=self.side_px[index])

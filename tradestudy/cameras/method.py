@@ -14,9 +14,9 @@ class Formula:
     typst
         The equation in typst's mathematics.
     alt
-        The equation as read aloud.
+        The equation as one would read it aloud.
     reference
-        Publication; empty for our own derivations.
+        Publication; empty for equations derived in this program.
     """
 
     typst: str

@@ -19,7 +19,9 @@ from tradestudy.optics.microlens_coverage.lattice import lattice_of
 from tradestudy.optics.thin_lens import image_distance
 
 Indices = NDArray[np.intp]
-_FARTHEST: Final = 0.87  # largest distance, in pitches, from a place to the lattice point at its rounded coordinates
+_FARTHEST: Final = (
+    0.87  # largest distance, in pitches, from a position to the lattice point with its rounded coordinates
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,11 +35,11 @@ class MicrolensExposure:
     main_lens, microlenses, geometry
         The design.
     errors
-        Deviations of the camera from its design: one number by name; for ``microlens_center_scatter``, one pair for
-        every microlens, shape (microlenses, 2).
+        Deviations of the camera from its design: one number for each name, but for ``microlens_center_scatter`` one
+        pair for every microlens, shape (microlenses, 2).
     reference_distance
         Distance [m] at which field curvature, depth distortion and radial distortion are exact; elsewhere they are
-        right to first order.
+        accurate to first order.
     """
 
     name: str
@@ -63,16 +65,16 @@ class MicrolensExposure:
 
     @property
     def _offset(self) -> FloatArray:
-        """From the middle of the sensor to that of the array [m]."""
+        """Vector from the middle of the sensor to the middle of the array [m]."""
         return np.array([self._error("array_offset_x"), self._error("array_offset_y")])
 
     @property
     def _axis(self) -> FloatArray:
-        """From the middle of the array to the axis of the main lens [m]."""
+        """Vector from the middle of the array to the axis of the main lens [m]."""
         return np.array([self._error("principal_point_x"), self._error("principal_point_y")])
 
     def centres(self, first: Indices, second: Indices) -> FloatArray:
-        """Centres of microlenses on the array [m], shape (2, …), by their numbers along both basis vectors."""
+        """Centres on the array [m], shape (2, …), of the microlenses with given numbers along both basis vectors."""
         basis = self._basis
         found = np.stack([basis[k, 0] * first + basis[k, 1] * second for k in (0, 1)])
         scatter = value_of(self.errors, "microlens_center_scatter")
@@ -137,7 +139,7 @@ class MicrolensExposure:
     def _through(
         self, place: FloatArray, first: Indices, second: Indices, beyond: float
     ) -> tuple[Indices, FloatArray, FloatArray, FloatArray, FloatArray, Indices]:
-        """Cones of pixels, at places in the array's plane, through one microlens each; only those that light passes.
+        """Cones of pixels through one microlens each, at positions in the array's plane; only those that light passes.
 
         Behind the main lens the frame is rotated by 180° about the axis, so that pictures are upright: a point u' there
         is −u' in the plane of the lens.
@@ -181,7 +183,7 @@ class MicrolensExposure:
         return lit, -on_lens, seen, meets, numbers, types[lit]
 
     def _focal_length(self, centre: FloatArray) -> FloatArray:
-        """f_M [m] of a flat-field lens with the images of the main lens: exact at the reference distance."""
+        """f_M [m] of a flat-field lens that forms the images of the main lens; exact at the reference distance."""
         f = self.geometry.focal_length_with(self.errors)
         place = PlaceOnArray(geometry=self.geometry, errors=self.errors, x=centre[0], y=centre[1])
         b = image_distance(self.reference_distance, f)
@@ -189,7 +191,7 @@ class MicrolensExposure:
         return np.asarray(f + moved * (f / b) ** 2)
 
     def description(self) -> Description:
-        """Distances, lattice and types of the array, with the errors."""
+        """Distances, lattice and types of the array, including errors."""
         geometry, errors = self.geometry, self.errors
         return {
             "focal_length": float(geometry.focal_length_with(errors)),
@@ -208,7 +210,7 @@ class MicrolensExposure:
 
 
 def lattice_counts(array: MicrolensArray, sensor: Sensor) -> tuple[int, int]:
-    """Rows and columns of lattice numbers that include every microlens before a sensor, with some to spare."""
+    """Rows and columns of a lattice that includes every microlens in front of a sensor, with some to spare."""
     skew, rise = lattice_of(array.layout).second_vector
     rows = math.ceil(sensor.height / (rise * array.pitch)) + 8
     return rows, math.ceil(sensor.width / array.pitch + skew * rows) + 8

@@ -16,12 +16,12 @@ from tradestudy.optics.interpolation import cubic_weights
 
 Indices = NDArray[np.intp]
 MARGIN: Final = 1
-"""Pixels added around a micro-image, so that all its pixels have neighbours."""
+"""Width of the margin around a micro-image that gives all its pixels neighbours [px]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MicrolensGrid:
-    """Microlenses whose micro-images lie on the sensor, by their numbers along the lattice.
+    """Microlenses whose micro-images lie on the sensor, numbered along both directions of the lattice.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class MicrolensGrid:
     index
         Index of the lens with given numbers, relative to `low`; −1 for none.
     low
-        Smallest numbers along both directions.
+        Smallest number along each direction.
     basis
         Columns are the steps from a microlens to its neighbours [px].
     """
@@ -105,7 +105,7 @@ def microlens_grid(camera: PlenopticCamera) -> MicrolensGrid:
 
 
 def squares(grid: MicrolensGrid, picture: Samples, pure: BoolArray) -> Samples:
-    """The micro-image of every lens with a margin of `MARGIN` pixels, NaN where a pixel does not show it.
+    """The micro-image of every lens with a margin of `MARGIN` pixels; NaN in pixels that do not show it.
 
     Returns
     -------
@@ -127,10 +127,10 @@ def squares(grid: MicrolensGrid, picture: Samples, pure: BoolArray) -> Samples:
 
 
 def smoothed(values: Samples) -> Samples:
-    """Pictures smoothed by (1 6 1)/8 along both of the last axes: transfer ``1 − sin²(π ν)/2``, half at most at ν = ½.
+    """Pictures smoothed by (1 6 1)/8 along the last two axes; the transfer is ``1 − sin²(π ν)/2`` along each.
 
-    A picture is ``p + (p₋ − 2p + p₊)/8``. Where a neighbour is missing, the second difference counts as 0, so that no
-    pixel is lost and a slope is kept up to the edge.
+    The result is ``p + (p₋ − 2p + p₊)/8``. Where a neighbour is missing, the second difference counts as 0, so that no
+    pixel is lost and slopes are preserved up to the edge.
     """
     for axis in (-2, -1):
         lines = np.moveaxis(values, axis, -1)
@@ -143,7 +143,7 @@ def smoothed(values: Samples) -> Samples:
 def with_correlated_noise(gradient: Samples, window: int) -> Samples:
     """A gradient convolved with the correlation that `smoothed` leaves in white noise, (1 12 38 12 1)/64 along an axis.
 
-    In a window of n pixels along an axis, the share of pairs of pixels k apart is 1 − k/n; missing pixels count as 0.
+    In a window of n pixels along an axis, a fraction 1 − k/n of them has a partner k apart. Missing pixels count as 0.
     """
     from scipy.ndimage import correlate1d
 
@@ -155,7 +155,7 @@ def with_correlated_noise(gradient: Samples, window: int) -> Samples:
 
 
 def moved(source: Samples, lenses: Indices, place: Samples, side: int) -> Samples:
-    """Squares of lenses interpolated from a fractional place (2, lenses) on: cubic, linear beside missing pixels."""
+    """Squares of lenses interpolated at fractional positions (2, lenses): cubic, but linear beside missing pixels."""
     whole = np.floor(place).astype(np.intp)
     across, down = (cubic_weights(place[k] - whole[k]).astype(source.dtype) for k in (0, 1))
     wide, last = side + 3, source.shape[-1] - 1
@@ -184,7 +184,7 @@ def _weighted(near: Samples, across: Samples, down: Samples, first: int) -> Samp
 
 
 def sampled(picture: Samples, place: Samples) -> Samples:
-    """A picture interpolated at places (2, points) [px]: cubic, linear beside missing pixels, NaN on them."""
+    """A picture interpolated at positions (2, points) [px]: cubic, but linear beside missing pixels and NaN on them."""
     corner = np.floor(place).astype(np.intp)
     rows, columns = picture.shape
     x, y = (np.add.outer(np.arange(-1, 3), corner[k]) for k in (0, 1))

@@ -1,4 +1,4 @@
-"""The declared geometry of a camera pair, with which a calibration from corners is compared."""
+"""The declared geometry of a pair of cameras, with which a calibration from corners is compared."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tradestudy.optics.lens_models.lens_model import LensModel
 
 
 class PairGeometry(Protocol):
-    """Two equal cameras side by side, of whatever kind has `corners_calibrate`."""
+    """Two equal cameras side by side, of any kind with `corners_calibrate`."""
 
     error_vocabulary: ClassVar[ErrorVocabulary]
 
@@ -20,7 +20,7 @@ class PairGeometry(Protocol):
 
     @property
     def baseline(self) -> float:
-        """Distance of the two centres of projection [m]."""
+        """Distance between the two centres of projection [m]."""
 
     @property
     def principal_distance(self) -> float:

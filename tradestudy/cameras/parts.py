@@ -1,4 +1,4 @@
-"""The parts of cameras: lens, sensor, microlens array. Frozen, in SI units, checked once."""
+"""The parts of cameras: lens, sensor and microlens array. They are frozen, in SI units, and checked once."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class Sensor:
     columns, rows
         Number of pixels across and down.
     pixel_pitch
-        Distance of neighbouring pixel centres [m], the same both ways.
+        Distance between neighbouring pixel centres [m], the same in both directions.
     quantum_efficiency, temporal_dark_noise, saturation_capacity, system_gain
-        As defined by EMVA 1288: electrons per photon η [1], σ_d and μ_e.sat [electrons], K [DN/electron]; None where
+        As defined by EMVA 1288: η [electrons per photon], σ_d and μ_e.sat [electrons], K [DN/electron]; None where
         unknown.
     """
 
@@ -48,7 +48,9 @@ class Sensor:
         require_positive("pixel pitch", self.pixel_pitch)
         if self.columns < 1 or self.rows < 1:
             raise OutOfRangeError(
-                "a sensor needs pixels", value=f"{self.columns} × {self.rows}", limit="at least 1 × 1"
+                "a sensor needs at least one pixel in each direction",
+                value=f"{self.columns} × {self.rows}",
+                limit="at least 1 × 1",
             )
 
     @property
@@ -74,7 +76,7 @@ class Lens:
     Parameters
     ----------
     focal_length
-        f [m].
+        Focal length f [m].
     f_number
         N = f / A with A the pupil diameter.
     """
@@ -92,29 +94,29 @@ class Lens:
         return self.focal_length / self.f_number
 
     def field_of_view(self, extent: float) -> float:
-        """Full angle [rad] that an extent [m] in the focal plane covers: ``2 atan(extent / 2f)``."""
+        """Full angle [rad] that corresponds to an extent [m] in the focal plane: ``2 atan(extent / 2f)``."""
         return 2.0 * math.atan(extent / (2.0 * self.focal_length))
 
 
 def focal_length_of_field_of_view(field_of_view: float, extent: float) -> float:
-    """The focal length [m] that covers a full angle [rad] with an extent [m]: ``extent / (2 tan(FOV/2))``."""
+    """The focal length [m] that images a full angle [rad] onto an extent [m]: ``extent / (2 tan(FOV/2))``."""
     return extent / (2.0 * math.tan(field_of_view / 2.0))
 
 
 @dataclass(frozen=True, kw_only=True)
 class MicrolensArray:
-    """Microlenses on a square or hexagonal lattice, of one or several types, at one gap before the sensor.
+    """Microlenses of one or several types on a square or hexagonal lattice, at one distance in front of the sensor.
 
     Parameters
     ----------
     layout
         The lattice.
     pitch
-        Distance of neighbouring centres p [m].
+        Distance p between neighbouring centres [m].
     gap
-        Array to sensor b_L [m].
+        Distance b_L from array to sensor [m].
     focal_lengths
-        One f_L [m] for each type; types alternate so that each sits on a coarser lattice of its own.
+        One f_L [m] for each type; types alternate, so that each forms a coarser lattice of its own.
     aperture_diameter
         Clear diameter of one microlens [m]; at most the pitch.
     """
@@ -133,7 +135,9 @@ class MicrolensArray:
             raise OutOfRangeError("a microlens array needs at least one type", remedy="give one focal length per type")
         for focal_length in self.focal_lengths:
             if not math.isfinite(focal_length) or focal_length == 0.0:
-                raise OutOfRangeError("a microlens focal length is finite and not zero", value=f"{focal_length:g} m")
+                raise OutOfRangeError(
+                    "a microlens focal length must be finite and not zero", value=f"{focal_length:g} m"
+                )
         if self.aperture_diameter > self.pitch * (1.0 + 1e-12):
             raise OutOfRangeError(
                 "microlenses overlap",
@@ -143,7 +147,7 @@ class MicrolensArray:
             )
         if len(self.focal_lengths) not in ((1, 3) if self.layout == "hexagonal" else (1,)):
             raise OutOfRangeError(
-                f"{len(self.focal_lengths)} types do not tile a {self.layout} array evenly",
+                f"{len(self.focal_lengths)} types cannot tile a {self.layout} array evenly",
                 limit="1 or 3 types on a hexagonal array, 1 on a square one",
             )
 

@@ -16,18 +16,18 @@ from tradestudy.optics.arrays import FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LensStage:
-    """One lens of a camera as it forms a picture; arrays over distance unless noted.
+    """One lens of a camera as it forms a picture; fields are arrays over distance unless noted otherwise.
 
     Parameters
     ----------
     aperture_diameter
-        Aperture of the lens, or of the part of it that one view uses [m], one number.
+        Aperture of the lens, or of the part of it that one view uses [m]; one number.
     focal_length
         Focal length [m].
     object_distance
-        Distance from its object to the lens [m]; negative for a virtual object behind it, imaged by the lens before.
+        Distance from its object to the lens [m]; negative for a virtual object behind it, formed by the preceding lens.
     plane_distance
-        Distance from the lens to the plane of its picture [m].
+        Distance from the lens to its picture plane [m].
     blur_diameter
         Diameter of the geometric blur in that plane [m].
     relay
@@ -43,16 +43,16 @@ class LensStage:
 
     @cached_property
     def f_number(self) -> FloatArray:
-        """Working f-number: distance of the picture plane over the aperture."""
+        """Working f-number: distance of the picture plane divided by the aperture."""
         return np.asarray(self.plane_distance / self.aperture_diameter)
 
     @cached_property
     def columns(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Magnification to the sensor, f-number and blur [m], as columns that broadcast with a row over frequency."""
+        """Magnification to the sensor, f-number and blur [m], as columns that broadcast with a row of frequencies."""
         return column(self.relay), column(self.f_number), column(self.blur_diameter)
 
     def finest_period(self, wavelength: float) -> float:
-        """Shortest period on the sensor [m] that passes the lens at any distance; infinite without a picture."""
+        """Shortest period on the sensor [m] that the lens transmits at any distance; infinite without a picture."""
         period = wavelength * self.f_number * self.relay
         return float(np.min(period, initial=np.inf, where=period > 0.0))
 
@@ -62,7 +62,7 @@ class LensStage:
         return np.asarray(self.aperture_diameter**2 / 8.0 * vergence / wavelength)
 
     def at(self, index: NDArray[np.intp]) -> LensStage:
-        """The same at some of the distances."""
+        """Select some of the distances, by index."""
         return LensStage(
             aperture_diameter=self.aperture_diameter,
             focal_length=self.focal_length[index],
@@ -75,23 +75,23 @@ class LensStage:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PictureGeometry:
-    """How a camera pictures objects at given distances; arrays over distance unless noted.
+    """How a camera pictures objects at given distances; fields are arrays over distance unless noted otherwise.
 
     Parameters
     ----------
     distance
         Distances of the objects [m]; NaN in all arrays where the camera forms no picture.
     magnification
-        Size on the sensor over size on the object.
+        Ratio of size on the sensor to size on the object.
     sample_pitch
-        Distance of neighbouring samples of the matched picture [m]: the pixel pitch, or the microlens pitch for views
-        with one sample per microlens. One number, like all below but the stages and ``light_f_number``.
+        Distance between neighbouring samples of the matched picture [m]: the pixel pitch, or the microlens pitch for
+        views with one sample per microlens. One number, as for all that follow except stages and ``light_f_number``.
     sample_width
-        Side of the square, or diameter of the disc, that a sample collects light from [m].
+        Side of the square, or diameter of the disc, from which a sample collects light [m].
     sample_shape
         ``square`` for pixels, ``disc`` for microlenses.
     pixel_pitch
-        Pixel pitch of the sensor [m], whose pixels collect the electrons.
+        Pixel pitch of the sensor [m]; its pixels collect the electrons.
     compared
         The pictures that the estimator compares, with the windows that they share.
     light_f_number
@@ -99,7 +99,7 @@ class PictureGeometry:
     pupil_diameter
         Pupil of the main lens [m].
     main_lens, microlens
-        The stages of the picture; no microlens where none blurs it.
+        The stages of the picture; no microlens if none blurs it.
     micro_image_diameter
         Diameter of the light behind one microlens [m]; infinite for a picture of the whole sensor.
     """
@@ -133,7 +133,7 @@ class PictureGeometry:
         return replace(self, main_lens=main_lens, microlens=microlens)
 
     def at(self, index: NDArray[np.intp]) -> PictureGeometry:
-        """The same at some of the distances."""
+        """Select some of the distances, by index."""
         return replace(
             self,
             distance=self.distance[index],
@@ -146,6 +146,6 @@ class PictureGeometry:
 
 
 def column(values: FloatArray) -> FloatArray:
-    """Values over distance as a column that broadcasts with a row over frequency; one number if all are equal."""
+    """Values over distance as a column that broadcasts with a row of frequencies; one number if all are equal."""
     found = values[:, np.newaxis]
     return found[:1] if values.size and np.all(values == values[0]) else found

@@ -28,24 +28,24 @@ if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
     from tradestudy.optics.microlens_camera import MicrolensCamera
 
-# f-number matching is a rule of thumb of lens design; a mismatch of a few per cent neither wastes nor mixes pixels.
+# f-number matching is a rule of thumb; a mismatch of a few percent neither wastes pixels nor mixes micro-images.
 _MATCHING_TOLERANCE: Final = 0.05
-_FIELD_PLACES: Final = 101  # of a table: between them a parabola is straight to 1e-4 of its depth
+_FIELD_PLACES: Final = 101  # in a table; linear interpolation between them misses a parabola by 1e-4 of its height
 _ANY_COLOUR: Final = 550e-9  # the table is the same for all wavelengths
 _CELL_OVER_PITCH_SQUARED: Final = {"hexagonal": math.sqrt(3.0) / 2.0, "square": 1.0}
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlenopticCamera(DepthCamera):
-    """Main lens, microlens array and sensor.
+    """A camera with a main lens, a microlens array and a sensor.
 
     Parameters
     ----------
     main_lens, microlenses
-        The parts.
+        The lens and the array.
     field_curvature
-        Known part of how much farther from the main lens its image lies in the corner of the sensor than on the axis
-        [m]; the error of the same name is the unknown part.
+        How much farther from the main lens its image is known to lie in the corner of the sensor than on the axis [m];
+        the error of the same name is the unknown part.
     """
 
     family: ClassVar[str] = "plenoptic"
@@ -61,7 +61,7 @@ class PlenopticCamera(DepthCamera):
         return self.main_lens
 
     def depth_behind_lens(self, nearest: float) -> float:  # noqa: ARG002 - nothing moves
-        """Main lens to sensor [m]."""
+        """Distance from main lens to sensor [m]."""
         return self.geometry.mla_distance + self.microlenses.gap
 
     @property
@@ -70,7 +70,7 @@ class PlenopticCamera(DepthCamera):
         """The design, on which both observations and depth measurements are based."""
 
     def geometry_at(self, mla_distance: float) -> ArrayGeometry:
-        """The geometry with the array at a distance [m] behind the main lens."""
+        """The geometry with the array at a given distance [m] behind the main lens."""
         return ArrayGeometry(
             focal_length=self.main_lens.focal_length,
             mla_distance=mla_distance,
@@ -86,13 +86,13 @@ class PlenopticCamera(DepthCamera):
 
     @abstractmethod
     def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:
-        """The inverse depth [1/m] measured with a calibration in error by ``errors``, and where it is valid.
+        """The inverse depth [1/m] measured when ``errors`` are the errors of the calibration, and where it is valid.
 
         The true distance [m] determines which microlenses or views the estimator uses.
         """
 
     def field_angle(self, field: float) -> float:
-        """Angle of the place on the sensor's diagonal, seen from the main lens at the distance of the array [rad]."""
+        """Angle [rad] of a position on the sensor's diagonal, seen from the main lens at the distance of the array."""
         require_field(field)
         return math.atan(field * self.sensor.diagonal / 2.0 / self.geometry.mla_distance)
 
@@ -117,12 +117,12 @@ class PlenopticCamera(DepthCamera):
     def light_chain(self) -> MicrolensCamera:
         """The camera in the form that `tradestudy.optics.microlens_image` expects.
 
-        Lenses image every point to its thin-lens image; `dataclasses.replace` adds aberrations. Field curvature is a
-        table of focal lengths that moves images near the array as in the design. Positions are those of the light,
-        upside down compared with the picture.
+        All lenses are thin and free of aberrations; `dataclasses.replace` adds them. A table of focal lengths models
+        field curvature: it moves images near the array as in the design. Positions are those of the light, upside
+        down compared with the picture.
         """
         from tradestudy.optics.focal_lengths import FocalLengths
-        from tradestudy.optics.microlens_camera import MicrolensCamera  # reading a study needs no waves
+        from tradestudy.optics.microlens_camera import MicrolensCamera  # reading a study does not need it
 
         f, z, corner = self.main_lens.focal_length, self.geometry.mla_distance, self.sensor.diagonal / 2.0
         height = corner * np.linspace(0.0, 1.0, _FIELD_PLACES)
@@ -159,12 +159,12 @@ class PlenopticCamera(DepthCamera):
         Raises
         ------
         OutOfRangeError
-            For a second stop: behind microlenses, only vignetting by the pupil is modelled.
+            For a second stop: only vignetting by the pupil is modelled behind microlenses.
         """
         require_known(errors, PLENOPTIC_ERRORS, "a plenoptic camera")
         if stop_separation > 0.0:
             raise OutOfRangeError(
-                "a second stop before the lens of a plenoptic camera cannot be rendered; scene.picture.stop_separation",
+                "a plenoptic camera with a second stop cannot be rendered; scene.picture.stop_separation",
                 value=f"{stop_separation * 1e3:g} mm",
                 limit="0 mm",
                 remedy="remove it",
@@ -196,7 +196,7 @@ class PlenopticCamera(DepthCamera):
 
 
 def fill_factor(array: MicrolensArray) -> str:
-    """Share of the array that transmits light, with the diameters that it follows from."""
+    """Fraction of the array that transmits light, with the diameters from which it follows."""
     aperture, pitch = array.aperture_diameter, array.pitch
     area = math.pi / 4.0 * aperture**2 / (_CELL_OVER_PITCH_SQUARED[array.layout] * pitch**2)
     return f"{pretty(area, FRACTION)} ({pretty(aperture, LENGTH, 4)} on {pretty(pitch, LENGTH, 4)})"
@@ -221,7 +221,7 @@ def array_contradictions(
             Contradiction(
                 what="f-number matching of microlenses and main lens",
                 stated=f"main lens f/{main:.3g} on the image side",
-                implied=f"microlenses f/{micro:.3g} by pitch and gap",
+                implied=f"microlenses f/{micro:.3g} from pitch and gap",
                 used=f"gap {show(array.gap, LENGTH)}; micro-images "
                 + ("leave pixels dark" if micro < main else "overlap"),
             )

@@ -24,10 +24,16 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
         "nearer to the sensor.",
     ),
     "array_tilt_y": ErrorParameter(
-        unit="rad", part="array", meaning="Slope of the array relative to the sensor along y, as array_tilt_x along x."
+        unit="rad",
+        part="array",
+        meaning="Slope of the array relative to the sensor along y, defined like array_tilt_x.",
     ),
-    "array_offset_x": ErrorParameter(unit="m", part="array", meaning="Centre of the array on the sensor along x."),
-    "array_offset_y": ErrorParameter(unit="m", part="array", meaning="Centre of the array on the sensor along y."),
+    "array_offset_x": ErrorParameter(
+        unit="m", part="array", meaning="Position of the array's centre on the sensor along x."
+    ),
+    "array_offset_y": ErrorParameter(
+        unit="m", part="array", meaning="Position of the array's centre on the sensor along y."
+    ),
     "pupil_distance": ErrorParameter(
         unit="m",
         part=INTERIOR,
@@ -37,23 +43,23 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "principal_point_x": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Where the axis of the main lens meets the array along x; distortion and curvature are centred there.",
+        meaning="Where the axis of the main lens meets the array along x: the centre of distortion and curvature.",
     ),
     "principal_point_y": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Where the axis of the main lens meets the array along y; distortion and curvature are centred there.",
+        meaning="Where the axis of the main lens meets the array along y: the centre of distortion and curvature.",
     ),
     "field_curvature": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="How much farther from the main lens its image lies in the corner than by the known field curvature; "
+        meaning="How much farther from the main lens its image lies in the corner than known field curvature implies; "
         "it grows with the square of the distance from the axis.",
     ),
     "depth_distortion": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Relative stretch of the distance from image to array in the corner; it grows with the square of the "
+        meaning="Relative change, in the corner, of the distance from image to array; it grows with the square of the "
         "distance from the axis.",
     ),
     "distortion_k1": ErrorParameter(
@@ -69,8 +75,8 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "microlens_center_scatter": ErrorParameter(
         unit="m",
         part="microlens centres",
-        meaning="One coordinate of a microlens centre, the origin of coordinates in its micro-image; it enters the "
-        "disparity of two microlenses √2 times.",
+        meaning="One coordinate of a microlens centre, the origin of coordinates in its micro-image; the disparity of "
+        "two microlenses contains √2 times this error.",
         error_class=ErrorClass.ELEMENT,
     ),
     PIXEL_NOISE: NOISE_PARAMETER,
@@ -78,5 +84,5 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
 """Errors of a plenoptic camera, focused or not, in the order in which they are drawn.
 
 Depth distortion: O. Johannsen et al., "On the calibration of focused plenoptic cameras", 2013. A microlens's own focal
-length changes blur, not geometry, and is not among them. The principal point is a place on the array, where tilts act;
-``array_offset_x`` and ``_y`` move the array on the sensor."""
+length changes blur, not geometry, and is therefore not included. The principal point is a position on the array, as
+tilts require; ``array_offset_x`` and ``_y`` move the array on the sensor."""

@@ -17,13 +17,13 @@ from tradestudy.optics.lens_models.rational import Rational
 from tradestudy.optics.thin_lens import focus_shift
 
 Observation = tuple[FloatArray, FloatArray, FloatArray]
-"""The quantity that depth is measured from, and its place on the sensor, x and y [m]."""
+"""The quantity from which depth is measured, and its position on the sensor, x and y [m]."""
 
 
 def disparity_error(errors: Errors) -> FloatArray:
-    """Error of one disparity [m]: its noise, and the scatter of two lens centres.
+    """Error of one disparity [m]: its noise and the scatter of two microlens centres.
 
-    Coordinates count from the centre of their own microlens; the baseline is that of the regular grid.
+    Coordinates are relative to the centre of their own microlens; the baseline is that of the regular grid.
     """
     return value_of(errors, PIXEL_NOISE) + math.sqrt(2.0) * value_of(errors, "microlens_center_scatter")
 
@@ -40,17 +40,17 @@ class ArrayGeometry:
     Parameters
     ----------
     focal_length
-        Focal length of the main lens f_M [m].
+        Focal length f_M of the main lens [m].
     mla_distance
-        Distance from main lens to array z [m].
+        Distance z from main lens to array [m].
     gap
-        Distance from array to sensor b_L [m].
-    pitch
+        Distance b_L from array to sensor [m].
+        pitch
         Pitch of the microlenses [m].
     corner
         Distance from the axis to the corner of the sensor [m].
     field_curvature
-        Known part of how much farther from the main lens its image lies in the corner than on the axis [m].
+        How much farther from the main lens its image is known to lie in the corner than on the axis [m].
     """
 
     focal_length: float
@@ -61,10 +61,10 @@ class ArrayGeometry:
     field_curvature: float
 
     def changed(self, errors: Errors, environment: Environment | None) -> Errors:
-        """Changes since the calibration by the surroundings and by the colour of the object, as errors.
+        """Changes since the calibration, due to the surroundings and the colour of the object, as errors.
 
-        z, b_L and the pitch grow with the housing; the focal length of the main lens has its own drift, follows the
-        index of the air, and differs from colour to colour.
+        z, b_L and the pitch expand with the housing. The focal length of the main lens drifts with temperature, depends
+        on the refractive index of the air, and differs from colour to colour.
         """
         changed: dict[str, ArrayLike] = {}
         if environment is not None and ("temperature_change" in errors or "pressure_change" in errors):
@@ -84,18 +84,18 @@ class ArrayGeometry:
         return self.focal_length + value_of(errors, "focal_length")
 
     def pitch_scale(self, errors: Errors) -> FloatArray:
-        """Pitch of the microlenses over that of the design [1]."""
+        """Ratio of the microlens pitch to that of the design [1]."""
         return 1.0 + value_of(errors, "microlens_pitch") / self.pitch
 
     def place_of(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> PlaceOnArray:
-        """The place where the ray from a point [m] through the centre of the main lens meets the array."""
+        """The position where the ray from a point [m] through the centre of the main lens meets the array."""
         a = np.asarray(z, dtype=np.float64)
         slopes = _distortion(errors).image(x, y, a)
         distance = self.mla_distance + value_of(errors, "mla_distance")
         return PlaceOnArray(geometry=self, errors=errors, x=slopes[0] * distance, y=slopes[1] * distance)
 
     def place_seen(self, errors: Errors, x: FloatArray, y: FloatArray) -> PlaceOnArray:
-        """The place on the array of a place on the sensor [m], by a calibration in error by ``errors``."""
+        """The position on the array of a position on the sensor [m], according to a calibration with ``errors``."""
         x, y = (
             seen - value_of(errors, f"array_offset_{axis}") - value_of(errors, f"principal_point_{axis}")
             for seen, axis in ((x, "x"), (y, "y"))
@@ -103,7 +103,7 @@ class ArrayGeometry:
         return PlaceOnArray(geometry=self, errors=errors, x=x, y=y)
 
     def microlens_object_distance(self, errors: Errors, place: PlaceOnArray, distance: ArrayLike) -> FloatArray:
-        """a_L [m] of a point at a distance [m], from the image of the main lens to the array, with depth distortion.
+        """Distance a_L [m] from the main lens's image of a point at a distance [m] to the array, with depth distortion.
 
         NaN for points that the main lens does not image.
         """
@@ -114,7 +114,7 @@ class ArrayGeometry:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlaceOnArray:
-    """A place on the array of a camera that deviates from its design.
+    """A position on the array of a camera that deviates from its design.
 
     Parameters
     ----------
@@ -141,17 +141,17 @@ class PlaceOnArray:
 
     @cached_property
     def _square(self) -> FloatArray:
-        """Square of the distance from the axis over that of the corner."""
+        """Square of the ratio of the distance from the axis to that of the corner."""
         return (self.x * self.x + self.y * self.y) / self.geometry.corner**2
 
     @cached_property
     def distance(self) -> FloatArray:
-        """Distance from main lens to array z [m]."""
+        """Distance z from main lens to array [m]."""
         return self.geometry.mla_distance + value_of(self.errors, "mla_distance") + self._tilt
 
     @cached_property
     def gap(self) -> FloatArray:
-        """Distance from array to sensor b_L [m]."""
+        """Distance b_L from array to sensor [m]."""
         return self.geometry.gap + value_of(self.errors, "microlens_gap") - self._tilt
 
     @cached_property
@@ -166,7 +166,7 @@ class PlaceOnArray:
 
     @cached_property
     def on_sensor(self) -> tuple[FloatArray, FloatArray]:
-        """The same place on the sensor [m]."""
+        """The same position on the sensor [m]."""
         x, y = (
             at + value_of(self.errors, f"principal_point_{axis}") + value_of(self.errors, f"array_offset_{axis}")
             for axis, at in (("x", self.x), ("y", self.y))

@@ -1,4 +1,4 @@
-"""A picture through one thin lens, in which each pixel sees the whole pupil."""
+"""A picture through one thin lens; each pixel sees the whole pupil."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ class SingleLensExposure:
     focus_distance
         Distance in focus [m]; infinity is allowed.
     principal_distance
-        Distance that converts places on the sensor to slopes [m]; None for the image distance of the focus.
+        Distance that converts positions on the sensor to slopes [m]; None for the image distance of the focus.
     principal_point
-        Place where the axis meets the sensor [m].
+        Position where the axis meets the sensor [m].
     distortion
-        Lens model of the slopes.
+        Lens model, which maps slopes.
     stop_separation
-        Distance of a second, equal stop before the pupil [m]; 0 for none; see `field_illumination`.
+        Distance of a second, equal stop in front of the pupil [m], 0 for none; see `field_illumination`.
     """
 
     name: str
@@ -48,7 +48,7 @@ class SingleLensExposure:
 
     @property
     def image_distance(self) -> float:
-        """Distance from lens to sensor [m], which decides the light on the sensor."""
+        """Distance from lens to sensor [m], which determines the light on the sensor."""
         return float(image_distance(self.focus_distance, self.lens.focal_length))
 
     @property

@@ -1,4 +1,4 @@
-"""Values that a source states about a camera besides those that determine it."""
+"""Values that a source states about a camera in addition to those that determine it."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from tradestudy.declarations.quantities import Angle, Length, PositiveLength, Po
 
 
 class StatedPart(Part):
-    """Values of a data sheet or paper that other values already determine: checked against these, never used."""
+    """Values of a data sheet or paper that others already determine; they are checked against these and never used."""
 
-    field_of_view: Angle | None = Field(default=None, description="Full angle of view that the data sheet states.")
+    field_of_view: Angle | None = Field(default=None, description="Full field of view that the data sheet states.")
     microlens_gap: Length | None = Field(
         default=None, description="Distance from microlenses to sensor that the data sheet states."
     )
@@ -22,8 +22,9 @@ class StatedPart(Part):
         default=None, description="Hyperfocal distance that the data sheet states."
     )
     absolute_sensitivity_threshold: PositivePhotons | None = Field(
-        default=None, description="EMVA 1288: μ_p.min, the photons at which signal and noise are equal."
+        default=None,
+        description="Stated EMVA 1288 threshold μ_p.min: the number of photons at which signal and noise are equal.",
     )
     depth_of_field: PositiveLength | None = Field(
-        default=None, description="Depth of field of one image of a conventional camera."
+        default=None, description="Stated depth of field of one image of a conventional camera."
     )

@@ -1,4 +1,4 @@
-"""The declaration of a simulated calibration: the board and its poses before the camera."""
+"""The declaration of a simulated calibration: the board and its poses in front of the camera."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ HalfFieldAngle = Annotated[float, *quantity(units.ANGLE, above=0.0, at_most=80.0
 MostSteps = Annotated[int, Field(ge=100, le=1_000_000, strict=True)]
 MOST_VIEWS: Final = 1000
 LEAST_TILT: Final = 1.0 * units.DEGREE
-"""Smallest angle between two boards of unknown position. Parallel boards cannot distinguish a shorter focal length from
-nearer boards; with a smaller tilt, the foreshortening of a board is below the noise of its corners."""
+"""Smallest allowed angle between boards of unknown position. Parallel boards cannot distinguish a shorter focal length
+from a nearer board, and at smaller tilts, the foreshortening of a board is below the noise of its corners."""
 _DRAWN: Final = ("views", "distances", "half_field_angle", "tilt")
 _REMEDY: Final = "tilt it by some 20 deg, differently in each view, or declare position_known_to"
 
@@ -37,7 +37,7 @@ _REMEDY: Final = "tilt it by some 20 deg, differently in each view, or declare p
 class PosePart(Part):
     """The pose of the board in one view: its rotation about its centre, and its position in the frame of the camera.
 
-    For a stereo rig the origin is midway between the cameras; x points right, y down, z along the axis.
+    For a stereo rig, the origin is midway between the cameras; x points right, y down, z along the axis.
     """
 
     rotation: tuple[Angle, Angle, Angle] = Field(
@@ -56,9 +56,9 @@ class PosePart(Part):
 
 
 class TargetPart(Part):
-    """A simulated calibration: a board shown to the camera; the declared errors are its priors.
+    """A simulated calibration with a board shown to the camera; the declared errors are its priors.
 
-    Its views are either spread evenly over distances, field and tilts, or given by ``poses``.
+    The views are either spread evenly over distances, field and tilts, or given by ``poses``.
     """
 
     views: Annotated[int, Field(ge=3, le=MOST_VIEWS, strict=True)] | None = Field(
@@ -84,16 +84,16 @@ class TargetPart(Part):
     corner_noise: PositivePixels = Field(description="Standard deviation of one image coordinate of a corner.")
     rotation_known_to: PositiveAngle | None = Field(
         default=None,
-        description="Standard deviation of each rotation component where poses are known; left out: unknown.",
+        description="Standard deviation of each rotation component if rotations are known; default: unknown.",
     )
     position_known_to: PositiveLength | None = Field(
-        default=None, description="Standard deviation of each coordinate where poses are known; left out: unknown."
+        default=None, description="Standard deviation of each coordinate if positions are known; default: unknown."
     )
     max_steps: MostSteps = Field(default=20_000, description="Largest number of steps of each posterior sampler.")
 
     @property
     def half_field(self) -> float:
-        """Largest slope of the direction to the board's middle, where views are spread."""
+        """Largest slope of the direction to the board's centre, for views that are spread evenly."""
         return math.tan(self.half_field_angle or 0.0)
 
     @model_validator(mode="after")
@@ -106,20 +106,22 @@ class TargetPart(Part):
         given = [name for name in _DRAWN if getattr(self, name) is not None]
         if self.poses is not None:
             for name in given:
-                yield MistakeAt((name,), "poses gives every view; remove this (null removes an inherited one)")
+                yield MistakeAt((name,), "poses determines every view; remove this (null removes an inherited one)")
         elif missing := [name for name in _DRAWN if name not in given]:
-            yield MistakeAt((), f"needs {', '.join(missing)}, or poses instead of {', '.join(_DRAWN)}")
+            yield MistakeAt((), f"needs {', '.join(missing)} (or poses instead of {', '.join(_DRAWN)})")
 
     def _mistakes_of_tilt(self) -> Iterator[MistakeAt]:
         if self.position_known_to is not None:
             return
         least = pretty(LEAST_TILT, ANGLE)
         if self.tilt is not None and self.tilt < LEAST_TILT:
-            what = f"leaves the focal length open: {pretty(self.tilt, ANGLE)}; at least {least} is expected; {_REMEDY}"
+            what = (
+                f"{pretty(self.tilt, ANGLE)} cannot determine the focal length; at least {least} is expected; {_REMEDY}"
+            )
             yield MistakeAt(("tilt",), what)
         if self.poses is not None and (angle := _largest_angle(self.poses)) < LEAST_TILT:
             what = (
-                f"leave the focal length open: no two boards are tilted against each other by more than "
+                f"cannot determine the focal length: no two boards are tilted relative to each other by more than "
                 f"{pretty(angle, ANGLE)}; at least {least} is expected; {_REMEDY}"
             )
             yield MistakeAt(("poses",), what)

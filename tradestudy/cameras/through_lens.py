@@ -1,4 +1,4 @@
-"""The picture that one lens forms on one sensor, as matching sees it."""
+"""The picture that one lens forms on one sensor, as a matcher sees it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tradestudy.optics.thin_lens import blur_diameter, image_distance
 
 
 def picture_through_lens(distance: FloatArray, lens: Lens, sensor: Sensor, focus: FloatArray) -> PictureGeometry:
-    """The picture of objects at distances [m], NaN where there is none, by a lens focused at ``focus`` [m] for each.
+    """The picture of objects at distances [m] through a lens focused at ``focus`` [m] for each; NaN without one.
 
     The largest window is the whole sensor.
     """

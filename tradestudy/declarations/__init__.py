@@ -1,1 +1,1 @@
-"""Building blocks of study files: parts, quantities with units, and mistakes with their place."""
+"""Building blocks of study files: parts, quantities with units, and mistakes with their line and column."""

@@ -1,4 +1,4 @@
-"""The dimension of texts whose key does not determine it: swept values, ends of questions, criteria."""
+"""The dimension of values whose key does not determine it: swept values, ends of ranges, criteria."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tradestudy.units import (
     parse,
 )
 
-# A number without a unit is a plain number; only a per cent sign makes it a share.
+# A number without a unit is a plain number; only a percent sign makes it a fraction.
 _DIMENSIONS: tuple[Dimension, ...] = (
     LENGTH, ANGLE, PIXELS, FRACTION, NUMBER, ELECTRONS, TEMPERATURE_DIFFERENCE, PRESSURE, EXPANSION, DURATION,
     MASS, POWER, DATA, SOLID_ANGLE,
@@ -30,7 +30,7 @@ _DIMENSIONS: tuple[Dimension, ...] = (
 
 
 def common_dimension(*texts: str) -> Dimension | None:
-    """The dimension in which all texts can be read, or None."""
+    """The first dimension in which all texts are valid, or None."""
     plain = not any("%" in text for text in texts)
     for dimension in (one for one in _DIMENSIONS if not (plain and one is FRACTION)):
         try:

@@ -1,4 +1,4 @@
-"""Distances on a scale."""
+"""Ranges of distances, as studies declare them."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ MOST_DISTANCES = 100_000
 
 
 class DistanceRangePart(Part):
-    """Distances on a scale."""
+    """A range of distances with logarithmic or linear spacing."""
 
     start: ObjectDistance = Field(alias="from", description="Nearest distance.")
     stop: ObjectDistance = Field(alias="to", description="Farthest distance.")
     points: Annotated[int, Field(ge=2, le=MOST_DISTANCES, strict=True)] = Field(
-        description="How many distances, both ends included."
+        description="Number of distances, including both ends."
     )
     spacing: Literal["log", "linear"] = Field(
-        default="log", description="Equal ratios (log) or equal differences (linear)."
+        default="log", description="Spacing: equal ratios (log) or equal differences (linear)."
     )
 
     @model_validator(mode="after")
@@ -33,6 +33,6 @@ class DistanceRangePart(Part):
         return self
 
     def values(self) -> tuple[float, ...]:
-        """The distances [m]; the ends exactly as written."""
+        """The distances [m]; the ends are exactly as declared."""
         space = np.geomspace if self.spacing == "log" else np.linspace
         return tuple(float(value) for value in space(self.start, self.stop, self.points))

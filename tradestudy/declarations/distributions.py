@@ -58,22 +58,25 @@ class DistributionPart(Part, Generic[Signed, Positive]):
     spreads: ClassVar[tuple[str, ...]] = tuple(dict.fromkeys(key for keys in _NEEDS.values() for key in keys))
 
     shape: Shape | None = Field(default=None, description="Default: normal or uniform, depending on the spread given.")
-    mean: Signed | None = Field(default=None, description="Expectation of the error, or its median; default: 0.")
+    mean: Signed | None = Field(
+        default=None, description="Mean of the error (its median if there is no mean); default: 0."
+    )
     standard_deviation: Positive | None = Field(default=None, description="Standard deviation of a normal error.")
     half_width: Positive | None = Field(
         default=None, description="Half-width of a uniform, triangular, arcsine or curvilinear-trapezoid error."
     )
     inexactness: Positive | None = Field(
-        default=None, description="Half-width of the uncertainty of a curvilinear trapezoid's half-width."
+        default=None, description="How much the half-width of a curvilinear trapezoid may differ from half_width."
     )
     scale: Positive | None = Field(
-        default=None, description="Scale of student-t: s/√n for n measurements of deviation s."
+        default=None, description="Scale of a Student-t error: s/√n for n measurements with standard deviation s."
     )
     degrees_of_freedom: PositiveNumber | None = Field(
-        default=None, description="Degrees of freedom of student-t: n - 1."
+        default=None, description="Degrees of freedom of a Student-t error: n − 1."
     )
     file: Text | None = Field(
-        default=None, description="Draws of an empirical error: CSV in SI units; the first line names the columns."
+        default=None,
+        description="CSV file with draws of an empirical error in SI units; its first line names the columns.",
     )
     column: Text | None = Field(default=None, description="Column of file.")
 
@@ -94,9 +97,9 @@ class DistributionPart(Part, Generic[Signed, Positive]):
             if key not in needed
         ]
         if self.shape == "empirical" and self.mean is not None:
-            mistakes.append(MistakeAt(("mean",), "does not belong to shape empirical, whose draws have their own"))
+            mistakes.append(MistakeAt(("mean",), "does not belong to shape empirical, whose draws have their own mean"))
         if not mistakes and self._is_wider_than_its_half_width():
-            mistakes.append(MistakeAt(("inexactness",), "exceeds the half width; at most the half width is expected"))
+            mistakes.append(MistakeAt(("inexactness",), "exceeds half_width; at most half_width is expected"))
         if mistakes:
             raise MistakeAt.several(mistakes)
         return self
@@ -123,7 +126,7 @@ class DistributionPart(Part, Generic[Signed, Positive]):
 
 
 def lowest(part: DistributionPart[Any, Any]) -> float:
-    """The lowest relevant value: the end of a bounded distribution, or six deviations below a normal one's mean."""
+    """The lowest relevant value: the end of a bounded distribution, or six standard deviations below a normal mean."""
     spread = part.half_width if part.half_width is not None else _DEVIATIONS * (part.standard_deviation or 0.0)
     return float((part.mean or 0.0) - spread - (part.inexactness or 0.0))
 

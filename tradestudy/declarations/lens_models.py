@@ -19,7 +19,7 @@ from tradestudy.optics.lens_models.rational import Rational
 
 
 class LensModelPart(Part):
-    """A lens model; coefficients that are left out are zero."""
+    """A lens model; omitted coefficients are zero."""
 
     family: ClassVar[type[LensModel]]
     model: str
@@ -38,7 +38,7 @@ class LensModelPart(Part):
 
 
 class FittedLensModelPart(Part):
-    """A lens model for a fit; coefficients that are given but not fitted stay fixed."""
+    """A lens model to be fitted; coefficients that are given but not fitted stay fixed."""
 
     family: ClassVar[type[LensModel]]
     model: str
@@ -55,14 +55,14 @@ class FittedLensModelPart(Part):
         return self
 
     def lens_model(self) -> LensModel:
-        """Where the fit starts, in SI: as given, else as `STARTS` says, else zero."""
+        """The model in SI from which the fit starts: each coefficient as given, else from `STARTS`, else zero."""
         given = {name: getattr(self, name) for name in self.family.coefficient_names()}
         start = {name: value for name, value in given.items() if value is not None}
         return self.family(**{**STARTS.get(self.family.name, {}), **start})
 
 
 def _fitted_part_of(family: type[LensModel]) -> type[FittedLensModelPart]:
-    """Every coefficient in its dimension, and which of them are fitted."""
+    """The part that declares every coefficient in its dimension, and which of them are fitted."""
     names = family.coefficient_names()
     one_of: Any = Literal[names]
     usual = names if family is not Rational else ("k1", "k2", "p1", "p2", "k3")
@@ -88,7 +88,7 @@ def _fitted_part_of(family: type[LensModel]) -> type[FittedLensModelPart]:
 
 
 def _part_of(family: type[LensModel]) -> type[LensModelPart]:
-    """The part of a family, with every coefficient in its dimension; those that have no default must be given."""
+    """The part that declares every coefficient in its dimension; those without a default must be given."""
     fields: dict[str, Any] = {"model": (Literal[family.name], ...)}
     optional = family.optional_names()
     for name in family.coefficient_names():

@@ -18,12 +18,14 @@ FalseShare = Annotated[Share, Field(lt=1.0)]
 
 
 class MatcherPart(Part):
-    """What a real matcher adds to the bound of a derived disparity error; what is left out adds nothing."""
+    """Errors that a real matcher adds to the bound of a derived disparity error; omitted keys add nothing."""
 
-    factor: NoiseFactor | None = Field(default=None, description="Achieved noise over the bound, 1 or more.")
+    factor: NoiseFactor | None = Field(
+        default=None, description="Ratio of the matcher's noise to the bound, 1 or more."
+    )
     floor: NoiseFloor | None = Field(
         default=None,
-        description="Standard deviation of the noise that remains however much light there is; it adds in quadrature.",
+        description="Standard deviation of noise that more light does not reduce; it adds in quadrature.",
     )
     pixel_locking: LockingAmplitude | None = Field(
         default=None,
@@ -35,12 +37,12 @@ class MatcherPart(Part):
     )
 
     @model_validator(mode="after")
-    def _says_something(self) -> Self:
+    def _not_empty(self) -> Self:
         if not self.given():
             names = list(type(self).model_fields)
             raise MistakeAt((), f"give at least one of {', '.join(names[:-1])} and {names[-1]}")
         return self
 
     def given(self) -> dict[str, float]:
-        """The values that are given, in SI and pixels, by name."""
+        """The given values by name, in SI and pixels."""
         return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}

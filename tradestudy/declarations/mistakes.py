@@ -1,4 +1,4 @@
-"""Mistakes that only a validator of the schema can find, and their place in its part of the file."""
+"""Mistakes that only the validators of the schema can find, and the keys that they concern."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 from tradestudy.units import nearest
 
 
-class MistakeAt(ValueError):  # noqa: N818  a mistake in a file, pointed at; not an error of the program
-    """A validator found a mistake below the part that it validates.
+class MistakeAt(ValueError):  # noqa: N818  a mistake in a file, not an error of the program
+    """A mistake that a validator found in the part that it validates.
 
     Parameters
     ----------

@@ -11,13 +11,13 @@ from tradestudy.declarations.mistakes import MistakeAt
 
 
 class Part(BaseModel):
-    """A mapping in a study file: unknown keys are mistakes, values never change after reading."""
+    """A mapping in a study file: unknown keys are mistakes, and values never change after reading."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     @classmethod
     def mistakes_of_names(cls, tree: Mapping[str, Any]) -> list[MistakeAt]:  # noqa: ARG003 - for parts that refer to names
-        """Names that refer to nothing; found in the plain values, so that other mistakes do not hide them."""
+        """Find names that refer to nothing, in the unvalidated values, so that other mistakes do not hide them."""
         return []
 
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:

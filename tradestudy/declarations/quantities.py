@@ -21,7 +21,7 @@ _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 
 @dataclass(frozen=True, kw_only=True)
 class Known:
-    """The plausible sizes [SI] of a thing, from microscopes to spacecraft, with a margin on both sides."""
+    """The plausible sizes [SI] of something, from microscopes to spacecraft, with a margin on both sides."""
 
     name: str
     smallest: float
@@ -61,7 +61,7 @@ def quantity(
     def read(value: object) -> float:
         number = parse(value, dimension)
         if math.isinf(number) and not (infinite and number > 0.0):
-            raise UnitError(f"infinity is not possible here; {dimension.name} is expected, such as {dimension.example}")
+            raise UnitError(f"infinity is not allowed here; {dimension.name} is expected, such as {dimension.example}")
         if math.isfinite(number) and number != 0.0 and not _SMALLEST <= abs(number) <= _LARGEST:
             raise UnitError(f"'{value}' is out of range; a number from 1e-30 to 1e30 in SI units is expected")
         if not (above < number and at_least <= number <= at_most):
@@ -103,10 +103,10 @@ def _json_schema(dimension: Dimension, limits: str, *, infinite: bool) -> dict[s
 Length = Annotated[float, *quantity(units.LENGTH)]
 PositiveLength = Annotated[float, *quantity(units.LENGTH, above=0.0)]
 NonNegativeLength = Annotated[float, *quantity(units.LENGTH, at_least=0.0)]
-# A wavelength outside these limits is a wrong unit ("550 mm"), not light.
+# A wavelength outside these limits has a wrong unit ("550 mm").
 PositiveWavelength = Annotated[float, *quantity(units.WAVELENGTH, at_least=1e-8, at_most=1e-2)]
 
-# Wide enough that no existing camera is refused, and narrow enough to catch a wrong unit.
+# Wide enough for every existing camera, and narrow enough to catch a wrong unit.
 PixelPitch = Annotated[
     float,
     *quantity(units.LENGTH, above=0.0, known=Known(name="pixel pitch of a sensor", smallest=1e-8, largest=5e-3)),
@@ -189,7 +189,7 @@ Waves = Annotated[float, *quantity(units.WAVES)]
 
 Fraction = Annotated[float, *quantity(units.FRACTION)]
 PositiveFraction = Annotated[float, *quantity(units.FRACTION, above=0.0)]
-# A part of a whole: an overlap, a probability, a confidence.
+# A fraction of a whole: an overlap, a probability, a confidence.
 Share = Annotated[float, *quantity(units.FRACTION, at_least=0.0, at_most=1.0)]
 Number = Annotated[float, *quantity(units.NUMBER)]
 PositiveNumber = Annotated[float, *quantity(units.NUMBER, above=0.0)]

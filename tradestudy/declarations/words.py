@@ -16,7 +16,7 @@ Item = TypeVar("Item", bound=Hashable)
 def increasing(span: tuple[float, ...]) -> tuple[float, ...]:
     """Refuse a range that does not go from near to far."""
     if not span[0] < span[-1]:
-        raise MistakeAt((), "a range goes from near to far")
+        raise MistakeAt((), "a range must go from near to far")
     return span
 
 

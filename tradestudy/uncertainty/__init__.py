@@ -1,6 +1,6 @@
-"""Distributions, and their propagation through anything computed from them.
+"""Distributions of errors, and their propagation to anything computed from them.
 
-`propagate_through` takes any function and any of the distributions here; cameras and studies propagate their own errors
+`propagate_through` accepts any function and any of these distributions. Cameras and studies propagate their own errors
 by the same method.
 """
 
@@ -35,7 +35,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    # Importing one of the modules below does not load the others.
+    # Loading each module on first use keeps imports fast.
     if name in __all__:
         module = "any_function" if name in ("Spread", "propagate_through") else "distributions"
         return getattr(importlib.import_module(f"tradestudy.uncertainty.{module}"), name)

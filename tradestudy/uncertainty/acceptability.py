@@ -1,4 +1,4 @@
-"""Stochastic multicriteria acceptability: the ranks of alternatives over weights, and the weights that favour each."""
+"""Stochastic multicriteria acceptability: ranks of alternatives for all weights, and weights that favour each."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from tradestudy.uncertainty.value_scale import ValueScale
 from tradestudy.uncertainty.weights import WeightSpace
 
 _DRAWS, _SCRAMBLES = 2**11, 16
-_EQUAL: Final = 1e-12  # of the scale of values; smaller differences are ties
+_EQUAL: Final = 1e-12  # on the scale of values; smaller differences count as ties
 
 
 @dataclass(frozen=True, kw_only=True)
 class Acceptability:
-    """Ranks over all possible weights.
+    """Ranks of alternatives for all possible weights.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def acceptability(
     measured, errors
         x_ij and its standard error, shape (alternatives, criteria); errors are normal and independent.
     scales
-        v_j.
+        Value functions v_j.
     weights
         The possible weights, all equally likely.
     seed
@@ -63,7 +63,7 @@ def acceptability(
     Returns
     -------
     Acceptability
-        Standard errors come from independent scrambles of Sobol points and are at least one draw for a share. If
+        Standard errors come from independent scrambles of Sobol points; that of a share is at least one draw. If
         nothing is uncertain, the ranks are exact.
 
     References
@@ -79,7 +79,7 @@ def acceptability(
     exact = dimensions == 0
     found = rank.mean(axis=0)
     error = np.zeros(found.shape) if exact else np.maximum(_standard_error(rank), 1.0 / draws)
-    with np.errstate(invalid="ignore", divide="ignore"):  # no central weights for an alternative that is never first
+    with np.errstate(invalid="ignore", divide="ignore"):  # an alternative that is never first has no central weights
         central = sums.sum(axis=0) / first.sum(axis=0)[:, np.newaxis]
         residual = (sums - central * first[..., np.newaxis]) / first.mean(axis=0)[:, np.newaxis]
     central_error = np.zeros(central.shape) if exact else _standard_error(residual)
@@ -111,7 +111,7 @@ def _scrambles(
     dimensions: int,
     seed: int,
 ) -> Iterator[_Scramble]:
-    """For each scramble: shares of ranks, shares of first ranks, sums of weights with these, mean weight, draws."""
+    """For each scramble: shares of ranks, shares of first ranks, sums of the weights for these, mean weight, draws."""
     for replicate in range(_SCRAMBLES):
         stream = scrambled_sobol(dimensions, point_generator(seed=seed, point="trade-off", replicate=replicate))
         drawn, others = weights.draw(stream, _DRAWS)
@@ -122,7 +122,7 @@ def _scrambles(
         worth = np.stack([scale.value(values[:, j]) for j, scale in enumerate(scales)], axis=1)
         shares = rank_shares(np.einsum("ijk,jk->ki", worth, drawn))
         first = shares[0]
-        # Divided by the draws of a scramble, so that scrambles count equally despite a few extra draws.
+        # Dividing by the draws of each scramble makes scrambles count equally despite a few extra draws.
         sums = np.einsum("ki,jk->ij", first, drawn) / count
         yield (
             np.stack([one.mean(axis=0) for one in shares], axis=1),
@@ -134,7 +134,7 @@ def _scrambles(
 
 
 def rank_shares(worth: FloatArray) -> list[FloatArray]:
-    """For each rank, the share that every alternative has of it in every draw: 1 or 0, or a fraction in a tie.
+    """For each rank, the share of it that every alternative has in every draw: 1 or 0, or a fraction in a tie.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def rank_shares(worth: FloatArray) -> list[FloatArray]:
     order = np.argsort(-worth, axis=1, kind="stable")
     ordered = np.take_along_axis(worth, order, axis=1)
     count = worth.shape[1]
-    # Where a new worth begins; all alternatives up to the next such index are tied.
+    # Starts of groups of equal worth; alternatives within a group are tied.
     begins = np.ones(worth.shape, dtype=bool)
     begins[:, 1:] = ordered[:, :-1] - ordered[:, 1:] > _EQUAL
     place = np.arange(count)

@@ -1,4 +1,4 @@
-"""Uncertainty propagation through any function: declared distributions in, intervals of any coverage out."""
+"""Propagation of declared distributions through any function, to intervals of any coverage."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Spread:
     coverage
         Probabilities of the intervals.
     median, standard_deviation
-        In the unit of the output; a standard deviation that does not exist grows with the draws.
+        In the unit of the output. If the standard deviation does not exist, this value grows with the number of draws.
     low, high
         Ends of the central intervals, with equal probability outside on both sides; shape (coverages, …).
     error
@@ -63,7 +63,7 @@ class Spread:
 
     @property
     def half_width(self) -> FloatArray:
-        """Half of each interval, shape (coverages, …)."""
+        """Half the width of each interval, shape (coverages, …)."""
         return np.asarray(0.5 * (self.high - self.low))
 
 
@@ -79,13 +79,13 @@ def propagate_through(
 ) -> Spread:
     """Propagate distributions through a function by Monte Carlo (JCGM 101:2008) until the intervals have converged.
 
-    Draws are scrambled Sobol points in sixteen independent replicates, whose scatter gives the errors. They double
-    until every end of every interval is within the tolerance at 95 % confidence, or the draws are used up.
+    Draws are scrambled Sobol points in sixteen independent replicates, whose scatter gives the errors. Their number
+    doubles until every end of every interval is within the tolerance at 95 % confidence, or until ``most_draws``.
 
     Parameters
     ----------
     function
-        Takes each input by name as an array of shape (draws,) and returns an array (draws,) or (draws, …).
+        Takes each input by name, as an array of shape (draws,), and returns an array of shape (draws,) or (draws, …).
     inputs
         A distribution for each argument, such as ``Normal(mean=…, standard_deviation=…)``, ``Uniform(low=…, high=…)``.
     correlation
@@ -93,7 +93,7 @@ def propagate_through(
     coverage
         Probabilities of the central intervals, each between 0 and 1.
     tolerance
-        Allowed error of an end, relative to half the width of its interval.
+        Allowed error of an end, relative to the half-width of its interval.
     most_draws
         Largest number of evaluations.
     seed
@@ -205,7 +205,7 @@ def _model(function: Function, shape: tuple[int, ...]) -> Model:
         found = np.asarray(function(**given), dtype=np.float64)
         if found.shape != (draws, *shape):
             raise OutOfRangeError(
-                "the function returned an array of another shape than expected",
+                "the function returned an array of the wrong shape",
                 value=str(found.shape),
                 limit=str((draws, *shape)),
                 remedy="compute one value, or one array, for every draw",

@@ -16,7 +16,7 @@ from tradestudy.uncertainty.streams import Sampler
 
 @dataclass(frozen=True, kw_only=True)
 class Draws:
-    """How a comparison is sampled.
+    """The sampling of a comparison.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class Draws:
     point : str
         Identity of the study point.
     batch_draws : int
-        Draws per call of a model; never changes a result.
+        Draws per call of a model; does not affect results.
 
     Raises
     ------
@@ -52,13 +52,13 @@ class Draws:
                 "draws and replicates of a comparison",
                 value=f"{self.draws}, {self.replicates}",
                 limit="draws a power of two, replicates >= 2",
-                remedy="the error comes from the scatter of independent replicates",
+                remedy="use a power of two and several replicates, whose scatter gives the error",
             )
 
     def depths(self, model: Model, sources: Sources, alignment: ScoreAlignment, replicate: int) -> Replicate:
-        """Draw depths of one replicate from a model of inverse depth.
+        """Draw the depths of one replicate from a model of inverse depth.
 
-        The same replicate and alignment get the same random numbers whatever the model.
+        The same replicate and alignment give the same random numbers for every model.
         """
         drawn = Replicate(
             model,
@@ -93,20 +93,19 @@ def rank_probability(
 ) -> RankProbability:
     """Probability that |depth error| of one camera is smaller than that of the other.
 
-    With only the calibration classes of sources active, this is the probability over calibrations. A draw
-    without a result loses against one with a result, and an infinite depth against a finite one.
+    If only calibration errors are drawn, this is the probability over calibrations. A draw without a result loses
+    against one with a result, and an infinite depth against a finite one.
 
     Parameters
     ----------
     first, second : Model
         Models of inverse depth at the compared distances, outputs (draws, distances).
     sources : Sources
-        The sources of both cameras together; a shared source (such as temperature) appears once, and both models
-        read it.
+        The sources of both cameras together; a shared source, such as temperature, appears once.
     true_depth : array, shape (distances,)
         True depth [m].
     draws : Draws
-        How to sample.
+        The sampling.
 
     Raises
     ------

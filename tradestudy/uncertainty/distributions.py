@@ -38,7 +38,7 @@ def _require_finite(what: str, *values: float) -> None:
             f"{what} has a non-finite parameter",
             value=", ".join(f"{value:g}" for value in values),
             limit="finite numbers",
-            remedy="correct the study or leave the source out",
+            remedy="correct the study, or omit the source",
         )
 
 
@@ -65,7 +65,7 @@ class Normal:
     Parameters
     ----------
     mean : float
-        Expectation [unit of the error].
+        Mean [unit of the error].
     standard_deviation : float
         Standard deviation [unit of the error], >= 0; zero is the constant ``mean``.
 
@@ -98,7 +98,7 @@ class _Limited:
 
     @property
     def mean(self) -> float:
-        """Middle of the limits."""
+        """The middle between the limits."""
         return 0.5 * (self.low + self.high)
 
 
@@ -227,7 +227,7 @@ class StudentT:
 
 @dataclass(frozen=True, kw_only=True)
 class Arcsine(_Limited):
-    """Arcsine (U-shaped) distribution on [low, high]: a sinusoidal influence of unknown phase.
+    """Arcsine (U-shaped) distribution on [low, high], as of a sinusoidal influence with unknown phase.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ class Arcsine(_Limited):
 
 @dataclass(frozen=True, kw_only=True)
 class CurvilinearTrapezoid(_Limited):
-    """Rectangle whose limits are known only to ± ``inexactness`` while its middle is fixed (JCGM 101, 6.4.3).
+    """Rectangular distribution with limits known only to ± ``inexactness`` and a fixed middle (JCGM 101, 6.4.3).
 
     Parameters
     ----------
@@ -308,12 +308,12 @@ class CurvilinearTrapezoid(_Limited):
 
 
 def _log_ratio(outer: float, inner: float) -> float:
-    """ln(outer/inner), or 0 for inner = 0, where the result is only ever multiplied by zero."""
+    """ln(outer/inner), or 0 for inner = 0, where it is multiplied by zero."""
     return math.log(outer / inner) if inner > 0.0 else 0.0
 
 
 def _flank_depth(e: FloatArray) -> FloatArray:
-    """Solve s + (1 − s) ln(1 − s) = e on [0, 1] by Newton from above (convex: it descends)."""
+    """Solve s + (1 − s) ln(1 − s) = e on [0, 1] by Newton's method from above; the left side is convex."""
     tiny = np.finfo(float).tiny
     s = np.minimum(np.sqrt(2.0 * np.maximum(e, 0.0)), 1.0 - 1e-12)
     for _ in range(12):
@@ -324,7 +324,7 @@ def _flank_depth(e: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Empirical:
-    """Equally weighted draws: x_p is the ⌈np⌉-th smallest of n, a step function, nothing interpolated.
+    """Equally weighted draws: x_p is the ⌈np⌉-th smallest of n, without interpolation.
 
     Parameters
     ----------
@@ -347,7 +347,7 @@ class Empirical:
                 "empirical draws",
                 value=f"shape {draws.shape}, {int(np.sum(~np.isfinite(draws)))} of them not finite",
                 limit="one column of at least two finite values",
-                remedy="remove the non-finite rows, and say so in the study",
+                remedy="remove the rows that are not finite, and note this in the study",
             )
         draws.setflags(write=False)
         object.__setattr__(self, "draws", draws)
@@ -360,7 +360,7 @@ class Empirical:
 
     @property
     def standard_deviation(self) -> float:
-        """Standard deviation of the draws taken as the whole distribution (divisor n)."""
+        """Standard deviation of the draws as a complete distribution (divisor n)."""
         return float(np.std(self.draws))
 
     def quantile(self, probability: ArrayLike) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Running a model on draws: outcomes, failures by cause, and independent replicates."""
+"""Evaluation of a model on draws: outcomes, failures by cause, and independent replicates."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tradestudy.uncertainty.streams import Sampler, point_generator
 BoolArray = NDArray[np.bool_]
 
 CAUSES = ("nonfinite", "no_overlap", "out_of_range")
-"""Reasons for a draw without rank: not a number, a point the camera does not see, input outside a law's validity."""
+"""Reasons why a draw has no rank: not a number, a point that the camera does not see, or an input out of range."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,7 +26,7 @@ class Outcome:
     Parameters
     ----------
     values : array, shape (draws, outputs)
-        Results; +∞ is a result with a rank, NaN and −∞ are failures.
+        Results; +∞ has a rank, NaN and −∞ are failures.
     no_overlap, out_of_range : bool array, broadcast to ``values``
         Draws that have no result for this reason; their values are ignored.
     """
@@ -58,7 +58,7 @@ def depth_from_inverse(inverse_depth: FloatArray) -> FloatArray:
 
 
 def ranked(outcome: Outcome, *, inverse_depth: bool, draws: int) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Values (outputs, draws), NaN where a draw has no rank, and failures counted (causes, outputs)."""
+    """Values (outputs, draws), NaN where a draw has no rank, and numbers of failures (causes, outputs)."""
     values = np.asarray(outcome.values, float)
     if values.ndim != 2 or values.shape[0] != draws:
         raise OutOfRangeError(
@@ -86,10 +86,10 @@ def evaluate_nominal(model: Model, sources: Sources, *, inverse_depth: bool) -> 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScoreAlignment:
-    """A rotation of the standard normal scores that gives the first coordinates to what moves the outputs most.
+    """A rotation of the standard normal scores that assigns the first coordinates to what changes the outputs most.
 
     Quasi-random points are most even in their first coordinates. A rotation does not change the distribution of
-    independent normal scores, so it changes the error of a result but never its expectation (Imai and Tan 2006).
+    independent normal scores, so it affects the error of a result but not its expectation (Imai and Tan 2006).
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class ScoreAlignment:
 UNALIGNED = ScoreAlignment(reflectors=np.empty((0, 0)))
 """No rotation: coordinates in the order of the sources."""
 
-# More directions than this gain nothing; weaker ones than this are left to the remaining coordinates.
+# More directions bring no gain; the remaining coordinates take care of weaker ones.
 _MOST_DIRECTIONS = 4
 _WEAKEST_DIRECTION = 1e-3
 
@@ -124,14 +124,14 @@ def alignment_with(models: Sequence[Model], sources: Sources) -> ScoreAlignment:
     Parameters
     ----------
     models : sequence of Model
-        Models whose draws are compared or reported together; each is evaluated at ± 1 of each score.
+        Models whose draws are compared or reported together; each is evaluated at scores of ± 1.
     sources : Sources
         The uncertain sources.
 
     Returns
     -------
     ScoreAlignment
-        Outputs that are not finite at one of these points are ignored; if all are, nothing is rotated.
+        Outputs that are not finite at one of these points are ignored; if none remains, nothing is rotated.
     """
     size = sources.dimensions
     if size < 2:
@@ -151,11 +151,11 @@ def alignment_with(models: Sequence[Model], sources: Sources) -> ScoreAlignment:
 
 
 def _reflectors(columns: FloatArray) -> FloatArray:
-    """Householder normals whose product has these orthonormal columns, up to sign, as its first ones.
+    """Normals of Householder reflections whose product has these orthonormal columns, up to sign, as its first ones.
 
     The sign of a singular direction is arbitrary. The remainder of each column is oriented so that its largest
-    component is positive. Then its first component is never near −1, where the reflection would not exist, and the
-    product changes as little as the columns do from one design to the next.
+    component is positive. Its first component is then never near −1, where the reflection would not exist, and the
+    product changes from one design to the next no more than the columns do.
     """
     rest, normals = columns.copy(), np.zeros((columns.shape[1], columns.shape[0]))
     for k, normal in enumerate(normals):
@@ -181,7 +181,7 @@ class Replicate:
     seed, point, replicate
         Identity of the random stream (see :func:`tradestudy.uncertainty.streams.point_generator`).
     alignment : ScoreAlignment
-        The combinations of sources that get the best coordinates; replicates that are compared share it.
+        The combinations of sources that get the best coordinates; compared replicates share it.
     inverse_depth : bool
         Whether the model returns inverse depth; values are then stored as depth.
     """
@@ -207,17 +207,17 @@ class Replicate:
 
     @property
     def draws(self) -> int:
-        """Draws so far."""
+        """Number of draws so far."""
         return int(self.values.shape[1])
 
     def lengthen(self, draws: int, batch_draws: int) -> None:
-        """Evaluate up to this number of draws; the batch size affects memory and speed, but never the results."""
+        """Evaluate up to this number of draws; the batch size affects memory and speed, but not results."""
         from scipy.special import ndtri  # imported here, so that checking a study does not load it
 
         blocks, counts = [self.values] if self.draws else [], [self.failures] if self.draws else []
         done = self.draws
         while done < draws:
-            # Batches end on multiples of their size, so that a Sobol sequence always delivers whole blocks.
+            # Batches end at multiples of their size, so that a Sobol sequence always delivers whole blocks.
             size = min(batch_draws, draws - done)
             parameters = self._sources.draw(self._alignment.apply(ndtri(self._uniform(size))))
             block, failed = ranked(self._model(parameters), inverse_depth=self._inverse_depth, draws=size)

@@ -1,9 +1,9 @@
 """Parameters drawn together: joint normal, Gaussian copula, and the draws of a posterior.
 
-One rule decides what counts as singular. Of the eigenvalues of the correlation matrix of k parameters, those between
-−k·1e-9 (the rounding of a file with nine digits) and k·2.2e-14 are exact dependences: they are set to zero and take no
-random coordinate, so correlations of ±1 are exact. More negative ones belong to no distribution and are refused. Every
-larger positive eigenvalue is kept, however small: a weak direction can be the one that moves depth.
+One rule decides what is singular. Eigenvalues of the correlation matrix of k parameters between −k·1e-9 (the rounding
+of a file with nine digits) and k·2.2e-14 mean exact dependence: they are set to zero and take no random coordinate, so
+that correlations of ±1 are exact. More negative ones, which no distribution has, are refused. All larger positive ones
+are kept, because a direction with little variance can be the one that changes depth.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _HERMITE_NODES = 64
 
 
 def _square(what: str, matrix: FloatArray, size: int) -> FloatArray:
-    """Return a symmetric finite copy, or refuse."""
+    """Return a copy, after checking that the matrix is finite and symmetric."""
     copy = np.array(matrix, float)
     if copy.shape != (size, size) or not np.all(np.isfinite(copy)):
         raise OutOfRangeError(
@@ -60,13 +60,13 @@ def correlation_factor(correlation: FloatArray) -> FloatArray:
     Returns
     -------
     array, shape (k, rank)
-        Columns in order of decreasing variance: the first coordinates of a quasi-random sequence are its best.
+        Columns in order of decreasing variance, since the first coordinates of a quasi-random sequence are its best.
         Eigenvalues that are zero up to rounding (see the rule of this module) have no column.
 
     Raises
     ------
     OutOfRangeError
-        An eigenvalue is negative beyond rounding: no distribution has these correlations.
+        An eigenvalue is more negative than rounding explains: no distribution has these correlations.
     """
     size = correlation.shape[0]
     values, vectors = np.linalg.eigh(correlation)
@@ -74,13 +74,13 @@ def correlation_factor(correlation: FloatArray) -> FloatArray:
     if smallest < -size * _ROUNDING_OF_FILES:
         direction = ", ".join(f"{component:+.3f}" for component in vectors[:, 0])
         raise OutOfRangeError(
-            "the correlation matrix is not positive definite",
+            "the correlation matrix is not positive semidefinite",
             value=f"smallest eigenvalue {smallest:.3e} along ({direction})",
             limit=f">= {-size * _ROUNDING_OF_FILES:.1e}, the rounding of a file with nine digits",
-            remedy="give more digits, leave out a parameter that the others determine, or provide joint draws",
+            remedy="give more digits, omit a parameter that the others determine, or provide joint draws",
         )
     kept = values > size * _ROUNDING_OF_EIGENVALUES
-    # The sign of an eigenvector is arbitrary; fixing it keeps draws the same with every linear algebra library.
+    # The sign of an eigenvector is arbitrary; fixing it gives the same draws with every linear algebra library.
     largest = np.argmax(np.abs(vectors), axis=0)
     vectors = vectors * np.sign(vectors[largest, np.arange(size)])
     factor = vectors[:, kept] * np.sqrt(values[kept])
@@ -89,7 +89,7 @@ def correlation_factor(correlation: FloatArray) -> FloatArray:
 
 
 def _correlation_of(covariance: FloatArray) -> FloatArray:
-    """Correlation from a covariance; a constant is uncorrelated with everything."""
+    """Correlation matrix of a covariance; a constant is uncorrelated with everything."""
     spread = np.sqrt(np.diag(covariance))
     safe = np.where(spread > 0.0, spread, 1.0)
     correlation = np.asarray(covariance / np.outer(safe, safe))
@@ -109,7 +109,7 @@ def _require_names(names: tuple[str, ...], size: int) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Joint:
-    """Common part of jointly drawn parameters: their names, and how often they are redrawn."""
+    """What all jointly drawn parameters have: names, and how often they are redrawn."""
 
     name: str
     parameters: tuple[str, ...]
@@ -121,14 +121,14 @@ class _Joint:
         return tuple((one.shape, one.tobytes()) if isinstance(one, np.ndarray) else one for one in values)
 
     def __eq__(self, other: object) -> bool:
-        """Whether both contain equal numbers of one kind, so that equal cameras of two designs are recognised."""
+        """Whether both are of one kind with equal numbers, so that equal cameras of two designs are recognised."""
         return isinstance(other, type(self)) and self._content == other._content
 
     def __hash__(self) -> int:
         return hash(self._content)
 
     def under(self, prefix: str) -> Self:
-        """Return the same group with a prefix to its name and to the names of its parameters."""
+        """Return the same group, with a prefix before its name and the names of its parameters."""
         return replace(self, name=prefix + self.name, parameters=tuple(prefix + name for name in self.parameters))
 
 
@@ -143,17 +143,17 @@ class JointNormal(_Joint):
     parameters : tuple of str, length k
         Names of the parameters.
     mean : array, shape (k,)
-        Expectations [unit of each].
+        Means, each in the unit of its parameter.
     covariance : array, shape (k, k)
-        Covariance [product of the units]. A zero on the diagonal is a constant.
+        Covariance [product of the units]. A zero on the diagonal means a constant.
     error_class : ErrorClass
         How often the group is redrawn.
 
     Raises
     ------
     OutOfRangeError
-        Shapes do not match, a value is not finite, a variance is negative, or the matrix is not symmetric or
-        not positive definite beyond rounding (see the rule of this module).
+        Shapes do not match, a value is not finite, a variance is negative, or the matrix is not symmetric or not
+        positive semidefinite within rounding (see the rule of this module).
     """
 
     mean: FloatArray
@@ -271,7 +271,7 @@ class GaussianCopula(_Joint):
 
     @cached_property
     def covariance(self) -> FloatArray | None:
-        """Covariance of the parameters by Mehler's expansion in Hermite polynomials; None if one has no variance.
+        """Covariance of the parameters by Mehler's expansion in Hermite polynomials; None if a variance does not exist.
 
         The diagonal is exact, and the matrix is positive semidefinite. Off-diagonal entries are exact for normal and
         uniform marginals, and accurate to about 1e-4 of the two standard deviations for others.
@@ -284,7 +284,7 @@ class GaussianCopula(_Joint):
         spread = np.array(deviations, float)
         tied = np.einsum("ik,jk,ijk->ij", coefficients, coefficients, powers)
         found = np.asarray(tied * np.outer(spread, spread))
-        found.setflags(write=False)  # it is kept
+        found.setflags(write=False)  # the cached property shares it
         return found
 
     def draw(self, scores: FloatArray) -> FloatArray:
@@ -299,14 +299,14 @@ class GaussianCopula(_Joint):
 
 @cache
 def _hermite_rule() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Nodes and weights of a Gauss–Hermite rule, and the orthonormal polynomials there (nodes, orders)."""
+    """Nodes and weights of a Gauss–Hermite rule, and the orthonormal polynomials at the nodes (nodes, orders)."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(_HERMITE_NODES)
     norm = np.sqrt([float(factorial(order)) for order in range(_HERMITE_NODES)])
     return nodes, weights, np.polynomial.hermite_e.hermevander(nodes, _HERMITE_NODES - 1) / norm
 
 
 def _hermite_coefficients(marginal: Distribution) -> FloatArray:
-    """Coefficients of Q(Φ(z)) in the orthonormal Hermite polynomials from the first on, scaled to unit length."""
+    """Coefficients of Q(Φ(z)) in orthonormal Hermite polynomials from the first degree on, scaled to unit length."""
     nodes, weights, polynomials = _hermite_rule()
     coefficients = (weights * at_scores(marginal, nodes) @ polynomials)[1:]
     length = float(np.linalg.norm(coefficients))
@@ -315,10 +315,10 @@ def _hermite_coefficients(marginal: Distribution) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointDraws(_Joint):
-    """Equally weighted joint draws, as a posterior sampler returns them; one draw is one whole row.
+    """Equally weighted joint draws, as from a posterior sampler; one draw is one whole row.
 
     Rows are sorted into groups along one direction and, within each group, along a second, so that even a short
-    quasi-random sequence covers both directions evenly; n draws from n rows take each row once.
+    quasi-random sequence covers both directions evenly. From n rows, n draws take each row once.
 
     Parameters
     ----------
@@ -327,12 +327,12 @@ class JointDraws(_Joint):
     parameters : tuple of str, length k
         Names of the parameters.
     draws : array, shape (n, k)
-        Finite joint draws [unit of each], n >= 2.
+        Finite joint draws, each in the unit of its parameter; n >= 2.
     error_class : ErrorClass
         How often the group is redrawn.
     along : array, shape (2, k), optional
-        Responses of two outputs to each parameter, along which rows are ordered; by default their first two principal
-        components.
+        Responses of two outputs to each parameter, along which rows are ordered; default: the first two principal
+        components of the rows.
 
     Raises
     ------
@@ -352,7 +352,7 @@ class JointDraws(_Joint):
                 "joint draws",
                 value=f"shape {draws.shape}, {bad} rows not finite",
                 limit="at least two rows of finite values, one column per parameter",
-                remedy="remove the non-finite rows, and say so in the study",
+                remedy="remove the rows that are not finite, and note this in the study",
             )
         _require_names(self.parameters, draws.shape[1])
         first, second = _along_principal(draws) if self.along is None else (draws @ self.along.T).T
@@ -375,7 +375,7 @@ class JointDraws(_Joint):
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance of the draws as the whole distribution (divisor n)."""
+        """Covariance of the draws as a complete distribution (divisor n)."""
         return np.atleast_2d(np.cov(self.draws, rowvar=False, bias=True))
 
     @property

@@ -1,4 +1,4 @@
-"""Linear propagation: of the output itself, or of inverse depth with its quantiles mapped to depth."""
+"""Linear propagation of the output itself, or of inverse depth with its quantiles mapped to depth."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from tradestudy.uncertainty.evaluation import Model, depth_from_inverse, ranked
 from tradestudy.uncertainty.outputs import COVERAGE, Propagated
 from tradestudy.uncertainty.sources import Sources
 
-# Central differences over so many standard deviations: far above the rounding of the model, with a truncation error
-# of a millionth of the third-order term.
+# Step of central differences in standard deviations: far above the rounding of the model, with a truncation error of a
+# millionth of the third-order term.
 _STEP = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Linear:
-    """First-order estimate of each output; last axis: outputs.
+    """First-order estimate of each output; outputs are the last axis.
 
     ``estimate`` and ``standard_uncertainty`` are in the unit of the output (depth for an inverse-depth
     model); NaN where the model fails at a point of the difference quotient. ``sensitivity`` has shape
@@ -44,8 +44,8 @@ class Linear:
     def mapped_quantiles(self, probabilities: ArrayLike) -> FloatArray:
         """Quantiles of depth from the linear model of inverse depth, shape (probabilities, outputs).
 
-        Z_p = 1/(w₀ + Φ⁻¹(1 − p) u(w)): right where inverse depth is nearly linear in its sources and nearly
-        normal, as for stereo disparity; +∞ where the line has passed infinity.
+        Z_p = 1/(w₀ + Φ⁻¹(1 − p) u(w)). This is accurate where inverse depth is nearly linear in its sources and nearly
+        normal, as for stereo disparity; +∞ where inverse depth is zero or negative.
 
         Raises
         ------
@@ -69,7 +69,7 @@ def _covariance(sources: Sources) -> FloatArray:
         missing = [group.name for group in sources.active_groups if group.covariance is None]
         raise OutOfRangeError(
             "linear propagation needs standard deviations",
-            value=f"{', '.join(missing)} has none",
+            value=f"none for {', '.join(missing)}",
             limit="sources with a finite variance",
             remedy="use Monte Carlo, whose quantiles exist",
         )
@@ -93,7 +93,7 @@ def linear(model: Model, sources: Sources, *, inverse_depth: bool) -> Linear:
     sources : Sources
         The uncertain sources; their full covariance V is used.
     inverse_depth : bool
-        Whether the model returns inverse depth; the result is then for depth, u(Z) = Z² u(w).
+        Whether the model returns inverse depth; the result is then that of depth, u(Z) = Z² u(w).
 
     Raises
     ------
@@ -115,7 +115,7 @@ def linear(model: Model, sources: Sources, *, inverse_depth: bool) -> Linear:
     sensitivity = np.zeros((deviation.size, values.shape[1]))
     sensitivity[uncertain] = (above - below) / (2.0 * _STEP * deviation[uncertain, None])
     variance = np.einsum("ko,kl,lo->o", sensitivity, covariance, sensitivity)
-    # With a correlation of ±1 rounding can make the variance slightly negative.
+    # With a correlation of ±1, rounding can make the variance slightly negative.
     estimate, uncertainty = values[0], np.sqrt(np.maximum(variance, 0.0))
     if not inverse_depth:
         return Linear(
@@ -141,9 +141,9 @@ def linear(model: Model, sources: Sources, *, inverse_depth: bool) -> Linear:
 class Validity:
     """Whether a linear 95 % interval may be used, by comparison with Monte Carlo (JCGM 101:2008, clause 8).
 
-    ``verdict`` is, per output, ``valid``, ``invalid``, or ``undecided`` if the Monte Carlo error exceeds a fifth of
-    the tolerance, so that a verdict would be a guess. ``low_difference`` and ``high_difference`` are
-    |linear − Monte Carlo| of the interval ends, which are compared with ``tolerance``.
+    For each output, ``verdict`` is ``valid``, ``invalid``, or ``undecided`` if the Monte Carlo error exceeds a fifth of
+    the tolerance. ``low_difference`` and ``high_difference`` are |linear − Monte Carlo| at the ends of the interval, to
+    be compared with ``tolerance``.
     """
 
     verdict: NDArray[np.str_]
@@ -158,14 +158,14 @@ def numerical_tolerance(standard_uncertainty: ArrayLike, significant_digits: int
     Parameters
     ----------
     standard_uncertainty : array, any shape
-        u [unit of the output]; zero and NaN have no digits, and give zero and NaN.
+        u [unit of the output]; zero and NaN have no digits and give zero and NaN.
     significant_digits : int
         Digits of c, usually 1 or 2.
     """
     u = np.asarray(standard_uncertainty, float)
     positive = np.where(u > 0.0, u, 1.0)
     exponent = np.floor(np.log10(positive)) - (significant_digits - 1)
-    # 0.0999 written with two digits is 0.10: rounding can carry into the next power of ten.
+    # Rounding can carry into the next power of ten: with two digits, 0.0999 is 0.10.
     carried = np.round(positive / 10.0**exponent) >= 10.0**significant_digits
     tolerance = 0.5 * 10.0 ** (exponent + carried)
     return np.where(u > 0.0, tolerance, np.where(np.isnan(u), np.nan, 0.0))
@@ -183,7 +183,7 @@ def validity(
     Parameters
     ----------
     interval : array, shape (2, outputs)
-        Ends of the linear interval, or of the one mapped from inverse depth.
+        Ends of the linear interval, or of the interval mapped from inverse depth.
     propagated : Propagated
         Monte Carlo result for the same outputs.
     standard_uncertainty : array, shape (outputs,)

@@ -1,4 +1,4 @@
-"""Monte Carlo propagation with scrambled Sobol points, which stops once the quantiles have converged."""
+"""Monte Carlo propagation with scrambled Sobol points, until the quantiles have converged."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from tradestudy.uncertainty.sources import Sources
 from tradestudy.uncertainty.streams import Sampler, scrambled_sobol
 
 FEWEST_REPLICATES = 8
-"""With fewer independent scrambles the standard error would not be trustworthy."""
+"""With fewer independent scrambles, the standard error would be unreliable."""
 
-# The bias of a sample quantile of n draws is at most about 2.6/√n of its standard error (independent draws, the 97.5 %
-# point of a normal; far less for Sobol points). In the mean of R of them the bias stays below two thirds of the mean's
-# own standard error while R <= n/16.
+# The bias of a sample quantile of n draws is at most about 2.6/√n of its standard error (for the 97.5 % quantile of a
+# normal distribution from independent draws; far less with Sobol points). In the mean of R such quantiles, the bias is
+# below two thirds of the standard error of the mean if R <= n/16.
 _DRAWS_PER_REPLICATE_NUMBER = 16
 
 # Bytes per stored number: the number itself, its copy while a replicate is extended, and the sorted copies.
@@ -37,14 +37,14 @@ _BYTES_PER_DRAW = 4 * 8
 
 @dataclass(frozen=True, kw_only=True)
 class Sampling:
-    """How many draws, and when to stop.
+    """The number of draws, and the criteria for stopping.
 
     Parameters
     ----------
     absolute_tolerance : float or array, shape (outputs,)
         Allowed error of each quantile [unit of the output].
     relative_tolerance : float
-        Allowed error relative to the quantile's magnitude, added to the absolute one.
+        Allowed error relative to the magnitude of the quantile, added to the absolute one.
     budget_draws : int
         Largest number of draws over all replicates. If both tolerances are zero, the whole budget is used.
     replicates : int
@@ -52,11 +52,11 @@ class Sampling:
     first_draws : int
         Draws per replicate before the first convergence check, a power of two >= 64.
     batch_draws : int
-        Draws per call of the model, a power of two; affects memory and speed, but never a result. The arrays of one
-        such call come on top of ``memory_bytes``.
+        Draws per call of the model, a power of two; affects memory and speed, but not results. The arrays of one call
+        come on top of ``memory_bytes``.
     memory_bytes : int
-        Limit on the memory for stored draws. Replicates are not extended beyond it; instead more replicates of the same
-        length are added, whose quantiles remain exact, until their bias could matter (status ``memory``).
+        Limit on the memory for stored draws. Replicates are not extended beyond it. Instead, more replicates of the
+        same length are added, whose quantiles remain exact, until their bias could matter (status ``memory``).
     sampler : Sampler
         :func:`~tradestudy.uncertainty.streams.scrambled_sobol`, or
         :func:`~tradestudy.uncertainty.streams.plain_random` for comparison.
@@ -64,7 +64,7 @@ class Sampling:
     Raises
     ------
     OutOfRangeError
-        A number is outside its range, or is not a power of two where it must be.
+        A number is outside its range, or is not a power of two where one is needed.
     """
 
     absolute_tolerance: ArrayLike
@@ -86,14 +86,14 @@ class Sampling:
                     f"{name} of a Sobol sequence",
                     value=str(number),
                     limit=f"a power of two >= {least}",
-                    remedy="Sobol points are balanced only in blocks of powers of two",
+                    remedy="use a power of two, for which Sobol points are balanced",
                 )
         if self.replicates < FEWEST_REPLICATES:
             raise OutOfRangeError(
                 "replicates",
                 value=str(self.replicates),
                 limit=f">= {FEWEST_REPLICATES}",
-                remedy="the standard error comes from the scatter of independent scrambles",
+                remedy="use more replicates, whose scatter gives the standard error",
             )
         if self.budget_draws < self.replicates * self.first_draws:
             raise OutOfRangeError(
@@ -108,7 +108,7 @@ class Sampling:
                 "tolerances of the quantiles",
                 value=f"absolute {tolerances}, relative {self.relative_tolerance}",
                 limit=">= 0",
-                remedy="give the allowed error of the result",
+                remedy="give the largest allowed error of the result",
             )
 
 
@@ -126,7 +126,7 @@ def _longest(sampling: Sampling, outputs: int) -> int:
 
 
 def _converged(running: RunningStatistics, sampling: Sampling) -> NDArray[np.bool_]:
-    """Per output: t_0.975 times the standard error of every quantile is below the tolerance."""
+    """Whether, for each output, t_0.975 times the standard error of every quantile is below the tolerance."""
     quantiles = running["quantiles"]
     error = float(stdtrit(quantiles.count - 1, 0.975)) * quantiles.standard_error
     # An infinite quantile has no relative error: it has converged once all replicates agree on it.
@@ -136,7 +136,7 @@ def _converged(running: RunningStatistics, sampling: Sampling) -> NDArray[np.boo
 
 
 def _status(running: RunningStatistics, failed: NDArray[np.int64], draws: int, sampling: Sampling) -> NDArray[np.str_]:
-    """Per output: converged, budget (so far), or unranked."""
+    """Status of each output: converged, budget (so far), or unranked."""
     settled = np.where(_converged(running, sampling), "converged", "budget")
     return np.where(np.sum(failed, axis=0) == draws, "unranked", settled)
 
@@ -173,7 +173,7 @@ def _add(progress: _Progress, looks: Iterable[Look], sampling: Sampling) -> None
 
 
 def _run(begin: Begin, sampling: Sampling, *, outputs: int, depth: bool) -> _Progress:
-    """Extend the replicates while memory allows, then add more, until converged or out of budget."""
+    """Extend the replicates while memory allows, then add more, until convergence or the end of the budget."""
 
     def look(replicate: Replicate, length: int) -> Look:
         replicate.lengthen(length, sampling.batch_draws)
@@ -226,7 +226,7 @@ def propagate(
     Parameters
     ----------
     model : Model
-        Vectorised: parameters (draws, 1) to an outcome (draws, outputs).
+        Vectorised model: from parameters (draws, 1) to an outcome (draws, outputs).
     sources : Sources
         The uncertain sources.
     sampling : Sampling
@@ -242,7 +242,7 @@ def propagate(
     Returns
     -------
     Propagated
-        Quantiles, intervals, moments where they exist, errors, failures by cause.
+        Quantiles, intervals, moments where they exist, errors, and failures by cause.
 
     Raises
     ------
@@ -253,10 +253,11 @@ def propagate(
 
     Notes
     -----
-    The estimate of a quantile is the mean of the replicates' sample quantiles, each exact: no draw is binned. Its bias
-    stays below its standard error because there are never more replicates than a sixteenth of their length. The first
-    coordinates of the points are aligned with the directions that move the outputs most (:func:`alignment_with`), at
-    the cost of two evaluations per dimension. Results do not depend on ``batch_draws``, bit for bit.
+    The estimate of a quantile is the mean of the replicates' sample quantiles, which are exact, without binning. Its
+    bias stays below its standard error, because the number of replicates never exceeds a sixteenth of their length. The
+    first coordinates of the points are aligned with the directions that change the outputs most
+    (:func:`alignment_with`), at the cost of two evaluations per dimension. Results are bit-identical for any
+    ``batch_draws``.
     """
     start = time.perf_counter()
     nominal = evaluate_nominal(model, sources, inverse_depth=inverse_depth)

@@ -18,19 +18,18 @@ PROBABILITIES = (0.025, float(ndtr(-1.0)), 0.5, float(ndtr(1.0)), 0.975)
 """Quantiles that are always computed: the ends of the central 95 % and 68.27 % intervals, and the median."""
 
 COVERAGE = 0.95
-"""Probability content of the shortest interval."""
+"""Coverage of the shortest interval."""
 
-_LEFT_OUT_BELOW = np.linspace(0.0, 1.0 - COVERAGE, 401)
+_OMITTED_BELOW = np.linspace(0.0, 1.0 - COVERAGE, 401)
 
 POLE_MARGIN = 6.0
-"""Mean and standard deviation of a depth are stated only if infinity is at least this many normal standard deviations
-of inverse depth away (probability below 1e-9); if it were nearer, they would depend on how many draws happened to be
-taken."""
+"""Mean and standard deviation of depth are stated only if infinity is at least this many standard deviations of inverse
+depth away (probability below 1e-9 for a normal one); otherwise, they would depend on the number of draws."""
 
 TAIL_SHAPE_LIMIT = 0.5
-"""Shape of the generalised Pareto tail at and above which the variance does not exist."""
+"""Shape of the generalised Pareto tail from which on the variance does not exist."""
 
-_MAGNITUDES = (1e-140, 1e140)  # whose squares, summed over any number of draws, a double can represent
+_MAGNITUDES = (1e-140, 1e140)  # a double can represent their squares, summed over any number of draws
 
 _TAIL_PROBABILITY = 0.01
 _FEWEST_FOR_TAIL = 50
@@ -38,7 +37,7 @@ _FEWEST_FOR_TAIL = 50
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReplicateStatistics:
-    """Statistics of one replicate, conditional on a draw having a rank; last axis: outputs."""
+    """Statistics of one replicate over the draws that have a rank; outputs are the last axis."""
 
     quantiles: FloatArray
     half_width: FloatArray
@@ -55,9 +54,9 @@ class ReplicateStatistics:
 
 
 def shortest_interval(ascending: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Shortest interval with this share of sorted rows (JCGM 101, 7.7): ends (2, rows) and width (rows,).
+    """Shortest interval with `COVERAGE` of each sorted row (JCGM 101, 7.7): ends (2, rows) and width (rows,).
 
-    If more than the omitted share is +∞, no interval is bounded: the ends are (NaN, +∞), the width +∞.
+    If more than the omitted share is +∞, no interval is bounded: the ends are (NaN, +∞), and the width is +∞.
     """
     n = ascending.shape[-1]
     steps = min(int(COVERAGE * n + 0.5), n - 1)
@@ -87,14 +86,14 @@ def _upper_tail_shape(ascending: FloatArray) -> FloatArray:
     weight = 1.0 - (np.arange(1, tail + 1) - 0.35) / tail
     a0, a1 = np.mean(excess, axis=-1), np.mean(excess * weight, axis=-1)
     denominator = a0 - 2.0 * a1
-    # A tail without spread has no excess at all: the shape of a bounded tail.
+    # A tail without spread has no excess: it has the shape of a bounded tail.
     shape = np.full(a0.shape, -np.inf)
     np.divide(a0, denominator, out=shape, where=denominator > 0.0)
     return np.where(np.isfinite(shape), 2.0 - shape, -1.0)
 
 
 def _tail_shape(ascending: FloatArray, has_infinite: BoolArray) -> FloatArray:
-    """Shape of the heavier tail; +∞ with an infinite draw, or with too few draws to estimate it."""
+    """Shape of the heavier tail; +∞ if a draw is infinite, or if there are too few draws to estimate it."""
     if ascending.shape[-1] < _FEWEST_FOR_TAIL:
         return np.full(ascending.shape[0], np.inf)
     finite = np.where(has_infinite[:, None], 0.0, ascending)
@@ -103,8 +102,8 @@ def _tail_shape(ascending: FloatArray, has_infinite: BoolArray) -> FloatArray:
 
 
 def _pole_margin(median: FloatArray, far: FloatArray) -> FloatArray:
-    """Normal standard deviations from inverse depth to zero, by its median and its 1 % quantile."""
-    w, w_far = 1.0 / median, 1.0 / far  # infinite depths become zeros, as they should
+    """Distance from inverse depth to zero in standard deviations, from its median and 1 % quantile, taken as normal."""
+    w, w_far = 1.0 / median, 1.0 / far  # an infinite depth gives zero
     spread = (w - w_far) / -float(ndtri(_TAIL_PROBABILITY))
     margin = np.where(w > 0.0, np.inf, 0.0)
     np.divide(w, spread, out=margin, where=spread > 0.0)
@@ -126,14 +125,14 @@ def _require_squares(ascending: FloatArray) -> None:
 
 
 def _of_ranked(ascending: FloatArray, *, depth: bool) -> tuple[FloatArray, ...]:
-    """Statistics of sorted rows without NaN, in the order of the fields down to the infinite fraction."""
+    """Statistics of sorted rows without NaN, in the order of the fields of `ReplicateStatistics`."""
     infinite = np.isinf(ascending)
     has_infinite = infinite[:, -1]
     _require_squares(ascending)
     finite = np.where(has_infinite[:, None], 0.0, ascending) if np.any(has_infinite) else ascending
     quantiles = order_quantile(ascending, PROBABILITIES)
-    low_ends = order_quantile(ascending, _LEFT_OUT_BELOW)
-    high_ends = order_quantile(ascending, _LEFT_OUT_BELOW + COVERAGE)
+    low_ends = order_quantile(ascending, _OMITTED_BELOW)
+    high_ends = order_quantile(ascending, _OMITTED_BELOW + COVERAGE)
     freedom = 1 if ascending.shape[-1] > 1 else 0
     margin = (
         _pole_margin(quantiles[2], order_quantile(ascending, 1.0 - _TAIL_PROBABILITY))
@@ -161,11 +160,11 @@ def replicate_statistics(values: FloatArray, failures: NDArray[np.int64], *, dep
     Parameters
     ----------
     values : array, shape (outputs, draws)
-        Draws; NaN has no rank, +∞ has the last.
+        Draws; NaN has no rank, +∞ has the last one.
     failures : int array, shape (causes, outputs)
         Draws without a rank, by cause.
     depth : bool
-        Whether the outputs are depths, for which the margin to the pole at infinity is judged.
+        Whether the outputs are depths, for which the distance to the pole at infinity is checked.
 
     Returns
     -------
@@ -184,9 +183,9 @@ def replicate_statistics(values: FloatArray, failures: NDArray[np.int64], *, dep
         "quantiles": np.full((len(PROBABILITIES), outputs), np.nan),
         "half_width": np.full(outputs, np.nan),
         "shortest": np.full((2, outputs), np.nan),
-        "low_ends": np.full((_LEFT_OUT_BELOW.size, outputs), np.nan),
-        "high_ends": np.full((_LEFT_OUT_BELOW.size, outputs), np.nan),
-        "widths": np.full((_LEFT_OUT_BELOW.size, outputs), np.nan),
+        "low_ends": np.full((_OMITTED_BELOW.size, outputs), np.nan),
+        "high_ends": np.full((_OMITTED_BELOW.size, outputs), np.nan),
+        "widths": np.full((_OMITTED_BELOW.size, outputs), np.nan),
         "mean": np.full(outputs, np.nan),
         "standard_deviation": np.full(outputs, np.nan),
         "tail_shape": np.full(outputs, np.nan),
@@ -202,7 +201,7 @@ def replicate_statistics(values: FloatArray, failures: NDArray[np.int64], *, dep
 
 
 class RunningMean:
-    """Mean and standard error over replicates in constant memory, added in a fixed order (Welford)."""
+    """Mean and standard error over replicates in constant memory, updated in a fixed order (Welford)."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -226,7 +225,7 @@ class RunningMean:
 
     @property
     def standard_error(self) -> FloatArray:
-        """Standard error of the mean; 0 where all are infinite, +∞ where some are, NaN for fewer than two."""
+        """Standard error of the mean; 0 if all replicates are infinite, +∞ if some are, NaN for fewer than two."""
         if self.count < 2:
             return np.full(self._mean.shape, np.nan)
         error = np.sqrt(self._squares / (self.count * (self.count - 1)))
@@ -235,16 +234,16 @@ class RunningMean:
 
 
 RunningStatistics = Mapping[str, RunningMean]
-"""Mean of every statistic of replicates, by its name."""
+"""Running mean of every statistic, by name."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Propagated:
-    """Distribution of each output; quantiles are conditional on a draw having a rank.
+    """Distribution of each output; quantiles refer to the draws that have a rank.
 
-    Last axis: outputs. Errors are standard errors from replicate to replicate. ``status`` is, per output,
-    ``converged``, ``budget`` (the tolerance was not reached), ``memory`` (nor the budget: propagate fewer outputs at
-    a time, or raise ``memory_bytes``), or ``unranked`` (not one draw has a rank).
+    Outputs are the last axis. Errors are standard errors from replicate to replicate. The ``status`` of an output is
+    ``converged``, ``budget`` (the tolerance was not reached), ``memory`` (neither tolerance nor budget were reached:
+    propagate fewer outputs at a time, or raise ``memory_bytes``), or ``unranked`` (no draw has a rank).
     """
 
     nominal: FloatArray
@@ -291,14 +290,14 @@ class Propagated:
 
     @property
     def unbounded(self) -> BoolArray:
-        """The central 95 % interval reaches infinity."""
+        """Whether the central 95 % interval reaches infinity."""
         return np.asarray(np.isinf(self.quantiles[4]))
 
 
 def _shortest(running: RunningStatistics) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Ends, width and its error of the shortest interval, (2, outputs), (outputs,), (outputs,).
+    """Ends (2, outputs) of the shortest interval, its width (outputs,), and the error of the width (outputs,).
 
-    The width is averaged over replicates before its minimum is sought: the minimum of a single noisy curve is too
+    The width is averaged over replicates before it is minimised, because the minimum of a single noisy curve is too
     small by more than its scatter shows.
     """
     widths = running["widths"].mean
@@ -324,7 +323,7 @@ def summarise(
     evaluations: int,
     seconds: float,
 ) -> Propagated:
-    """Collect replicates into a result; mean and standard deviation only where second moments exist."""
+    """Collect replicates into a result, with mean and standard deviation only where second moments exist."""
     exist = (
         (running["tail_shape"].mean < TAIL_SHAPE_LIMIT)
         & (running["pole_margin"].mean >= POLE_MARGIN)

@@ -9,20 +9,20 @@ from numpy.typing import ArrayLike
 
 from tradestudy.uncertainty.distributions import FloatArray
 
-# Finding a few places is faster than sorting a long row; more places or shorter rows are sorted faster.
-_MOST_PLACES: Final = 16
-_DRAWS_PER_PLACE: Final = 1000
+# Selecting a few order statistics is faster than sorting long rows, but not for shorter rows or more of them.
+_MOST_SELECTED: Final = 16
+_DRAWS_PER_SELECTED: Final = 1000
 
 
 def order_quantile(ascending: FloatArray, probability: ArrayLike) -> FloatArray:
-    """Quantiles of sorted rows, interpolated between order statistics at (k − ½)/n; +∞ next to a +∞ is +∞.
+    """Quantiles of sorted rows, interpolated between order statistics at (k − ½)/n; +∞ where one of these is +∞.
 
     Parameters
     ----------
     ascending : array, shape (rows, n)
         Sorted along the last axis, without NaN.
     probability : array, shape (p,) or ()
-        Probabilities; the first and last draw also represent what lies beyond them.
+        Probabilities; the first and last draws also represent the tails beyond them.
 
     Returns
     -------
@@ -32,7 +32,7 @@ def order_quantile(ascending: FloatArray, probability: ArrayLike) -> FloatArray:
     position = _position(p, n)
     low = position.astype(np.int64)
     weight = position - low
-    # An upper neighbour with zero weight must not count: it may be infinite.
+    # An upper neighbour with zero weight must not count, since it may be infinite.
     upper = np.where(weight > 0.0, ascending[..., np.minimum(low + 1, n - 1)], 0.0)
     value = (1.0 - weight) * ascending[..., low] + weight * upper
     return np.moveaxis(value, -1, 0) if p.ndim else np.asarray(value)
@@ -49,7 +49,7 @@ def quantiles_of(values: FloatArray, probability: ArrayLike) -> FloatArray:
         Probabilities.
     """
     p, n = np.asarray(probability, float), values.shape[-1]
-    if p.size > min(_MOST_PLACES, n // _DRAWS_PER_PLACE):
+    if p.size > min(_MOST_SELECTED, n // _DRAWS_PER_SELECTED):
         return order_quantile(np.sort(values, axis=-1), p)
     low = _position(p, n).astype(np.int64)
     return order_quantile(np.partition(values, np.unique([low, np.minimum(low + 1, n - 1)]), axis=-1), p)

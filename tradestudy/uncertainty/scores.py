@@ -18,7 +18,7 @@ Result = TypeVar("Result")
 BATCH_DRAWS: Final = 2**14
 """Draws processed at a time, a power of two: a few of their arrays fit into a cache."""
 
-# Cached scrambles: 2¹² draws of ten dimensions take a third of a megabyte each, 2¹⁷ draws ten.
+# Numbers of cached scrambles: in ten dimensions, one of 2¹² draws takes 0.3 MB, one of 2¹⁷ draws 10 MB.
 _FEW_DRAWS: Final = 2**12
 _KEPT_OF_FEW, _KEPT_OF_MANY = 256, 16
 
@@ -31,14 +31,14 @@ def scramble_scores(dimensions: int, draws: int, *, seed: int, point: str, scram
     dimensions : int
         Number of scores per draw, >= 0.
     draws : int
-        Number of draws, a power of two; fewer draws are the first ones of more.
+        Number of draws, a power of two; a smaller number gives the first draws of a larger one.
     seed, point, scramble
         Identity of the random stream (see :func:`tradestudy.uncertainty.streams.point_generator`).
 
     Returns
     -------
     array, shape (dimensions, draws)
-        Read-only: the last few are cached. They do not depend on the order of requests.
+        Read-only, because the last few arrays are cached; independent of the order of requests.
 
     Raises
     ------
@@ -71,10 +71,10 @@ def _scores(dimensions: int, draws: int, seed: int, point: str, scramble: int) -
 
 
 def each_scramble(task: Callable[[int], Result], scrambles: int) -> list[Result]:
-    """Results of a task for every scramble, in order, on as many threads as there are processors.
+    """Results of a task for every scramble, in order, computed on as many threads as there are processors.
 
-    numpy computes outside Python's lock. A task that depends only on its number gives the same results, bit for bit,
-    on any number of threads.
+    numpy releases Python's global lock. A task that depends only on its number gives bit-identical results on any
+    number of threads.
     """
     with ThreadPoolExecutor(max_workers=min(scrambles, os.cpu_count() or 1)) as threads:
         return list(threads.map(task, range(scrambles)))

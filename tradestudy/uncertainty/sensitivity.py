@@ -1,4 +1,4 @@
-"""Which error source drives the result: tornado by group of sources, and Sobol indices of independent groups."""
+"""Which error sources dominate a result: tornado and Sobol indices of independent groups of sources."""
 
 from __future__ import annotations
 
@@ -16,15 +16,14 @@ from tradestudy.uncertainty.sources import Group, Source, Sources
 from tradestudy.uncertainty.streams import point_generator
 
 LARGEST_CORRELATION = 0.3
-"""Above this, varying one parameter alone describes rigs that the calibration rules out."""
+"""For more strongly correlated parameters, varying one alone describes rigs that the calibration rules out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tornado:
-    """Distributions of the outputs when one bar's sources are drawn and all others are nominal.
+    """Distributions of the outputs when the sources of one bar are drawn and all others are nominal.
 
-    ``bars`` is ordered as the sources are; the length of a bar is its ``symmetric_interval`` or
-    ``half_width``.
+    ``bars`` has the order of the sources; the length of a bar is its ``symmetric_interval`` or ``half_width``.
     """
 
     names: tuple[str, ...]
@@ -32,7 +31,7 @@ class Tornado:
 
     @property
     def half_width(self) -> FloatArray:
-        """Half the central 68.27 % interval of each bar, shape (bars, outputs)."""
+        """Half-width of the central 68.27 % interval of each bar, shape (bars, outputs)."""
         return np.stack([bar.half_width for bar in self.bars])
 
 
@@ -41,8 +40,8 @@ def tornado(
 ) -> Tornado:
     """Vary each independent group alone, with its correlated parameters together; others stay nominal.
 
-    Parameters are those of :func:`tradestudy.uncertainty.monte_carlo.propagate`. Interactions between
-    groups are in no bar; the total Sobol index shows them.
+    Parameters are those of :func:`tradestudy.uncertainty.monte_carlo.propagate`. No bar contains interactions between
+    groups; the total Sobol index does.
     """
     names = tuple(group.name for group in sources.active_groups)
     bars = tuple(
@@ -69,9 +68,9 @@ def parameter_tornado(
     Raises
     ------
     OutOfRangeError
-        Two parameters are correlated by more than 0.3: moving one alone would describe rigs that the
-        calibration rules out (a stereo yaw and principal point correlated by 0.996 inflate depth errors
-        31-fold).
+        Two parameters are correlated by more than 0.3, so that moving one alone would describe rigs that the
+        calibration rules out. (With a correlation of 0.996, a stereo yaw and principal point would inflate depth errors
+        31-fold.)
     """
     for group in sources.active_groups:
         _require_weak_correlation(group)
@@ -100,8 +99,8 @@ def _require_weak_correlation(group: Group) -> None:
     i, j = np.unravel_index(int(np.argmax(np.abs(correlation))), correlation.shape)
     if abs(correlation[i, j]) > LARGEST_CORRELATION:
         raise OutOfRangeError(
-            "parameters are too strongly correlated for a bar each",
-            value=f"{group.parameters[i]} and {group.parameters[j]} by {correlation[i, j]:+.3f}",
+            "parameters are too strongly correlated for separate bars",
+            value=f"{correlation[i, j]:+.3f} between {group.parameters[i]} and {group.parameters[j]}",
             limit=f"magnitudes up to {LARGEST_CORRELATION}",
             remedy="use the bar of the whole group, which moves them together",
         )
@@ -111,7 +110,7 @@ def _require_weak_correlation(group: Group) -> None:
 class SobolIndices:
     """First-order and total Sobol indices, shape (groups, outputs), with standard errors over replicates.
 
-    ``refused`` gives, per output, the reason if its indices are NaN; otherwise it is empty.
+    For each output, ``refused`` gives the reason if its indices are NaN; otherwise it is empty.
     """
 
     names: tuple[str, ...]
@@ -128,13 +127,13 @@ def sobol_indices(
 ) -> SobolIndices:
     """Shares of the variance of each output due to each independent group, alone and with its interactions.
 
-    A group of correlated parameters is one input: its share is meaningful, the shares of its members are not.
+    A group of correlated parameters is one input: its share is meaningful, but the shares of its members are not.
 
     Parameters
     ----------
     model : Model
-        Vectorised model. For depth, give inverse depth: it is finite where depth is infinite, and has a variance
-        where depth has none.
+        Vectorised model. For depth, let it return inverse depth, which is finite where depth is infinite, and has a
+        variance where depth has none.
     sources : Sources
         Independent groups.
     sampling : Sampling
@@ -147,7 +146,7 @@ def sobol_indices(
     Returns
     -------
     SobolIndices
-        NaN with a reason for outputs with a draw that is not finite, and for outputs without spread.
+        NaN, with a reason, for outputs with draws that are not finite, and for outputs that do not vary.
 
     Raises
     ------
@@ -156,8 +155,8 @@ def sobol_indices(
 
     Notes
     -----
-    Estimator of Saltelli et al. (2010) through ``scipy.stats.sobol_indices``, which returns zeros instead of an
-    error if a single output is not a number; therefore outputs are checked first.
+    Estimator of Saltelli et al. (2010) in ``scipy.stats.sobol_indices``. Outputs are checked first, because scipy
+    returns zeros instead of an error if a single output is NaN.
     """
     names = tuple(group.name for group in sources.active_groups if group.dimensions > 0)
     _require_indices_exist(sources, names, draws)
@@ -167,7 +166,7 @@ def sobol_indices(
         matrices = _saltelli_outputs(
             model, sources, names, sampling, draws=draws, seed=seed, point=point, replicate=replicate
         )
-        _gate(matrices, lost)
+        _record_undefined(matrices, lost)
         indices = _indices(matrices)
         first.add(indices[0])
         total.add(indices[1])
@@ -186,10 +185,10 @@ def sobol_indices(
 def _require_indices_exist(sources: Sources, names: tuple[str, ...], draws: int) -> None:
     if draws < 2 or draws & (draws - 1):
         raise OutOfRangeError(
-            "base draws of Sobol indices",
+            "number of base draws of Sobol indices",
             value=str(draws),
             limit="a power of two",
-            remedy="Sobol points are balanced only in blocks of powers of two",
+            remedy="use a power of two, for which Sobol points are balanced",
         )
     if not names:
         raise OutOfRangeError(
@@ -200,7 +199,7 @@ def _require_indices_exist(sources: Sources, names: tuple[str, ...], draws: int)
         )
     if sources.covariance() is None:
         raise OutOfRangeError(
-            "Sobol indices divide a variance among sources",
+            "Sobol indices need sources with a variance",
             value="a source has none",
             limit="sources with a finite variance",
             remedy="use the tornado, whose quantiles exist",
@@ -238,27 +237,27 @@ def _saltelli_outputs(
     return np.concatenate(blocks, axis=-1)
 
 
-def _gate(matrices: FloatArray, lost: dict[int, str]) -> None:
-    """Record the outputs whose indices would mislead, with the reason."""
+def _record_undefined(matrices: FloatArray, lost: dict[int, str]) -> None:
+    """Record the outputs that have no meaningful indices, with the reason."""
     unranked = np.sum(~np.isfinite(matrices), axis=(0, 2))
     for column in np.flatnonzero(unranked):
         share = unranked[column] / (matrices.shape[0] * matrices.shape[2])
         lost[int(column)] = f"{share:.2g} of the draws are not finite; analyse inverse depth"
     constant = np.ptp(np.where(np.isfinite(matrices), matrices, 0.0), axis=(0, 2)) == 0.0
     for column in np.flatnonzero(constant & (unranked == 0)):
-        lost.setdefault(int(column), "the output does not vary: there is no variance to divide")
+        lost.setdefault(int(column), "the output does not vary, so there is no variance to divide")
 
 
 def _indices(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
     """First and total indices, each (groups, outputs), of one replicate."""
-    from scipy.stats import sobol_indices as saltelli  # takes a second to import, which only this analysis needs
+    from scipy.stats import sobol_indices as saltelli  # takes a second to import; only this analysis needs it
 
     finite = np.where(np.isfinite(matrices), matrices, 0.0)
     designs, outputs, draws = finite.shape
     if designs == 3:  # scipy does not support a single input: pass it twice and keep one
         first, total = _indices(finite[[0, 1, 2, 2]])
         return first[:1], total[:1]
-    # One output at a time: scipy centres all outputs on a common mean, which costs digits if they differ in size.
+    # One output at a time, because scipy centres all outputs on a common mean, which costs digits if sizes differ.
     pairs = [
         saltelli(func={"f_A": finite[0, [k]], "f_B": finite[1, [k]], "f_AB": finite[2:, [k]]}, n=draws)
         for k in range(outputs)

@@ -15,27 +15,27 @@ from tradestudy.uncertainty.joint import correlation_factor
 MOST_PARTS: Final = 12
 """The explained variance is computed for every subset of the parts; 2¹² subsets take half a second."""
 
-# Directions of a subset shorter than this share of one standard deviation depend on the others. Rounding leaves 1e-9;
-# the shortest that `correlation_factor` keeps is 1.5e-7.
+# Directions of a subset that are shorter than this fraction of one standard deviation depend on the others. Rounding
+# leaves 1e-9; the shortest that `correlation_factor` keeps is 1.5e-7.
 _NO_DIRECTION = 1e-8
-# Errors count as cancelling exactly if less than this share of their sum remains: the rounding of the sum.
+# Errors cancel exactly if only this fraction of their sum remains, which is its rounding.
 _CANCELLED = 1e-14
 
 
 def shapley_shares(sensitivity: FloatArray, covariance: FloatArray, parts: Sequence[Sequence[int]]) -> FloatArray:
-    """Share of the variance of each output that is due to each part; they sum to 1 for correlated parts too.
+    """Share of the variance of each output that is due to each part; shares sum to 1 even if parts are correlated.
 
     The worth of a part is what it adds to the explained variance Var(E[w | X_S]), averaged over all orders in which the
-    parts become known. For independent parts this is their share of the sum of variances.
+    parts can become known. For independent parts, this is their share of the sum of variances.
 
     Parameters
     ----------
     sensitivity : array, shape (parameters, outputs)
-        Derivative of each output with respect to each parameter [unit of the output over that of the parameter].
+        Derivative of each output with respect to each parameter [unit of the output per unit of the parameter].
     covariance : array, shape (parameters, parameters)
         Covariance of the parameters, taken as jointly normal; it may be singular, with zeros on the diagonal.
     parts : sequence of sequences of int
-        The rows that belong to each part; each row belongs to exactly one. At most 12 parts.
+        The rows that belong to each part; each row belongs to exactly one part. At most 12 parts.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def shapley_shares(sensitivity: FloatArray, covariance: FloatArray, parts: Seque
     Raises
     ------
     OutOfRangeError
-        Too many parts, a parameter in none or in two of them, or a covariance that belongs to no distribution.
+        There are too many parts, a parameter belongs to none or to two of them, or no distribution has the covariance.
 
     Notes
     -----
@@ -73,7 +73,7 @@ def shapley_shares(sensitivity: FloatArray, covariance: FloatArray, parts: Seque
 def _require_parts(parts: Sequence[Sequence[int]], parameters: int) -> None:
     if len(parts) > MOST_PARTS:
         raise OutOfRangeError(
-            "parts among which one variance is divided",
+            "number of parts among which a variance is divided",
             value=str(len(parts)),
             limit=f"at most {MOST_PARTS}",
             remedy="combine parts that belong together",
@@ -81,7 +81,7 @@ def _require_parts(parts: Sequence[Sequence[int]], parameters: int) -> None:
     rows = sorted(row for part in parts for row in part)
     if rows != list(range(parameters)):
         raise OutOfRangeError(
-            "parameters of the parts of a variance",
+            "assignment of parameters to the parts of a variance",
             value=f"rows {rows}",
             limit=f"each of the {parameters} once",
             remedy="assign every parameter to exactly one part",
@@ -89,7 +89,7 @@ def _require_parts(parts: Sequence[Sequence[int]], parameters: int) -> None:
 
 
 def _factor(covariance: FloatArray, deviation: FloatArray) -> FloatArray:
-    """Standardised parameters as rows over independent directions; a constant is a row of zeros."""
+    """Standardised parameters as rows, with independent directions as columns; a constant is a row of zeros."""
     moving = np.flatnonzero(deviation > 0.0)
     if moving.size == 0:
         return np.zeros((deviation.size, 0))
@@ -101,10 +101,10 @@ def _factor(covariance: FloatArray, deviation: FloatArray) -> FloatArray:
 
 
 def _explained(factor: FloatArray, response: FloatArray, parts: Sequence[Sequence[int]]) -> FloatArray:
-    """Var(E[w | X_S]) of every subset S of the parts, by its number in binary, shape (2**parts, outputs).
+    """Var(E[w | X_S]) of every subset S of the parts, indexed by its bit mask, shape (2**parts, outputs).
 
     Knowing X_S means knowing the directions that its rows span, so the explained variance is the squared length of the
-    response's projection on them.
+    projection of the response onto them.
     """
     explained = np.zeros((1 << len(parts), response.shape[1]))
     for subset in range(1, len(explained)):

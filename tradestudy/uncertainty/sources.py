@@ -52,7 +52,7 @@ class Group(Protocol):
         """Return the distribution of one parameter alone."""
 
     def under(self, prefix: str) -> Group:
-        """Return the same group with a prefix to its name and to the names of its parameters."""
+        """Return the same group, with a prefix before its name and the names of its parameters."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +75,7 @@ class Source:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """The one name."""
+        """The parameter's name, as a tuple."""
         return (self.name,)
 
     @property
@@ -104,7 +104,7 @@ class Source:
         variance = sd * sd
         if not math.isfinite(variance) or (variance == 0.0 and sd > 0.0):
             raise OutOfRangeError(
-                f"the standard deviation of {self.name}, whose square a double cannot represent",
+                f"a double cannot represent the square of the standard deviation of {self.name}",
                 value=f"{sd:.3g}",
                 limit="1e-160 to 1e150, or 0",
                 remedy="state the parameter in another unit",
@@ -113,7 +113,7 @@ class Source:
 
     @property
     def correlation(self) -> FloatArray:
-        """The one-by-one matrix 1."""
+        """The 1 × 1 identity matrix."""
         return np.ones((1, 1))
 
     def draw(self, scores: FloatArray) -> FloatArray:
@@ -127,7 +127,7 @@ class Source:
         return (self.distribution,)[index]
 
     def under(self, prefix: str) -> Source:
-        """Return the same source with a prefix to its name."""
+        """Return the same source, with a prefix before its name."""
         return replace(self, name=prefix + self.name)
 
 
@@ -176,18 +176,18 @@ class Sources:
         return sum(group.dimensions for group in self.active_groups)
 
     def only(self, names: Collection[str]) -> Sources:
-        """Return the same sources with only these groups drawn and all others held at their nominal values.
+        """Return the same sources, with only these groups drawn and all others kept at their nominal values.
 
         Raises
         ------
         OutOfRangeError
-            There is no group with one of these names.
+            One of these names belongs to no group.
         """
         known = {group.name for group in self.groups}
         unknown = sorted(set(names) - known)
         if unknown:
             raise OutOfRangeError(
-                "there is no group of error sources with this name",
+                "no group of error sources has this name",
                 value=", ".join(unknown),
                 limit=", ".join(sorted(known)),
                 remedy="use one of the declared groups",
@@ -225,7 +225,7 @@ class Sources:
         return slices
 
     def covariance(self) -> FloatArray | None:
-        """Block covariance of the active groups, zero for the others; None if a group has none."""
+        """Block-diagonal covariance of the active groups, zero for the others; None if a group has none."""
         total = np.zeros((len(self.parameters), len(self.parameters)))
         first = 0
         for group in self.groups:

@@ -16,14 +16,14 @@ UniformStream = Callable[[int], FloatArray]
 Sampler = Callable[[int, np.random.Generator], UniformStream]
 """Starts a stream of points with the given number of dimensions."""
 
-# 52 bits leave room for half a cell in a double, so that no coordinate is ever 0 or 1.
+# 52 bits leave room for an offset of half a cell in a double, so that no coordinate is ever 0 or 1.
 _SOBOL_BITS = 52
 
 
 def point_generator(*, seed: int, point: str, replicate: int) -> np.random.Generator:
-    """Random generator of one study point and replicate: Philox keyed by a hash of all three.
+    """Random generator of one study point and replicate: Philox, keyed by a hash of seed, point and replicate.
 
-    The stream does not depend on the number of other points, nor on the worker or the order in which they are computed.
+    The stream depends neither on the number of other points, nor on the workers or the order that compute them.
 
     Parameters
     ----------
@@ -47,19 +47,19 @@ def point_generator(*, seed: int, point: str, replicate: int) -> np.random.Gener
             remedy="zero is a valid seed",
         )
     digest = hashlib.blake2b(f"{seed}\0{replicate}\0{point}".encode(), digest_size=16).digest()
-    # A seed sequence is needed because scipy's samplers spawn from it.
+    # scipy's samplers spawn generators from a seed sequence.
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(int.from_bytes(digest, "little"))))
 
 
 def scrambled_sobol(dimensions: int, rng: np.random.Generator) -> UniformStream:
     """Sobol points under a random linear matrix scramble and digital shift (Matoušek 1998).
 
-    Every point is uniform on the cube, so estimates are unbiased and independent scrambles give their
-    error; request powers of two to keep the points balanced.
+    Every point is uniform on the cube, so that estimates are unbiased, and independent scrambles give their error.
+    Request powers of two to keep the points balanced.
     """
     if dimensions == 0:
         return lambda n: np.empty((0, n))
-    from scipy.stats.qmc import Sobol  # takes a second to import, which only sampling needs
+    from scipy.stats.qmc import Sobol  # takes a second to import; only sampling needs it
 
     engine = Sobol(dimensions, scramble=True, bits=_SOBOL_BITS, rng=rng)
     half_cell = 2.0 ** -(_SOBOL_BITS + 1)
@@ -67,7 +67,7 @@ def scrambled_sobol(dimensions: int, rng: np.random.Generator) -> UniformStream:
 
 
 def fixed_order_product(matrix: FloatArray, columns: FloatArray) -> FloatArray:
-    """Multiply matrix @ columns in a fixed order of summation, so that no column depends on its batch."""
+    """Compute matrix @ columns in a fixed order of summation, so that no column depends on its batch."""
     product = np.zeros((matrix.shape[0], columns.shape[1]))
     for row, weights in zip(product, matrix, strict=True):
         for weight, coordinate in zip(weights, columns, strict=True):
@@ -78,5 +78,5 @@ def fixed_order_product(matrix: FloatArray, columns: FloatArray) -> FloatArray:
 
 def plain_random(dimensions: int, rng: np.random.Generator) -> UniformStream:
     """Independent uniform points: plain Monte Carlo, the comparison for :func:`scrambled_sobol`."""
-    below_all = 2.0**-54  # replaces an exact 0, which numpy's generator can return
+    below_all = 2.0**-54  # replaces an exact 0, which numpy can return
     return lambda n: np.maximum(np.ascontiguousarray(rng.random((n, dimensions)).T), below_all)

@@ -1,4 +1,4 @@
-"""The worth to a decision of knowing an uncertain parameter, from draws of all parameters and utilities."""
+"""What knowing an uncertain parameter is worth to a decision, from draws of all parameters and utilities."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from scipy.interpolate import BSpline
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import FloatArray
 
-_FEWEST: Final = 32  # draws
+_FEWEST: Final = 32  # number of draws
 _INTERVALS: Final = (1, 2, 4)  # of cubic splines; generalised cross-validation selects the best
 _DEGREE: Final = 3
 _FEW_CHOICES: Final = 8
-_RESAMPLED: Final = 400  # fits that are equally plausible
+_RESAMPLED: Final = 400  # number of equally plausible fits
 
 
 @dataclass(frozen=True, kw_only=True)
 class Worth:
-    """Average gain from knowing before deciding.
+    """Average gain from additional knowledge before a decision.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Worth:
     error
         Standard error.
     bias
-        Upward bias: noise that the maximum over decisions mistakes for gain.
+        Upward bias: noise that taking the maximum over decisions turns into gain.
     """
 
     value: float
@@ -49,7 +49,7 @@ def worth_of_all(utility: FloatArray) -> Worth:
     Raises
     ------
     OutOfRangeError
-        There are fewer than 32 draws, or utilities are not finite.
+        There are fewer than 32 draws, or a utility is not finite.
     """
     _require(utility)
     gain = utility.max(axis=1) - utility[:, int(np.argmax(utility.mean(axis=0)))]
@@ -59,8 +59,8 @@ def worth_of_all(utility: FloatArray) -> Worth:
 def worth_of_one(utility: FloatArray, parameter: FloatArray, rng: np.random.Generator) -> Worth:
     """Worth of partial information, E_φ[max_d E(U_d | φ)] − max_d E[U_d], by regression of the utilities on φ.
 
-    Each E(U_d | φ) is a cubic spline in the ranks of φ, fitted to all draws, or the mean at each of up to eight values.
-    Resampled fits that are equally plausible show how much noise the maximum mistakes for gain.
+    Each E(U_d | φ) is a cubic spline in the ranks of φ, fitted to all draws, or the mean at each value if φ has at most
+    eight. Resampled, equally plausible fits show how much noise the maximum turns into gain.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def worth_of_one(utility: FloatArray, parameter: FloatArray, rng: np.random.Gene
     coefficients, *_ = np.linalg.lstsq(basis, incremental, rcond=None)
     fitted = basis @ coefficients
     found = _gain(fitted)
-    # Residuals of the decisions are correlated: one covariance of decisions applies to every coefficient.
+    # Residuals of different decisions are correlated; their covariance applies to every coefficient.
     residual = incremental - fitted
     covariance = residual.T @ residual / max(1, len(basis) - basis.shape[1])
     root = _root(np.asarray(np.linalg.pinv(basis.T @ basis), dtype=np.float64))
@@ -119,7 +119,7 @@ def _spline_basis(parameter: FloatArray, utility: FloatArray) -> FloatArray:
     """Basis of cubic splines in the ranks of a parameter, with the number of intervals that predicts best."""
     ranks = (np.argsort(np.argsort(parameter, kind="stable"), kind="stable") + 0.5) / parameter.size
     choices = np.unique(parameter)
-    if choices.size <= _FEW_CHOICES:  # each value has its own mean
+    if choices.size <= _FEW_CHOICES:  # fit the mean at each value
         return np.asarray(parameter[:, np.newaxis] == choices, dtype=np.float64)
     candidates = [_basis(ranks, intervals) for intervals in _INTERVALS]
     return min(candidates, key=lambda basis: _generalised_error(basis, utility))
@@ -132,7 +132,7 @@ def _basis(ranks: FloatArray, intervals: int) -> FloatArray:
 
 
 def _generalised_error(basis: FloatArray, utility: FloatArray) -> float:
-    """Mean squared residual over (1 − p/n)²: Craven and Wahba's criterion."""
+    """Mean squared residual divided by (1 − p/n)²: Craven and Wahba's criterion."""
     coefficients, *_ = np.linalg.lstsq(basis, utility, rcond=None)
     n, p = basis.shape
     return float(np.sum((utility - basis @ coefficients) ** 2) / (1.0 - p / n) ** 2)

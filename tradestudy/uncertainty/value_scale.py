@@ -1,4 +1,4 @@
-"""The worth of a criterion's value, on a scale between fixed ends that do not depend on the alternatives."""
+"""The worth of values of a criterion, on a scale whose ends do not depend on the alternatives."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from tradestudy.uncertainty.distributions import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class ValueScale:
-    """A linear value function of one criterion with fixed end points, independent of the alternatives.
+    """A linear value function of one criterion, with end points that do not depend on the alternatives.
 
     Parameters
     ----------
     worst, best
-        Values of the criterion that are worth 0 and 1; values beyond them are worth the same.
+        Values of the criterion that are worth 0 and 1; values beyond them also count as 0 and 1.
     """
 
     worst: float

@@ -14,7 +14,7 @@ from tradestudy.uncertainty.distributions import FloatArray
 from tradestudy.uncertainty.streams import UniformStream
 
 _ROUNDING: Final = 1e-12
-_MOST_BATCHES: Final = 1024  # to obtain one batch of weights within their ranges
+_MOST_BATCHES: Final = 1024  # tried to obtain one batch of weights within their ranges
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +24,7 @@ class WeightSpace:
     Parameters
     ----------
     low, high
-        Ends of the range of each weight; equal for a fixed weight.
+        Lower and upper end of the range of each weight; equal for a fixed weight.
     order
         Indices of weights that must not increase along this list; empty for no order. An order requires that every
         range is [0, 1].
@@ -59,15 +59,15 @@ class WeightSpace:
 
     @property
     def dimensions(self) -> int:
-        """Number of uniform numbers that one set of weights takes."""
+        """Number of uniform random numbers that one set of weights needs."""
         return max(len(self.free) - 1, 0)
 
     def draw(self, stream: UniformStream, count: int) -> tuple[FloatArray, FloatArray]:
-        """At least so many sets of weights, uniform on this space, and the stream's remaining coordinates.
+        """At least ``count`` sets of weights, uniform on this space, and the remaining coordinates of the stream.
 
-        Points of the cube become weights by one of three maps of constant density, the one that leaves the fewest
-        outside: a simplex above the minima, one below the maxima, or the box of all ranges but the widest. Points
-        outside are redrawn.
+        One of three maps of constant density turns points of the cube into weights: a simplex above the minima, a
+        simplex below the maxima, or the box of all ranges but the widest, whichever leaves the fewest weights outside
+        the ranges. Weights outside are redrawn.
 
         Parameters
         ----------
@@ -84,7 +84,7 @@ class WeightSpace:
         Raises
         ------
         OutOfRangeError
-            Almost no point lies within the ranges.
+            Almost no weights lie within the ranges.
         """
         kept: list[tuple[FloatArray, FloatArray]] = []
         for _ in range(_MOST_BATCHES):
@@ -139,7 +139,7 @@ class WeightSpace:
         return np.asarray(((weights >= low - _ROUNDING) & (weights <= high + _ROUNDING)).all(axis=0))
 
     def _ordered(self, weights: FloatArray) -> FloatArray:
-        """Sort the weights in the order: with equal ranges all orders are equally likely."""
+        """Sort the weights into the order; with equal ranges, all orders are equally likely."""
         if not self.order:
             return weights
         places = list(self.order)

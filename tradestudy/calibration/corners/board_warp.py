@@ -1,4 +1,4 @@
-"""The warp of a board: a bowl and two saddles, which corners determine together with the cameras."""
+"""The warp of a board: a bowl and two saddles, which the corners determine together with the cameras."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from tradestudy.calibration.projection import move, project_with_jacobians, rota
 from tradestudy.optics.arrays import FloatArray
 
 WARP_NAMES: Final = ("board_bowl", "board_edge_saddle", "board_diagonal_saddle")
-_LEAST_SHOWN: Final = 1e-3  # of one combination of warps over another
+_LEAST_SHOWN: Final = 1e-3  # ratio of the least visible to the most visible combination of warps
 
 
 def check_warp_shown(corners: StereoCorners) -> None:
-    """Refuse boards on which some warp looks like another pose: two rows of corners show none across them.
+    """Refuse boards on which a warp looks like a change of pose, such as boards with only two rows of corners.
 
     Raises
     ------
@@ -32,9 +32,9 @@ def check_warp_shown(corners: StereoCorners) -> None:
     shown = np.linalg.svd(left.reshape(-1, shapes.shape[-1]), compute_uv=False)
     if shown[-1] < _LEAST_SHOWN * shown[0]:
         raise CornerFileError(
-            "the corners do not show whether the board is bent",
-            value=f"least over most visible warp {shown[-1] / shown[0]:.1e}",
-            limit=f">= {_LEAST_SHOWN:g}, as by three rows and three columns",
+            "the corners cannot show whether the board is bent",
+            value=f"least visible warp {shown[-1] / shown[0]:.1e} of the most visible one",
+            limit=f">= {_LEAST_SHOWN:g}, as with three rows and three columns",
             remedy="use a board with at least three rows and three columns of corners",
         )
 
@@ -45,14 +45,14 @@ def warped(corners: StereoCorners, warp: FloatArray) -> StereoCorners:
 
 
 def views_with_warp(fit: PairResidualFit, corners: StereoCorners, warp: FloatArray) -> CompressedViews:
-    """Views linearised about a fit, with the warp after the shared parameters.
+    """Views linearised about a fit; the warp follows the shared parameters.
 
     Parameters
     ----------
     fit, corners
         The fit and its data.
     warp : array (3,)
-        Warp of the board in these data [m].
+        Warp that these corners already include [m].
     """
     columns = warp_columns(fit.shared, fit.states.poses, corners, gyration_radius(corners))
     views = compress_views(fit.shared, fit.states, corners, fit.lever, extra=columns)
@@ -60,7 +60,7 @@ def views_with_warp(fit: PairResidualFit, corners: StereoCorners, warp: FloatArr
 
 
 def warp_shapes(corners: StereoCorners, lever: float) -> FloatArray:
-    """Heights of the corners, shape (V, N, 3) [1], for unit warp: see `warp_columns`.
+    """Heights of the corners for unit warp, shape (V, N, 3) [1]; see `warp_columns`.
 
     They refer to the centre of the whole board, so that views with missing corners see the same shape.
     """
@@ -70,7 +70,7 @@ def warp_shapes(corners: StereoCorners, lever: float) -> FloatArray:
 
 
 def warp_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, lever: float) -> FloatArray:
-    """Derivatives by a warp of the board: ``z = a (x² + y²)/L² + b (x² − y²)/L² + c 2xy/L²`` about its centre.
+    """Derivatives with respect to a warp ``z = a (x² + y²)/L² + b (x² − y²)/L² + c 2xy/L²`` about the board's centre.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def warp_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, 
     Returns
     -------
     array (V, 4 N, 3)
-        By a, b and c, whitened like the residuals.
+        Derivatives with respect to a, b and c, whitened like the residuals.
     """
     normal = rotation_matrix(poses[:, :3])[..., 2]
     seen_left = move(poses, corners.points)
@@ -92,11 +92,11 @@ def warp_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, 
     by_right = project_with_jacobians(right, seen_right, lens.model, lens.free)[2] @ rotation_matrix(shared[ROTATION])
     shapes = warp_shapes(corners, lever)
     rows = [np.einsum("vnij,vj,vne->vnie", by, normal, shapes) for by in (by_left, by_right)]
-    return _laid_out(rows[0], rows[1], corners)
+    return _in_block_order(rows[0], rows[1], corners)
 
 
-def _laid_out(left: FloatArray, right: FloatArray, corners: StereoCorners) -> FloatArray:
-    """Rows of both pictures, each (V, N, 2, E), in the order of `ViewBlocks`: left corners, then right corners."""
+def _in_block_order(left: FloatArray, right: FloatArray, corners: StereoCorners) -> FloatArray:
+    """Rows of both pictures, each (V, N, 2, E), arranged as in `ViewBlocks`: left corners, then right corners."""
     rows = [np.where(corners.present[..., None, None], side, 0.0) for side in (left, right)]
     both = np.concatenate([side.reshape(len(side), -1, side.shape[-1]) for side in rows], axis=1)
     return both if corners.noise is None else corners.noise.whiten(both)

@@ -1,4 +1,4 @@
-"""Bundle adjustment of a camera or a pair: all parameters and all board poses at once, the poses then marginalised."""
+"""Bundle adjustment of a camera or a pair: all parameters and poses are fitted at once, then poses marginalised."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from tradestudy.calibration.projection import (
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
-RESIDUAL_LIMIT_PX = 2.0  # a corner detector is ten times better; more means wrong correspondences
-_MOST_EVALUATIONS = 400  # curved valleys of many coefficients are followed in small steps
+RESIDUAL_LIMIT_PX = 2.0  # corner detectors are ten times better; larger residuals mean wrong correspondences
+_MOST_EVALUATIONS = 400  # with many coefficients, the minimum lies in a curved valley and needs small steps
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-14, 1e12
-_ROUNDING = 1e-13  # of the square sum: a smaller predicted decrease is rounding
+_ROUNDING = 1e-13  # of the sum of squares: a smaller predicted decrease is rounding
 _NO_NOISE = 1e-11  # px
-_ROUNDED_PX = 1e-6  # far below what any detector achieves
-_ROTATION_LIMIT = np.radians(10.0)  # a rigid pair does not rotate between views
+_ROUNDED_PX = 1e-6  # far below the noise of any detector
+_ROTATION_LIMIT = np.radians(10.0)  # the cameras of a rigid pair do not rotate relative to each other
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,13 +58,13 @@ class CameraFit(_Fit):
     Parameters
     ----------
     intrinsics : array (4 + n,)
-        In the order of ``projection.intrinsic_names`` [px, 1, rad].
+        Intrinsic parameters in the order of ``projection.intrinsic_names`` [px, 1, rad].
     poses : array (V, 6)
-        Board to camera [rad, m].
+        Poses from board to camera [rad, m].
     covariance : array (4 + n, 4 + n)
-        Of the intrinsic parameters, poses marginalised, with the noise estimated from the residuals.
+        Covariance of the intrinsic parameters with poses marginalised, for the noise estimated from the residuals.
     noise_px : float
-        Standard deviation of one coordinate, from residuals and degrees of freedom [px].
+        Standard deviation of one coordinate [px], from residuals and degrees of freedom.
     residuals_px : array (V, 2 N)
         Observed minus fitted [px]; zero where a corner is absent.
     corner_rms_px : float
@@ -81,17 +81,17 @@ class PairFit(_Fit):
     Parameters
     ----------
     shared : array (P,)
-        In the order of ``view_blocks.shared_names`` [px, 1, rad, m].
+        Parameters in the order of ``view_blocks.shared_names`` [px, 1, rad, m].
     poses : array (V, 6)
-        Board to left camera [rad, m].
+        Poses from board to left camera [rad, m].
     covariance : array (P, P)
-        Of the shared parameters, poses marginalised, for independent corner noise.
+        Covariance of the shared parameters with poses marginalised, for independent corner noise.
     noise_px : float
-        Standard deviation of one coordinate, from residuals and degrees of freedom [px].
+        Standard deviation of one coordinate [px], from residuals and degrees of freedom.
     residuals_px : array (V, 4 N)
         Observed minus fitted, left corners then right corners [px]; zero where a corner is absent.
     corner_rms_px : float
-        Root mean square length of the residual vectors of the corners, both cameras [px].
+        Root mean square length of the residual vectors of the corners of both cameras [px].
     """
 
     shared: FloatArray
@@ -125,16 +125,16 @@ def fit_camera(
     present : bool array (V, N)
         Which corners exist.
     weights : array (V, N)
-        Weights of the corners, small for outliers; None: all equal.
+        Weights of the corners, small for outliers; None for equal weights.
     lens
         The lens model to fit.
     start
-        Intrinsics (4 + n,) and poses (V, 6) to start from; None: `first_values`.
+        Intrinsics (4 + n,) and poses (V, 6) from which to start; None for `first_values`.
 
     Returns
     -------
     CameraFit
-        Maximum likelihood under equal, independent, normal noise of all coordinates.
+        Maximum likelihood for equal, independent, normal noise of all coordinates.
 
     Raises
     ------
@@ -165,14 +165,14 @@ def fit_pair(corners: StereoCorners, left: CameraFit, right: CameraFit) -> PairF
     Parameters
     ----------
     corners : StereoCorners
-        What was seen.
+        The observed corners.
     left, right : CameraFit
         Fits of the single cameras to the same corners.
 
     Returns
     -------
     PairFit
-        Maximum likelihood under equal, independent, normal noise of all coordinates; ``pair_residual`` tests this
+        Maximum likelihood for equal, independent, normal noise of all coordinates; ``pair_residual`` tests this
         assumption.
 
     Raises
@@ -197,7 +197,7 @@ def fit_pair(corners: StereoCorners, left: CameraFit, right: CameraFit) -> PairF
 
 
 def check_rig(fit: PairFit) -> None:
-    """Refuse a fitted pair whose right camera is not on the right or not upright, or whose corners have no noise.
+    """Refuse a fitted pair if its right camera is not on the right or not upright, or if its corners have no noise.
 
     Parameters
     ----------
@@ -207,8 +207,8 @@ def check_rig(fit: PairFit) -> None:
     Raises
     ------
     CornerFileError
-        The columns of left and right are exchanged, the cameras are one above or behind the other, the right picture is
-        rotated by more than `LARGEST_ROLL` against the left one, or the residuals are rounding errors.
+        Left and right columns are exchanged, one camera is above or behind the other, the right picture is rotated by
+        more than `LARGEST_ROLL` relative to the left one, or the residuals are rounding errors.
     """
     if fit.noise_px < _ROUNDED_PX:
         raise CornerFileError(
@@ -230,10 +230,10 @@ def check_rig(fit: PairFit) -> None:
     if abs(right) < max(abs(down), abs(ahead)):
         raise CornerFileError(
             "the cameras are not side by side",
-            value=f"{place}, {down:+.1f} mm below and {ahead:+.1f} mm before it",
+            value=f"{place}, {down:+.1f} mm below and {ahead:+.1f} mm in front of it",
             limit="mostly to the right",
-            remedy="if one is above the other, rotate both pictures by 90°: the y columns become x columns, the width "
-            "of the picture − 1 − x becomes y, and the upper camera is left",
+            remedy="if one is above the other, rotate both pictures by 90°: use y as the new x, the width of the "
+            "picture − 1 − x as the new y, and the upper camera as the left one",
         )
     if right <= 0.0:
         raise CornerFileError(
@@ -245,7 +245,7 @@ def check_rig(fit: PairFit) -> None:
 
 
 def marginal_information(blocks: ViewBlocks) -> FloatArray:
-    """Information of the shared parameters for unit noise, poses marginalised: the Schur complement, shape (P, P).
+    """Information on the shared parameters for unit noise, with poses marginalised: the Schur complement, shape (P, P).
 
     S = Σ_v AᵀA − AᵀJ (JᵀJ)⁻¹ JᵀA, computed with an orthonormal basis of each J to avoid cancellation.
 
@@ -263,7 +263,7 @@ def marginal_information(blocks: ViewBlocks) -> FloatArray:
 def _minimise(
     evaluate: Callable[[FloatArray, FloatArray], ViewBlocks], shared: FloatArray, poses: FloatArray
 ) -> tuple[FloatArray, FloatArray, ViewBlocks]:
-    """Least squares over shared parameters and poses by damped Gauss–Newton steps, poses eliminated view by view.
+    """Least squares over shared parameters and poses by damped Gauss–Newton steps that eliminate poses view by view.
 
     D. Marquardt, SIAM J. Appl. Math. 11 (1963) 431.
     """
@@ -272,7 +272,7 @@ def _minimise(
     if not np.isfinite(cost):
         raise NotConvergedError(
             "the corners do not look like a board in front of a camera",
-            value="no pose of the board to start from",
+            value="no pose of the board from which to start",
             limit="a pose of the board in front of the camera in every view",
             remedy="check the order of the corners, and remove false corners",
         )
@@ -301,7 +301,7 @@ def _minimise(
 
 
 def _damped_step(blocks: ViewBlocks, damping: float) -> tuple[FloatArray, FloatArray, float]:
-    """Steps of the shared parameters and of the poses, and the predicted decrease of the square sum [px²]."""
+    """Steps of the shared parameters and of the poses, and the predicted decrease of the sum of squares [px²]."""
     views, _, count = blocks.by_shared.shape
     root = np.sqrt(damping)
     held = root * np.linalg.norm(blocks.by_pose, axis=1)[:, None] * np.eye(6)
@@ -322,7 +322,7 @@ def _damped_step(blocks: ViewBlocks, damping: float) -> tuple[FloatArray, FloatA
 
 
 def _residual_sizes(blocks: ViewBlocks, corner_count: int) -> tuple[float, float]:
-    """Root mean square length per corner and noise of one coordinate [px]; refused where no camera fits the corners."""
+    """Root mean square length per corner, and noise of one coordinate [px]; refuses corners that no camera fits."""
     views, _, count = blocks.by_shared.shape
     square_sum = float(np.sum(blocks.residuals**2))
     freedom = 2 * corner_count - count - 6 * views
@@ -336,16 +336,16 @@ def _residual_sizes(blocks: ViewBlocks, corner_count: int) -> tuple[float, float
     corner_rms = float(np.sqrt(square_sum / corner_count))
     if corner_rms > RESIDUAL_LIMIT_PX:
         raise CornerFileError(
-            "the corners do not fit a camera",
+            "no camera fits the corners",
             value=f"{corner_rms:.3g} px rms",
             limit=f"<= {RESIDUAL_LIMIT_PX:g} px",
-            remedy="check for swapped columns, false corners, an order unlike that on the board, and a bent board",
+            remedy="check for swapped columns, false corners, corners in the wrong order, and a bent board",
         )
     return corner_rms, float(np.sqrt(square_sum / freedom))
 
 
 def _median_relative_pose(corners: StereoCorners, left: CameraFit, right: CameraFit) -> FloatArray:
-    """Relative pose of the median view; refuses views that differ too much from it."""
+    """Relative pose of the cameras in the median view; refuses views that differ too much from it."""
     left_rotation, right_rotation = rotation_matrix(left.poses[:, :3]), rotation_matrix(right.poses[:, :3])
     rotation = right_rotation @ np.swapaxes(left_rotation, -1, -2)
     translation = right.poses[:, 3:] - np.einsum("vij,vj->vi", rotation, left.poses[:, 3:])
@@ -356,7 +356,7 @@ def _median_relative_pose(corners: StereoCorners, left: CameraFit, right: Camera
     if len(stray):
         raise CornerFileError(
             f"view {', '.join(str(corners.views[row]) for row in stray[:5])} contradicts the others",
-            value=f"relative rotation off by {np.degrees(angles[centre, stray].max()):.3g}°",
+            value=f"relative rotation differs by {np.degrees(angles[centre, stray].max()):.3g}°",
             limit=f"<= {np.degrees(_ROTATION_LIMIT):.0f}°",
             remedy="number the corners in the same order in both images, or remove the view",
         )

@@ -16,12 +16,12 @@ from tradestudy.calibration.projection import RADIAL_LENS, FreeLens
 from tradestudy.errors import TradestudyError, UnaffordableError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
-MINIMUM_CORNERS = 6  # four fix the pose of a plane; two more let a wrong corner show
+MINIMUM_CORNERS = 6  # four determine the pose of a plane; two more reveal a wrong corner
 MOST_ROWS = 50_000
-MINIMUM_VIEWS = 3  # two conditions per view for four intrinsic parameters, plus one view for checking
+MINIMUM_VIEWS = 3  # at two conditions per view, two views determine four intrinsic parameters; one more checks them
 
 _IMAGE_COLUMNS = ("left_x_px", "left_y_px", "right_x_px", "right_y_px")
-_LARGEST_COORDINATE = 1e6  # px or mm: more is a slip
+_LARGEST_COORDINATE = 1e6  # px or mm; more is a mistake
 _SMALLEST_SPREAD = 1e-6  # m or px
 _SURPLUS = "more fields than columns"
 _BOARD_UNITS = {"mm": 1e-3, "m": 1.0}
@@ -40,19 +40,19 @@ class StereoCorners:
     Parameters
     ----------
     views : tuple of int, length V
-        Numbers of the views as in the file.
+        Numbers of the views in the file.
     board : array (V, N, 2)
-        Corners on the board, x to the right and y downwards as the board is seen from its front [m].
+        Corners on the board [m]: x to the right and y downwards, seen from the front of the board.
     left, right : array (V, N, 2)
         Corners in the images [px].
     present : bool array (V, N)
-        False where a view has no such corner; coordinates are zero there.
+        False where a view lacks the corner; its coordinates are then zero.
     heights : array (V, N)
-        Distance of the corners behind the board's plane, as seen from its front [m]; None: the board is flat.
+        Distance of the corners behind the plane of the board, seen from its front [m]; None for a flat board.
     noise
-        Noise model that whitens the residuals; None: independent and equal.
+        Noise model that whitens the residuals; None for independent and equal noise.
     lens
-        The lens model to fit to both lenses.
+        Lens model to fit to both cameras.
     """
 
     views: tuple[int, ...]
@@ -77,15 +77,14 @@ class StereoCorners:
 
 
 def read_corners(path: str | Path) -> StereoCorners:
-    """Read a corner file; an inconsistent one is refused.
+    """Read and check a corner file.
 
     Parameters
     ----------
     path : path
-        CSV in UTF-8, with commas between its fields and decimal points in its numbers. Columns in any order: ``view,
-        corner, board_x_mm, board_y_mm, left_x_px, left_y_px, right_x_px, right_y_px``; the board may be in ``_m``
-        instead of ``_mm``. Board x to the right and y downwards as the board is seen from its front; image x to the
-        right and y downwards.
+        CSV in UTF-8, with commas between fields and decimal points in numbers. The columns, in any order, are ``view,
+        corner, board_x_mm, board_y_mm, left_x_px, left_y_px, right_x_px, right_y_px``; for the board, ``_m`` may
+        replace ``_mm``. On the board, seen from its front, and in images, x points to the right and y downwards.
 
     Returns
     -------
@@ -95,13 +94,13 @@ def read_corners(path: str | Path) -> StereoCorners:
     Raises
     ------
     CornerFileError
-        It cannot be read; a column is missing; a row has surplus fields, for example from decimal commas; a cell is not
-        a number, or a coordinate beyond ±10⁶; a view is not a whole number; a corner occurs twice; a view has too few
-        corners or all on a line or at one place, or repeats another; there are too few views; the board or an image is
-        mirrored, or x and y columns are swapped. Exchanged left and right columns need a fit: see
-        ``bundle_adjustment.check_rig``; contradictions with the declared rig: see ``rig_geometry``.
+        The file cannot be read; a column is missing; a row has surplus fields, for example from decimal commas; a cell
+        is not a number, or a coordinate is beyond ±10⁶; a view is not a whole number; a corner occurs twice; a view has
+        too few corners, has all of them on a line or at one point, or repeats another view; there are too few views;
+        the board or an image is mirrored, or x and y columns are swapped. ``bundle_adjustment.check_rig`` finds
+        exchanged left and right columns, and ``rig_geometry`` contradictions with the declared rig.
     UnaffordableError
-        It has more than `MOST_ROWS` rows.
+        The file has more than `MOST_ROWS` rows.
     """
     path = Path(path)
     _refuse_utf16(path)
@@ -130,7 +129,7 @@ def read_corners(path: str | Path) -> StereoCorners:
 
 
 def _require_affordable(path: Path) -> None:
-    """Refuse files whose fit would take longer than minutes, before parsing them."""
+    """Refuse files whose fit would take more than a few minutes, before parsing them."""
     with path.open("rb") as stream:
         rows = sum(block.count(b"\n") for block in iter(lambda: stream.read(1 << 20), b"")) - 1
     if rows > MOST_ROWS:
@@ -138,7 +137,7 @@ def _require_affordable(path: Path) -> None:
             f"{path.name} has too many rows to fit",
             value=f"{rows:,} rows",
             limit=f"{MOST_ROWS:,}",
-            remedy=f"keep one view in {-(-rows // MOST_ROWS)}; more views hardly improve depth",
+            remedy=f"keep one view in {-(-rows // MOST_ROWS)}; additional views hardly improve depth",
         )
 
 
@@ -174,7 +173,7 @@ def _read_table(path: Path) -> tuple[FloatArray, float]:
 
 
 def _refuse_utf16(path: Path) -> None:
-    """Refuse UTF-16, which spreadsheets save as "Unicode"; the reader reports files that cannot be opened."""
+    """Refuse UTF-16, which spreadsheets call "Unicode"; the caller reports files that cannot be opened."""
     with suppress(OSError), path.open("rb") as stream:
         if stream.read(2) in (b"\xff\xfe", b"\xfe\xff"):
             raise CornerFileError(f"{path.name} is UTF-16 text", limit="UTF-8", remedy="save it as CSV in UTF-8")
@@ -201,7 +200,7 @@ def _numbers(path: Path, line: int, row: dict[str, Any], required: Sequence[str]
                 f"{path.name}:{line}: {name} is not a finite number",
                 value=repr(row[name]),
                 limit="a number",
-                remedy="remove the row if the corner was not detected",
+                remedy="correct the number, or remove the row if the corner was not detected",
             )
         if name == "view" and number != round(number):
             raise CornerFileError(
@@ -222,7 +221,7 @@ def _numbers(path: Path, line: int, row: dict[str, Any], required: Sequence[str]
 
 
 def _group_views(table: FloatArray) -> dict[int, FloatArray]:
-    """Rows by view, each corner once."""
+    """Rows by view; refuses repeated corners."""
     groups = {}
     for view in np.unique(table[:, 0]):
         group = table[table[:, 0] == view]
@@ -240,24 +239,24 @@ def _group_views(table: FloatArray) -> dict[int, FloatArray]:
 
 
 def _refuse_repeated(groups: dict[int, FloatArray]) -> None:
-    """Refuse a view that occurs twice: it would count as two measurements."""
+    """Refuse a view that occurs twice, because it would count as two measurements."""
     seen: dict[bytes, int] = {}
     for view, group in groups.items():
         first = seen.setdefault(np.ascontiguousarray(group[:, 1:]).tobytes(), view)
         if first != view:
             raise CornerFileError(
                 f"view {view} repeats view {first} exactly",
-                value=f"{len(group)} equal corners",
+                value=f"{len(group)} identical corners",
                 limit="each view once",
                 remedy="remove the repeated views",
             )
 
 
 def _check_counts(corners: StereoCorners) -> None:
-    """Refuse too few views, and views with too few corners or all corners on a line."""
+    """Refuse too few views, views with too few corners, and views with all corners on a line."""
     if len(corners.views) < MINIMUM_VIEWS:
         raise CornerFileError(
-            "too few views to calibrate from",
+            "too few views for a calibration",
             value=str(len(corners.views)),
             limit=f">= {MINIMUM_VIEWS}",
             remedy="add views with the board tilted differently",
@@ -276,7 +275,7 @@ def _check_counts(corners: StereoCorners) -> None:
             if spread[0] < _SMALLEST_SPREAD:
                 unit = "m" if plane is corners.board else "px"
                 raise CornerFileError(
-                    f"view {view}: the corners ({what}) lie at one place",
+                    f"view {view}: the corners ({what}) all lie at one point",
                     value=f"{spread[0]:.1e} {unit} apart",
                     limit=f">= {_SMALLEST_SPREAD:g} {unit}",
                     remedy="check the columns and their unit",
@@ -291,7 +290,7 @@ def _check_counts(corners: StereoCorners) -> None:
 
 
 def handedness(board: FloatArray, image: FloatArray, present: BoolArray) -> FloatArray:
-    """Sign of the determinant of the affine map from board to image per view, shape (V,): −1 is a mirror image."""
+    """Sign of the determinant of the affine map from board to image, per view, shape (V,); −1 means a mirror image."""
     signs = np.empty(len(board))
     for row, there in enumerate(present):
         design = np.column_stack([board[row, there], np.ones(int(there.sum()))])
@@ -341,7 +340,7 @@ def _mirrored_image(side: str, image: FloatArray, other: FloatArray, present: Bo
 
 
 def _shape_mismatch(first: FloatArray, second: FloatArray, present: BoolArray) -> float:
-    """Mean square distance between the corners of both images, each view centred first [px²]."""
+    """Mean square distance between the corners of both images, after centring each view [px²]."""
     weight = present[..., None] / present.sum(axis=1)[:, None, None]
     difference = first - second
     difference = difference - (difference * weight).sum(axis=1, keepdims=True)

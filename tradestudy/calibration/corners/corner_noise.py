@@ -17,36 +17,38 @@ from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 FULL_WEIGHT: Final = 3.5
 """Robust standard deviations up to which a corner counts fully."""
 ZERO_WEIGHT: Final = 10.0
-"""Robust standard deviations from which on it does not count at all."""
+"""Robust standard deviations from which on a corner does not count at all."""
 _HALF_WAY: Final = 6.0
 _LEAST_DEVIATION: Final = 1e-6  # px, for pictures without noise
-_RAYLEIGH_MEDIAN: Final = float(np.sqrt(2.0 * np.log(2.0)))  # of the length of a vector with unit deviations
+_RAYLEIGH_MEDIAN: Final = float(
+    np.sqrt(2.0 * np.log(2.0))
+)  # median length of a vector whose components have unit standard deviation
 _MOST_VIEWS: Final = 60
-_LEAST_WHITE: Final = 1e-3  # share of independent noise: keeps the covariance regular
+_LEAST_INDEPENDENT: Final = 1e-3  # share of independent noise that keeps the covariance regular
 
 
 @dataclass(frozen=True, kw_only=True)
 class CornerNoise:
     """Covariance of the noise of the corners of a pair.
 
-    In each view, camera and coordinate it is ``σ_v² (a/(1 + d²/ℓ²) + (1 − a) δ/w)`` between corners at the distance d
-    on the board, with w the weight of a corner. Its long tail is deliberate: on a measured rig a Gaussian fits the
-    residuals slightly better, but depths from random halves of the views then differ by 1.27 times their stated
-    uncertainty, with this tail by 1.16 times.
+    In each view, camera and coordinate, the covariance of corners at a distance d on the board is
+    ``σ_v² (a/(1 + d²/ℓ²) + (1 − a) δ/w)``, with w the weight of a corner. Its long tail is deliberate: for a measured
+    rig, a Gaussian fits the residuals slightly better, but depths from random halves of the views then differ by 1.27
+    times their stated uncertainty; with the long tail, by 1.16 times.
 
     Parameters
     ----------
     share
-        a, share of the variance that is correlated between neighbours [1].
+        Share a of the variance that is correlated between neighbours [1].
     length
-        ℓ [m].
+        Correlation length ℓ [m].
     deviation : array (V,)
-        σ_v [px].
+        Standard deviations σ_v [px].
     weights : array (V, 2, N)
-        Of the corners in the left and the right picture [1]; zero where absent.
+        Weights of the corners in the left and right picture [1]; zero where absent.
     whitening : array (V, 2, N, N)
-        Lower triangles that make the noise of the coordinates independent, with the root mean square of σ_v as its
-        standard deviation.
+        Lower triangular matrices that make the noise of the coordinates independent, with the root mean square of σ_v
+        as standard deviation.
     """
 
     share: float
@@ -56,7 +58,7 @@ class CornerNoise:
     whitening: FloatArray
 
     def whiten(self, values: FloatArray) -> FloatArray:
-        """Residuals (V, 4 N) or their derivatives (V, 4 N, P), left corners then right corners, whitened."""
+        """Whitened residuals (V, 4 N) or derivatives of residuals (V, 4 N, P), left corners then right corners."""
         views, _, corners, _ = self.whitening.shape
         shaped = values.reshape(views, 2, corners, -1)
         whitened: FloatArray = (self.whitening @ shaped).reshape(values.shape)
@@ -64,14 +66,14 @@ class CornerNoise:
 
 
 def equal_noise(weights: FloatArray, board: FloatArray) -> CornerNoise:
-    """Independent noise, equal except for the weights (V, 2, N)."""
+    """Independent noise that is equal except for the weights (V, 2, N)."""
     return _noise(board, weights, share=0.0, length=1.0, deviation=np.ones(len(board)))
 
 
 def outlier_weights(residuals: FloatArray, present: BoolArray) -> FloatArray:
-    """Weights of the corners of one camera from the lengths of their residual vectors, shape (V, N).
+    """Weights of the corners of one camera, shape (V, N), from the lengths of their residual vectors.
 
-    Three-part weights: 1 up to `FULL_WEIGHT` robust standard deviations of the view, falling to 0 at `ZERO_WEIGHT`.
+    A weight is 1 up to `FULL_WEIGHT` robust standard deviations of the view, and falls to 0 at `ZERO_WEIGHT`.
 
     Parameters
     ----------
@@ -82,7 +84,7 @@ def outlier_weights(residuals: FloatArray, present: BoolArray) -> FloatArray:
 
     Notes
     -----
-    F. R. Hampel, J. Am. Stat. Assoc. 69 (1974) 383; the standard deviation of a view from its median length.
+    F. R. Hampel, J. Am. Stat. Assoc. 69 (1974) 383; the standard deviation of a view follows from its median length.
     """
     length = np.linalg.norm(residuals.reshape(*present.shape, 2), axis=-1)
     median = np.nanmedian(np.where(present, length, np.nan), axis=1, keepdims=True)
@@ -93,14 +95,14 @@ def outlier_weights(residuals: FloatArray, present: BoolArray) -> FloatArray:
 
 
 def estimate_noise(residuals: FloatArray, by_view: FloatArray, board: FloatArray, weights: FloatArray) -> CornerNoise:
-    """Share, length and deviations by restricted maximum likelihood, with free pose and motion of every view.
+    """Estimate share, length and deviations by restricted maximum likelihood, with free pose and motion of every view.
 
     Parameters
     ----------
     residuals : array (V, 4 N)
-        Observed minus fitted [px], of an equal-noise fit.
+        Observed minus fitted [px], from a fit with equal noise.
     by_view : array (V, 4 N, 12)
-        Derivatives by pose and motion.
+        Derivatives with respect to pose and motion.
     board : array (V, N, 2)
         Corners on the board [m].
     weights : array (V, 2, N)
@@ -108,10 +110,10 @@ def estimate_noise(residuals: FloatArray, by_view: FloatArray, board: FloatArray
 
     Notes
     -----
-    D. Harville, J. Am. Stat. Assoc. 72 (1977) 320, with the shared parameters fixed at their fit. Share and
-    length are estimated from at most sixty evenly spaced views.
+    D. Harville, J. Am. Stat. Assoc. 72 (1977) 320, with the shared parameters fixed at their fitted values. Share
+    and length are estimated from at most sixty evenly spaced views.
     """
-    from scipy.optimize import minimize  # slow to import, needed only for corners
+    from scipy.optimize import minimize  # slow to import; only corners need it
 
     some = np.unique(np.linspace(0, len(board) - 1, min(len(board), _MOST_VIEWS)).astype(int))
     spacing = _spacing(board, weights)
@@ -136,12 +138,12 @@ def estimate_noise(residuals: FloatArray, by_view: FloatArray, board: FloatArray
 
 def _share_and_length(place: FloatArray, spacing: float) -> tuple[float, float]:
     """Share between 0 and nearly 1, and length between 0.3 and 10 corner spacings, from unbounded parameters."""
-    share = (1.0 - _LEAST_WHITE) / (1.0 + np.exp(-place[0]))
+    share = (1.0 - _LEAST_INDEPENDENT) / (1.0 + np.exp(-place[0]))
     return float(share), float(spacing * np.exp(np.clip(place[1], np.log(0.3), np.log(10.0))))
 
 
 def _spacing(board: FloatArray, weights: FloatArray) -> float:
-    """Median distance of a corner to its nearest neighbour [m], in the view with the most corners."""
+    """Median distance from a corner to its nearest neighbour [m], in the view with the most corners."""
     view = int(np.argmax((weights[:, 0] > 0.0).sum(axis=1)))
     corners = board[view, weights[view, 0] > 0.0]
     apart = np.linalg.norm(corners[:, None] - corners[None], axis=-1) + np.diag(np.full(len(corners), np.inf))
@@ -163,16 +165,16 @@ def _restricted(table: FloatArray, weights: FloatArray, whitening: FloatArray) -
 
 @dataclass(frozen=True, kw_only=True)
 class _Layouts:
-    """The different pictures of a board, by its corners and their weights; most views see all corners equally well.
+    """The different sets of corners and weights in pictures of a board; most views see all corners equally well.
 
     Parameters
     ----------
     square : array (L, N, N)
         Squared distances of the corners on the board [m²].
     weights : array (L, N)
-        Of the corners; zero where absent.
+        Weights of the corners; zero where absent.
     number : int array (V, 2)
-        The layout of every view in both cameras.
+        Number of the layout of every view in both cameras.
     """
 
     square: FloatArray
@@ -181,7 +183,7 @@ class _Layouts:
 
     @classmethod
     def of(cls, board: FloatArray, weights: FloatArray) -> _Layouts:
-        """Of boards (V, N, 2) [m] and weights (V, 2, N)."""
+        """Collect the layouts of boards (V, N, 2) [m] and weights (V, 2, N)."""
         views, _, corners = weights.shape
         seen = np.concatenate([np.repeat(board.reshape(views, 1, -1), 2, axis=1), weights], axis=-1)
         found, number = np.unique(seen.reshape(2 * views, -1), axis=0, return_inverse=True)
@@ -194,7 +196,7 @@ class _Layouts:
 
     def whitening(self, share: float, length: float) -> FloatArray:
         """Inverse Cholesky factors for unit deviation, shape (V, 2, N, N); identity where a corner is absent."""
-        from scipy.linalg.lapack import dtrtri  # slow to import, needed only for corners
+        from scipy.linalg.lapack import dtrtri  # slow to import; only corners need it
 
         there = self.weights > 0.0
         both = there[:, :, None] & there[:, None]
@@ -202,7 +204,7 @@ class _Layouts:
         own = np.where(there, (1.0 - share) / np.where(there, self.weights, 1.0), 1.0)
         corners = np.arange(there.shape[1])
         matrix[:, corners, corners] += own
-        # LAPACK's inverse of a triangle takes a third of the time of numpy's general one.
+        # LAPACK inverts a triangular matrix in a third of the time of numpy's general inverse.
         inverse = [dtrtri(factor.T)[0].T for factor in np.linalg.cholesky(matrix)]
         return np.stack(inverse)[self.number]
 

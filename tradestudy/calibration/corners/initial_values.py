@@ -18,19 +18,19 @@ _UNIT: Final = np.array([1.0, 1.0, 0.0, 0.0])
 
 
 def homography(board: FloatArray, image: FloatArray) -> FloatArray:
-    """Projective map from board to image by the normalised direct linear transform.
+    """Projective map from board to image, by the normalised direct linear transform.
 
     Parameters
     ----------
     board : array (N, 2)
-        Corners on the board, any unit; at least four, no three of these on a line.
+        Corners on the board in any unit; at least four, of which no three lie on a line.
     image : array (N, 2)
         The same corners in the image.
 
     Returns
     -------
     array (3, 3)
-        H with image ~ H (x, y, 1), determinant positive when the board is in front of the camera.
+        H with image ~ H (x, y, 1); its determinant is positive if the board is in front of the camera.
 
     Notes
     -----
@@ -55,10 +55,10 @@ def homography(board: FloatArray, image: FloatArray) -> FloatArray:
 def first_values(
     board: FloatArray, image: FloatArray, present: BoolArray, lens: FreeLens
 ) -> tuple[FloatArray, FloatArray]:
-    """Intrinsic parameters of a lens, and board poses.
+    """Initial intrinsic parameters and board poses.
 
-    A pinhole has a closed form. Other lens models bend lines, so focal lengths from a fifth to four times the extent of
-    the corners are tried as well, and the one whose poses fit the corners best is taken.
+    For a pinhole, they have a closed form. Other lens models bend lines, so that focal lengths from a fifth to four
+    times the extent of the corners are also tried; the one whose poses fit the corners best is used.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def first_values(
             best, values = cost, (intrinsics, poses)
     if not np.isfinite(best):
         raise NotConvergedError(
-            "the lens model fits the corners at no focal length",
+            "the lens model does not fit the corners with any focal length",
             value=f"{lens.model.name}, focal lengths of {focals[0]:.0f} to {focals[-1]:.0f} px",
             limit="poses of the board in front of the camera in every view",
             remedy="check the order of the corners, or give coefficients closer to those of the lens",
@@ -107,7 +107,7 @@ def first_values(
 
 
 def first_intrinsics(board: FloatArray, image: FloatArray, present: BoolArray) -> FloatArray:
-    """Intrinsic parameters without skew and distortion from the image of the absolute conic, as of a pinhole.
+    """Intrinsic parameters of a pinhole without skew and distortion, from the image of the absolute conic.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def first_poses(intrinsics: FloatArray, board: FloatArray, image: FloatArray, pr
 
 
 def _centring(points: FloatArray) -> FloatArray:
-    """Similarity that moves the centroid to the origin and the mean distance to sqrt 2."""
+    """Similarity that moves the centroid to the origin and scales the mean distance from it to √2."""
     centre = points.mean(axis=0)
     zoom = np.sqrt(2.0) / np.linalg.norm(points - centre, axis=1).mean()
     return np.array([[zoom, 0.0, -zoom * centre[0]], [0.0, zoom, -zoom * centre[1]], [0.0, 0.0, 1.0]])

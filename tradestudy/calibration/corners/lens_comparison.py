@@ -1,8 +1,8 @@
-"""Comparison of lens models: how well the corners support each, and how much it changes depth.
+"""Comparison of lens models: how well the corners support each of them, and how much it changes depth.
 
-Support is measured by leave-one-out cross-validation: the pair is fitted to all views but one, and the log likelihood
-of that view is computed with its pose and motion integrated out. Everything is linearised about a fit, with the noise
-and the left–right term of the fit in use.
+Leave-one-out cross-validation measures support: the pair is fitted to all views but one, and the log likelihood of that
+view is computed with its pose and motion integrated out. Everything is linearised about a fit, with the noise and the
+left–right term of the fit in use.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from tradestudy.optics.lens_models.lens_model import LensModel
 from tradestudy.optics.lens_models.rational import Rational
 
 EXTENSIONS: Final[Sequence[tuple[str, ...]]] = (("k3",), ("p1", "p2"), ("k3", "p1", "p2"), ("s1", "s2", "s3", "s4"))
-"""Additional coefficients with which a rational model is compared."""
+"""Additional coefficients of the models with which a rational model is compared."""
 _STEP: Final = 1e-2  # standard deviations of a parameter
 
 
 @dataclass(frozen=True, kw_only=True)
 class ComparedLens:
-    """Another lens model, compared with the one in use.
+    """Another lens model compared with the one in use.
 
     Parameters
     ----------
     support, support_deviation
-        Log likelihood of the views left out in turn, minus that of the model in use, and its standard error over views:
-        well above zero, the corners favour the other model.
+        Log likelihood of the views left out in turn, minus that for the model in use, and its standard error over
+        views. If it is well above zero, the corners favour the other model.
     depth_change, depth_change_deviation : array (D,)
-        Depth by the other model minus depth by the one in use, from the same pictures [m], and its standard error by
-        the jackknife over views.
+        Depth from the other model minus depth from the one in use, for the same pictures [m], and its jackknife
+        standard error over views.
     """
 
     support: float
@@ -50,7 +50,7 @@ class ComparedLens:
 
 @dataclass(frozen=True, kw_only=True)
 class _LeaveOneOut:
-    """A model fitted to all views, and to all but one: inverse depths (D,) and (V, D), log likelihoods (V,)."""
+    """A model fitted to all views, and to all but each one: inverse depths (D,) and (V, D), log likelihoods (V,)."""
 
     inverse: FloatArray
     inverses: FloatArray
@@ -83,7 +83,7 @@ def compare_lenses(fit: RigFit, z: FloatArray, others: Sequence[FreeLens]) -> Ma
             wider = FreeLens(model=lens.model, free=(*lens.free, *more))
             start = _with_more(explained.shared, lens.model, more)
             other = _leave_one_out(fit, wider, start, explained.states, explained.lever, seen)
-            found[f"{lens.model.name} with {' '.join(more)} too"] = _compared(own, other, z)
+            found[f"{lens.model.name} with {' '.join(more)} as well"] = _compared(own, other, z)
     for other_lens in others:
         corners = replace(fit.corners, lens=other_lens)
         white = replace(corners, noise=None)
@@ -95,18 +95,18 @@ def compare_lenses(fit: RigFit, z: FloatArray, others: Sequence[FreeLens]) -> Ma
 
 
 def depth_slopes(fit: RigFit, z: FloatArray) -> FloatArray:
-    """Derivatives of inverse depth by the shared parameters, shape (D, P)."""
+    """Derivatives of inverse depth with respect to the shared parameters, shape (D, P)."""
     deviation = np.sqrt(np.diag(fit.covariance))
     return _slopes(fit.corners.lens, fit.explained.shared, deviation, _seen(fit, z))
 
 
 def compressed_fit(fit: RigFit) -> CompressedViews:
-    """The views, linearised about the fit."""
+    """The views of a fit, linearised about it."""
     return compress_views(fit.explained.shared, fit.explained.states, fit.corners, fit.explained.lever)
 
 
 def _seen(fit: RigFit, z: FloatArray) -> FloatArray:
-    """Image coordinates of points midway in both pictures, shape (D, 4) [px]."""
+    """Image coordinates of points midway between the cameras in both pictures, shape (D, 4) [px]."""
     lens, shared = fit.corners.lens, fit.explained.shared
     return observe_pair(shared, points_midway(shared, z), (lens.model, lens.model), lens.free)
 
@@ -122,7 +122,7 @@ def _slopes(lens: FreeLens, shared: FloatArray, deviation: FloatArray, seen: Flo
 
 
 def _with_more(shared: FloatArray, model: LensModel, names: Sequence[str]) -> FloatArray:
-    """Parameters with these coefficients of both cameras added, at the values of the model."""
+    """The parameters, with these coefficients of both cameras added at their values in the model."""
     more = [getattr(model, name) for name in names]
     left, right = cameras_of(shared)
     return np.array([*left, *more, *right, *more, *shared[RELATIVE]])
@@ -131,7 +131,7 @@ def _with_more(shared: FloatArray, model: LensModel, names: Sequence[str]) -> Fl
 def _leave_one_out(
     fit: RigFit, lens: FreeLens, shared: FloatArray, states: ViewStates, lever: float, seen: FloatArray
 ) -> _LeaveOneOut:
-    """Fits to all views and to all but each one, by linear steps from the parameters given."""
+    """Fits to all views, and to all but each one, by linear steps from the given parameters."""
     noise, scale = fit.explained.noise_px, fit.explained.motion_scale
     compressed = compress_views(shared, states, replace(fit.corners, lens=lens), lever)
     information, gradient = compressed.information(noise, scale)

@@ -1,8 +1,8 @@
-"""Views of a pair with a left–right term, board poses and terms integrated out view by view (Laplace).
+"""Views of a pair with a left–right term; board poses and terms are integrated out view by view (Laplace).
 
 The board moves a little between the two exposures of a view (or something else has the same effect): the right camera
 sees the corners displaced by a small rigid motion, with translations N(0, τ²) per axis and rotations N(0, (τ/lever)²).
-With the board's radius of gyration as lever, both displace the corners equally.
+If the lever is the board's radius of gyration, both displace the corners equally.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class ViewStates:
     Parameters
     ----------
     poses : array (V, 6)
-        Board to left camera [rad, m].
+        Poses from board to left camera [rad, m].
     motions : array (V, 6)
         Rotation × lever and translation between the exposures, in the right camera's frame [m].
     """
@@ -41,22 +41,22 @@ class ViewStates:
 
 @dataclass(frozen=True, kw_only=True)
 class CompressedViews:
-    """Linearised views, reduced to what the likelihood needs; poses and motions are integrated out.
+    """Linearised views, reduced to the numbers that the likelihood needs, with poses and motions integrated out.
 
     Parameters
     ----------
     centre : array (P,)
         Shared parameters at which the views were linearised.
     motion_rows : array (V, 6, P + 1)
-        Rows that depend on the motion: derivatives by the shared parameters, then the residual.
+        Rows that depend on the motion: derivatives with respect to the shared parameters, followed by the residual.
     motion_gains : array (V, 6)
         Variance of each of these rows for unit motion scale [px²/m²].
     motion_columns : array (V, 6, 6)
-        Derivatives of these rows by the motion [px/m].
+        Derivatives of these rows with respect to the motion [px/m].
     view_rests : array (V, P + 1, P + 1)
         Triangular factor of all other rows of each view, with the same columns.
     rest : array (P + 1, P + 1)
-        The same of all views together.
+        The same for all views together.
     view_counts : int array (V,)
         Number of other rows of each view.
     """
@@ -87,14 +87,14 @@ class CompressedViews:
         )
 
     def with_lever(self, factor: float) -> CompressedViews:
-        """The same views with the lever multiplied by a factor: at the same motion scale, they rotate less."""
+        """The same views with the lever multiplied by a factor; a longer lever means less rotation."""
         columns = self.motion_columns / np.array([*[factor] * 3, *[1.0] * 3])
         left, gains, _ = np.linalg.svd(columns)
         back = np.swapaxes(left, -1, -2)
         return replace(self, motion_rows=back @ self.motion_rows, motion_gains=gains**2, motion_columns=back @ columns)
 
     def log_likelihood(self, shared: FloatArray, noise_px: FloatArray, motion_scale: FloatArray) -> FloatArray:
-        """Logarithm of the marginal likelihood, up to a constant.
+        """Log of the marginal likelihood, up to a constant.
 
         Parameters
         ----------
@@ -113,33 +113,33 @@ class CompressedViews:
         step = np.concatenate([self.centre - shared, np.ones_like(shared[..., :1])], axis=-1)
         rows = self.motion_rows.reshape(-1, step.shape[-1])
         variance = noise_px[..., None] ** 2 + motion_scale[..., None] ** 2 * self.motion_gains.ravel()
-        # residual(θ) = r₀ + A (centre − θ): the sign is in the step
+        # residual(θ) = r₀ + A (centre − θ)
         seen = np.sum((step @ rows.T) ** 2 / variance + np.log(variance), axis=-1)
         rest = np.sum((step @ self.rest.T) ** 2, axis=-1) / noise_px**2
         total: FloatArray = -0.5 * (seen + rest) - self.rest_count * np.log(noise_px)
         return total
 
     def restricted_log_likelihood(self, noise_px: float, motion_scale: float, stretch: float = 1.0) -> float:
-        """Log likelihood of the scales, the shared parameters integrated out under a flat prior, up to a constant.
+        """Log likelihood of the scales, up to a constant, with the shared parameters integrated out under a flat prior.
 
         Parameters
         ----------
         noise_px, motion_scale : float
             Standard deviations of a coordinate [px] and of the motion [m]; a motion of zero switches the term off.
         stretch : float
-            Factor on the lever: at the same motion scale, a longer one rotates the views less.
+            Factor by which the lever is multiplied, as for `with_lever`.
         """
         columns = self.motion_columns * (motion_scale / np.array([*[stretch] * 3, *[1.0] * 3]))
         covariance = columns @ np.swapaxes(columns, -1, -2) + noise_px**2 * np.eye(6)
         factor = np.linalg.cholesky(covariance)
         rows = np.linalg.solve(factor, self.motion_rows).reshape(-1, self.rest.shape[-1])
-        # The triangle of all rows for unit noise: its diagonal ends with the residual that no parameter can remove.
+        # Triangular factor of all rows for unit noise, whose last diagonal element is the residual after a fit.
         *pivots, left = np.abs(np.diagonal(triangular_factor(np.concatenate([rows, self.rest / noise_px]))))
         volume = np.log(pivots).sum() + np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum()
         return float(-volume - 0.5 * left**2 - self.rest_count * np.log(noise_px))
 
     def information(self, noise_px: float, motion_scale: float) -> tuple[FloatArray, FloatArray]:
-        """Information matrix of the shared parameters, and its product with their step to the optimum.
+        """Information matrix of the shared parameters, and its product with the step to their optimum.
 
         Parameters
         ----------
@@ -160,7 +160,7 @@ class CompressedViews:
 
 
 def gyration_radius(corners: StereoCorners) -> float:
-    """Root mean square distance of the corners from the board's centre [m], mean over the views."""
+    """Root mean square distance of the corners from the board's centre [m], averaged over the views."""
     weight = corners.present[..., None] / corners.present.sum(axis=1)[:, None, None]
     centre = (corners.board * weight).sum(axis=1, keepdims=True)
     return float(np.sqrt(((corners.board - centre) ** 2 * weight).sum() / len(corners.views)))
@@ -183,20 +183,20 @@ def compress_views(
     states : ViewStates
         Poses and motions at which to linearise (see ``settle_views``).
     corners : StereoCorners
-        What was seen.
+        The observed corners.
     lever : float
         Radius that converts rotations into displacements [m].
     extra : array (V, 4 N, E)
-        Derivatives by additional parameters, which are zero where the views are linearised.
+        Derivatives with respect to additional parameters, whose values are zero where the views are linearised.
 
     Returns
     -------
     CompressedViews
-        Exact for the linearised model: QR of [poses | motions | shared | residual] preserves all inner products, and
-        the rows of the poses vanish when these are integrated out under a flat prior.
+        Exact for the linearised model: the QR factorisation of [poses | motions | shared | residual] preserves all
+        inner products, and the rows of the poses drop out when poses are integrated out under a flat prior.
     """
     residuals, by_shared, by_states = _state_blocks(shared, states, corners, lever)
-    # as for zero motion in the linearised model
+    # residuals that zero motion gives in the linearised model
     residuals = residuals + np.einsum("vmk,vk->vm", by_states[..., 6:], states.motions)
     if extra is not None:
         by_shared = np.concatenate([by_shared, extra], axis=-1)
@@ -218,7 +218,7 @@ def compress_views(
 
 
 def _stacked(triangles: FloatArray) -> FloatArray:
-    """Triangular factor of the rows of all these triangles."""
+    """Triangular factor of the rows of all these triangular matrices."""
     return triangular_factor(triangles.reshape(-1, triangles.shape[-1]))
 
 
@@ -231,7 +231,7 @@ def settle_views(
     noise_px: float,
     motion_scale: float,
 ) -> ViewStates:
-    """Most probable poses and motions of all views for given shared parameters (Gauss–Newton).
+    """Most probable poses and motions of all views for given shared parameters, by Gauss–Newton steps.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ def settle_views(
     states : ViewStates
         Starting values.
     corners : StereoCorners
-        What was seen.
+        The observed corners.
     lever : float
         Radius that converts rotations into displacements [m].
     noise_px, motion_scale : float
@@ -249,7 +249,7 @@ def settle_views(
     Returns
     -------
     ViewStates
-        Converged to 1e-4 standard deviations in every view.
+        Poses and motions, converged to 1e-4 standard deviations in every view.
 
     Raises
     ------
@@ -280,10 +280,10 @@ def exact_log_likelihood(
     noise_px: float,
     motion_scale: float,
 ) -> float:
-    """Laplace marginal likelihood with poses and motions refitted at these parameters, up to a constant.
+    """Log of the Laplace marginal likelihood, with poses and motions refitted for these parameters, up to a constant.
 
-    The constant differs from that of ``CompressedViews.log_likelihood`` by the volume of the poses: compare only
-    differences between parameters.
+    The constant differs from that of ``CompressedViews.log_likelihood`` by the volume of the poses, so that only
+    differences between parameters are comparable.
 
     Parameters
     ----------
@@ -307,7 +307,7 @@ def exact_log_likelihood(
 def _state_blocks(
     shared: FloatArray, states: ViewStates, corners: StereoCorners, lever: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Residuals including the motions, and derivatives by shared parameters and by (pose, motion)."""
+    """Residuals with motions, and their derivatives with respect to shared parameters and (pose, motion)."""
     blocks = pair_blocks(shared, states.poses, corners)
     motion = motion_columns(shared, states.poses, corners, lever)
     residuals = blocks.residuals - np.einsum("vmk,vk->vm", motion, states.motions)
@@ -321,7 +321,7 @@ def _state_equations(
     noise_px: float,
     motion_scale: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Normal equations of (pose, motion) per view, with the prior of the motion."""
+    """Normal equations for (pose, motion) of every view, including the prior of the motion."""
     transposed = np.swapaxes(by_states, -1, -2)
     hessian = transposed @ by_states / noise_px**2
     hessian[:, range(6, 12), range(6, 12)] += 1.0 / motion_scale**2

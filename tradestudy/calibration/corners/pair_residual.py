@@ -1,4 +1,4 @@
-"""A pair with a left–right term per view, which explains why the pair fits worse than its cameras."""
+"""A pair with a left–right term per view, which explains why the pair fits worse than its single cameras."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 
 _MOST_LINEARISATIONS = 20
-_LEVER_DEVIATION = 1.0  # prior, of the logarithm of the lever over the radius of gyration
-_FIRST_STEPS = (0.05, 0.3, 0.3)  # of the logarithms of noise, motion scale and lever
+_LEVER_DEVIATION = 1.0  # prior standard deviation of ln(lever / radius of gyration)
+_FIRST_STEPS = (0.05, 0.3, 0.3)  # in the logarithms of noise, motion scale and lever
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,7 @@ class ViewMeans:
     left, right : array (V, 2)
         Mean residual vectors [px].
     correlation : float
-        Of all left with all right components: −1 if every view pulls the cameras apart.
+        Correlation of all left with all right components; −1 if every view pulls the cameras apart.
     """
 
     left: FloatArray
@@ -49,28 +49,28 @@ class ViewMeans:
 
 @dataclass(frozen=True, kw_only=True)
 class PairResidualFit:
-    """The pair with a left–right term: scales by restricted maximum likelihood, the other parameters given these.
+    """The pair with a left–right term: scales by restricted maximum likelihood, other parameters for given scales.
 
     Parameters
     ----------
     shared : array (P,)
-        In the order of ``view_blocks.shared_names``.
+        Parameters in the order of ``view_blocks.shared_names``.
     covariance : array (P, P)
-        Of the shared parameters, poses and motions marginalised, given both scales and the shape of the board.
+        Covariance of the shared parameters with poses and motions marginalised, for given scales and board shape.
     noise_px : float
-        Standard deviation of one coordinate [px]; root mean square over the views where these differ.
+        Standard deviation of one coordinate [px]; if views differ, their root mean square.
     motion_scale : float
         Standard deviation of the translation between the exposures, per axis [m].
     lever : float
-        Standard deviation of the translation over that of the rotation [m].
+        Ratio of the standard deviation of the translation to that of the rotation [m].
     states : ViewStates
         Most probable poses and motions.
     log_likelihood_gain : float
-        Restricted log likelihood above that of the fit without the term.
+        Restricted log likelihood minus that of the fit without the term.
     left_rms_px, right_rms_px : float
-        Root mean square length per corner of the residuals that remain [px].
+        Root mean square length per corner of the remaining residuals [px].
     overconfidence : array (P,)
-        Standard deviation with the term over that without it.
+        Ratio of the standard deviation with the term to that without it.
     seconds : float
         Wall time.
     """
@@ -89,14 +89,14 @@ class PairResidualFit:
 
 
 def view_means(fit: PairFit, corners: StereoCorners) -> ViewMeans:
-    """Mean residuals per view, in which the noise of single corners averages out.
+    """Mean residuals per view, in which the noise of individual corners averages out.
 
     Parameters
     ----------
     fit : PairFit
         Bundle adjustment without a left–right term.
     corners : StereoCorners
-        What was seen.
+        The observed corners.
     """
     shape = (len(corners.views), 2, -1, 2)
     total = fit.residuals_px.reshape(shape).sum(axis=2) / corners.present.sum(axis=1)[:, None, None]
@@ -112,14 +112,14 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
     fit : PairFit
         Bundle adjustment without the term.
     corners : StereoCorners
-        What was seen.
+        The observed corners.
 
     Returns
     -------
     PairResidualFit
         Scales by restricted maximum likelihood (D. Harville, J. Am. Stat. Assoc. 72 (1977) 320), so that the
-        P + 6 V fitted parameters do not bias the noise. The lever, which sets how much boards shift for how much they
-        rotate, is fitted with them, under a log-normal prior about the radius of gyration of the board.
+        P + 6 V fitted parameters do not bias the noise. The lever, the ratio of shifts to rotations of the board, is
+        fitted with them, under a log-normal prior about the board's radius of gyration.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
     states = ViewStates(poses=fit.poses, motions=np.zeros_like(fit.poses))
     compressed = compress_views(shared, states, corners, lever)
     without = compressed.restricted_log_likelihood(fit.noise_px, 0.0)
-    # Start at the motion scale that would explain the rows that depend on motion.
+    # Start with the motion scale that explains the rows that depend on motion.
     scale = float(np.sqrt(np.mean(compressed.motion_rows[..., -1] ** 2 / compressed.motion_gains)))
     noise = fit.noise_px
     for _ in range(_MOST_LINEARISATIONS):
@@ -150,12 +150,12 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
         "the fit with a left–right term does not converge",
         value=f"{_MOST_LINEARISATIONS} linearisations",
         limit="steps below 1e-4 standard deviations",
-        remedy="add views: the shared parameters are too uncertain to linearise",
+        remedy="add views, because the shared parameters are too uncertain to linearise",
     )
 
 
 def inverse_information(information: FloatArray) -> FloatArray:
-    """Inverse of a regular information matrix, scaled to a unit diagonal first."""
+    """Inverse of a regular information matrix, computed after scaling it to a unit diagonal."""
     size = 1.0 / np.sqrt(np.diag(information))
     return np.asarray(size[:, None] * np.linalg.inv(information * np.outer(size, size)) * size)
 
@@ -196,11 +196,11 @@ def _result(
 def _best_scales(
     compressed: CompressedViews, noise_px: float, motion_scale: float, stretch: float
 ) -> tuple[float, float, float]:
-    """Noise and motion scale of highest restricted likelihood, and the factor by which the lever changes.
+    """Noise and motion scale with the highest restricted likelihood, and the factor by which the lever changes.
 
-    The stretch is the present ratio of the lever to the radius of gyration.
+    The stretch is the current ratio of the lever to the radius of gyration.
     """
-    from scipy.optimize import minimize  # slow to import, needed only for corners
+    from scipy.optimize import minimize  # slow to import; only corners need it
 
     def cost(logs: FloatArray) -> float:
         noise, scale, factor = np.exp(logs)

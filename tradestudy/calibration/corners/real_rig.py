@@ -43,9 +43,9 @@ from tradestudy.optics.triangulation import inverse_depth_on_ray
 
 _MOST_WEIGHTINGS = 10
 _WEIGHTS_SETTLED = 1e-2
-_LEAST_ROUNDS, _MOST_ROUNDS = 2, 10  # of noise, fit and warp, which depend on each other
-_NOISE_SETTLED = 0.1  # of the noise
-_BETTER = 0.9  # columns count as swapped if exchanging them lowers the residuals by a tenth
+_LEAST_ROUNDS, _MOST_ROUNDS = 2, 10  # noise, fit and warp depend on each other
+_NOISE_SETTLED = 0.1  # largest relative change of the noise in the last round
+_SWAP_IMPROVEMENT = 0.9  # columns count as swapped if exchanging them lowers the residuals by a tenth
 
 
 def observe_pair(
@@ -56,7 +56,7 @@ def observe_pair(
     Parameters
     ----------
     shared : array (..., P)
-        In the order of ``view_blocks.shared_names`` [px, 1, rad, m].
+        Parameters in the order of ``view_blocks.shared_names`` [px, 1, rad, m].
     points : array (..., N, 3)
         Points in the left camera's frame [m].
     lenses, free
@@ -75,7 +75,7 @@ def observe_pair(
 
 def points_midway(shared: FloatArray, z: FloatArray) -> FloatArray:
     """Points at distances z [m] in the left camera's frame, midway between the cameras and their axes, (D, 3)."""
-    axis = rotation_matrix(shared[ROTATION])[2] + np.array([0.0, 0.0, 1.0])  # of the right camera, and of the left one
+    axis = rotation_matrix(shared[ROTATION])[2] + np.array([0.0, 0.0, 1.0])  # sum of both axes
     centre = -rotation_matrix(shared[ROTATION]).T @ shared[TRANSLATION]
     return np.concatenate([0.5 * centre[:2] + z[:, None] * axis[:2] / axis[2], z[:, None]], axis=-1)
 
@@ -83,15 +83,15 @@ def points_midway(shared: FloatArray, z: FloatArray) -> FloatArray:
 def inverse_depth(
     shared: FloatArray, seen: FloatArray, lenses: Lenses = PINHOLES, free: Sequence[str] = RADIAL
 ) -> FloatArray:
-    """Inverse depth of points from their coordinates in both images, by disparity only.
+    """Inverse depth of points from the disparity of their coordinates in both images.
 
-    The left ray Z d is Z R d in the axes of the right camera; see `inverse_depth_on_ray`. The right y coordinate is not
-    used.
+    Along the axes of the right camera, the left ray Z d is Z R d; see `inverse_depth_on_ray`. The right y coordinate is
+    not used.
 
     Parameters
     ----------
     shared : array (..., P)
-        In the order of ``view_blocks.shared_names``; draws of a calibration as leading axes.
+        Parameters in the order of ``view_blocks.shared_names``; draws of a calibration as leading axes.
     seen : array (..., N, 4)
         Left x, y and right x, y [px].
     lenses, free
@@ -100,8 +100,8 @@ def inverse_depth(
     Returns
     -------
     array (..., N)
-        1/Z in the left camera's frame [1/m]; zero or negative, meaning infinity, where the rays do not meet in
-        front of the pair.
+        1/Z in the left camera's frame [1/m]; zero or negative (meaning infinity) where the rays do not meet in front of
+        the pair.
     """
     of_left, of_right = cameras_of(shared)
     left = ray_slopes(of_left, seen[..., :2], lenses[0], free)
@@ -114,28 +114,28 @@ def inverse_depth(
 
 @dataclass(frozen=True, kw_only=True)
 class RigFit:
-    """All stages of the fit of a pair to a corner file, before sampling.
+    """All stages of fitting a pair to a corner file, before sampling.
 
     Parameters
     ----------
     corners : StereoCorners
         Observed corners without outliers, with the estimated noise.
     present : bool array (V, N)
-        Corners of the file.
+        Which corners the file contains.
     weights : array (V, 2, N)
         Weights of the corners of the file in both pictures: 1 for most, 0 for outliers and absent ones.
     left, right : CameraFit
         Each camera fitted separately.
     pair : PairFit
-        Both cameras with one relative pose and independent noise.
+        Both cameras fitted with one relative pose and independent noise.
     means : ViewMeans
-        Mean residuals of the views of that fit.
+        Mean residuals of the views in that fit.
     explained : PairResidualFit
-        The pair with a left–right term per view: the calibration to use.
+        The pair with a left–right term per view, which is the calibration to use.
     warp : array (3,)
         Warp of the board [m]; see `warp_columns`.
     joint_covariance : array (P + 3, P + 3)
-        Of the shared parameters and the warp, given the scales of noise and motion.
+        Covariance of the shared parameters and the warp, for given scales of noise and motion.
     """
 
     corners: StereoCorners
@@ -151,7 +151,7 @@ class RigFit:
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance of the shared parameters, warp of the board marginalised, shape (P, P)."""
+        """Covariance of the shared parameters with the warp of the board marginalised, shape (P, P)."""
         return self.joint_covariance[:-3, :-3]
 
     @property
@@ -162,11 +162,11 @@ class RigFit:
 
 
 def fit_rig(corners: StereoCorners) -> RigFit:
-    """Fit a pair: cameras, outliers, bundle adjustment, left–right term, noise, and warp of the board.
+    """Fit a pair without outliers, with a left–right term, the noise of the corners, and the warp of the board.
 
-    Corners are weighted, with a noise for each view; see `CornerNoise`. Covariances are those of generalised least
-    squares under this noise. The warp of the board counts among the unknowns: taking it as exact would leave a tenth
-    of the depth uncertainty out at the distances of the board.
+    Corners are weighted, and every view has its own noise; see `CornerNoise`. Covariances are those of generalised
+    least squares for this noise. The warp of the board is one of the unknowns: a fixed warp would underestimate the
+    depth uncertainty by a tenth at the distances of the board.
 
     Parameters
     ----------
@@ -176,13 +176,13 @@ def fit_rig(corners: StereoCorners) -> RigFit:
     Returns
     -------
     RigFit
-        All stages.
+        All stages of the fit.
 
     Raises
     ------
     CornerFileError
-        Columns are swapped between the cameras, left and right are exchanged, a view contradicts the others, the board
-        has two rows, or the corners have no noise.
+        Columns are swapped, left and right are exchanged, a view contradicts the others, the board has only two rows of
+        corners, or the corners have no noise.
     NotConvergedError
         The views do not determine the parameters, or noise and warp do not settle.
     """
@@ -215,9 +215,9 @@ def fit_rig(corners: StereoCorners) -> RigFit:
 def _with_noise_and_warp(
     corners: StereoCorners, weights: FloatArray, pair: PairFit, explained: PairResidualFit
 ) -> tuple[StereoCorners, PairResidualFit, FloatArray]:
-    """Corners with their noise and warp, the fit to them, and the warp (3,) [m], in rounds until the noise settles.
+    """Corners with noise and warp, the fit to them, and the warp (3,) [m], from rounds until the noise settles.
 
-    As long as a bent board is taken for a flat one, its warp counts as noise; a strong one takes several rounds.
+    As long as a bent board is treated as flat, its warp counts as noise, so that a strong warp takes several rounds.
     """
     warp = np.zeros(3)
     for done in range(_MOST_ROUNDS):
@@ -238,17 +238,17 @@ def _with_noise_and_warp(
 
 
 def _refitted(pair: PairFit, last: PairResidualFit, corners: StereoCorners) -> PairResidualFit:
-    """The fit repeated with corners whose noise or board changed."""
+    """The fit, repeated after a change of the noise or the board."""
     return fit_pair_residual(replace(pair, shared=last.shared, poses=last.states.poses), corners)
 
 
 def _with_warp(fit: PairResidualFit, corners: StereoCorners, warp: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Information and gradient of the shared parameters and the warp."""
+    """Information and gradient for the shared parameters and the warp."""
     return views_with_warp(fit, corners, warp).information(fit.noise_px, fit.motion_scale)
 
 
 def _noise_of(corners: StereoCorners, fit: PairResidualFit, weights: FloatArray) -> CornerNoise:
-    """The noise of corners about a fit, with free pose and motion of every view."""
+    """The noise of corners relative to a fit, with free pose and motion of every view."""
     as_seen = replace(corners, noise=None)
     blocks = pair_blocks(fit.shared, fit.states.poses, as_seen)
     motions = motion_columns(fit.shared, fit.states.poses, as_seen, fit.lever)
@@ -258,7 +258,7 @@ def _noise_of(corners: StereoCorners, fit: PairResidualFit, weights: FloatArray)
 
 @dataclass(frozen=True, kw_only=True)
 class _Side:
-    """What one camera saw, and the values from which its fits start."""
+    """The corners that one camera saw, and the values from which its fits start."""
 
     corners: StereoCorners
     image: FloatArray
@@ -270,7 +270,7 @@ class _Side:
         return cls(corners=corners, image=image, start=start)
 
     def fit(self, weights: FloatArray | None = None) -> CameraFit:
-        """The camera, with weights (V, N) of its corners."""
+        """Fit the camera, with weights (V, N) of its corners."""
         corners = self.corners
         return fit_camera(corners.board, self.image, corners.present, weights, corners.lens, self.start)
 
@@ -305,22 +305,22 @@ def _without_outliers(corners: StereoCorners, weights: FloatArray) -> StereoCorn
 
 
 def _check_columns(corners: StereoCorners, left: CameraFit, right: CameraFit) -> None:
-    """Refuse swapped columns, which fit nearly parallel cameras, though less well than the right ones."""
+    """Refuse swapped columns, which also fit nearly parallel cameras, but less well than the correct ones."""
     mixed_left = np.stack([corners.left[..., 0], corners.right[..., 1]], axis=-1)
     mixed_right = np.stack([corners.right[..., 0], corners.left[..., 1]], axis=-1)
     mixed = _rms_or_none(replace(corners, left=mixed_left, right=mixed_right))
     present = float(np.hypot(left.corner_rms_px, right.corner_rms_px))
-    if mixed is not None and mixed < _BETTER * present:
+    if mixed is not None and mixed < _SWAP_IMPROVEMENT * present:
         raise CornerFileError(
-            "one pair of columns is swapped between the cameras",
+            "a pair of columns is swapped between the cameras",
             value=f"{present:.3g} px rms, and {mixed:.3g} px with left_y_px and right_y_px exchanged",
-            limit=f"the exchange lowers the residual by less than {100 * (1 - _BETTER):.0f} %",
+            limit=f"an exchange that lowers the residual by less than {100 * (1 - _SWAP_IMPROVEMENT):.0f} %",
             remedy="exchange left_y_px with right_y_px, or left_x_px with right_x_px",
         )
 
 
 def _rms_or_none(corners: StereoCorners) -> float | None:
-    """Root sum square of both cameras' residuals [px]; None where no camera fits these columns."""
+    """Root sum of squares of the residuals of both cameras [px]; None if no camera fits these columns."""
     try:
         sides: list[FloatArray] = [corners.left, corners.right]
         fits = [fit_camera(corners.board, side, corners.present, lens=corners.lens) for side in sides]

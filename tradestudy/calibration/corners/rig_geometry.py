@@ -1,4 +1,4 @@
-"""The declared geometry of a pair, compared with the one fitted to its corners."""
+"""Comparison of the declared geometry of a pair with the one fitted to its corners."""
 
 from __future__ import annotations
 
@@ -36,31 +36,31 @@ def check_geometry(
     Parameters
     ----------
     name
-        Of the camera in its study.
+        Name of the camera in its study.
     rig
-        As declared.
+        The declared pair.
     best : array (P,)
         Best parameters, in the order of ``view_blocks.shared_names``.
     draws : array (K, P)
         Joint draws, whose spread is the uncertainty of these parameters.
     says
-        Origin of the parameters, with its verb.
+        Subject and verb that introduce the parameters in messages.
     lens
         Lens model of the free coefficients.
 
     Raises
     ------
     GeometryContradictionError
-        Focal length or baseline differ by more than 5 %, the angle between the axes by more than 5 % of the field of
-        view, or the principal point lies farther from the centre of the sensor than 15 % of its size; or by more than
-        five standard deviations where these are larger.
+        The focal length or baseline differs by more than 5 %, the angle between the axes differs by more than 5 % of
+        the field of view, or the principal point lies farther from the centre of the sensor than 15 % of its size.
+        Where five standard deviations are larger than one of these limits, they replace it.
     """
     if found := tuple(_contradictions(name, rig, best, draws, says, lens)):
         raise GeometryContradictionError("\n".join(found))
 
 
 def check_inside(name: str, rig: PairGeometry, seen: FloatArray) -> None:
-    """Refuse corners (N, 2) [px] outside the declared sensor: the pictures have another size.
+    """Refuse corners (N, 2) [px] outside the declared sensor, which mean that the pictures have another size.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def check_inside(name: str, rig: PairGeometry, seen: FloatArray) -> None:
         return
     low, high = seen.min(axis=0), seen.max(axis=0)
     raise GeometryContradictionError(
-        f"declared sensor {size[0]} × {size[1]} px, corners lie between ({low[0]:.0f}, {low[1]:.0f}) and "
+        f"declared sensor {size[0]} × {size[1]} px, but corners lie between ({low[0]:.0f}, {low[1]:.0f}) and "
         f"({high[0]:.0f}, {high[1]:.0f}) px; correct cameras.{name}.sensor.pixels or use another corner file"
     )
 
@@ -84,7 +84,7 @@ def _contradictions(
     focal, baseline, angle = _geometry(best)
     deviation = np.std(np.stack(_geometry(draws)), axis=-1)
     instead = "another corner file" if says == "corners say" else "another posterior"
-    # Focal lengths of different lens models compare by the scale of the image on the axis.
+    # The scale of the image on the axis makes focal lengths of different lens models comparable.
     fitted = np.mean([_scale_on_axis(lens.at(camera[4:])) for camera in cameras_of(best)])
     focal, deviation[0] = focal * fitted, deviation[0] * fitted
     declared = rig.principal_distance / rig.sensor.pixel_pitch * _scale_on_axis(rig.distortion)
@@ -120,8 +120,8 @@ def _contradictions(
 
 
 def _geometry(shared: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Mean focal length [px], baseline [m], and angle by which the axes converge [rad], each (...,)."""
-    right_axis = rotation_matrix(shared[..., ROTATION])[..., 2, :]  # of the right camera, in the left frame
+    """Mean focal length [px], baseline [m], and angle by which the axes converge [rad], each of shape (...,)."""
+    right_axis = rotation_matrix(shared[..., ROTATION])[..., 2, :]  # in the frame of the left camera
     return (
         np.concatenate([camera[..., :2] for camera in cameras_of(shared)], axis=-1).mean(axis=-1),
         np.linalg.norm(shared[..., TRANSLATION], axis=-1),
@@ -130,11 +130,11 @@ def _geometry(shared: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _scale_on_axis(lens: LensModel) -> float:
-    """Scale of normalised image coordinates with slope on the axis: 1 for most models."""
+    """Derivative of normalised image coordinates with respect to slope on the axis: 1 for most models."""
     return float(lens.derivatives(np.array([0.0, 0.0, 1.0]), ())[0][0, 0])
 
 
 def _with_spread(value: float, spread: float) -> str:
-    """A value with its standard deviation, both to the leading digit of the latter: "60.1 ± 0.1"."""
+    """A value with its standard deviation, both rounded to the first digit of the latter: "60.1 ± 0.1"."""
     digits = max(0, -int(np.floor(np.log10(spread)))) if spread > 0.0 else 3
     return f"{value:.{digits}f} ± {spread:.{digits}f}".replace("-", "−")

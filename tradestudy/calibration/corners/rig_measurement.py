@@ -1,4 +1,4 @@
-"""Depth measured by a calibrated pair, all of whose parameters can be in error."""
+"""Depth measured by a calibrated pair, with errors in all its parameters."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _unit_of(name: str) -> Unit:
 
 
 def rig_parameters(free: Sequence[str]) -> ErrorVocabulary:
-    """The parameters that corners determine of lenses with these coefficients, in the order of ``shared_names``."""
+    """The parameters of a pair with these coefficients that corners determine, in the order of ``shared_names``."""
     return {
         **{
             f"{side}_{name}": ErrorParameter(
@@ -85,9 +85,9 @@ class RigMeasurement:
     pixels
         Columns and rows of each picture.
     pixel_pitch
-        Converts errors on the sensor into pixels [m].
+        Pixel pitch [m], which converts errors on the sensor into pixels.
     vocabulary
-        Everything that can be in error: `rig_parameters`, and the errors of a stereo rig, which include ageing.
+        All parameters that can be in error: `rig_parameters`, and the errors of a stereo rig, which include ageing.
     lenses, free
         Lens models, and names of their free coefficients.
     """
@@ -102,23 +102,23 @@ class RigMeasurement:
     def __call__(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None = None
     ) -> MeasuredInverseDepth:
-        """Inverse depths from disparity in the frame of the left camera; arguments as for `DepthCamera.read`.
+        """Inverse depths from disparity in the frame of the left camera; for the arguments, see `DepthCamera.read`.
 
-        The axis runs from the middle of the baseline midway between the two optical axes; field places lie from there
-        towards the corner of the left picture, as imaged by its lens model. Baseline and principal distances expand
-        with the housing; pressure and color move the focus of a lens, not its principal distance.
+        The axis starts in the middle of the baseline and bisects the two optical axes. Field positions lie between it
+        and the corner of the left picture, as imaged by its lens model. Baseline and principal distances expand with
+        the housing; pressure and colour move the focus of a lens, but not its principal distance.
         """
         require_known(errors, self.vocabulary, "a rig calibrated from corners")
         rigs = [np.shape(error) for name, error in errors.items() if name != PIXEL_NOISE]
         if any(len(shape) == 2 and shape[1] > 1 for shape in rigs):
             return self._at_each(distance, field, errors, environment)
         points = self._points(np.asarray(distance, dtype=np.float64), field)
-        seen = observe_pair(self._grown(errors, environment), points, self.lenses, self.free)
+        seen = observe_pair(self._true_rig(errors, environment), points, self.lenses, self.free)
         size = np.array([*self.pixels, *self.pixels], dtype=np.float64)
         inside = np.all((seen >= -0.5) & (seen <= size - 0.5), axis=-1)  # False for NaN, outside the field of a lens
         half = value_of(errors, PIXEL_NOISE)[..., None] / (2.0 * self.pixel_pitch)
         measured = np.where(inside[..., None], seen, size / 2.0) + half * np.array([1.0, 0.0, -1.0, 0.0])
-        inverse = inverse_depth(self._believed(errors), measured, self.lenses, self.free)
+        inverse = inverse_depth(self._calibrated_rigs(errors), measured, self.lenses, self.free)
         return MeasuredInverseDepth(
             inverse_depth=inverse, no_overlap=np.atleast_2d(~inside), out_of_range=inside & np.isnan(inverse)
         )
@@ -130,7 +130,7 @@ class RigMeasurement:
     def _at_each(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None
     ) -> MeasuredInverseDepth:
-        """The measurement, one distance at a time, for errors of shape (draws, distances)."""
+        """Measure one distance at a time, for errors of shape (draws, distances)."""
         found = []
         for k in range(len(distance)):
             values = {name: value_of(errors, name) for name in errors}
@@ -156,16 +156,16 @@ class RigMeasurement:
         points[:, :2] += z[:, None] * np.stack(slopes(*self.lenses[0].ray(across, down)), axis=-1)
         return points
 
-    def _grown(self, errors: Errors, environment: Environment | None) -> FloatArray:
-        """The true rig at the present temperature, shape (P,) or (draws, P)."""
+    def _true_rig(self, errors: Errors, environment: Environment | None) -> FloatArray:
+        """The true rig at the current temperature, shape (P,) or (draws, P)."""
         if environment is None or "temperature_change" not in errors:
             return self.best
         growth = environment.length_factor(errors).reshape(-1, 1)
         lengths = ["focal_length" in name or "translation" in name for name in shared_names(self.free)]
         return np.where(lengths, self.best * growth, self.best)
 
-    def _believed(self, errors: Errors) -> FloatArray:
-        """The rigs as calibrated, with their errors, shape (draws, P)."""
+    def _calibrated_rigs(self, errors: Errors) -> FloatArray:
+        """The rigs that calibrations with errors describe, shape (draws, P)."""
         names = shared_names(self.free)
         own = np.broadcast_arrays(*(_of_draws(errors, name) for name in names))
         rigs: FloatArray = self.best + np.stack(own, axis=-1)
@@ -174,7 +174,7 @@ class RigMeasurement:
         return _posed(rigs, errors) if aged & set(_POSE) else rigs
 
     def _interior(self, errors: Errors) -> FloatArray:
-        """Errors of the cameras under the names of a stereo rig, shape (draws, P)."""
+        """Errors of the cameras by the names of a stereo rig, shape (draws, P)."""
         pitch, columns = self.pixel_pitch, []
         for side in SIDES:
             focal = (_of_draws(errors, "focal_length") + _of_draws(errors, f"{side}_focal_length")) / pitch
@@ -190,7 +190,7 @@ class RigMeasurement:
 
 
 def _of_draws(errors: Errors, name: str) -> FloatArray:
-    """One error, shape (draws,) or (1,)."""
+    """One of the errors, shape (draws,) or (1,)."""
     return value_of(errors, name).reshape(-1)
 
 
@@ -201,7 +201,7 @@ def _right_centre(rigs: FloatArray) -> FloatArray:
 
 
 def _posed(rigs: FloatArray, errors: Errors) -> FloatArray:
-    """Rigs whose right camera is moved and rotated by the errors of a stereo rig; see `cameras.stereo.pair`."""
+    """Rigs with the right camera moved and rotated by the errors of a stereo rig; see `cameras.stereo.pair`."""
     yaw, pitch, roll, longer, down, along = np.broadcast_arrays(*(_of_draws(errors, name) for name in _POSE))
     zero = np.zeros_like(yaw)
     turned = (

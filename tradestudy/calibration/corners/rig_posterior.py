@@ -1,4 +1,4 @@
-"""The posterior of a pair calibrated from corners: its density, its sample by emcee, and the check of both."""
+"""The posterior of a pair calibrated from corners: its density, draws from it by emcee, and their check."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from tradestudy.optics.arrays import FloatArray
 
 
 def posterior_names(free: Sequence[str]) -> tuple[str, ...]:
-    """Sampled parameters of a pair of lenses with these free coefficients."""
+    """Names of the sampled parameters of a pair whose lenses have these free coefficients."""
     return (*shared_names(free), *WARP_NAMES, "log_noise_px", "motion_scale")
 
 
 def linearised_rig(fit: RigFit) -> CompressedViews:
-    """The views of a fit, linearised about it in the shared parameters and the warp of the board."""
+    """The views of a fit, linearised in the shared parameters and the warp of the board."""
     return views_with_warp(fit.explained, fit.corners, fit.warp)
 
 
@@ -37,18 +37,18 @@ def log_posterior(compressed: CompressedViews, parameters: FloatArray, *, larges
     Parameters
     ----------
     compressed : CompressedViews
-        The views, reduced.
+        The reduced views.
     parameters : array (..., P + 5)
-        In the order of ``posterior_names``.
+        Parameters in the order of ``posterior_names``.
     largest_motion : float
-        Upper end of the uniform prior of the motion scale [m].
+        Upper limit of the uniform prior of the motion scale [m].
 
     Returns
     -------
     array (...)
-        Natural logarithm; −inf beyond ``largest_motion``. Priors: flat in the shared parameters, the warp, ln σ, and
-        the motion scale (A. Gelman, Bayesian Analysis 1 (2006) 515), which therefore can reach zero where views
-        do not move.
+        Natural logarithm; −inf beyond ``largest_motion``. The prior is flat in the shared parameters, the warp, ln σ,
+        and the motion scale (A. Gelman, Bayesian Analysis 1 (2006) 515), which can therefore reach zero if there is no
+        motion.
     """
     scale = parameters[..., -1]
     allowed = (scale > 0.0) & (scale <= largest_motion)
@@ -62,11 +62,11 @@ def sample_rig(fit: RigFit, *, rng: np.random.Generator, maximum_steps: int = 20
     Parameters
     ----------
     fit : RigFit
-        Where to linearise and to start.
+        The fit at which views are linearised and chains start.
     rng : numpy.random.Generator
-        Randomness of starts and chains.
+        Random-number generator for starts and chains.
     maximum_steps : int
-        As for ``posterior.sample_posterior``.
+        Steps of each ensemble; see ``posterior.sample_posterior``.
 
     Returns
     -------
@@ -90,7 +90,7 @@ def sample_rig(fit: RigFit, *, rng: np.random.Generator, maximum_steps: int = 20
 
 
 def check_marginalisation(draws: FloatArray, views: CompressedViews, fit: RigFit) -> LaplaceCheck:
-    """Compare the linearised marginal posterior with the one whose poses are refitted at each draw.
+    """Compare the linearised marginal posterior with that for poses refitted at each draw.
 
     Parameters
     ----------
@@ -99,12 +99,12 @@ def check_marginalisation(draws: FloatArray, views: CompressedViews, fit: RigFit
     views : CompressedViews
         The linearised views, with the warp.
     fit : RigFit
-        Starting values of the poses, and the data.
+        The corners, and starting values of the poses.
 
     Returns
     -------
     LaplaceCheck
-        Of the log ratios.
+        The check of the log ratios.
     """
     noises, scales = np.exp(draws[:, -2]), draws[:, -1]
     exact = np.array(
@@ -124,7 +124,7 @@ def check_marginalisation(draws: FloatArray, views: CompressedViews, fit: RigFit
 
 
 def _joint_laplace(fit: RigFit, views: CompressedViews) -> LaplaceFit:
-    """Normal approximation of all parameters, with the noise from the number of coordinates."""
+    """Normal approximation for all parameters; the number of coordinates determines the uncertainty of the noise."""
     explained, names = fit.explained, posterior_names(fit.corners.lens.free)
     covariance = np.zeros((len(names), len(names)))
     covariance[:-2, :-2] = fit.joint_covariance
@@ -135,7 +135,7 @@ def _joint_laplace(fit: RigFit, views: CompressedViews) -> LaplaceFit:
 
 
 def _motion_deviation(fit: PairResidualFit, views: CompressedViews) -> float:
-    """Distance above the best motion scale at which the restricted log likelihood is lower by a half [m]."""
+    """Distance above the best motion scale at which the restricted log likelihood is lower by one half [m]."""
     from scipy.optimize import brentq
 
     best = views.restricted_log_likelihood(fit.noise_px, fit.motion_scale)

@@ -1,4 +1,4 @@
-"""The share of the pictures of a calibrated pair that both cameras see, by their exact geometry."""
+"""The overlap of the pictures of a calibrated pair, from its exact geometry."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from tradestudy.calibration.projection import move, project, ray_slopes, rotatio
 from tradestudy.cameras.calibrated_pair import Lenses
 from tradestudy.optics.arrays import FloatArray
 
-_NODES: Final = (33, 25)  # across and down
-_OUTSIDE: Final = -1.0  # px from the edge, of places that have no point or no image
+_NODES: Final = (33, 25)  # nodes across and down
+_OUTSIDE: Final = -1.0  # px from the edge, for nodes that show no point or whose point has no image
 
 
 def shared_area(
     rig: FloatArray, lenses: Lenses, free: Sequence[str], pixels: tuple[int, int], distance: FloatArray
 ) -> FloatArray:
-    """Share of each picture's area whose points the other camera also sees, of the picture with the smaller share.
+    """Share of the area of a picture whose points the other camera also sees; the smaller of both pictures' shares.
 
-    Points lie in the plane across the left camera's axis. Between nodes over the picture, the distance of a point's
-    image from the edge of the other picture counts as linear: the share errs by about 1e-3.
+    Points lie in a plane perpendicular to the left camera's axis. Between nodes in the picture, the distance of a
+    point's image from the edge of the other picture is interpolated linearly; the share errs by about 1e-3.
 
     Parameters
     ----------
     rig : array (P,)
-        In the order of ``view_blocks.shared_names`` [px, 1, rad, m].
+        Parameters in the order of ``view_blocks.shared_names`` [px, 1, rad, m].
     lenses, free
         Lens models, and names of their free coefficients.
     pixels
@@ -56,7 +56,7 @@ def shared_area(
 
 
 def _to_plane(rays: FloatArray, centre: FloatArray, rotation: FloatArray, distance: FloatArray) -> FloatArray:
-    """Where rays of a camera meet the planes at distances, shape (D, N, 3); NaN for rays that do not."""
+    """Where rays of a camera meet the planes at given distances, shape (D, N, 3); NaN for rays that do not."""
     directions = np.concatenate([rays, np.ones_like(rays[:, :1])], axis=-1) @ rotation.T
     with np.errstate(divide="ignore", invalid="ignore"):
         along = (distance[:, None] - centre[2]) / directions[:, 2]
@@ -64,7 +64,7 @@ def _to_plane(rays: FloatArray, centre: FloatArray, rotation: FloatArray, distan
 
 
 def _share_inside(seen: FloatArray, pixels: tuple[int, int]) -> FloatArray:
-    """Share of the area of a picture whose nodes are imaged at these places (D, N, 2) [px] of another, shape (D,)."""
+    """Share of a picture's area, shape (D,), that another picture shows; (D, N, 2) [px] are the nodes' images there."""
     low, high = seen + 0.5, np.array(pixels) - 0.5 - seen
     inside = np.nan_to_num(np.minimum(low, high).min(axis=-1), nan=_OUTSIDE).reshape(-1, *_NODES[::-1])
     a, b, c, d = inside[:, :-1, :-1], inside[:, :-1, 1:], inside[:, 1:, :-1], inside[:, 1:, 1:]
@@ -73,7 +73,7 @@ def _share_inside(seen: FloatArray, pixels: tuple[int, int]) -> FloatArray:
 
 
 def _positive_part(corners: FloatArray) -> FloatArray:
-    """Share of triangles in which a linear function is positive, from its rising values (2, 3, ...) at the corners."""
+    """Share of triangles in which a linear function is positive, from ascending values (2, 3, ...) at their corners."""
     low, middle, high = np.moveaxis(corners, 1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         one = high**2 / ((high - low) * (high - middle))

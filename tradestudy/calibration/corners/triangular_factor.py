@@ -1,4 +1,4 @@
-"""The triangular factor of matrices, without their orthogonal one."""
+"""The triangular factor of matrices without the orthogonal one."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ from tradestudy.optics.arrays import FloatArray
 
 
 def triangular_factor(matrices: FloatArray) -> FloatArray:
-    """R of ``A = QR``, for one matrix or a stack of them; the same R as with Q, in a fraction of the time."""
+    """R of ``A = QR`` for one matrix or a stack of matrices, in a fraction of the time that Q and R take together."""
     return np.asarray(np.linalg.qr(matrices, mode="r"))

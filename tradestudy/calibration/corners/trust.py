@@ -1,7 +1,7 @@
-"""How far to trust a pair fitted to corners: checks by halves of the views, residuals and other lens models.
+"""How far to trust a pair fitted to corners, judged by halves of the views, by residuals and by other lens models.
 
-All depths are of points midway between the cameras and between their axes. Everything is linearised about the fit, in
-inverse depth, with the noise and the left–right term of the fit.
+All depths are those of points midway between the cameras and between their axes. Inverse depth is linearised about the
+fit, with its noise and left–right term.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tradestudy.optics.arrays import FloatArray
 
 DISTANCES: Final = (0.3, 0.5, 1.0, 2.0, 5.0)
 _HALVES: Final = 200
-_CELLS: Final = (8, 6)  # of the map of residuals, across and down
+_CELLS: Final = (8, 6)  # number of cells in the map of residuals, across and down
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,18 +33,18 @@ class CalibrationTrust:
     distances : array (D,)
         Distances of the checks [m].
     claimed : array (D,)
-        Standard deviation of depth by the covariance of the fit [m].
+        Standard deviation of depth from the covariance of the fit [m].
     halves_difference, halves_claim : array (D,)
-        Depths by random halves of the views: root mean square of their difference, and its expectation ``√(C_A + C_B)``
-        by the covariances of the halves [m], both without the warp of the board, which they share.
+        Root mean square difference of depths from random halves of the views, and its expectation ``√(C_A + C_B)`` from
+        the covariances of the halves [m], both without the warp of the board, which the halves share.
     halves
         Number of random splits.
     view_rms : array (V, 2)
-        Root mean square length of the residuals of the views, left and right [px].
+        Root mean square length of the residuals in each view, left and right [px].
     neighbour_correlation : array (2, 2)
-        Correlation of the residuals of neighbours on the board, along its rows and columns, left and right.
+        Correlation of the residuals of neighbours on the board along its rows and columns, left and right.
     residual_map : array (2, 6, 8, 2)
-        Mean residuals in cells of the left and right picture, rows before columns, x and y [px]; NaN in cells without
+        Mean residuals in cells of the left and right picture (rows, then columns), x and y [px]; NaN in cells without
         corners.
     lenses
         Other lens models, by name.
@@ -62,12 +62,12 @@ class CalibrationTrust:
 
     @property
     def ratio(self) -> FloatArray:
-        """Differences of the halves over their expectation, shape (D,): 1 for a correct covariance."""
+        """Ratio of the differences between halves to their expectation, shape (D,): 1 for a correct covariance."""
         return self.halves_difference / self.halves_claim
 
     @property
     def good_to(self) -> FloatArray:
-        """Standard deviation of depth [m] that the halves support, shape (D,): never below the claimed one."""
+        """Standard deviation of depth [m] that the halves support, shape (D,); never below the claimed one."""
         return self.claimed * np.maximum(self.ratio, 1.0)
 
 
@@ -88,7 +88,7 @@ def examine(
     distances
         Distances at which depth is compared [m].
     others
-        Lens models to compare in addition to those that are always compared.
+        Lens models to compare in addition to those always compared.
     """
     z = np.array(distances)
     compressed = compressed_fit(fit)
@@ -149,7 +149,7 @@ def _view_rms(fit: RigFit) -> FloatArray:
 
 
 def _neighbour_correlation(fit: RigFit) -> FloatArray:
-    """Mean product of residuals of neighbours over the mean square, along x and y of the board, shape (2 sides, 2)."""
+    """Mean product of neighbouring residuals divided by their mean square, along board x and y, shape (2 sides, 2)."""
     residuals, board = _residuals(fit), fit.corners.board
     apart = board[:, None] - board[:, :, None]
     there = fit.corners.present

@@ -1,4 +1,4 @@
-"""Residuals of board corners view by view, with their derivatives by shared parameters and by the view's pose."""
+"""Residuals of board corners per view, and their derivatives with respect to shared parameters and the view's pose."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ RELATIVE_POSE_NAMES = (
 )
 RELATIVE = slice(-6, None)
 ROTATION, TRANSLATION = slice(-6, -3), slice(-3, None)
-"""Positions of the rotation and the translation of the relative pose among a pair's parameters."""
+"""Indices of the rotation and translation of the relative pose among a pair's parameters."""
 
 
 def shared_names(free: Sequence[str]) -> tuple[str, ...]:
-    """Names of the parameters of a pair of lenses with these free coefficients."""
+    """Names of the parameters of a pair whose lenses have these free coefficients."""
     own = intrinsic_names(free)
     return (*(f"left_{name}" for name in own), *(f"right_{name}" for name in own), *RELATIVE_POSE_NAMES)
 
 
 def cameras_of(shared: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Parameters of the left and of the right camera, (..., 4 + n) each, among those of a pair."""
+    """Parameters of the left and the right camera of a pair, each (..., 4 + n)."""
     half = (shared.shape[-1] - 6) // 2
     return shared[..., :half], shared[..., half:-6]
 
@@ -55,9 +55,9 @@ class ViewBlocks:
         Observed minus predicted coordinates [px]; zero where a corner is absent. Residuals and derivatives are whitened
         if the corners have a noise model.
     by_shared : array (V, M, P)
-        Derivatives of the prediction by the shared parameters.
+        Derivatives of the prediction with respect to the shared parameters.
     by_pose : array (V, M, 6)
-        Derivatives of the prediction by the pose of the view's board.
+        Derivatives of the prediction with respect to the pose of the view's board.
     """
 
     residuals: FloatArray
@@ -83,20 +83,20 @@ def camera_blocks(
     Parameters
     ----------
     intrinsics : array (4 + n,)
-        Shared parameters, as for ``projection.project``.
+        Intrinsic parameters, as for ``projection.project``.
     poses : array (V, 6)
-        Board to camera [rad, m].
+        Poses from board to camera [rad, m].
     board, image : array (V, N, 2)
         Corners on the board [m] and in the image [px].
     present : array (V, N)
         Which corners exist, or the square roots of their weights.
     lens
-        Of the camera.
+        Lens model of the camera.
 
     Returns
     -------
     ViewBlocks
-        With M = 2 N and P = 4 + n.
+        Blocks with M = 2 N and P = 4 + n.
     """
     points = board_points(board)
     predicted, by_intrinsics, by_points = project_with_jacobians(intrinsics, move(poses, points), lens.model, lens.free)
@@ -114,17 +114,17 @@ def pair_blocks(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -
     Parameters
     ----------
     shared : array (P,)
-        Intrinsic parameters of left and right, relative pose (left frame to right frame), in the order of
-        ``shared_names`` [px, 1, rad, m].
+        Intrinsic parameters of the left and right camera, then the relative pose (left frame to right frame), in the
+        order of ``shared_names`` [px, 1, rad, m].
     poses : array (V, 6)
-        Board to left camera [rad, m].
+        Poses from board to left camera [rad, m].
     corners : StereoCorners
-        What was seen.
+        The observed corners.
 
     Returns
     -------
     ViewBlocks
-        With M = 4 N (left corners, then right corners) and P = 14 + 2 n.
+        Blocks with M = 4 N (left corners, then right corners) and P = 14 + 2 n.
     """
     points = corners.points
     seen_left = move(poses, points)
@@ -156,19 +156,20 @@ def pair_blocks(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -
 
 
 def motion_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, lever: float) -> FloatArray:
-    """Derivatives of the right corners by a small motion of the board between the two exposures.
+    """Derivatives of the right corners with respect to a small motion of the board between the two exposures.
 
     Parameters
     ----------
     shared, poses, corners
         As for ``pair_blocks``.
     lever : float
-        Radius of gyration of the board [m]: rotations are measured by the displacement they give at this radius.
+        Radius of gyration of the board [m]; rotations are expressed as displacements at this radius.
 
     Returns
     -------
     array (V, 4 N, 6)
-        Derivatives by rotation × lever about the board's centre [m], then by translation [m]; zero in the left rows.
+        Derivatives with respect to rotation × lever about the board's centre [m], then translation [m]; zero in the
+        left rows.
     """
     seen = move(shared[RELATIVE], move(poses, corners.points))
     weight = corners.present[..., None] / corners.present.sum(axis=1)[:, None, None]

@@ -1,1 +1,1 @@
-"""Posteriors of calibrations: a normal approximation, chains of emcee, and what shows that they have converged."""
+"""Posteriors of calibrations: a normal approximation, chains of emcee, and diagnostics of their convergence."""

@@ -1,8 +1,8 @@
 """Rank-normalised split R-hat and effective sample sizes of ensembles of walkers.
 
 Vehtari, Gelman, Simpson, Carpenter, Bürkner, "Rank-normalization, folding, and localization: an improved R-hat",
-Bayesian Analysis 16 (2021) 667, as ArviZ computes them. A chain here is a whole ensemble, (steps, walkers): its walkers
-are merged, because walkers of one ensemble move along each other's differences and are not independent chains.
+Bayesian Analysis 16 (2021) 667, as ArviZ computes them. Here, a chain is a whole ensemble, (steps, walkers): its
+walkers are merged, because walkers of one ensemble move along each other's differences and are not independent chains.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from tradestudy.optics.arrays import FloatArray
 
 
 def rank_normalised_split_r_hat(chains: FloatArray) -> float:
-    """Largest of the bulk and the folded rank-normalised split R-hat of one parameter (eqs. 3, 4, 14).
+    """The larger of the bulk and the folded rank-normalised split R-hat of one parameter (eqs. 3, 4, 14).
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def rank_normalised_split_r_hat(chains: FloatArray) -> float:
     Returns
     -------
     float
-        1 for chains that agree; inf for chains each stuck at its own value; NaN for a constant.
+        1 for chains that agree; inf if each chain is stuck at its own value; NaN for a constant.
     """
     from arviz_stats.base.array import array_stats
 
@@ -41,7 +41,7 @@ def bulk_effective_size(chains: FloatArray) -> float:
     chains : array (ensembles, steps, walkers)
         Draws.
     """
-    from scipy.stats import rankdata  # a second to import, and only chains need it
+    from scipy.stats import rankdata  # takes a second to import; only chains need it
 
     halves = np.concatenate(_halves(chains))
     ranks = rankdata(halves, axis=None).reshape(halves.shape)
@@ -49,7 +49,7 @@ def bulk_effective_size(chains: FloatArray) -> float:
 
 
 def tail_effective_size(chains: FloatArray) -> float:
-    """The smaller effective sample size of the indicators of the 5 % and 95 % quantiles (section 4.3 of the paper).
+    """The smaller of the effective sample sizes for the 5 % and 95 % quantiles (section 4.3 of the paper).
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def _halves(chains: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _effective_size(chains: FloatArray) -> float:
     """Effective sample size of merged chains, from the autocorrelation of the walkers' average.
 
-    That average also contains the correlation between walkers; its effective sample size is scaled to the variance of a
+    This average includes the correlation between walkers; its effective sample size is scaled to the variance of a
     single draw.
     """
     from arviz_stats.base.array import array_stats
@@ -83,7 +83,7 @@ def _effective_size(chains: FloatArray) -> float:
 
 
 def _pooled_variance(chains: FloatArray) -> float:
-    """Variance of a draw over all chains, between and within (eq. 2)."""
+    """Variance of a draw over all chains, between and within them (eq. 2)."""
     size = chains.shape[1]
     within = chains.var(axis=1, ddof=1).mean() * (size - 1.0) / size
     return float(within + chains.mean(axis=1).var(ddof=1))

@@ -1,4 +1,4 @@
-"""Laplace's approximation: a normal posterior about its peak, and its check against the exact one."""
+"""Laplace's approximation: a normal distribution about the peak of a posterior, and its check against the exact one."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 
-CONDITION_LIMIT = 1e12  # of the scaled information; beyond it the smallest direction is rounding error
-EFFICIENCY_LIMIT = 0.9  # share of draws that survive reweighting to the exact posterior
+CONDITION_LIMIT = 1e12  # of the scaled information; beyond it, the least certain direction is rounding error
+EFFICIENCY_LIMIT = 0.9  # least effective share of draws after reweighting to the exact posterior
 CHECKED_POINTS = 100
 
 
@@ -21,11 +21,11 @@ class LaplaceFit:
     Parameters
     ----------
     names : tuple of str, length P
-        Parameters.
+        Names of the parameters.
     mean : array (P,)
         Peak of the posterior.
     covariance : array (P, P)
-        Inverse information there.
+        Inverse information at the peak.
     """
 
     names: tuple[str, ...]
@@ -50,11 +50,11 @@ class LaplaceFit:
         Parameters
         ----------
         rng : numpy.random.Generator
-            Randomness.
+            Random-number generator.
         count : int
             Number of draws.
         """
-        # scaled first: very different units would make the factorisation inaccurate
+        # scaled, because very different units would make the factorisation inaccurate
         deviation = self.standard_deviation
         factor = np.linalg.cholesky(self.correlation)
         draws: FloatArray = self.mean + deviation * (rng.standard_normal((count, len(self.mean))) @ factor.T)
@@ -62,14 +62,14 @@ class LaplaceFit:
 
 
 def covariance_from_information(information: FloatArray, names: tuple[str, ...]) -> FloatArray:
-    """Covariance as the inverse of an information matrix, refused where that is singular.
+    """Covariance as the inverse of an information matrix; refuses a singular one.
 
     Parameters
     ----------
     information : array (P, P)
-        Symmetric, in any units: it is scaled to a unit diagonal first.
+        Symmetric information matrix in any units; it is scaled to a unit diagonal before inversion.
     names : tuple of str, length P
-        Parameters, for the message.
+        Names of the parameters, for the message.
 
     Returns
     -------
@@ -79,17 +79,17 @@ def covariance_from_information(information: FloatArray, names: tuple[str, ...])
     Raises
     ------
     NotConvergedError
-        The observations leave a combination of parameters undetermined; it is named.
+        The observations do not determine a combination of parameters, which the message names.
     """
     diagonal = np.diag(information)
     if not np.all(diagonal > 0.0):
-        raise _open_direction([names[int(np.argmin(diagonal))]], np.inf)
+        raise _undetermined([names[int(np.argmin(diagonal))]], np.inf)
     scale = 1.0 / np.sqrt(diagonal)
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
     if values[0] * CONDITION_LIMIT < values[-1]:
         share = np.abs(vectors[:, 0])
         culprits = [names[index] for index in np.argsort(-share)[:3] if share[index] > 0.1]
-        raise _open_direction(culprits, values[-1] / max(values[0], np.finfo(float).eps * values[-1]))
+        raise _undetermined(culprits, values[-1] / max(values[0], np.finfo(float).eps * values[-1]))
     root = vectors * scale[:, None] / np.sqrt(values)
     covariance: FloatArray = root @ root.T
     return covariance
@@ -97,7 +97,7 @@ def covariance_from_information(information: FloatArray, names: tuple[str, ...])
 
 @dataclass(frozen=True, kw_only=True)
 class LaplaceCheck:
-    """Comparison of an approximate log posterior with the exact one, at draws of the former.
+    """Comparison of an approximate log posterior with the exact one, at draws from the former.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class LaplaceCheck:
 
 
 def compare_log_posteriors(exact: FloatArray, approximate: FloatArray) -> LaplaceCheck:
-    """Importance ratios of an exact over an approximate log posterior, both up to a constant.
+    """Check an approximate log posterior against an exact one, both up to a constant, by importance ratios.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def compare_log_posteriors(exact: FloatArray, approximate: FloatArray) -> Laplac
     Returns
     -------
     LaplaceCheck
-        Kish's effective share 1/(K Σ w²).
+        The check, with Kish's effective share 1/(K Σ w²).
     """
     ratio = exact - approximate
     weights = np.exp(ratio - ratio.max())
@@ -133,11 +133,11 @@ def compare_log_posteriors(exact: FloatArray, approximate: FloatArray) -> Laplac
     return LaplaceCheck(efficiency=float(1.0 / (len(weights) * np.sum(weights**2))))
 
 
-def _open_direction(culprits: list[str], condition: float) -> NotConvergedError:
-    """Error for parameters that the observations do not determine."""
+def _undetermined(culprits: list[str], condition: float) -> NotConvergedError:
+    """The error for parameters that the observations do not determine."""
     return NotConvergedError(
         f"the observations do not determine {', '.join(culprits)}",
         value=f"condition {condition:.1e}",
         limit=f"<= {CONDITION_LIMIT:.0e}",
-        remedy="add views at other tilts and distances, declare priors, or fix a parameter",
+        remedy="add views with other tilts and distances, declare priors, or fix a parameter",
     )

@@ -18,12 +18,12 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 
 LogProbability = Callable[[FloatArray], FloatArray]
-"""Takes parameters (N, P), returns log probabilities (N,); -inf where the parameters are impossible."""
+"""Takes parameters (N, P) and returns log probabilities (N,); −inf where the parameters are impossible."""
 
 MINIMUM_ENSEMBLES = 4
-MINIMUM_LENGTHS = 50.0  # steps over autocorrelation time: with fewer, the time itself is not known
+MINIMUM_LENGTHS = 50.0  # in autocorrelation times; shorter chains cannot determine the autocorrelation time
 R_HAT_LIMIT = 1.01
-WALKER_R_HAT_LIMIT = 1.1  # walkers of one ensemble are shorter and correlated; stuck ones give 2 and more
+WALKER_R_HAT_LIMIT = 1.1  # walkers of one ensemble are short and correlated; stuck walkers give 2 and more
 MINIMUM_EFFECTIVE_SIZE = 400.0
 ACCEPTANCE_LIMITS = (0.2, 0.5)
 _ACCEPTANCE = "acceptance"
@@ -31,9 +31,9 @@ _ACCEPTANCE = "acceptance"
 _WARM_UP_TIMES = 10.0  # autocorrelation times dropped at the start
 _FIRST_ROUND = 500
 _PROPOSAL_DIMENSIONS = 5
-_PROPOSAL_SHARE = 1.0 / 40.0  # of the steps, for each parameter: keeps acceptance within its limits
+_PROPOSAL_SHARE = 1.0 / 40.0  # of the steps, per parameter; keeps acceptance within its limits
 _PROPOSAL_FREEDOM = 10.0  # degrees of freedom of the t distribution
-_R_HAT_DRAWS = 4000  # steps kept for the ranks: more do not change a verdict at 1.01
+_R_HAT_DRAWS = 4000  # steps kept for ranks; more of them do not change the verdict at 1.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,21 +43,21 @@ class SamplerDiagnostics:
     Parameters
     ----------
     autocorrelation_steps : array (P,)
-        Integrated autocorrelation time, the largest over the ensembles [steps].
+        Integrated autocorrelation time [steps]; the largest value over the ensembles.
     lengths : float
-        Kept steps over the longest autocorrelation time.
+        Number of kept steps divided by the longest autocorrelation time.
     r_hat : array (P,)
         Rank-normalised split R-hat across ensembles.
     walker_r_hat : array (P,)
-        The same with the walkers of one ensemble as chains, the largest over the ensembles.
+        The same with the walkers of one ensemble as chains; the largest value over the ensembles.
     bulk_effective_size, tail_effective_size : array (P,)
         Effective sample sizes over all ensembles.
     acceptance : array (ensembles,)
         Mean accepted fraction.
     stuck_ensembles : tuple of int
-        Ensembles without which the others agree; empty if no single one is the cause.
+        Ensembles, each of which alone causes the disagreement; empty if there is none.
     failures : tuple of str
-        Limits that are not met, in words; empty if converged.
+        Limits that are not met, in words; empty if the chains converged.
     """
 
     autocorrelation_steps: FloatArray
@@ -83,12 +83,12 @@ class SamplerDiagnostics:
 
 @dataclass(frozen=True, kw_only=True)
 class PosteriorSample:
-    """Draws of a posterior with diagnostics and computing time.
+    """Draws from a posterior, with diagnostics and computing time.
 
     Parameters
     ----------
     names : tuple of str, length P
-        Parameters.
+        Names of the parameters.
     chains : array (ensembles, steps, walkers, P)
         Kept draws, after the warm-up.
     warm_up_steps : int
@@ -96,7 +96,7 @@ class PosteriorSample:
     diagnostics : SamplerDiagnostics
         Convergence of the chains.
     evaluations : int
-        Log probabilities computed, including the warm-up.
+        Number of log probabilities computed, including the warm-up.
     seconds : float
         Wall time.
     """
@@ -127,14 +127,14 @@ class PosteriorSample:
                 "the requested number of posterior draws is out of range",
                 value=str(count),
                 limit=f"1 to {len(draws)}",
-                remedy="sample longer, or request fewer",
+                remedy="sample longer, or request fewer draws",
             )
         return draws[(np.arange(count) * len(draws)) // count]
 
 
 @dataclass(frozen=True, kw_only=True)
 class CheckedPosterior:
-    """Posterior draws of a calibration's parameters, board poses marginalised, with both checks.
+    """Posterior draws of a calibration's parameters with poses marginalised, and both checks.
 
     Parameters
     ----------
@@ -162,29 +162,30 @@ def sample_posterior(
     proposal: LaplaceFit | None = None,
     maximum_steps: int = 20_000,
 ) -> PosteriorSample:
-    """Sample with independent affine-invariant ensembles until the diagnostics pass or the steps run out.
+    """Sample with independent affine-invariant ensembles until all diagnostics pass or the steps are used up.
 
     Parameters
     ----------
     log_probability : callable
         Log probabilities of many parameter vectors at once.
     starts : array (ensembles, walkers, P)
-        First positions, spread over plausible values; at least four ensembles, an even number of walkers >= 2 P.
+        First positions, spread over plausible values; at least four ensembles with an even number of walkers >= 2 P.
     names : tuple of str
-        Parameters.
+        Names of the parameters.
     rng : numpy.random.Generator
-        Seeds every ensemble independently.
+        Generator of an independent seed for every ensemble.
     proposal : LaplaceFit, optional
-        A normal approximation of the posterior. One step in forty for each parameter, at most every second one, then
-        proposes a draw from a multivariate t about it, accepted or rejected by the exact posterior; this shortens the
-        autocorrelation twentyfold in twenty dimensions. Not used below five parameters: others are as fast.
+        A normal approximation of the posterior. For each parameter, one step in forty (in total, at most every second
+        step) then proposes a draw from a multivariate t distribution about it, which the exact posterior accepts or
+        rejects. This shortens the autocorrelation time twentyfold in twenty dimensions. Below five parameters it is not
+        used, because other moves are as fast.
     maximum_steps : int
-        Steps of each ensemble after which sampling ends, converged or not.
+        Number of steps of each ensemble after which sampling ends, converged or not.
 
     Returns
     -------
     PosteriorSample
-        Converged or not: see ``diagnostics.converged``. Only the warm-up is discarded.
+        The sample without the warm-up; ``diagnostics.converged`` states whether it converged.
 
     Raises
     ------
@@ -210,7 +211,7 @@ def sample_posterior(
         kept = walks[:, warm_up:]
         times = autocorrelation_times(kept)
         if steps == maximum_steps or kept.shape[1] >= MINIMUM_LENGTHS * times.max():
-            # acceptance over the warm-up too: the walkers start within the posterior's spread
+            # including the warm-up, because walkers start within the spread of the posterior
             acceptance = np.array([sampler.acceptance_fraction.mean() for sampler in samplers])
             diagnostics = diagnose(kept, acceptance, names, times=times)
             if diagnostics.final or steps == maximum_steps:
@@ -237,7 +238,7 @@ def diagnose(
     acceptance : array (ensembles,)
         Mean accepted fraction.
     names : tuple of str
-        Parameters, for ``failures``.
+        Names of the parameters, for ``failures``.
     times : array (P,), optional
         Autocorrelation times, if already known [steps].
 
@@ -255,7 +256,7 @@ def diagnose(
     bulk = np.array([bulk_effective_size(column) for column in columns])
     tail = np.array([tail_effective_size(column) for column in columns])
     failures = [
-        *_failure("too short for the autocorrelation time: steps/τ", lengths, MINIMUM_LENGTHS, "below"),
+        *_failure("chains too short for their autocorrelation time τ: steps/τ", lengths, MINIMUM_LENGTHS, "below"),
         *_worst("ensembles disagree: split R-hat", r_hat, R_HAT_LIMIT, "above", names),
         *_worst("walkers of one ensemble stay apart: R-hat", walker_r_hat, WALKER_R_HAT_LIMIT, "above", names),
         *_worst("bulk effective size", bulk, MINIMUM_EFFECTIVE_SIZE, "below", names),
@@ -277,7 +278,7 @@ def diagnose(
 
 
 def autocorrelation_times(chains: FloatArray) -> FloatArray:
-    """Integrated autocorrelation time of each parameter, the largest over the ensembles [steps], shape (P,).
+    """Integrated autocorrelation time of each parameter, shape (P,) [steps]; the largest value over the ensembles.
 
     Parameters
     ----------
@@ -287,12 +288,12 @@ def autocorrelation_times(chains: FloatArray) -> FloatArray:
     from emcee.autocorr import integrated_time
 
     times: FloatArray = np.max([integrated_time(chain, tol=0) for chain in chains], axis=0)
-    # a walker that never moved has no autocorrelation time: it counts as fully correlated
+    # a walker that never moved has no autocorrelation time and counts as fully correlated
     return np.where(np.isfinite(times), times, float(chains.shape[1]))
 
 
 def _check_starts(log_probability: LogProbability, starts: FloatArray, names: tuple[str, ...]) -> None:
-    """Refuse too few ensembles or walkers, and starts outside the support of the posterior."""
+    """Refuse too few ensembles or walkers, and starts where the posterior is zero."""
     ensembles, walkers, dimensions = starts.shape
     if ensembles < MINIMUM_ENSEMBLES:
         raise OutOfRangeError(
@@ -318,7 +319,7 @@ def _check_starts(log_probability: LogProbability, starts: FloatArray, names: tu
     bad = ~np.isfinite(log_probability(starts.reshape(-1, dimensions)))
     if np.any(bad):
         raise OutOfRangeError(
-            "walkers start where the posterior is not finite",
+            "walkers start where the log posterior is not finite",
             value=f"{int(bad.sum())} of {bad.size}",
             limit="none",
             remedy="start inside the bounds of the prior",
@@ -345,7 +346,7 @@ def _sampler(  # type: ignore[no-untyped-def]  # emcee ships no types
 def _independent_move(
     proposal: LaplaceFit,
 ) -> Callable[[FloatArray, np.random.RandomState], tuple[FloatArray, FloatArray]]:
-    """Proposals from a multivariate t about a Laplace fit: its tails keep the chain ergodic."""
+    """Proposals from a multivariate t distribution about a Laplace fit, whose tails keep the chain ergodic."""
     deviation = proposal.standard_deviation
     factor = np.linalg.cholesky(proposal.correlation)
 
@@ -371,7 +372,7 @@ def _warm_up(walks: FloatArray) -> int:
 
 
 def _walker_r_hat(chains: FloatArray) -> float:
-    """Largest R-hat over the ensembles with their walkers taken as chains."""
+    """Largest R-hat over the ensembles, with their walkers as chains."""
     return max(rank_normalised_split_r_hat(chain.T[..., None]) for chain in chains)
 
 
@@ -387,13 +388,13 @@ def _stuck_ensembles(chains: FloatArray, r_hat: FloatArray) -> tuple[int, ...]:
 
 
 def _failure(what: str, value: float, limit: float, side: str) -> list[str]:
-    """Text for a limit that is not met; NaN meets none."""
+    """Text for a limit if it is not met; NaN meets no limit."""
     broken = not (value >= limit if side == "below" else value <= limit)
     return [f"{what} {value:.4g} (allowed {'>=' if side == 'below' else '<='} {limit:g})"] if broken else []
 
 
 def _worst(what: str, values: FloatArray, limit: float, side: str, names: tuple[str, ...]) -> list[str]:
-    """Text for the worst parameter."""
+    """Text for the worst parameter if it does not meet the limit."""
     signed = values if side == "above" else -values
     index = int(np.argmax(np.where(np.isnan(signed), np.inf, signed)))
     return _failure(f"{names[index]}: {what}", float(values[index]), limit, side)

@@ -1,4 +1,4 @@
-"""Calibration of a camera by a simulated target: its observations, and the information expected from them."""
+"""Calibration of a camera by a simulated target: its observations, and the calibration expected from them."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ _FEWEST_CORNERS, _FEWEST_VIEWS = 6, 3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TargetToInfer:
-    """A calibration from a synthetic target, still to be computed.
+    """A calibration from a simulated target, not yet computed.
 
     Parameters
     ----------
     name
-        Of the camera; with the seed it determines the random numbers.
+        Name of the camera; with the seed, it determines the random numbers.
     camera
-        The design.
+        The camera as designed.
     groups
-        The declared errors; those drawn per rig are the priors.
+        The declared errors; those that are drawn per rig are the priors.
     part
         The target.
     seed
-        Of the study.
+        Seed of the study.
     """
 
     name: str
@@ -58,7 +58,7 @@ class TargetToInfer:
 
 
 def target_problem(request: TargetToInfer) -> tuple[TargetProblem, np.random.Generator]:
-    """Observations of the target by a camera drawn from the declared errors, and the generator for the sampling."""
+    """Observations of the target by a camera drawn from the declared errors, and the generator for sampling."""
     camera, priors = request.camera, _priors(request.name, request.groups)
     rng = point_generator(seed=request.seed, point=f"target/{request.name}", replicate=0)
     target = _target(request, rng)
@@ -71,7 +71,7 @@ def target_problem(request: TargetToInfer) -> tuple[TargetProblem, np.random.Gen
 def planned_calibration(request: TargetToInfer, plan: int) -> Calibration:
     """The calibration expected from a target, without sampling: a joint normal about the design.
 
-    A uniform prior is replaced by a normal one of the same standard deviation: exact where the views determine the
+    A normal prior of the same standard deviation replaces a uniform one. This is exact where the views determine the
     parameter much better than the prior, or not at all.
 
     Parameters
@@ -79,7 +79,7 @@ def planned_calibration(request: TargetToInfer, plan: int) -> Calibration:
     request
         The target.
     plan
-        Number of the random arrangement of views; a run uses 0. Declared poses have only one.
+        Number of the random arrangement of views; a run uses 0. Declared poses have only one arrangement.
 
     Raises
     ------
@@ -106,12 +106,12 @@ def planned_calibration(request: TargetToInfer, plan: int) -> Calibration:
 
 
 def _target(request: TargetToInfer, rng: np.random.Generator) -> SyntheticTarget:
-    """The board in all its poses, declared or random."""
+    """The board in all its poses, as declared or at random."""
     part = request.part
     if part.poses is not None:
         poses = np.array([(*pose.rotation, *pose.position) for pose in part.poses])
     else:
-        assert part.views is not None  # the schema requires all three where there are no poses
+        assert part.views is not None  # the schema requires all three if there are no poses
         assert part.distances is not None
         assert part.tilt is not None
         near, far = part.distances
@@ -139,14 +139,14 @@ def _priors(name: str, groups: tuple[Group, ...]) -> Priors:
                 rows.append((group.name, distribution.mean, np.inf, distribution.low, distribution.high))
             case None:
                 raise OutOfRangeError(
-                    f"{name}: correlated errors cannot be priors of a target",
+                    f"{name}: correlated errors cannot be priors for a target",
                     value=", ".join(group.parameters),
                     limit="independent errors",
                     remedy="remove their correlations; the target determines them",
                 )
             case _:
                 raise OutOfRangeError(
-                    f"{name}: the distribution of {group.name} cannot be a prior of a target",
+                    f"{name}: the distribution of {group.name} cannot be a prior for a target",
                     value=type(distribution).__name__,
                     limit="normal or uniform",
                     remedy="declare only a standard_deviation or a half_width",
@@ -172,7 +172,7 @@ def _as_normal(priors: Priors) -> Priors:
 def _on_sensor(
     name: str, camera: DepthCamera, observed: FloatArray, target: SyntheticTarget
 ) -> tuple[FloatArray, SyntheticTarget]:
-    """Observations and target without the corners outside the sensor and the views with fewer than six corners."""
+    """Observations and target, without corners outside the sensor and without views of fewer than six corners."""
     seen = camera.seen_on_sensor(observed)
     taken = np.all(np.sum(seen, axis=1) >= _FEWEST_CORNERS, axis=-1)
     if taken.sum() < _FEWEST_VIEWS:
@@ -186,7 +186,7 @@ def _on_sensor(
 
 
 def observer(camera: DepthCamera, names: tuple[str, ...]) -> CameraModel:
-    """The observation of points by a camera with given errors, components [px] last."""
+    """A function that observes points by a camera with given errors; its last axis is components [px]."""
     pixel = camera.sensor.pixel_pitch
 
     def observe(parameters: FloatArray, points: FloatArray) -> FloatArray:

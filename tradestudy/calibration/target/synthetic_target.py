@@ -1,4 +1,4 @@
-"""A synthetic calibration: a target observed through any camera model, and the priors of the camera's parameters."""
+"""A simulated target observed through any camera model, and the priors of the camera's parameters."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 
 CameraModel = Callable[[FloatArray, FloatArray], FloatArray]
-"""Takes parameters (..., P) and points in the camera's frame (..., N, 3) [m], returns observations (..., N, C), with
-NaN for points that are not visible; leading axes broadcast."""
+"""Takes parameters (..., P) and points in the camera's frame (..., N, 3) [m]; returns observations (..., N, C), NaN for
+points that are not visible. Leading axes broadcast."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Priors:
-    """Independent priors: normal with mean and standard deviation, truncated at bounds.
+    """Independent normal priors, truncated at bounds, or uniform ones.
 
     Parameters
     ----------
     names : tuple of str, length P
-        Parameters.
+        Names of the parameters.
     mean : array (P,)
-        Centres; the starting value where the prior is uniform.
+        Means; for a uniform prior, the starting value.
     standard_deviation : array (P,)
-        > 0; inf for a uniform prior, which needs finite bounds.
+        Standard deviations, > 0; inf for a uniform prior, which needs finite bounds.
     lower, upper : array (P,)
         Bounds; −inf and inf for none.
 
     Raises
     ------
     OutOfRangeError
-        A shape differs, a deviation is not positive, a mean lies outside its bounds, a uniform prior has no bounds.
+        A shape differs, a deviation is not positive, a mean lies outside its bounds, or a uniform prior has no bounds.
     """
 
     names: tuple[str, ...]
@@ -71,12 +71,12 @@ class Priors:
 
     @property
     def precision(self) -> FloatArray:
-        """Inverse variances, zero where uniform, shape (P,)."""
+        """Inverse variances, shape (P,); zero for uniform priors."""
         return self.standard_deviation**-2.0
 
     @property
     def scale(self) -> FloatArray:
-        """A typical scale of each parameter: its deviation, or a quarter of its range, shape (P,)."""
+        """A typical scale of each parameter, shape (P,): its standard deviation, or a quarter of its range."""
         with np.errstate(invalid="ignore"):  # inf − inf of an unbounded normal, which is not selected
             width = (self.upper - self.lower) / 4.0
         return np.where(np.isinf(self.standard_deviation), width, self.standard_deviation)
@@ -94,12 +94,12 @@ class Priors:
         return np.where(inside, -0.5 * square, -np.inf)
 
     def draw(self, rng: np.random.Generator, count: int) -> FloatArray:
-        """Draws of the prior, shape (count, P).
+        """Draws from the prior, shape (count, P).
 
         Parameters
         ----------
         rng : numpy.random.Generator
-            Randomness.
+            Random-number generator.
         count : int
             Number of draws.
         """
@@ -121,16 +121,16 @@ class SyntheticTarget:
     points : array (N, 3)
         Points in the target's frame [m].
     poses : array (V, 6)
-        Nominal poses, target to camera: rotation vector [rad] and translation [m].
+        Nominal poses from target to camera: rotation vector [rad] and translation [m].
     noise : array (C,)
         Standard deviation of each component of an observation, in its unit.
     rotation_deviation, translation_deviation : float
-        Standard deviations of the poses per component [rad], [m]; inf for unknown poses, such as a board held by hand.
+        Standard deviations of each component of the poses [rad], [m]; inf for unknown poses, as of a hand-held board.
 
     Raises
     ------
     OutOfRangeError
-        A noise or a deviation is not positive.
+        A noise or a standard deviation is not positive.
     """
 
     points: FloatArray
@@ -143,7 +143,7 @@ class SyntheticTarget:
         smallest = min(float(np.min(self.noise)), self.rotation_deviation, self.translation_deviation)
         if not smallest > 0.0:
             raise OutOfRangeError(
-                "a synthetic target needs positive noise and positive pose deviations",
+                "a simulated target needs positive noise and positive standard deviations of its poses",
                 value=f"{smallest:g}",
                 limit="> 0",
                 remedy="set a small deviation for well-known poses, inf for unknown ones",
@@ -151,16 +151,16 @@ class SyntheticTarget:
 
     @property
     def pose_precision(self) -> FloatArray:
-        """Inverse variances of the components of a pose, zero where unknown, shape (6,)."""
+        """Inverse variances of the components of a pose, shape (6,); zero where unknown."""
         return np.repeat([self.rotation_deviation**-2.0, self.translation_deviation**-2.0], 3)
 
 
 def spread_poses(
     count: int, distances: tuple[float, float], half_field: float, tilt: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Poses of a target in the field of view, spread evenly over 1/Z, field and tilt by a scrambled Halton set.
+    """Poses of a target in the field of view, spread evenly over 1/Z, field and tilt by a scrambled Halton sequence.
 
-    A longer sequence begins with the shorter one, so that adding views never makes a calibration less certain.
+    A longer sequence begins with the shorter one, so that additional views never make a calibration less certain.
 
     Parameters
     ----------
@@ -169,18 +169,18 @@ def spread_poses(
     distances : (float, float)
         Nearest and farthest distance of the target's origin [m].
     half_field : float
-        Largest slope of the origin's direction, in x and in y [1].
+        Largest slope of the direction to the target's origin, in x and in y [1].
     tilt : float
         Standard deviation of each component of the rotation vector [rad].
     rng : numpy.random.Generator
-        Randomness of the scrambling.
+        Random-number generator for the scrambling.
 
     Returns
     -------
     array (V, 6)
         Rotation vectors [rad] and translations [m].
     """
-    from scipy.stats.qmc import Halton  # scipy.stats loads more slowly than most fits run
+    from scipy.stats.qmc import Halton  # importing scipy.stats takes longer than most fits
 
     shares = Halton(6, rng=rng).random(count)
     depth = 1.0 / (1.0 / distances[0] + shares[:, 0] * (1.0 / distances[1] - 1.0 / distances[0]))
@@ -216,7 +216,7 @@ def observe_target(
     parameters : array (P,)
         Its true parameters.
     rng : numpy.random.Generator
-        Randomness of the noise, and of the true poses where these have a finite deviation.
+        Random-number generator for the noise, and for the true poses if their deviations are finite.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Camera parameters from observations of a target: Laplace fit and posterior draws, poses marginalised."""
+"""Camera parameters from observations of a target: Laplace fit and posterior draws, with poses marginalised."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from tradestudy.calibration.target.synthetic_target import CameraModel, Priors, 
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 
-_RELATIVE_STEP = 1e-3  # of a prior's scale: central differences are then good to 1e-6 of their change over that scale
+_RELATIVE_STEP = 1e-3  # of a prior's scale; central differences then err by 1e-6 of their change over that scale
 _POINT_STEP = 1e-5  # of a point's distance
 _MOST_STEPS, _MOST_POSE_STEPS = 50, 20
-_SETTLED = 1e-8  # squared step in standard deviations
-_CHUNK_NUMBERS = 250_000  # residuals at a time: fit into a processor's cache
+_SETTLED = 1e-8  # largest squared step of a converged fit, in standard deviations
+_CHUNK_NUMBERS = 250_000  # residuals at a time, which fit into a processor's cache
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +33,7 @@ class TargetFit:
     Parameters
     ----------
     laplace : LaplaceFit
-        Parameters, poses marginalised.
+        Parameters, with poses marginalised.
     poses : array (V, 6)
         Most probable poses [rad, m].
     evaluations : int
@@ -70,7 +70,7 @@ class TargetProblem:
     priors: Priors
 
     def residuals(self, parameters: FloatArray, poses: FloatArray) -> FloatArray:
-        """Observed minus predicted in units of noise, shape (..., V, N·C); zero where a point was not visible.
+        """Observed minus predicted in units of the noise, shape (..., V, N·C); zero where a point was not visible.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ class TargetProblem:
 def fit_target(problem: TargetProblem) -> TargetFit:
     """Maximise the posterior over parameters and poses, and approximate it by a normal distribution.
 
-    Gauss–Newton with the poses eliminated view by view; derivatives of the camera by central differences.
+    Gauss–Newton steps eliminate the poses view by view; central differences give the derivatives of the camera.
 
     Parameters
     ----------
@@ -114,8 +114,8 @@ def fit_target(problem: TargetProblem) -> TargetFit:
     Raises
     ------
     NotConvergedError
-        The fit does not converge, leaves the bounds of the priors, moves an observed point out of sight, or the
-        observations leave parameters undetermined.
+        The fit does not converge, leaves the bounds of the priors, or moves an observed point out of sight, or the
+        observations do not determine the parameters.
     """
     begin = time.perf_counter()
     priors = problem.priors
@@ -141,22 +141,22 @@ def fit_target(problem: TargetProblem) -> TargetFit:
 def expected_fit(target: SyntheticTarget, model: CameraModel, priors: Priors) -> LaplaceFit:
     """The calibration expected from a target: the normal approximation about the design, without drawn noise.
 
-    Its covariance is the inverse of the Fisher information of all views and the priors, poses marginalised. The
-    covariance of a fit to noisy views differs from it because the fit differs from the design.
+    Its covariance is the inverse of the Fisher information of all views and priors, with poses marginalised. The
+    covariance of a fit to noisy views differs from it, because the fit differs from the design.
 
     Parameters
     ----------
     target : SyntheticTarget
         Points, poses, noise.
     model : CameraModel
-        The camera; points it does not see do not count.
+        The camera; points that it does not see do not count.
     priors : Priors
-        Priors of its parameters; their means are the design.
+        Priors of its parameters, with the design as means.
 
     Raises
     ------
     NotConvergedError
-        The target leaves parameters undetermined.
+        The target does not determine the parameters.
     """
     observed = model(priors.mean, move(target.poses, target.points))
     problem = TargetProblem(observed=observed, target=target, model=model, priors=priors)
@@ -171,18 +171,18 @@ def sample_target(
     rng: np.random.Generator,
     maximum_steps: int = 20_000,
 ) -> CheckedPosterior:
-    """Sample the posterior with the camera model itself, poses marginalised by Laplace about the fit.
+    """Sample the posterior with the exact camera model; Laplace's approximation about the fit marginalises poses.
 
     Parameters
     ----------
     problem : TargetProblem
         Observations and priors.
     fit : TargetFit
-        Its peak, from ``fit_target``.
+        Peak of the posterior, from ``fit_target``.
     rng : numpy.random.Generator
-        Randomness of starts and chains.
+        Random-number generator for starts and chains.
     maximum_steps : int
-        As for ``posterior.sample_posterior``.
+        Steps of each ensemble; see ``posterior.sample_posterior``.
 
     Returns
     -------
@@ -213,7 +213,7 @@ def sample_target(
 
 
 def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: FloatArray) -> float:
-    """Log posterior with the poses refitted at these parameters (Laplace), up to a constant.
+    """Log posterior with the poses refitted for these parameters (Laplace), up to a constant.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: F
 def _gauss_newton_step(
     problem: TargetProblem, parameters: FloatArray, poses: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """New parameters and poses, covariance before the step, and the mean squared step in standard deviations."""
+    """New parameters and poses, covariance before the step, and mean squared step in standard deviations."""
     priors = problem.priors
     residuals, by_parameters = _linearise(problem, parameters, poses)
     basis, factor = _pose_basis(problem, parameters, poses)
@@ -271,7 +271,7 @@ def _gauss_newton_step(
 
 
 def _require_inside(priors: Priors, parameters: FloatArray) -> None:
-    """Refuse a peak outside the bounds: the posterior then ends at a bound and is not normal."""
+    """Refuse a peak outside the bounds, because the posterior then ends at a bound and is not normal."""
     if np.isfinite(priors.log_density(parameters)):
         return
     outside = np.flatnonzero((parameters < priors.lower) | (parameters > priors.upper))[0]
@@ -279,14 +279,14 @@ def _require_inside(priors: Priors, parameters: FloatArray) -> None:
         f"the most probable {priors.names[outside]} lies outside its prior",
         value=f"{parameters[outside]:g}",
         limit=f"{priors.lower[outside]:g} to {priors.upper[outside]:g}",
-        remedy="widen the prior, or add views: at a bound no normal approximation exists",
+        remedy="widen the prior, or add views; at a bound, no normal approximation exists",
     )
 
 
 def _frozen_log_posterior(
     problem: TargetProblem, points: FloatArray, basis: FloatArray, misfit: FloatArray, parameters: FloatArray
 ) -> FloatArray:
-    """Log posterior, exact in the parameters; each pose is optimised by one linear step from the fit."""
+    """Log posterior, exact in the parameters; one linear step from the fit optimises each pose."""
     result = problem.priors.log_density(parameters)
     rows = np.flatnonzero(np.isfinite(result))
     size = max(1, _CHUNK_NUMBERS // problem.observed.size)
@@ -303,7 +303,7 @@ def _frozen_log_posterior(
 
 
 def _linearise(problem: TargetProblem, parameters: FloatArray, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residuals (V, M) and the derivatives of the prediction by the parameters (V, M, P)."""
+    """Residuals (V, M), and derivatives of the prediction with respect to the parameters (V, M, P)."""
     step = _RELATIVE_STEP * problem.priors.scale
     shifted = parameters + np.concatenate([np.zeros((1, len(step))), np.diag(step), -np.diag(step)])
     values = problem.residuals(shifted, poses)
@@ -320,7 +320,7 @@ def _linearise(problem: TargetProblem, parameters: FloatArray, poses: FloatArray
 
 
 def _pose_basis(problem: TargetProblem, parameters: FloatArray, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """QR factors of the derivatives by the poses, with the rows of their priors appended."""
+    """QR factors of the derivatives with respect to the poses, with rows for their priors."""
     points = move(poses, problem.target.points)
     step = _POINT_STEP * np.linalg.norm(points, axis=-1, keepdims=True)
     shifts = step * np.concatenate([np.eye(3), -np.eye(3)])[:, None, None, :]
@@ -336,13 +336,13 @@ def _pose_basis(problem: TargetProblem, parameters: FloatArray, poses: FloatArra
 
 
 def _pose_misfit(problem: TargetProblem, poses: FloatArray) -> FloatArray:
-    """Nominal minus present poses in units of their deviation, zero where unknown, shape (V, 6)."""
+    """Nominal minus current poses in units of their standard deviation, shape (V, 6); zero where unknown."""
     misfit: FloatArray = np.sqrt(problem.target.pose_precision) * (problem.target.poses - poses)
     return misfit
 
 
 def _starts_inside(priors: Priors, fit: LaplaceFit, rng: np.random.Generator, count: int) -> FloatArray:
-    """Draws of the Laplace fit that lie inside the bounds of the priors."""
+    """Draws from the Laplace fit that lie inside the bounds of the priors."""
     starts = np.empty((0, len(priors.names)))
     for _ in range(1000):
         draws = fit.draw(rng, count)

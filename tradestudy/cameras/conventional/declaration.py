@@ -34,7 +34,7 @@ class ReferenceScalePart(Part):
 
 
 class FocusStackPart(Part):
-    """A stack of images at different focus: as few as cover the range, up to a maximum."""
+    """A stack of images at different focus distances: as few as cover the range, up to a maximum."""
 
     start: ObjectDistance = Field(alias="from", description="Nearest distance to cover.")
     stop: ObjectDistanceOrInfinity = Field(alias="to", description="Farthest distance to cover; may be infinity.")
@@ -51,7 +51,7 @@ class FocusStackPart(Part):
 
 
 class ConventionalFocusPart(Part):
-    """Where a conventional camera is focused: by distance, by image scale, or by a working distance of a data sheet."""
+    """The focus of a conventional camera, by distance, by image scale or by the working distance of a data sheet."""
 
     distance: ObjectDistanceOrInfinity | None = Field(
         default=None, description="Distance from the object to the principal plane of the lens."
@@ -73,12 +73,13 @@ class ConventionalFocusPart(Part):
         if self.working_distance is not None and self.reference is None:
             raise MistakeAt(
                 ("working_distance",),
-                "starts at the front of the lens; give a reference (working_distance and image_scale at one focus)",
+                "is measured from the front of the lens; give a reference (working_distance and image_scale of one "
+                "focus setting)",
             )
         return self
 
     def resolved(self, by_scale: Callable[[float], float]) -> float:
-        """Distance of the focus from the principal plane [m], however it is declared."""
+        """Focus distance from the principal plane [m], however it is declared."""
         if self.distance is not None:
             return self.distance
         if self.image_scale is not None:
@@ -127,8 +128,8 @@ class ConventionalDeclaration(CameraDeclaration):
     def design(self, picture_law: DisparityErrorLaw | None) -> ConventionalCamera:  # noqa: ARG002 - it measures no disparity
         """The camera in SI, focused by distance, by image scale, or by a data sheet's working distance.
 
-        The image scale s of a pixel p gives the magnification p/s and so the distance of the principal plane. At a
-        reference it gives the position of that plane behind the front of the lens, assumed constant.
+        The image scale s for a pixel pitch p gives the magnification p/s, and thus the distance of the principal plane.
+        At the reference, this gives the position of that plane behind the front of the lens, which is assumed constant.
         """
         sensor = self.sensor.sensor()
         lens = self.lens.lens(sensor)

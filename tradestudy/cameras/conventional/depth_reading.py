@@ -1,8 +1,8 @@
 """Depth from focus: the picture of a stack in which a point is sharpest.
 
-The pictures are brought to the scale of the first one, since a lens focused closer magnifies more. The focus measure is
-the energy of the gradient in a window, minus that of the noise. Its logarithm is fitted by a parabola in inverse focus
-distance, because the blur is proportional to the difference of inverse focus and object distance.
+The pictures are rescaled to match the first one, since a lens focused closer magnifies more. The focus measure is the
+energy of the gradient in a window, minus that of the noise. A parabola in inverse focus distance is fitted to its
+logarithm, because the blur is proportional to the difference between inverse focus distance and inverse depth.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.window_matching import Reason, gradient_along, odd_window, window_sum
 
 LEAST_PICTURES: Final = 3
-_NOISE_SPREAD: Final = 1.5  # variance of the energy of noise in one pixel, over the square of its mean
-_CERTAIN: Final = 4.0  # standard deviations by which the energy at the peak exceeds noise
-_LARGEST_DEVIATION: Final = 0.5  # of the peak, in steps of the stack
+_NOISE_SPREAD: Final = 1.5  # ratio of the variance of the noise energy in one pixel to the square of its mean
+_CERTAIN: Final = 4.0  # standard deviations by which the energy at the peak must exceed that of noise
+_LARGEST_DEVIATION: Final = 0.5  # largest standard deviation of the peak's position, in steps of the stack
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FocusStackReader(DepthReader):
-    """Depth by the focus stack of a camera; the map is in the pixels of its first picture.
+    """Depth from a camera's focus stack; the map has the pixels of its first picture.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class FocusStackReader(DepthReader):
     Raises
     ------
     OutOfRangeError
-        The stack has fewer than three pictures, and therefore no peak.
+        The stack has fewer than three pictures and therefore no peak.
     """
 
     camera: ConventionalCamera
@@ -67,7 +67,7 @@ class FocusStackReader(DepthReader):
             scale = one.image_distance / stack[0].image_distance
             seen = _scaled(_gradient_energy(np.where(picture.pure, picture.values, np.nan)), scale)
             lit &= np.isfinite(seen)
-            # A larger picture has smaller gradients.
+            # Magnification reduces gradients.
             both = np.stack([seen, _scaled(_noise_energy(picture.variance), scale)])
             both[:, ~np.all(np.isfinite(both), axis=0)] = 0.0
             sums.append(window_sum(both, window) * (scale / window) ** 2)
@@ -99,7 +99,7 @@ class FocusStackReader(DepthReader):
         )
 
     def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
-        """True depth in the first picture; measurable in the range of the stack."""
+        """True depth in the first picture; measurable within the range of the stack."""
         stack = self._stack
         first = stack[0].name
         depth = np.where(pure[first], depths[first], np.nan)
@@ -116,16 +116,16 @@ def _gradient_energy(values: Samples) -> Samples:
 
 
 def _noise_energy(variance: Samples) -> Samples:
-    """Gradient energy of noise alone: each central difference has a quarter of the variance of both its neighbours.
+    """Gradient energy of noise alone: a central difference has a quarter of the summed variance of its two neighbours.
 
-    At the rim, where there is no gradient, it is that of the opposite rim.
+    Values at the rim are meaningless, but there is no gradient there either.
     """
     neighbours = np.stack([np.roll(variance, step, axis) for axis in (0, 1) for step in (-1, 1)])
     return np.asarray(np.mean(neighbours, axis=0))
 
 
 def _scaled(values: Samples, scale: float) -> Samples:
-    """A picture rescaled about its centre by nearest pixels: each pixel is read at ``scale`` times its position."""
+    """Rescale a picture about its centre: each pixel takes the value nearest to ``scale`` times its position."""
     if scale == 1.0:
         return values
     index = [np.rint((np.arange(n) + 0.5 - n / 2.0) * scale + n / 2.0 - 0.5).astype(np.intp) for n in values.shape]
@@ -135,7 +135,7 @@ def _scaled(values: Samples, scale: float) -> Samples:
 
 
 def _vertex(x: Samples, y: Samples) -> tuple[Samples, Samples, Samples]:
-    """Vertex of the parabola through three points, its second coefficient, and derivatives of the vertex by each y."""
+    """Vertex of the parabola through three points, its second coefficient, and its derivatives with respect to y."""
     x0, x1, x2 = x
     d = np.stack([(x1 - x2), (x2 - x0), (x0 - x1)])
     e = np.stack([x1**2 - x2**2, x2**2 - x0**2, x0**2 - x1**2])

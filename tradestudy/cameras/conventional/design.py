@@ -21,7 +21,7 @@ from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
 if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
 
-# A thin lens instead of a real one, at a focus rounded to two digits.
+# Allows for a thin lens instead of a real one, and for a focus distance rounded to two digits.
 _DEPTH_OF_FIELD_TOLERANCE: Final = 0.1
 
 
@@ -34,7 +34,7 @@ class FocusStackPlan:
     near, far
         Range of distances to cover [m] from the principal plane; far may be infinite.
     most_images
-        The most images of one stack.
+        Largest number of images in one stack.
     time_per_image
         Time from one image to the next, including refocusing [s]; None if unknown.
 
@@ -61,7 +61,7 @@ class ConventionalCamera(Camera):
     Parameters
     ----------
     lens, sensor
-        The parts.
+        The lens and the sensor.
     focus_distance
         Distance in focus of a single image [m] from the principal plane; infinity is allowed.
     stack
@@ -107,7 +107,7 @@ class ConventionalCamera(Camera):
 
     @property
     def gathering_lens(self) -> Lens:
-        """The lens."""
+        """The only lens."""
         return self.lens
 
     @property
@@ -137,7 +137,7 @@ class ConventionalCamera(Camera):
         environment: Environment | None,  # noqa: ARG002 - as above
         stop_separation: float,
     ) -> Sequence[SingleLensExposure]:
-        """One picture, or those of the stack planned for a blur of one pixel."""
+        """One picture, or the pictures of a stack planned for a blur of one pixel."""
         focus = {"image": self.focus_distance}
         if isinstance(self.focus, ImageStackFocus):
             focus = {f"image-{k}": distance for k, distance in enumerate(self.focus.sharpest_distances, start=1)}
@@ -158,7 +158,7 @@ class ConventionalCamera(Camera):
         rows = [
             ("focal length", pretty(lens.focal_length, LENGTH, 4)),
             ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
-            ("focused at, from the principal plane", pretty(self.focus_distance, LENGTH, 4)),
+            ("focus distance, from the principal plane", pretty(self.focus_distance, LENGTH, 4)),
             ("working f-number", pretty(single.working_f_number, NUMBER, 4)),
             ("field of view across, focused at infinity", pretty(lens.field_of_view(self.sensor.width), ANGLE, 4)),
             (
@@ -180,7 +180,7 @@ class ConventionalCamera(Camera):
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:  # noqa: ARG002 - it measures no depth
         """Contradictions of the lens, and between the stated depth of field and that of the thin lens.
 
-        Data sheets seldom state their blur criterion, so the message gives the one implied.
+        Data sheets seldom state their blur criterion, so the message gives the implied one.
         """
         found = lens_contradictions(self.lens, self.sensor, stated)
         if stated is None or stated.depth_of_field is None:
@@ -194,8 +194,8 @@ class ConventionalCamera(Camera):
             Contradiction(
                 what="depth of field against lens and sensor",
                 stated=show(stated.depth_of_field, LENGTH),
-                implied=f"{show(extent, LENGTH)} for a blur of one pixel; {show(stated.depth_of_field, LENGTH)} would "
-                f"be {stated.depth_of_field / extent:.2g} px",
+                implied=f"{show(extent, LENGTH)} for a blur of one pixel; {show(stated.depth_of_field, LENGTH)} "
+                f"implies {stated.depth_of_field / extent:.2g} px",
                 used="the blur criteria of the study",
             ),
         ]

@@ -33,7 +33,7 @@ class ImageStackFocus:
     near, far
         Range of the stack [m]; far may be infinite.
     most_images
-        The most images that one stack may have.
+        Largest number of images in one stack.
 
     Raises
     ------
@@ -60,13 +60,13 @@ class ImageStackFocus:
                 remedy="order the range",
             )
         if self.most_images < 1:
-            raise OutOfRangeError("images of a focus stack", value=str(self.most_images), limit="at least 1")
+            raise OutOfRangeError("number of images in a focus stack", value=str(self.most_images), limit="at least 1")
 
     def _at(self, focus_distance: float, name: str) -> SingleLensFocus:
         return SingleLensFocus(lens=self.lens, focus_distance=focus_distance, sample_pitch=self.sample_pitch, name=name)
 
     def _planning_blur(self, criterion: BlurCriterion) -> tuple[float, str]:
-        """The blur [m] for defocus at the near end, where diffraction is widest, and the reason if it is zero."""
+        """The blur [m] left for defocus at the near end, where diffraction is widest, and the reason if it is zero."""
         f_number = image_distance(self.near, self.lens.focal_length) / self.lens.pupil_diameter
         allowance = criterion.allowance(self.sample_pitch, f_number)
         return float(allowance.geometric_diameter), allowance.reason
@@ -101,7 +101,7 @@ class ImageStackFocus:
         An image focused at a₀ resolves r from ``a₀ (1 − r/A)`` to ``a₀ (1 + r/A)``, a constant ratio, so that
         adjoining slices form a geometric progression.
         """
-        # Beyond this a pixel covers more than the resolution, at any focus.
+        # Beyond this distance, a pixel covers more than the resolution at any focus.
         far = min(self.far, self.lens.focal_length * (1.0 + resolution / self.sample_pitch))
         share = resolution / self.lens.pupil_diameter
         if share >= 1.0 or far <= self.near:  # one focus resolves everything closer, or nothing is resolved

@@ -39,8 +39,7 @@ class EveryObjectFocus:
     def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
         """Everything beyond the focal length, one focus after another, unless diffraction alone exceeds the criterion.
 
-        The diffraction spot at a is ``d∞ b(a)/f`` wide. It is within the criterion from the distance on at which
-        ``b = f c/d∞``.
+        The diffraction spot at a is ``d∞ b(a)/f`` wide. It meets the criterion from the distance where ``b = f c/d∞``.
         """
         f = self.lens.focal_length
         at_infinity = criterion.allowance(self.sample_pitch, self.lens.f_number)
@@ -60,7 +59,7 @@ class EveryObjectFocus:
         return sharp_range(("refocused",), [DepthOfField(near=np.asarray(f), far=np.asarray(far))])
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:
-        """The fewest depths of field that cover the scene; 0 if diffraction exceeds the criterion at its near end."""
+        """Number of depths of field that cover the scene; 0 if diffraction exceeds the criterion at its near end."""
         f = self.lens.focal_length
         if not near > f:
             return 0
@@ -79,7 +78,7 @@ class EveryObjectFocus:
         return self._magnified(distance, self.sample_pitch)
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
-        """The spot ``∝ λ b/A`` on an object in focus: ``∝ λ a/A`` [m]."""
+        """Width ``∝ λ a/A`` [m] of the diffraction spot, ``∝ λ b/A`` on the sensor, projected to an object in focus."""
         a, f = np.asarray(distance, dtype=np.float64), self.lens.focal_length
         spot = diffraction_diameter(wavelength, 1.0 / self.lens.pupil_diameter, measure)
         return np.asarray(np.where(a > f, spot * a, np.nan))

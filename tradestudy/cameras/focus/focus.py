@@ -31,9 +31,9 @@ class BlurCriterion:
     blur_px
         Diameter of the blur in lateral samples: pixels, or microlenses of an unfocused plenoptic camera.
     measure
-        Measure of the diffraction spot, added in quadrature to defocus; ``none``: geometric optics.
+        Measure of the diffraction spot, added in quadrature to defocus; ``none`` for geometric optics.
     wavelength
-        λ [m].
+        Wavelength λ [m].
 
     Raises
     ------
@@ -50,7 +50,7 @@ class BlurCriterion:
         require_positive("wavelength", self.wavelength)
 
     def allowance(self, sample_pitch: float, working_f_number: ArrayLike) -> BlurAllowance:
-        """The blur that remains for defocus beside diffraction [m], ``√(c² − d²)``; see `blur_allowance`."""
+        """The blur that diffraction leaves for defocus [m], ``√(c² − d²)``; see `blur_allowance`."""
         spot = diffraction_diameter(self.wavelength, working_f_number, self.measure)
         return blur_allowance(self.blur_px * sample_pitch, spot)
 
@@ -91,7 +91,7 @@ class SharpRange:
 
 
 def sharp_range(names: tuple[str, ...], parts: Sequence[DepthOfField], reason: str = "") -> SharpRange:
-    """A sharp range of one slice for each name, with the given reason or those of the parts."""
+    """A sharp range with one slice per name, and with the given reason or those of the parts."""
     near, far = (
         np.concatenate([np.empty(0), *(np.atleast_1d(getattr(part, end)) for part in parts)]) for end in ("near", "far")
     )
@@ -100,7 +100,7 @@ def sharp_range(names: tuple[str, ...], parts: Sequence[DepthOfField], reason: s
 
 
 class Focus(Protocol):
-    """The focus of a camera along its optical axis; all distances from the principal plane of its lens."""
+    """The focus of a camera along its optical axis; all distances are measured from the principal plane of its lens."""
 
     @property
     def mechanisms(self) -> int:
@@ -108,11 +108,11 @@ class Focus(Protocol):
         ...
 
     def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
-        """The sharp range by a blur criterion."""
+        """The sharp range for a blur criterion."""
         ...
 
     def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
-        """The range in which details of a size on the object [m] are resolved, by geometric optics."""
+        """The range in which details of a given size on the object [m] are resolved, by geometric optics."""
         ...
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:

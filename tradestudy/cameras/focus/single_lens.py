@@ -36,11 +36,11 @@ class SingleLensFocus:
     lens
         The lens.
     focus_distance
-        a₀ [m] from its principal plane; infinity is allowed.
+        Focus distance a₀ [m] from its principal plane; infinity is allowed.
     sample_pitch
         The pixel pitch [m].
     name
-        Name of its one slice.
+        Name of its only slice.
 
     Raises
     ------
@@ -61,11 +61,11 @@ class SingleLensFocus:
 
     @property
     def working_f_number(self) -> float:
-        """N_w = b₀/A."""
+        """Working f-number N_w = b₀/A."""
         return float(image_distance(self.focus_distance, self.lens.focal_length)) / self.lens.pupil_diameter
 
     def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
-        """The depth of field of the exact thin lens, diffraction deducted from the blur; see `depth_of_field`."""
+        """The depth of field of the exact thin lens, for the blur that diffraction leaves; see `depth_of_field`."""
         allowance = criterion.allowance(self.sample_pitch, self.working_f_number)
         limits = depth_of_field(
             self.focus_distance, self.lens.focal_length, self.lens.pupil_diameter, allowance.geometric_diameter
@@ -84,7 +84,7 @@ class SingleLensFocus:
         return sharp_range((self.name,), [limits])
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:  # noqa: ARG002 - one, whatever the scene
-        """One."""
+        """Always one."""
         return 1
 
     def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
@@ -98,7 +98,7 @@ class SingleLensFocus:
         )
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
-        """The spot on the sensor times a/b₀ [m]."""
+        """Width of the diffraction spot on the sensor, times a/b₀ [m]."""
         b0 = float(image_distance(self.focus_distance, self.lens.focal_length))
         spot = diffraction_diameter(wavelength, self.working_f_number, measure)
         return np.asarray(spot * (np.asarray(distance, dtype=np.float64) / b0))

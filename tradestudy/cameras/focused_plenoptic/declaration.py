@@ -42,10 +42,12 @@ class MicrolensesPart(Part):
     types: Literal[1, 3] = Field(default=1, description="Number of microlens types, by focal length.")
     focal_lengths: tuple[FocalLength, ...] | None = Field(
         default=None,
-        description="One per type; default: chosen so that their depths of field adjoin, at one pixel of blur, from "
-        "the total covering plane on.",
+        description="One per type; default: chosen so that the depths of field for one pixel of blur adjoin, starting "
+        "at the total covering plane.",
     )
-    aperture_diameter: MicrolensPitch | None = Field(default=None, description="Of one microlens; default: the pitch.")
+    aperture_diameter: MicrolensPitch | None = Field(
+        default=None, description="Aperture of one microlens; default: the pitch."
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -57,12 +59,15 @@ class MicrolensesPart(Part):
         if self.layout == "square" and self.types != 1:
             raise MistakeAt(("types",), "three types cannot tile a square array; use layout: hexagonal")
         if self.aperture_diameter is not None and self.aperture_diameter > self.pitch:
-            raise MistakeAt(("aperture_diameter",), "the microlenses overlap; at most the pitch is expected")
+            raise MistakeAt(
+                ("aperture_diameter",),
+                "larger than the pitch, so that microlenses overlap; at most the pitch is expected",
+            )
         return self
 
 
 class FocusPart(Part):
-    """Position of the array: directly, or by the plane from which a pair of microlenses sees every point."""
+    """Position of the array, given directly or by the total covering plane."""
 
     mla_distance: LensToSensor | None = Field(default=None, description="Distance z from main lens to array.")
     total_covering_plane: ObjectDistanceOrInfinity | None = Field(
@@ -78,17 +83,17 @@ class FocusPart(Part):
         if (self.mla_distance is None) == (self.total_covering_plane is None):
             raise MistakeAt((), "give exactly one of mla_distance and total_covering_plane")
         if (self.total_covering_plane is None) != (self.relay is None):
-            raise MistakeAt((), "total_covering_plane and relay belong together")
+            raise MistakeAt((), "total_covering_plane and relay belong together; give both or neither")
         return self
 
 
 class PlenopticDepthPart(DisparityPart):
-    """Depth by micro-images."""
+    """How the camera measures depth from its micro-images."""
 
-    estimator: PlenopticEstimator = Field(description="Micro-images that are compared.")
+    estimator: PlenopticEstimator = Field(description="Which micro-images are compared.")
     microlenses: UsedLenses | None = Field(
         default=None,
-        description="Microlenses for widest-pair and least-squares; default: sharpest-type.",
+        description="Which microlenses widest-pair and least-squares use; default: sharpest-type.",
     )
 
     @model_validator(mode="after")
@@ -120,14 +125,14 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
     depth: PlenopticDepthPart
     field_curvature: Length = Field(
         default=0.0,
-        description="How much farther from the main lens its image lies in the corner of the sensor than on the axis; "
-        "known and corrected.",
+        description="How much farther from the main lens its image lies in the corner of the sensor than on the axis. "
+        "Depth measurement corrects for it.",
     )
     calibration: FocusedPlenopticCalibration = Field(default_factory=FocusedPlenopticCalibration)
 
     @classmethod
     def stated_by(cls, imported: Imported) -> Iterator[Stated]:
-        """All values of an imported calibration; the study declares how disparity is measured."""
+        """All values that an imported calibration states; the study declares how disparity is measured."""
         assert isinstance(imported, ImportedPlenoptic)
         one, keys = imported, imported.keys
         values: dict[tuple[str, ...], tuple[Value, str]] = {
@@ -203,7 +208,7 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
         )
 
     def _designed_focal_lengths(self, gap: float, sign: float) -> tuple[float, ...]:
-        """Focal lengths [m] whose depths of field adjoin, at one pixel of blur, from the total covering plane on."""
+        """Focal lengths [m] whose depths of field for one pixel of blur adjoin, from the total covering plane on."""
         array = self.microlenses
         inverse_depths = touching_inverse_virtual_depths(
             nearest_virtual_depth=COVERING_VIRTUAL_DEPTH,

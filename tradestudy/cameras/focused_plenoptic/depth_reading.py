@@ -1,9 +1,9 @@
-"""Depth from a raw picture: micro-images matched as the declared estimator pairs them.
+"""Depth from a raw picture, by matching the micro-images that the declared estimator pairs.
 
-Micro-images are sampled so coarsely that detail near their limit is mostly aliased. Interpolated along the oblique
-directions of a lattice, it biases every disparity towards certain fractions of a pixel (pixel locking), differently in
-every direction, which a combination of directions turns into noise. Micro-images are therefore smoothed a little before
-they are compared: the bias halves, and what is lost of the texture costs less than it brings.
+Micro-images are sampled so coarsely that detail near the resolution limit is mostly aliased. Interpolated along the
+oblique directions of the lattice, aliased detail biases every disparity towards certain fractions of a pixel (pixel
+locking). The bias depends on the direction, so that it becomes noise when directions are combined. Micro-images are
+therefore slightly smoothed before they are compared, which halves the bias and costs little texture.
 """
 
 from __future__ import annotations
@@ -43,18 +43,18 @@ from tradestudy.optics.window_matching import (
     odd_window,
 )
 
-_AT_ONCE: Final = 400  # microlenses, so that one step fits into the cache
-_LEAST_SHARE: Final = 0.15  # of a window that both micro-images show
-_AGREE: Final = 4.0  # standard deviations by which matches of one point may differ
-_ASIDE: Final = 0.25  # of the pupil, by which views are shifted
-_TABLE: Final = 2048  # radii of the table of lit parts of microlenses
-_SAME_SURFACE_PX: Final = 0.5  # of disparity, between the two pixels that show a point
+_LENSES_AT_ONCE: Final = 400  # microlenses, so that one step fits into the cache
+_LEAST_SHARE: Final = 0.15  # of a window that both micro-images must show
+_LARGEST_DISAGREEMENT: Final = 4.0  # standard deviations by which matches of one point may differ
+_VIEW_SHIFT: Final = 0.25  # of the pupil diameter, by which views are shifted
+_TABLE_RADII: Final = 2048  # number of radii in the table of centroids
+_SAME_SURFACE_PX: Final = 0.5  # difference of disparity allowed between the two pixels that show a point
 Step = tuple[int, int]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RawPictureReader(DepthReader):
-    """Depth by a focused plenoptic camera as designed.
+    """Depth measured with a focused plenoptic camera as designed.
 
     Parameters
     ----------
@@ -71,12 +71,12 @@ class RawPictureReader(DepthReader):
 
     @cached_property
     def _inverse_virtual_depths(self) -> Samples:
-        """1/v at the distances searched; decreases with distance."""
+        """1/v at the searched distances; decreases with distance."""
         v = self.camera.virtual_depth(self.search.distances)
         found = 1.0 / v
         if not (np.all(np.isfinite(found)) and np.all(v * v[0] > 0.0)):
             raise OutOfRangeError(
-                "the depths searched lie on both sides of the plane imaged onto the microlens array",
+                "the searched depths lie on both sides of the plane that is imaged onto the microlens array",
                 value=f"{self.search.near:g} to {self.search.far:g} m",
                 limit="one side",
                 remedy="narrow scene.distances, or move the total covering plane",
@@ -85,7 +85,7 @@ class RawPictureReader(DepthReader):
 
     @cached_property
     def _steps(self) -> tuple[Step, ...]:
-        """Lattice steps to the microlenses that the estimator compares with one, including opposite steps."""
+        """Lattice steps from a microlens to those that the estimator compares with it, including opposite steps."""
         camera, grid = self.camera, self._grid
         array = camera.microlenses
         same_type = camera.lenses == "sharpest-type" and array.types > 1
@@ -108,7 +108,7 @@ class RawPictureReader(DepthReader):
 
     @cached_property
     def _sharpest(self) -> NDArray[np.intp]:
-        """Sharpest type at each distance searched."""
+        """Sharpest type at each searched distance."""
         return np.asarray(np.argmin(self.camera.blur_px(self.search.distances), axis=0))
 
     @cached_property
@@ -123,7 +123,7 @@ class RawPictureReader(DepthReader):
 
     @cached_property
     def _used(self) -> Indices:
-        """Microlenses of the types that are the sharpest at some distance searched."""
+        """Microlenses of the types that are sharpest at any of the searched distances."""
         if not self._by_type:
             return np.arange(self._grid.first.size)
         return np.flatnonzero(np.isin(self._types, np.unique(self._sharpest)))
@@ -136,16 +136,16 @@ class RawPictureReader(DepthReader):
         found = {step: self._matches(step, values, variance) for step in self._steps}
         for step in self._steps:
             opposite = found[-step[0], -step[1]]
-            self._hold_against(step, found[step], opposite)
+            self._reject_contradicted(step, found[step], opposite)
         inverse, deviation, reason = self._combined(found)
         return self._on_sensor(picture, inverse, deviation, reason)
 
     def made_of(self, pictures: Mapping[str, FlatPicture], found: DepthMap, middle: float) -> dict[str, Samples]:
-        """Pictures refocused on the middle of the scene, sharp throughout, and from the left and the right."""
+        """Pictures refocused on the middle of the scene, sharp throughout, and seen from the left and the right."""
         synthesis = RawPictureSynthesis(camera=self.camera, search=self.search, picture=pictures["raw"])
         made = {"refocused": synthesis.refocused(middle)} if self.search.near <= middle <= self.search.far else {}
         if np.any(np.isfinite(found.depth)):
-            depth, aside = synthesis.filled_depth(found), _ASIDE * self.camera.main_lens.pupil_diameter
+            depth, aside = synthesis.filled_depth(found), _VIEW_SHIFT * self.camera.main_lens.pupil_diameter
             made["all_in_focus"] = synthesis.view(depth)
             made["view_left"] = synthesis.view(depth, (-aside, 0.0))
             made["view_right"] = synthesis.view(depth, (aside, 0.0))
@@ -162,8 +162,8 @@ class RawPictureReader(DepthReader):
         )
         other = grid.beside(step)
         there = np.flatnonzero(other[used] >= 0)
-        for begin in range(0, there.size, _AT_ONCE):
-            part = there[begin : begin + _AT_ONCE]
+        for begin in range(0, there.size, _LENSES_AT_ONCE):
+            part = there[begin : begin + _LENSES_AT_ONCE]
             one = self._matched(step, used[part], other[used[part]], values, variance)
             matches.disparity[part], matches.deviation[part] = one.disparity, one.deviation
             matches.reason[part] = one.reason
@@ -207,26 +207,26 @@ class RawPictureReader(DepthReader):
         )
 
     def _defocus(self, lenses: Indices, inverse_virtual_depth: float) -> Samples:
-        """Distance of a ray from the chief ray on the sensor, over its height on the microlens."""
+        """Ratio of a ray's distance from the chief ray on the sensor to its height on the microlens."""
         array = self.camera.microlenses
         focal_lengths = np.asarray(array.focal_lengths)[self._types[lenses]]
         found = 1.0 - array.gap / focal_lengths + inverse_virtual_depth
         return np.asarray(found, np.float32)[:, np.newaxis, np.newaxis]
 
     @cached_property
-    def _middles(self) -> Samples:
-        """Centroid on the microlens of the light to a pixel, over the pixel's position, for each type.
+    def _centroid_ratios(self) -> Samples:
+        """Centroid on the microlens of the light that reaches a pixel, as a multiple of the pixel's position, by type.
 
-        Away from the centre of a micro-image the pupil vignettes the cone of light on one side. The centroid of a
+        Away from the centre of a micro-image, the pupil vignettes the cone of light on one side. The centroid of a
         defocused point is then off its chief ray, in opposite directions in two micro-images, which would bias every
         disparity.
         """
         camera = self.camera
         array, pixel = camera.microlenses, camera.sensor.pixel_pitch
-        radius = (np.arange(_TABLE) + 0.5) / _TABLE * self._table_end
+        radius = (np.arange(_TABLE_RADII) + 0.5) / _TABLE_RADII * self._table_end
         ratios = []
         for f in array.focal_lengths:
-            # The pupil as seen from the pixel, on the microlens.
+            # The pupil, projected from the pixel onto the microlens.
             scale = 1.0 + camera.mla_distance * (1.0 / array.gap - 1.0 / f)
             scale = math.copysign(max(abs(scale), 1e-6), scale)
             apart = radius * pixel * camera.mla_distance / array.gap / scale
@@ -237,12 +237,12 @@ class RawPictureReader(DepthReader):
         return np.array(ratios, np.float32)
 
     def _shift_along(self, place: Samples, lenses: Indices, along: Samples) -> Samples:
-        """Centroid of the light on the microlens along a direction [px], for all pixels of squares at ``place``."""
+        """Centroid of the light on the microlens along a direction [px], for all pixels of squares at `place`."""
         line = np.arange(self._grid.side)
         x, y = ((place[k][:, np.newaxis] + line).astype(np.float32) for k in (0, 1))
         distance = np.sqrt(np.square(x)[:, np.newaxis, :] + np.square(y)[:, :, np.newaxis])
-        bins = np.minimum(distance * np.float32(_TABLE / self._table_end), _TABLE - 1).astype(np.intp)
-        ratio = self._middles.ravel()[bins + (_TABLE * self._types[lenses])[:, np.newaxis, np.newaxis]]
+        bins = np.minimum(distance * np.float32(_TABLE_RADII / self._table_end), _TABLE_RADII - 1).astype(np.intp)
+        ratio = self._centroid_ratios.ravel()[bins + (_TABLE_RADII * self._types[lenses])[:, np.newaxis, np.newaxis]]
         across, down = (np.float32(one) for one in along)
         return np.asarray(ratio * (across * x[:, np.newaxis, :] + down * y[:, :, np.newaxis]))
 
@@ -251,8 +251,8 @@ class RawPictureReader(DepthReader):
         """Largest distance of the pixels of a square from the centre of its micro-image [px]."""
         return 3.0 * self._grid.radius
 
-    def _hold_against(self, step: Step, forth: Matches, back: Matches) -> None:
-        """Mark matches that the reverse match contradicts."""
+    def _reject_contradicted(self, step: Step, forth: Matches, back: Matches) -> None:
+        """Reject matches that the reverse match contradicts."""
         row, y, x = np.nonzero(forth.reason == Reason.MEASURED)
         d = forth.disparity[row, y, x]
         partner, px, py = self._partner(step, row, x, y, d)
@@ -260,13 +260,13 @@ class RawPictureReader(DepthReader):
         row, y, x, partner, px, py = (one[ok] for one in (row, y, x, partner, px, py))
         apart = np.abs(back.disparity[partner, py, px] - forth.disparity[row, y, x])
         spread = np.hypot(back.deviation[partner, py, px], forth.deviation[row, y, x])
-        wrong = apart > np.maximum(_AGREE * spread, _SAME_SURFACE_PX)
+        wrong = apart > np.maximum(_LARGEST_DISAGREEMENT * spread, _SAME_SURFACE_PX)
         forth.reason[row[wrong], y[wrong], x[wrong]] = Reason.INCONSISTENT
 
     def _partner(
         self, step: Step, row: Indices, x: Indices, y: Indices, disparity: Samples
     ) -> tuple[Indices, Indices, Indices]:
-        """Row among the used microlenses, and pixel of its square, of the matches of pixels."""
+        """Where the matches of pixels lie: index among the used microlenses, and pixel in that microlens's square."""
         grid, used = self._grid, self._used
         number = np.full(grid.first.size + 1, -1, np.intp)
         number[used] = np.arange(used.size)
@@ -280,7 +280,7 @@ class RawPictureReader(DepthReader):
         return number[others], *(np.rint(one).astype(np.intp) for one in place)
 
     def _combined(self, found: Mapping[Step, Matches]) -> tuple[Samples, Samples, NDArray[np.uint8]]:
-        """1/v, its standard deviation and reasons in the squares, as the estimator combines them."""
+        """1/v, its standard deviation and reasons in the squares, combined by the estimator's rule."""
         first = next(iter(found.values()))
         shape = first.disparity.shape
         best, deviation = np.full(shape, np.nan, np.float32), np.full(shape, np.inf, np.float32)
@@ -305,7 +305,7 @@ class RawPictureReader(DepthReader):
     ) -> tuple[Samples, Samples]:
         """Weighted mean of all pairs that agree with the most precise one.
 
-        Pairs of one pixel share its micro-image, whose noise contributes half of the variance of each.
+        All pairs of a pixel share its micro-image, whose noise contributes half of the variance of each pair.
         """
         total, weights, squares = (np.zeros(best.shape, np.float32) for _ in range(3))
         shared = np.zeros(best.shape, np.float32)
@@ -313,7 +313,7 @@ class RawPictureReader(DepthReader):
             length = np.float32(self._length(step))
             value, deviation = one.disparity / length, one.deviation / length
             agrees = (one.reason == Reason.MEASURED) & (
-                np.abs(value - best) <= _AGREE * np.hypot(deviation, best_deviation)
+                np.abs(value - best) <= _LARGEST_DISAGREEMENT * np.hypot(deviation, best_deviation)
             )
             weight = np.where(agrees, 1.0 / np.square(deviation), 0.0).astype(np.float32)
             total += weight * np.where(agrees, value, 0.0)
@@ -361,14 +361,14 @@ class RawPictureReader(DepthReader):
         return row, y, x, corner[1] + y, corner[0] + x
 
     def _nearest(self, inverse: Samples) -> NDArray[np.intp]:
-        """Index of the distance searched with the closest 1/v."""
+        """Index of the searched distance with the closest 1/v."""
         table = self._inverse_virtual_depths
         order = np.argsort(table)
         number = np.interp(np.nan_to_num(inverse), table[order], order.astype(float))
         return np.asarray(np.rint(number).astype(np.intp))
 
     def _depth(self, inverse: Samples) -> tuple[Samples, Samples]:
-        """Depth [m] and its derivative by 1/v [m], by the camera's law, interpolated in inverse depth."""
+        """Depth [m] and its derivative with respect to 1/v [m], interpolated in inverse depth."""
         if not np.any(np.isfinite(inverse)):
             return np.full(inverse.shape, np.nan), np.full(inverse.shape, np.nan)
         values = np.linspace(float(np.nanmin(inverse)), float(np.nanmax(inverse)) + 1e-9, 4097)

@@ -54,7 +54,7 @@ COVERING_VIRTUAL_DEPTH: Final = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class FocusedPlenoptic(PlenopticCamera):
-    """Main lens, microlens array at z, sensor at b_L behind the array.
+    """Main lens, microlens array at a distance z behind it, and sensor at a distance b_L behind the array.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ class FocusedPlenoptic(PlenopticCamera):
         return virtual_depth(distance, self.mla_distance, self.microlenses.gap, self.main_lens.focal_length)
 
     def radius_over_pitch(self, distance: ArrayLike) -> FloatArray:
-        """Radius of the disc in which microlenses see a point, over the pitch; objects at infinity allowed.
+        """Radius, in pitches, of the disc in which microlenses see a point; objects may be at infinity.
 
         NaN for objects inside the focal length, which have no image behind the main lens.
         """
@@ -132,7 +132,7 @@ class FocusedPlenoptic(PlenopticCamera):
         return np.asarray(np.where(real, radius, np.nan))
 
     def estimator_baseline(self, distance: ArrayLike) -> FloatArray:
-        """Baseline Δx [m] of a pair of microlenses with the precision of the estimator."""
+        """Baseline Δx [m] of a pair of microlenses that measures as precisely as the estimator."""
         if self.estimator in LENSES_OF_PAIRS:
             return np.full(np.shape(distance), neighbour_distance(self.estimator, self.microlenses))
         return effective_baseline(self.estimator, self.lenses, self.microlenses, self.radius_over_pitch(distance))
@@ -144,16 +144,16 @@ class FocusedPlenoptic(PlenopticCamera):
             return np.asarray(self.estimator_baseline(distance) / v)
 
     def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
-        """Disparity [m] of infinity over the baseline that the estimator has at a distance.
+        """Disparity [m] of infinity over the baseline that the estimator uses at a distance.
 
         Minus infinity for an object so near that its image lies on the other side of the array: no disparity error can
-        take it to infinity without passing a_L = 0.
+        move it to infinity without passing a_L = 0.
         """
         reached = self.estimator_baseline(distance) / self.virtual_depth(np.inf)
         return np.asarray(np.where(self.disparity(distance) * reached > 0.0, reached, -np.inf))
 
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
-        """Eq. 8 [m] with the baseline that the estimator has at a true distance; see `plenoptic_depth`.
+        """Depth [m] by eq. 8 with the baseline that the estimator uses at a true distance; see `plenoptic_depth`.
 
         Disparities of the wrong sign give the limit at zero disparity, not the depth of the other relay: infinity for a
         Keplerian relay, the front focal point for a Galilean one.
@@ -171,7 +171,7 @@ class FocusedPlenoptic(PlenopticCamera):
         return np.asarray(np.where(np.isnan(disparity), np.nan, depth))
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
-        """Baseline [m] of the stereo rig of this focal length and disparity error that measures as well.
+        """Baseline [m] of the equally precise stereo rig with this focal length and disparity error.
 
         ``B = (a/(a − f))² f Δx / (b_L v²)``.
         """
@@ -194,7 +194,7 @@ class FocusedPlenoptic(PlenopticCamera):
         return share_with_a_pair(self.lenses, self.microlenses, self.radius_over_pitch(distance))
 
     def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:
-        """Total covering plane, and availability of the estimator's microlenses, without which there is no depth."""
+        """Conditions on virtual depth and on availability; without enough microlenses there is no depth."""
         value, bound = self.availability(distance), criteria.availability or 0.0
         found = {"availability": Limit(value=value, bound=bound, met=(value >= bound) & (value > 0.0))}
         if criteria.virtual_depth is not None:
@@ -236,7 +236,7 @@ class FocusedPlenoptic(PlenopticCamera):
 
     @property
     def geometry(self) -> ArrayGeometry:
-        """The geometry with the declared distance of the array."""
+        """The geometry with the array at its declared distance."""
         return self.geometry_at(self.mla_distance)
 
     def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Observation:

@@ -21,14 +21,14 @@ from tradestudy.optics.microlens_coverage import (
 PlenopticEstimator = Literal["adjacent-pair", "same-type-pair", "widest-pair", "least-squares"]
 UsedLenses = Literal["all", "sharpest-type"]
 LENSES_OF_PAIRS: Final[dict[str, UsedLenses]] = {"adjacent-pair": "all", "same-type-pair": "sharpest-type"}
-"""Microlenses of the estimators without a choice."""
+"""Microlenses used by estimators that offer no choice."""
 
 
 def require_choice(estimator: PlenopticEstimator, lenses: UsedLenses) -> None:
     """Refuse microlenses that an estimator cannot use."""
     only = LENSES_OF_PAIRS.get(estimator, lenses)
     if lenses != only:
-        raise OutOfRangeError(f"the estimator {estimator} has no choice of lenses", value=lenses, limit=only)
+        raise OutOfRangeError(f"the estimator {estimator} has no choice of microlenses", value=lenses, limit=only)
 
 
 def neighbour_distance(estimator: PlenopticEstimator, array: MicrolensArray) -> float:
@@ -40,10 +40,10 @@ def neighbour_distance(estimator: PlenopticEstimator, array: MicrolensArray) -> 
 def effective_baseline(
     estimator: PlenopticEstimator, lenses: UsedLenses, array: MicrolensArray, radius_over_pitch: FloatArray
 ) -> FloatArray:
-    """Baseline [m] of a pair of microlenses with the precision of the widest pair, or of least squares over all.
+    """Baseline [m] of a pair of microlenses as precise as the widest pair, or as least squares over all microlenses.
 
-    Precision is the mean square error over all positions of a point in the lattice. NaN where no pair of microlenses
-    sees a point.
+    Precision means the mean square error over all positions of a point relative to the lattice. NaN where no pair of
+    microlenses sees a point.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ def pairs_of(
 ) -> PairLengths:
     """Pairs of microlenses that an estimator compares through a vignetted pupil.
 
-    One pair of neighbours, one that represents the widest pairs, or all pairs of least squares. Pairs through a
-    narrower pupil contain less information, in proportion to the squares of the effective baselines, since disparities
+    One pair of neighbours, one pair that represents the widest ones, or all pairs of least squares. Through a narrower
+    pupil, pairs contain less information, in proportion to the squares of the effective baselines, since disparities
     refer to the baseline of the whole pupil.
 
     Parameters
@@ -76,7 +76,7 @@ def pairs_of(
     estimator, lenses, array, radius_over_pitch
         As for `effective_baseline`; the radius is that of the whole pupil.
     width
-        Width of the vignetted pupil over that of the whole one, from 0 to 1.
+        Width of the vignetted pupil as a fraction of the whole one, from 0 to 1.
     """
     radius = np.nan_to_num(radius_over_pitch) * width
     if estimator in LENSES_OF_PAIRS:

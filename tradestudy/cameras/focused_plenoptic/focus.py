@@ -30,9 +30,9 @@ class MicrolensTypesFocus:
     Parameters
     ----------
     main_lens, microlenses
-        The parts.
+        The lens and the array.
     mla_distance
-        Main lens to array z [m].
+        Distance z from main lens to array [m].
     sample_pitch
         The pixel pitch [m].
     """
@@ -50,7 +50,7 @@ class MicrolensTypesFocus:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the types."""
+        """Names of the microlens types."""
         count = self.microlenses.types
         return ("microlenses",) if count == 1 else tuple(f"type {number}" for number in range(1, count + 1))
 
@@ -98,7 +98,7 @@ class MicrolensTypesFocus:
         return sharp_range(self.names, parts)
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:  # noqa: ARG002 - one, whatever the scene
-        """One."""
+        """Always one."""
         return 1
 
     def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
@@ -123,7 +123,7 @@ class MicrolensTypesFocus:
         return np.asarray(np.where(real, np.min(sizes, axis=0), np.nan))
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
-        """The spot behind a microlens times ``|v| (a − f)/f`` [m]."""
+        """Width of the diffraction spot behind a microlens, times ``|v| (a − f)/f`` [m]."""
         a, f, array = np.asarray(distance, dtype=np.float64), self.main_lens.focal_length, self.microlenses
         real = a > f
         v = virtual_depth(np.where(real, a, 2.0 * f), self.mla_distance, array.gap, f)

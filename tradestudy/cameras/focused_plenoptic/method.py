@@ -13,7 +13,7 @@ METHOD: Final = Method(
         "The main lens (focal length *f*~M~) images a point at distance *a*~M~ in front of or behind the "
         "microlens array at distance *z*; every microlens that sees this image repeats it on the detector, a "
         "gap *b*~L~ behind the array. The virtual depth *v* = *a*~L~/*b*~L~ is positive for a Keplerian relay "
-        "(image before the array) and negative for a Galilean one. Micro-image coordinates σ are measured "
+        "(image in front of the array) and negative for a Galilean one. Micro-image coordinates σ are measured "
         "from the centre of their own microlens.",
         Formula(
             typst='a_M = f_M [1 + f_M / ((z - f_M) - b_L (x_"off"^1 - x_"off"^2) / (sigma^1 - sigma^2))]',
@@ -31,7 +31,7 @@ METHOD: Final = Method(
             "standard deviation of v. The derivative of a M with respect to z is minus the square of a M minus f M "
             "over f M; with respect to f M it is the square of a M over f M.",
         ),
-        "The last two have opposite signs: what matters is *z* − *f*~M~, and so the correlation of the two errors. "
+        "The last two have opposite signs: what matters is *z* − *f*~M~, and thus the correlation of both errors. "
         "How the error of one disparity becomes that of *v* depends on the declared estimator: it "
         "grows with *v*² for an adjacent pair (of any lenses, or of the same type), with *v* for the widest pair, "
         "and is constant for least squares over all lenses.",

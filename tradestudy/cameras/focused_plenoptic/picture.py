@@ -1,4 +1,4 @@
-"""What microlenses picture of a scene: the main lens's image, relayed onto the sensor."""
+"""The picture behind microlenses: the main lens's image, relayed onto the sensor."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def relayed_picture(
     estimator, lenses, radius_over_pitch
         The micro-images compared, as for `MicroImages`.
     blur
-        Blur of the micro-images [m], shape of ``distance``.
+        Blur of the micro-images [m], with the shape of ``distance``.
     used_type
         Index of their microlens type.
     """

@@ -1,4 +1,4 @@
-"""Observation and inverse depth by two micro-images, with all parameters in error."""
+"""Observation and inverse depth with two micro-images, with errors in all parameters."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def relay_observation(
 ) -> Observation:
     """The observation of a point by a camera that deviates from its design by ``errors``.
 
-    Two microlenses Δx apart relay the image at a_L before the array: ``Δu = Δx (1 + b_L/a_L)`` (eq. 4 in absolute
-    coordinates of the detector).
+    Two microlenses Δx apart relay the image at a_L in front of the array: ``Δu = Δx (1 + b_L/a_L)`` (eq. 4 in absolute
+    coordinates on the detector).
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def relay_observation(
 def relay_inverse_depth(
     geometry: ArrayGeometry, baseline: ArrayLike, errors: Errors, seen: Observation
 ) -> tuple[FloatArray, BoolArray]:
-    """The inverse depth that a calibration in error by ``errors`` computes: eq. 8 with coordinates on the detector.
+    """The inverse depth that a calibration with ``errors`` computes: eq. 8 with coordinates on the detector.
 
     ``Δσ = Δu cos φ + error − Δx``, ``a_L = b_L Δx/Δσ``, ``b = z − a_L``, ``1/a = (b − f)/(f b)``.
 
@@ -86,7 +86,7 @@ def relay_inverse_depth(
 
 
 def _grid_scale(geometry: ArrayGeometry, errors: Errors) -> FloatArray:
-    """Distance between microlens centres over that of the design: pitch, and the pupil by which they are located."""
+    """Ratio of actual to designed distance of microlens centres, from the pitch and the pupil that locates them."""
     z, gap = geometry.mla_distance, geometry.gap
     through_pupil = (1.0 + gap / z) / (1.0 + gap / (z + value_of(errors, "pupil_distance")))
     return geometry.pitch_scale(errors) * through_pupil

@@ -1,4 +1,4 @@
-"""Pictures synthesised from a raw one: refocused, from other positions on the pupil, and sharp throughout.
+"""Pictures synthesised from a raw one: refocused, seen from other positions on the pupil, or sharp throughout.
 
 An object of virtual depth v appears on the array at Y through the centre of the pupil, and the microlens at c images
 it ``(c − Y)(1/v − b_L/z)`` from the centre of its micro-image. From a position u on the pupil it appears at C instead
@@ -20,8 +20,8 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, Samples
 
 SAMPLE_PX: Final = 2
-"""Pixels of the sensor for one of the picture: micro-images are demagnified by 2 or more."""
-_VIEW_REACH: Final = 1.0  # pitches around a position in a view within which microlenses contribute
+"""Sensor pixels per pixel of the synthesised picture: micro-images are demagnified by 2 or more."""
+_VIEW_REACH: Final = 1.0  # pitches from a position in a view within which microlenses contribute
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +31,7 @@ class RawPictureSynthesis:
     Parameters
     ----------
     camera, search
-        The camera as designed, and the distances on which it may be refocused.
+        The camera as designed, and the distances to which pictures can be refocused.
     picture
         The raw picture.
     """
@@ -46,7 +46,7 @@ class RawPictureSynthesis:
 
     @property
     def _over(self) -> float:
-        """b_L/z."""
+        """Ratio b_L/z of array gap to array distance."""
         return self.camera.microlenses.gap / self.camera.mla_distance
 
     @cached_property
@@ -63,37 +63,37 @@ class RawPictureSynthesis:
 
     @cached_property
     def _places(self) -> Samples:
-        """Positions of all samples on the array [px of the sensor], shape (2, samples)."""
+        """Positions of all samples on the array [sensor px], shape (2, samples)."""
         rows, columns = np.indices(self.shape)
         at = np.stack([columns.ravel(), rows.ravel()]) * float(SAMPLE_PX) + (SAMPLE_PX - 1) / 2.0
         return np.asarray(at)
 
     def refocused(self, distance: float) -> Samples:
-        """The picture through the whole pupil refocused on a distance [m]; NaN where no microlens contributes.
+        """The picture through the whole pupil, refocused on a distance [m]; NaN where no microlens contributes.
 
         Raises
         ------
         OutOfRangeError
-            The distance lies outside those searched.
+            The distance lies outside the searched range.
         """
         if not self.search.near <= distance <= self.search.far:
             raise OutOfRangeError(
-                "distance to refocus on",
+                "refocus distance",
                 value=f"{distance:g} m",
                 limit=f"{self.search.near:g} to {self.search.far:g} m",
-                remedy="choose a distance within those searched",
+                remedy="choose a distance within the searched range",
             )
         inverse = 1.0 / float(self.camera.virtual_depth(np.array([distance]))[0])
         reach = self._grid.radius / max(abs(inverse - self._over), 1e-6)
         return self._gathered(np.full(self.shape, inverse), (0.0, 0.0), reach, is_view=False)
 
     def view(self, depth: Samples, place: tuple[float, float] = (0.0, 0.0)) -> Samples:
-        """The scene from a position on the pupil [m], in its own frame; sharp where the depth [m] is correct.
+        """The scene as seen from a position on the pupil [m]; sharp where the depth [m] is correct.
 
         Parameters
         ----------
         depth
-            Depth of the samples of the picture, for example from `filled_depth`.
+            Depth of the samples of this view, for example from `filled_depth`.
         place
             x and y, inside the pupil.
 
@@ -114,7 +114,7 @@ class RawPictureSynthesis:
         return self._gathered(1.0 / self.camera.virtual_depth(depth), place, reach, is_view=True)
 
     def filled_depth(self, found: DepthMap) -> Samples:
-        """Depth of every sample [m] for `view`: smoothed measurements, filled from the nearest sample that has one.
+        """Depth of every sample [m] for `view`: smoothed measurements, with gaps filled from the nearest sample.
 
         Raises
         ------
@@ -125,7 +125,9 @@ class RawPictureSynthesis:
 
         rows, columns = np.nonzero(np.isfinite(found.depth))
         if not rows.size:
-            raise OutOfRangeError("depths in the map", value="0", limit="1 or more", remedy="use a scene with texture")
+            raise OutOfRangeError(
+                "number of depths in the map", value="0", limit="1 or more", remedy="use a scene with texture"
+            )
         depth = np.asarray(found.depth[rows, columns], np.float64)
         inverse = 1.0 / self.camera.virtual_depth(depth)
         at = np.stack([columns, rows]).astype(float)
@@ -143,7 +145,7 @@ class RawPictureSynthesis:
         return np.asarray(median_filter(mean[nearest[0], nearest[1]], 5))
 
     def _nearest(self, at: Samples, *, image: bool) -> Indices:
-        """The microlens nearest to positions on the array, or on the sensor by its micro-image [px]; −1: none."""
+        """The microlens (−1: none) nearest to positions on the array or, by its micro-image, on the sensor [px]."""
         grid = self._grid
         scale = 1.0 + self._over if image else 1.0
         first, second = np.rint(np.linalg.solve(grid.basis, (at - self._middle) / scale)).astype(np.intp)
@@ -158,7 +160,7 @@ class RawPictureSynthesis:
     def _gathered(
         self, inverse_virtual_depth: Samples, place: tuple[float, float], reach: float, *, is_view: bool
     ) -> Samples:
-        """Mean over the microlenses within reach [px] of each sample; in a view, nearer ones have more weight."""
+        """Mean over the microlenses within reach [px] of each sample; in a view, nearer ones have greater weight."""
         grid, at = self._grid, self._places
         values = np.where(self.picture.pure, self.picture.values, np.float32(np.nan))
         turn = (inverse_virtual_depth - self._over).ravel()

@@ -26,7 +26,7 @@ from tradestudy.declarations.quantities import Baseline, FNumber, ObjectDistance
 from tradestudy.optics.lens_models.rational import IDEAL
 
 _NEARLY_PARALLEL: Final = 0.05
-"""Convergence, as a share of the field of view, up to which a calibrated pair is designed as parallel."""
+"""Convergence, as a fraction of the field of view, up to which the design of a calibrated pair is parallel."""
 
 
 class StereoLensPart(LensPart):
@@ -38,12 +38,12 @@ class StereoLensPart(LensPart):
 
 
 class StereoDepthPart(DisparityPart):
-    """Depth by two cameras."""
+    """How the rig measures depth."""
 
     estimator: Literal["disparity", "midpoint"] = Field(
         default="disparity",
         validate_default=True,
-        description="Depth from the disparity along the baseline, or from the midpoint between both rays.",
+        description="Depth is computed from the disparity along the baseline, or from the midpoint between both rays.",
     )
     disparity_error: PositivePixels | Literal["derived"] = Field(
         default="0.1 px", validate_default=True, description=DisparityPart.model_fields["disparity_error"].description
@@ -69,7 +69,7 @@ class StereoDeclaration(DepthCameraDeclaration):
     sensor: SensorPart
     geometry: GeometryPart | None = Field(
         default=None,
-        description="Both cameras as calibrated, instead of a focal length and a baseline; depth is measured with it.",
+        description="Both cameras as calibrated, instead of focal length and baseline; used to measure depth.",
     )
     baseline: Baseline | None = Field(
         default=None, validate_default=True, description="Distance between the two centres of projection."
@@ -77,12 +77,12 @@ class StereoDeclaration(DepthCameraDeclaration):
     convergence_distance: ObjectDistanceOrInfinity = Field(
         default="infinity",
         validate_default=True,
-        description="Distance at which the optical axes meet; infinity: they are parallel.",
+        description="Distance at which the optical axes meet; infinity for parallel axes.",
     )
     focus_distance: ObjectDistanceOrInfinity | Literal["autofocus"] = Field(
         default="autofocus",
         validate_default=True,
-        description="Distance in focus; autofocus: a mechanism focuses the lenses on every object.",
+        description="Distance in focus; with autofocus, a mechanism focuses the lenses on every object.",
     )
     principal_distance: Literal["focal_length", "focused"] = Field(
         default="focal_length",
@@ -97,7 +97,7 @@ class StereoDeclaration(DepthCameraDeclaration):
 
     @field_validator("baseline")
     @classmethod
-    def _has_a_baseline(cls, baseline: float | None, info: ValidationInfo) -> float | None:
+    def _baseline_is_given(cls, baseline: float | None, info: ValidationInfo) -> float | None:
         if baseline is None and "geometry" in info.data and info.data["geometry"] is None:
             raise MistakeAt((), "this key is missing; a length is expected, such as 75 mm")
         return baseline
@@ -131,14 +131,16 @@ class StereoDeclaration(DepthCameraDeclaration):
             raise MistakeAt(
                 ("principal_distance",),
                 "lenses that refocus on every object have no fixed distance to the sensor; give a focus_distance, or "
-                "focal_length here",
+                "use focal_length here",
             )
         return self
 
     @model_validator(mode="after")
     def _one_lens_model(self) -> Self:
         if self.distortion is not None and self.geometry is not None:
-            raise MistakeAt(("distortion",), "the geometry of the calibrated pair includes the lens models; remove it")
+            raise MistakeAt(
+                ("distortion",), "the geometry of the calibrated pair includes the lens models; remove this"
+            )
         if self.distortion is not None and self.lenses.field_of_view is not None:
             raise MistakeAt(("lenses", "field_of_view"), "for lenses with distortion, give a focal_length instead")
         both = () if self.geometry is None else (self.geometry.left.distortion, self.geometry.right.distortion)
@@ -150,11 +152,11 @@ class StereoDeclaration(DepthCameraDeclaration):
         radial = [(where, name) for where, part in errors.items() for name in part.given() if "_distortion_k" in name]
         if radial and without:
             where = ("calibration", *(("stability",) if radial[0][0] == "ageing" else ()), *radial[0])
-            raise MistakeAt(where, f"the lens model {without[0]} has no k1 and k2 here; remove it")
+            raise MistakeAt(where, f"the lens model {without[0]} has no k1 and k2 here; remove this error")
         return self
 
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
-        """As for every part, except where the axes of a calibrated pair meet, which its geometry determines."""
+        """As for every part, except the convergence distance of a calibrated pair, which its geometry determines."""
         known = () if self.geometry is None else (("convergence_distance",),)
         yield from (one for one in super().assumed() if one[0] not in known)
 
@@ -165,10 +167,10 @@ class StereoDeclaration(DepthCameraDeclaration):
         return stated_by(imported)
 
     def design(self, picture_law: DisparityErrorLaw | None) -> StereoRig:
-        """The rig in SI; axes that meet at Z₀ converge by ``2 atan(B / 2Z₀)``.
+        """The rig in SI; axes that meet at the distance Z₀ converge by ``2 atan(B / 2Z₀)``.
 
-        A calibrated pair measures depth with its geometry. Its design has the mean of its focal lengths, the lens model
-        of its left camera and, if its axes converge by more than a twentieth of the field of view, their angle.
+        A calibrated pair measures depth with its own geometry. Its design has the mean of its focal lengths, the lens
+        model of its left camera and, if the axes converge by more than a twentieth of the field of view, their angle.
         """
         sensor, geometry = self.sensor.sensor(), self.geometry
         calibrated = None if geometry is None else geometry.pair

@@ -1,4 +1,4 @@
-"""Depth from two pictures: disparity to whole pixels by OpenCV, to fractions by windows, depth by the rig's law."""
+"""Depth from two pictures: OpenCV finds disparity to whole pixels, and matching of windows refines it."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from tradestudy.optics.window_matching import (
     odd_window,
 )
 
-_LEAST_SHARE: Final = 0.5  # of a window that both pictures show
-_VALUES_AT_ONCE: Final = 4_000_000  # of all steps of a band of rows
-_GREYS: Final = (5.0, 245.0)  # in the 8-bit pictures for the matcher, of the 1st and 99th percentile
+_LEAST_SHARE: Final = 0.5  # of a window that both pictures must show
+_VALUES_AT_ONCE: Final = 4_000_000  # in memory: pixels times disparity steps of a band of rows
+_GREYS: Final = (5.0, 245.0)  # to which the 1st and 99th percentiles are mapped in the 8-bit pictures for the matcher
 _LARGEST_BLOCK: Final = 11  # px; the largest that OpenCV recommends
-_SAME_SURFACE_PX: Final = 0.5  # of disparity, between the two pixels that image a point
+_SAME_SURFACE_PX: Final = 0.5  # difference of disparity allowed between the two pixels that image a point
 _OPENCV_STEP: Final = 16  # disparities are in sixteenths of a pixel, and their number is a multiple of 16
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairReader(DepthReader):
-    """Depth by a stereo rig as designed; the map is in the pixels of the left picture.
+    """Depth measured with a stereo rig as designed; the map has the pixels of the left picture.
 
-    Pictures of converging cameras or of lenses with distortion are rectified first; the map is then in the frame of the
-    rectified left picture. Rows that the errors of the rig displace are then aligned.
+    Pictures of converging cameras or of lenses with distortion are rectified; the map is then in the frame of the
+    rectified left picture. Finally, rows that are displaced by errors of the rig are aligned.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class PairReader(DepthReader):
 
     @property
     def _scale(self) -> float:
-        """Disparity times depth [px m] in rectified pictures."""
+        """Product of disparity and depth [px m] in rectified pictures."""
         return self.camera.principal_distance * self.camera.baseline / self.camera.sensor.pixel_pitch
 
     @property
@@ -67,7 +67,7 @@ class PairReader(DepthReader):
             return np.asarray(np.where(disparity > 0.0, self._scale / disparity, np.inf))
 
     def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
-        """Depth of every pixel of the left picture where the matches from left and right agree."""
+        """Depth of every pixel of the left picture whose matches from left to right and from right to left agree."""
         left, right = (
             self._parallel(np.where(pictures[side].pure, pictures[side].values, np.nan), side) for side in SIDES
         )
@@ -104,7 +104,7 @@ class PairReader(DepthReader):
     def _band(
         self, left: Samples, right: Samples, left_noise: Samples, right_noise: Samples, start: Samples
     ) -> Matches:
-        """Disparity to fractions of a pixel in a band of rows, from both pictures and their variances."""
+        """Disparity in a band of rows, to fractions of a pixel, from both pictures and their variances."""
 
         def difference(step: int) -> tuple[Samples, Samples, BoolArray]:
             found = _moved(right, step) - left
@@ -120,10 +120,10 @@ class PairReader(DepthReader):
         )
 
     def _whole_pixels(self, left: Samples, right: Samples) -> Samples:
-        """Disparity of the left picture [px] by semi-global matching, NaN where left and right disagree.
+        """Disparity of the left picture [px] by semi-global matching; NaN where left and right disagree.
 
         H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", IEEE Trans. PAMI 30, 328
-        (2008), as implemented in OpenCV: blocks instead of mutual information, five directions.
+        (2008), as implemented in OpenCV: with blocks instead of mutual information, and five directions.
         """
         cv2 = _opencv()
         steps = self._steps
@@ -131,7 +131,7 @@ class PairReader(DepthReader):
         dark, bright = np.nanpercentile(both, (1.0, 99.0))
         scale = (_GREYS[1] - _GREYS[0]) / max(float(bright - dark), 1e-12)
         count = -(-len(steps) // _OPENCV_STEP) * _OPENCV_STEP
-        # OpenCV skips pixels so close to the left edge that some disparity would leave the right picture.
+        # OpenCV skips pixels so close to the left edge that some disparities would leave the right picture.
         margin = max(0, steps[0] + count)
         greys = [
             np.pad(
@@ -154,18 +154,18 @@ class PairReader(DepthReader):
         return np.where(found >= steps[0], found, np.nan)
 
     @property
-    def _as_taken(self) -> bool:
-        """Whether the pictures need no rectification."""
+    def _needs_no_rectification(self) -> bool:
+        """Whether the pictures are rectified as taken."""
         return self.camera.convergence_angle == 0.0 and self.camera.distortion == IDEAL
 
     def _parallel(self, picture: Samples, side: str, order: Literal[1, 3] = 3) -> Samples:
-        """The rectified picture: by a pinhole whose axis is perpendicular to the baseline."""
-        if self._as_taken:
+        """The rectified picture, as of a pinhole camera whose axis is perpendicular to the baseline."""
+        if self._needs_no_rectification:
             return picture
         from scipy.ndimage import map_coordinates
 
         sensor, c = self.camera.sensor, self.camera.principal_distance / self.camera.sensor.pixel_pitch
-        x, y, z = self._turned(side)
+        x, y, z = self._rays(side)
         u, v = np.moveaxis(self.camera.distortion.project(np.stack([x, y, z], axis=-1)), -1, 0)
         outside = float(-sensor.columns - sensor.rows)  # outside the field of the lens counts as outside the picture
         place = np.nan_to_num(
@@ -175,7 +175,7 @@ class PairReader(DepthReader):
         found = map_coordinates(np.nan_to_num(picture).astype(np.float32), place, order=order, mode="nearest")
         return np.where(missing > 0.0, np.nan, found).astype(picture.dtype)
 
-    def _turned(self, side: str) -> Samples:
+    def _rays(self, side: str) -> Samples:
         """Rays of the pixels of the rectified camera in the frame of the actual one, shape (3, rows, columns)."""
         sensor, c = self.camera.sensor, self.camera.principal_distance / self.camera.sensor.pixel_pitch
         rows, columns = np.mgrid[: sensor.rows, : sensor.columns]
@@ -206,10 +206,10 @@ class PairReader(DepthReader):
 
     def _true_depth(self, depth: Samples, side: str) -> Samples:
         """True depth along the axis of the rectified camera [m]."""
-        if self._as_taken:
+        if self._needs_no_rectification:
             return depth
-        # A point at depth Z along its own axis lies at Z/ray_z along the parallel one, for rays of unit z there.
-        return np.asarray(self._parallel(depth, side, order=1) / self._turned(side)[2])
+        # A point at depth Z along the camera's own axis lies at Z/ray_z along the rectified one, where rays have z = 1.
+        return np.asarray(self._parallel(depth, side, order=1) / self._rays(side)[2])
 
 
 def _moved(picture: Samples, step: int) -> Samples:

@@ -64,7 +64,7 @@ from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty
 if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
 
-# Ten times that of the strongest microscope objectives: no sensor lies so far behind its lens.
+# Ten times the magnification of the strongest microscope objectives: no sensor lies so far behind its lens.
 _LARGEST_MAGNIFICATION = 1000.0
 PrincipalDistanceRule = Literal["focal_length", "focused"]
 
@@ -76,15 +76,15 @@ class StereoRig(DepthCamera):
     Parameters
     ----------
     lens, sensor
-        The parts of each camera.
+        The lens and the sensor of each camera.
     focus_distance
-        Distance in focus [m]; infinity is allowed. None: the lenses refocus on every object.
+        Distance in focus [m]; infinity is allowed; None if the lenses refocus on every object.
     principal_distance_rule
         Distance of the sensor behind the centre of projection. ``focal_length``: the focal length, exact for lenses
         focused at infinity and for a focal length from a calibration in pixels. ``focused``: the thin-lens image
-        distance of the focus distance a, ``c = f a/(a − f)``, with the lens moved as a whole.
+        distance for the focus distance a, ``c = f a/(a − f)``; the lens moves as a whole.
     baseline
-        Distance of the two centres of projection B [m].
+        Distance B between the two centres of projection [m].
     convergence_angle
         Angle between the optical axes [rad]; 0: parallel; positive: they meet in front.
     triangulation
@@ -97,15 +97,15 @@ class StereoRig(DepthCamera):
     discrimination_step_px
         The disparity step [px] of the depth discrimination.
     calibrated_pair
-        Calibrated geometry with which depth is measured, if known; the rest, such as the overlap, follows from two
-        equal cameras.
+        Calibrated geometry with which depth is measured, if known. All else, such as the overlap, is that of two equal
+        cameras.
 
     Raises
     ------
     OutOfRangeError
         A length is not positive, the focus distance is within the focal length or so close to it that the lenses would
-        magnify more than a thousand times, the axes converge by 180° or more, or lenses that refocus on every object
-        are to have a focused principal distance.
+        magnify more than a thousand times, the axes converge by 180° or more, or the principal distance of lenses that
+        refocus on every object is ``focused``.
     """
 
     family: ClassVar[str] = "stereo"
@@ -157,7 +157,7 @@ class StereoRig(DepthCamera):
 
     @property
     def _magnification(self) -> float:
-        """Image over object at the focus distance a, ``f/(a − f)``."""
+        """Magnification at the focus distance a, ``f/(a − f)``."""
         assert self.focus_distance is not None
         return self.lens.focal_length / (self.focus_distance - self.lens.focal_length)
 
@@ -169,12 +169,12 @@ class StereoRig(DepthCamera):
         return self.sensor_distance(self.focus_distance)
 
     def sensor_distance(self, focus_distance: float) -> float:
-        """From a thin lens to the sensor [m] when it is focused at a distance [m]: ``f a/(a − f)``."""
+        """Distance from lens to sensor [m] for a thin lens focused at a distance [m]: ``f a/(a − f)``."""
         return float(image_distance(focus_distance, self.lens.focal_length))
 
     @property
     def focus(self) -> SingleLensFocus | EveryObjectFocus:
-        """The focus of both equal lenses; each has the depth of field of the rig."""
+        """The focus of one of the two equal lenses, whose depth of field is that of the rig."""
         if self.focus_distance is None:
             return EveryObjectFocus(lens=self.lens, sample_pitch=self.sensor.pixel_pitch, mechanisms=2)
         return SingleLensFocus(
@@ -190,7 +190,7 @@ class StereoRig(DepthCamera):
         return self.view_of(self.sensor.width, 0.0)
 
     def view_of(self, width: float, height: float) -> float:
-        """Full angle [rad] between the opposite corners of a part of the sensor about its middle [m].
+        """Full angle [rad] between opposite corners of a central part of the sensor [m].
 
         ``2 atan(extent/2c)`` without distortion; never beyond the valid field of the lens.
         """
@@ -199,12 +199,12 @@ class StereoRig(DepthCamera):
 
     @property
     def mapped(self) -> bool:
-        """Whether distortion or calibration make depth differ over the picture by more than the field angle does."""
+        """Whether distortion or calibration make depth vary over the picture more than the field angle alone does."""
         return self.distortion != IDEAL or self.calibration.measurement is not None
 
     @property
     def gathering_lens(self) -> Lens:
-        """Either lens."""
+        """One of the two equal lenses."""
         return self.lens
 
     @property
@@ -213,7 +213,7 @@ class StereoRig(DepthCamera):
         return self.baseline
 
     def depth_behind_lens(self, nearest: float) -> float:
-        """Distance from lens to sensor [m], as focused or refocused on the nearest distance of the scene."""
+        """Distance from lens to sensor [m], focused as declared or, if the lenses refocus, on the nearest distance."""
         return self.sensor_distance(nearest if self.focus_distance is None else self.focus_distance)
 
     @property
@@ -240,7 +240,7 @@ class StereoRig(DepthCamera):
         return np.asarray(left[..., 0] - right[..., 0])
 
     def _seen_midway(self, distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Image of a point midway between the cameras in both pictures [m], shape (..., 2)."""
+        """Images in both pictures [m], shape (..., 2), of a point midway between the cameras."""
         slope = stereo_disparity(distance, self.baseline, 1.0, convergence_angle=self.convergence_angle) / 2.0
         angle = np.arctan(slope)
         left, right = (self.principal_distance * place_across(self.distortion, side * angle) for side in (1.0, -1.0))
@@ -253,7 +253,7 @@ class StereoRig(DepthCamera):
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
         """``Z = c B / d`` [m] or its converging counterpart; see `stereo_depth`.
 
-        For lenses with distortion, both pictures have half of the change of disparity from that at the distance.
+        For lenses with distortion, each picture has half of the disparity's deviation from that at the true distance.
         """
         c, d = self.principal_distance, np.asarray(disparity, dtype=np.float64)
         left, right = self._seen_midway(distance)
@@ -265,7 +265,7 @@ class StereoRig(DepthCamera):
         return stereo_depth(tangents[0] - tangents[1], self.baseline, 1.0, convergence_angle=self.convergence_angle)
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
-        """Baseline [m] of the parallel rig of this principal distance that measures as well; B for parallel axes."""
+        """Baseline [m] of the equally precise parallel rig with this principal distance; B for parallel axes."""
         inverse = 1.0 / np.asarray(distance, dtype=np.float64)
         x = stereo_disparity(distance, self.baseline, 1.0, convergence_angle=self.convergence_angle) / 2.0
         scale = (scale_across(self.distortion, x) + scale_across(self.distortion, -x)) / 2.0
@@ -274,7 +274,7 @@ class StereoRig(DepthCamera):
     def overlap(self, distance: ArrayLike) -> FloatArray:
         """Share of each picture's width at a distance that the other camera also sees; see `shared_view`.
 
-        A calibration with geometry of its own gives the share of each picture's area instead.
+        If the calibration has its own geometry, it is the share of the picture's area instead.
         """
         if (calibrated := self.calibration.measurement) is not None:
             z = np.asarray(distance, dtype=np.float64)
@@ -311,7 +311,7 @@ class StereoRig(DepthCamera):
         return pair_observation(self.pair, errors, x, y, z)
 
     def field_angle(self, field: float) -> float:
-        """Field angle in the view midway between the cameras; in each camera it differs by half their convergence."""
+        """Field angle seen from midway between the cameras; in each camera it differs by half the convergence angle."""
         require_field(field)
         twice = 2.0 * self.principal_distance
         return edge_angle(self.distortion, field * self.sensor.width / twice, field * self.sensor.height / twice)
@@ -319,10 +319,10 @@ class StereoRig(DepthCamera):
     def read(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None = None
     ) -> MeasuredInverseDepth:
-        """Inverse depths of points in the view midway between the cameras; see `DepthCamera.read`.
+        """Inverse depths of points at field positions as seen from midway between the cameras; see `DepthCamera.read`.
 
-        Baseline and principal distance expand with the housing. Pressure and color move the focus of a thin lens, not
-        its principal distance, and do not change disparity.
+        Baseline and principal distance expand with the housing. Pressure and colour move the focus of a thin lens, but
+        not its principal distance, and therefore do not change disparity.
         """
         require_known(errors, STEREO_ERRORS, "a stereo rig")
         z = np.asarray(distance, dtype=np.float64)
@@ -332,7 +332,7 @@ class StereoRig(DepthCamera):
         return MeasuredInverseDepth(inverse_depth=inverse, no_overlap=~seen, out_of_range=~valid)
 
     def _imaged(self, changed: Errors, distance: FloatArray, field: Field) -> tuple[Image, BoolArray]:
-        """Where a changed rig images points of the view midway between the cameras, and whether on both sensors."""
+        """Images of points, placed as seen from midway between the cameras, and whether they lie on both sensors."""
         x, y = shares_of(field)
         c, sensor = self.principal_distance, self.sensor
         right, down = slopes(*self.distortion.ray(x * sensor.width / 2.0 / c, y * sensor.height / 2.0 / c))
@@ -344,7 +344,7 @@ class StereoRig(DepthCamera):
         return image, left_x & left_y & right_x & right_y
 
     def _changed(self, errors: Errors, environment: Environment | None) -> dict[str, ArrayLike]:
-        """Changes by the environment since the calibration, as errors."""
+        """Changes since the calibration due to the surroundings, as errors."""
         if environment is None or "temperature_change" not in errors:
             return {}
         growth = environment.length_factor(errors) - 1.0
@@ -380,11 +380,11 @@ class StereoRig(DepthCamera):
         return self.observe(errors, x, y, z)
 
     def target_noise_px(self, corner_noise_px: float) -> FloatArray:
-        """Equal noise of all coordinates."""
+        """The same noise for all coordinates."""
         return np.full(4, corner_noise_px)
 
     def seen_on_sensor(self, observed_px: FloatArray) -> BoolArray:
-        """Whether each corner lies on the sensor; both of its coordinates count as seen or neither."""
+        """Whether each corner lies on the sensor, for both of its coordinates alike."""
         half = np.array([self.sensor.columns, self.sensor.rows] * 2) / 2.0
         inside = np.abs(observed_px) <= half
         each = np.stack([np.all(inside[..., :2], axis=-1), np.all(inside[..., 2:], axis=-1)], axis=-1)
@@ -411,7 +411,7 @@ class StereoRig(DepthCamera):
         )
 
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:
-        """Contradictions of the lens, and between a principal distance equal to f and the image distance when focused.
+        """Contradictions of the lens, and between a principal distance of f and the image distance of the focus.
 
         The two differ by the magnification ``f/(a − f)`` of the focus distance a, and so do disparity and its noise.
         """
@@ -428,16 +428,16 @@ class StereoRig(DepthCamera):
             Contradiction(
                 what="principal distance against focus distance",
                 stated=f"{show(f, LENGTH)}, the focal length",
-                implied=f"{show(focused, LENGTH)} as focused at {show(focus, LENGTH)}: longer by "
+                implied=f"{show(focused, LENGTH)} when focused at {show(focus, LENGTH)}: longer by "
                 f"{pretty(magnification, FRACTION)}, the magnification f/(a − f); tolerance on depth: "
                 f"{pretty(tolerance, FRACTION)}",
-                used=f"{show(f, LENGTH)} for depth, {show(focused, LENGTH)} for blur; principal_distance: focused uses "
-                "one value for both, unless the focal length comes from a calibration in pixels",
+                used=f"{show(f, LENGTH)} for depth, {show(focused, LENGTH)} for blur. Set principal_distance: focused "
+                "to use the latter for both, unless the focal length comes from a calibration in pixels",
             ),
         ]
 
 
 @lru_cache(maxsize=8)
 def _imaged(rig: StereoRig, distances: bytes, shape: tuple[int, ...], field: Field) -> tuple[Image, BoolArray]:
-    """The images of an unchanged rig, from which depth is computed many times under different calibration errors."""
+    """The images of an unchanged rig, from which depth is computed many times with different calibration errors."""
     return rig._imaged({}, np.frombuffer(distances).reshape(shape), field)

@@ -38,7 +38,7 @@ _OF_BOTH: Final[ErrorVocabulary] = {
     "focal_length": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Principal distance of both cameras together; a calibration in pixels calls it the focal length.",
+        meaning="Principal distance common to both cameras; a calibration in pixels calls it the focal length.",
     ),
     "principal_point": ErrorParameter(
         unit="m",
@@ -73,7 +73,7 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
             ErrorParameter(
                 unit="1",
                 part=INTERIOR,
-                meaning=f"Radial distortion coefficient of the {side} lens, for the {power} of the slope to its axis.",
+                meaning=f"Radial distortion coefficient of the {side} lens, for the {power} of the slope.",
             ),
         )
 
@@ -83,4 +83,4 @@ STEREO_ERRORS: Final[ErrorVocabulary] = {
     **{f"{side}_{name}": parameter for side in SIDES for name, parameter in _of_one(side)},
     PIXEL_NOISE: NOISE_PARAMETER,
 }
-"""Errors of a stereo rig in the order in which they are drawn; both pictures have half of the noise."""
+"""Errors of a stereo rig in the order in which they are drawn; each picture has half of the noise."""

@@ -12,7 +12,7 @@ from tradestudy.optics.lens_models.families import ANGLES
 
 _NOMINAL_PITCH: Final = "3 um"
 _NOMINAL: Final = (
-    "nominal: depth depends only on its ratio to the focal length; blur and diffraction need the true value"
+    "nominal: depth depends only on its ratio to the focal length, but blur and diffraction need the true value"
 )
 
 
@@ -70,8 +70,8 @@ def _pitch(key: str) -> Stated:
 
 
 def _of_corners(corners: ImportedCorners) -> Iterator[Stated]:
-    """The design from a fit of the corners; the posterior of the same corners gives the geometry."""
-    fitted = "by a fit of the corners"
+    """The design from a fit to the corners; the posterior from the same corners gives the geometry."""
+    fitted = "from a fit to the corners"
     focal_length = Stated(
         path=("lenses", "focal_length"),
         value=f"{corners.focal_length!r} px",
@@ -86,7 +86,7 @@ def _of_corners(corners: ImportedCorners) -> Iterator[Stated]:
         value=f"{corners.noise * 2.0**0.5!r} px",
         key=corners.key,
         basis="assumed",
-        note="as precise as the corner detector: √2 times the fitted noise of one coordinate",
+        note="assumes the precision of the corner detector: √2 times the fitted noise of one coordinate",
     )
     yield _pitch(corners.key)
     yield Stated(path=("calibration", "corners", "file"), value=corners.file, key=corners.key)

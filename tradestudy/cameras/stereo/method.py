@@ -25,7 +25,7 @@ METHOD: Final = Method(
         "the image distance of a thin lens focused at *a*, *c* = *f* *a*/(*a*\u00a0−\u00a0*f*). The table of the "
         "cameras states *c* next to that image distance, which exceeds *f* by the fraction *f*/(*a* − *f*).",
     ),
-    baseline_note="The reference rig has parallel axes. Converging axes with a baseline *B* measure as well as "
-    "parallel ones with *B* (1 + *x*²/*c*²)/(1 + *B*²/4*Z*²), where *x* is half the disparity: where the axes meet, "
-    "*x* = 0, that is less than *B*, because the lines of sight are longer than the distance *Z*.",
+    baseline_note="The reference rig has parallel axes. A rig with converging axes and baseline *B* measures as well "
+    "as a parallel one with *B* (1 + *x*²/*c*²)/(1 + *B*²/4*Z*²), where *x* is half the disparity. Where the axes "
+    "meet, *x* = 0, this is less than *B*, because the lines of sight are longer than the distance *Z*.",
 )

@@ -11,7 +11,7 @@ from tradestudy.cameras.stereo.picture_field import edge_angle, place_across
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_models.lens_model import LensModel
 
-_BESIDE = math.pi / 2.0
+_RIGHT_ANGLE = math.pi / 2.0
 
 
 def shared_view(
@@ -29,24 +29,24 @@ def shared_view(
     baseline
         B [m].
     half_width
-        Of the normalised picture [1].
+        Half the width of the normalised picture [1].
     convergence_angle
         Full angle between the axes [rad].
     lens
-        Of both cameras.
+        Lens model of both cameras.
     """
     z = np.asarray(distance, dtype=np.float64)
     t = convergence_angle / 2.0
     first, last = -edge_angle(lens, -half_width, 0.0), edge_angle(lens, half_width, 0.0)
 
     def met(edge: float) -> FloatArray:
-        """Direction from the left camera to where an edge of the right camera's view meets the plane."""
-        if abs(edge) >= _BESIDE:  # this edge never meets the plane: the view is unbounded on this side
-            return np.full(z.shape, math.copysign(_BESIDE, edge))
+        """Direction from the left camera to the line in which an edge of the right camera's view meets the plane."""
+        if abs(edge) >= _RIGHT_ANGLE:  # this edge never meets the plane: the view is unbounded on this side
+            return np.full(z.shape, math.copysign(_RIGHT_ANGLE, edge))
         return np.arctan(baseline / z + math.tan(edge))
 
-    low = np.maximum(max(t + first, -_BESIDE), met(first - t))
-    high = np.minimum(min(t + last, _BESIDE), met(last - t))
+    low = np.maximum(max(t + first, -_RIGHT_ANGLE), met(first - t))
+    high = np.minimum(min(t + last, _RIGHT_ANGLE), met(last - t))
     # Directions are clipped to the edges of the picture.
     places = place_across(
         lens, np.clip([high - t, low - t, np.full(z.shape, last), np.full(z.shape, first)], first, last)

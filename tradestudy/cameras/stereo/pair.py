@@ -1,4 +1,4 @@
-"""Observation and triangulation by two cameras whose parameters are all in error."""
+"""Observation and triangulation by two cameras, with errors in all parameters."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class Pair:
     Parameters
     ----------
     baseline
-        Distance of the two centres of projection [m].
+        Distance between the two centres of projection [m].
     principal_distance
-        From the centres of projection to the sensors [m].
+        Distance from the centres of projection to the sensors [m].
     convergence_angle
         Angle between the optical axes [rad]; 0: parallel; positive: they meet in front.
     triangulation
@@ -75,7 +75,7 @@ def pair_observation(pair: Pair, errors: Errors, x: ArrayLike, y: ArrayLike, z: 
         (x + sign * half * direction[0], y + sign * half * direction[1], z + sign * half * direction[2])
         for sign in (1.0, -1.0)
     )
-    # From the frame of the pair into that of a camera: the rotation of its rays, transposed.
+    # The transpose of the rotation of a camera's rays turns the frame of the pair into that of the camera.
     rotation = tuple(zip(*_right_rotation(errors, t), strict=True))
     image = []
     for side, (a, b, c) in zip(SIDES, (_yaw(towards_left, t), _turn(rotation, towards_right)), strict=True):
@@ -88,7 +88,7 @@ def pair_observation(pair: Pair, errors: Errors, x: ArrayLike, y: ArrayLike, z: 
 
 
 def pair_inverse_depth(pair: Pair, errors: Errors, image: Image) -> tuple[FloatArray, BoolArray]:
-    """The inverse depth that a calibration in error by ``errors`` computes from an image.
+    """The inverse depth that a calibration with ``errors`` computes from an image.
 
     The rays of both image points are traced back through the pair as calibrated. ``disparity`` compares them along the
     baseline by `inverse_depth_on_ray`; ``midpoint`` takes the middle of the shortest segment between them.
@@ -126,7 +126,7 @@ def pair_inverse_depth(pair: Pair, errors: Errors, image: Image) -> tuple[FloatA
     left, right = _yaw(rays[0], -t), _turn(_right_rotation(errors, t), rays[1])
     if pair.triangulation == "midpoint":
         return _midpoint_inverse(left, right, half, direction), valid
-    # From the right camera to the left one it is twice half the baseline, against its direction.
+    # The right camera sees the left one at twice half the baseline, in the opposite direction.
     slope = right[0] / right[2]
     from_left = inverse_depth_on_ray(
         left[0] / left[2], 1.0, slope, -2.0 * half * direction[0], -2.0 * half * direction[2]
@@ -136,7 +136,7 @@ def pair_inverse_depth(pair: Pair, errors: Errors, image: Image) -> tuple[FloatA
 
 
 def pair_poses(pair: Pair, errors: Errors) -> tuple[Pose, Pose]:
-    """Poses of the left and right camera of a pair that deviates from its design by single errors."""
+    """Poses of the left and right camera of a pair that deviates from its design by one value of each error."""
     t = pair.convergence_angle / 2.0
     half, direction = _half_baseline(pair, errors)
     axes = [_yaw((row[0], row[1], row[2]), -t) for row in np.eye(3)]
@@ -149,7 +149,7 @@ def pair_poses(pair: Pair, errors: Errors) -> tuple[Pose, Pose]:
 
 
 def pair_interior(pair: Pair, errors: Errors, side: str) -> tuple[float, tuple[float, float], LensModel]:
-    """Principal distance [m], principal point [m] and lens model of one camera under single errors."""
+    """Principal distance [m], principal point [m] and lens model of one camera for one value of each error."""
     principal_distance, x, y = (float(one) for one in _interior(pair, errors, side))
     return principal_distance, (x, y), _distortion(pair, errors, side)
 
@@ -167,7 +167,7 @@ def _interior(pair: Pair, errors: Errors, side: str) -> tuple[FloatArray, FloatA
 def _distortion(pair: Pair, errors: Errors, side: str) -> LensModel:
     """Lens model of one camera."""
     names = (f"{side}_distortion_k1", f"{side}_distortion_k2")
-    if errors.keys().isdisjoint(names):  # of most rigs, whose readings take as long as all their small steps
+    if errors.keys().isdisjoint(names):  # as in most rigs; a shortcut saves time in every measurement
         return pair.distortion
     return pair.distortion.with_radial_error(value_of(errors, names[0]), value_of(errors, names[1]))
 
@@ -197,9 +197,9 @@ def _turn(rotation: Rotation, ray: Ray) -> Ray:
 
 
 def _right_rotation(errors: Errors, convergence: float) -> Rotation:
-    """From rays of the right camera to the frame of the pair: half the convergence, then roll, pitch and yaw.
+    """Rotate rays of the right camera into the frame of the pair: half the convergence, then roll, pitch and yaw.
 
-    Roll rotates about z, pitch about x and yaw as `_yaw` does. One matrix for each draw, for all distances.
+    Roll rotates about z, pitch about x and yaw as `_yaw` does. There is one matrix per draw, for all distances.
     """
     (cr, sr), (cp, sp), (cy, sy) = (_cos_sin(value_of(errors, name)) for name in ("roll", "pitch", "yaw"))
     rows = (

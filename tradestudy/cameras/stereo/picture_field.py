@@ -1,4 +1,4 @@
-"""Field angles and image scale of a picture by its lens model."""
+"""Field angles and image scale of a picture, from its lens model."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def place_across(lens: LensModel, angle: ArrayLike) -> FloatArray:
 
 
 def scale_across(lens: LensModel, slope: ArrayLike) -> FloatArray:
-    """Derivative of the image coordinate x by the slope x/z: 1 for a pinhole."""
+    """Derivative of the image coordinate x with respect to the slope x/z: 1 for a pinhole."""
     slope = np.asarray(slope, dtype=np.float64)
     points = np.stack([slope, np.zeros_like(slope), np.ones_like(slope)], axis=-1)
     scale: FloatArray = lens.derivatives(points, ())[0][..., 0, 0]

@@ -1,4 +1,4 @@
-"""A pair of pictures by a rig that is off its design: the rows of the right one, aligned to those of the left."""
+"""Alignment of the rows of the right picture to those of the left one, for a rig that deviates from its design."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from tradestudy.optics.arrays import FloatArray, IndexArray, Samples
 
 _PATCHES: Final = 16  # along each side of the picture
 _HALF_PATCH: Final = 15  # px
-_WIDEST: Final = 0.02  # of the longer side of the picture; a rig with rows further apart has not been calibrated
-_NARROWEST: Final = 4  # px
-_ALIKE: Final = 0.7  # correlation of two patches that show the same texture
-_LOWER: Final = 0.1  # by which the correlation falls on both sides of its peak, and has no second one
-_FEWEST: Final = 20  # patches that support a fit of five numbers
-_FEWEST_ALONG: Final = 4  # different rows, and columns, of these
-_AGREEING: Final = 0.7  # of the patches
-_AGREEING_PX: Final = 0.5  # with the fit
-_SCATTER_PX: Final = 0.2  # beyond which a patch is an outlier
-_NEGLIGIBLE_PX: Final = 0.1  # matching windows do not notice it
-_CERTAIN: Final = 3.0  # standard errors
+_LARGEST_OFFSET: Final = 0.02  # of the longer side of the picture; a calibrated rig has no larger one
+_LEAST_REACH_PX: Final = 4  # rows searched even in a small picture
+_LEAST_CORRELATION: Final = 0.7  # least correlation of two patches that show the same texture
+_CORRELATION_DROP: Final = 0.1  # by which the correlation must fall on both sides of its only peak
+_FEWEST_PATCHES: Final = 20  # patches needed to fit the five coefficients
+_FEWEST_LINES: Final = 4  # different rows and columns in which they must lie
+_LEAST_AGREEING: Final = 0.7  # fraction of the patches that must agree with the fit
+_AGREEMENT_PX: Final = 0.5  # largest residual of a patch that agrees with the fit
+_SCATTER_PX: Final = 0.2  # residual beyond which a patch counts as an outlier
+_NEGLIGIBLE_PX: Final = 0.1  # too small an offset to affect matching windows
+_SIGNIFICANT: Final = 3.0  # standard errors by which an offset must differ from zero
 
 
 def row_alignment(left: Samples, right: Samples, steps: range, library: Any) -> Callable[[Samples], Samples]:
-    """How to resample the right picture so that each point lies in the row in which the left picture shows it.
+    """A function that resamples the right picture so that each point lies in the same row as in the left one.
 
     Small rotations between two parallel pinholes, different principal distances and a shift of the sensor displace rows
     by ``a + b u + c v + d u v + e v²`` (u, v from the middle of the picture), whatever the depth: a and e by pitch, b
-    by roll, d by yaw. The five numbers are fitted to patches of the left picture that are found again in the right one,
-    with a Cauchy loss. Columns are left alone, since an error along them cannot be distinguished from depth.
+    by roll, d by yaw. The coefficients are fitted, with a Cauchy loss, to patches of the left picture that are found
+    again in the right one. Columns remain unchanged, since an error along them cannot be distinguished from depth.
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ def row_alignment(left: Samples, right: Samples, steps: range, library: Any) -> 
     Returns
     -------
     Callable[[Samples], Samples]
-        Resamples a picture of the right camera. Returns the picture itself where no offset exceeds 0.1 px by three
-        standard errors, or where too few patches are found or agree: patches count only where texture fixes their row.
-        Beyond the outermost patches, offsets are those at the edge of these.
+        Resamples a picture of the right camera. It returns the picture itself if no offset is both above 0.1 px and
+        above three standard errors, or if too few patches are found or agree; patches count only where texture
+        determines their row. Beyond the outermost patches, offsets are constant.
     """
     places, offsets = _offsets(left, right, steps, library)
-    if len(offsets) < _FEWEST or min(np.unique(places[:, k]).size for k in (0, 1)) < _FEWEST_ALONG:
+    if len(offsets) < _FEWEST_PATCHES or min(np.unique(places[:, k]).size for k in (0, 1)) < _FEWEST_LINES:
         return _unchanged
     from scipy.optimize import least_squares
 
@@ -58,16 +58,16 @@ def row_alignment(left: Samples, right: Samples, steps: range, library: Any) -> 
     base = _basis(places, left.shape)
     start = np.array([np.median(offsets), 0.0, 0.0, 0.0, 0.0])
 
-    def misses(five: FloatArray) -> FloatArray:
-        return np.asarray(base @ five - offsets)
+    def residuals(coefficients: FloatArray) -> FloatArray:
+        return np.asarray(base @ coefficients - offsets)
 
-    fit = least_squares(misses, start, loss="cauchy", f_scale=_SCATTER_PX)
+    fit = least_squares(residuals, start, loss="cauchy", f_scale=_SCATTER_PX)
     scatter = 1.4826 * float(np.median(np.abs(fit.fun)))
-    agreeing = float(np.mean(np.abs(fit.fun) < _AGREEING_PX))
+    agreeing = float(np.mean(np.abs(fit.fun) < _AGREEMENT_PX))
     border = _basis(np.stack(np.meshgrid(*np.linspace(hull[0], hull[1], 5).T), axis=-1).reshape(-1, 2), left.shape)
     error = scatter * np.linalg.norm(border @ np.linalg.pinv(base), axis=1)
     moved = np.abs(border @ fit.x)
-    if agreeing < _AGREEING or not np.any((moved > _NEGLIGIBLE_PX) & (moved > _CERTAIN * error)):
+    if agreeing < _LEAST_AGREEING or not np.any((moved > _NEGLIGIBLE_PX) & (moved > _SIGNIFICANT * error)):
         return _unchanged
     return lambda picture: _resampled(picture, fit.x, hull)
 
@@ -77,8 +77,8 @@ def _unchanged(picture: Samples) -> Samples:
 
 
 def _offsets(left: Samples, right: Samples, steps: range, library: Any) -> tuple[FloatArray, FloatArray]:
-    """Patches of the left picture found again: row and column in the right picture, and the offset in rows [px]."""
-    reach = max(_NARROWEST, math.ceil(_WIDEST * max(left.shape)))
+    """Patches of the left picture that are found in the right one: their row and column there, and row offset [px]."""
+    reach = max(_LEAST_REACH_PX, math.ceil(_LARGEST_OFFSET * max(left.shape)))
     high, wide = _HALF_PATCH + reach, _HALF_PATCH
     first, second = (np.nan_to_num(one).astype(np.float32) for one in (left, right))
     lit = np.isfinite(left), np.isfinite(right)
@@ -93,7 +93,7 @@ def _offsets(left: Samples, right: Samples, steps: range, library: Any) -> tuple
                 continue
             alike = library.matchTemplate(second[strip], first[patch], library.TM_CCOEFF_NORMED)
             down, along = map(int, np.unravel_index(int(np.argmax(alike)), alike.shape))
-            if alike[down, along] < _ALIKE or not _is_lone_peak(alike.max(axis=1)):
+            if alike[down, along] < _LEAST_CORRELATION or not _is_lone_peak(alike.max(axis=1)):
                 continue
             above, peak, below = alike[down - 1 : down + 2, along].astype(float)
             places.append((row, start + wide + along))
@@ -102,7 +102,7 @@ def _offsets(left: Samples, right: Samples, steps: range, library: Any) -> tuple
 
 
 def _middles(size: int, margin: int) -> IndexArray:
-    """Middles of patches that do not overlap, at least ``margin`` from both ends; none in too small a picture."""
+    """Middles of patches that do not overlap, at least ``margin`` from both ends; none if the picture is too small."""
     span = size - 1 - 2 * margin
     return (
         np.linspace(margin, size - 1 - margin, min(_PATCHES, span // (2 * _HALF_PATCH + 1) + 1)).astype(int)
@@ -112,26 +112,26 @@ def _middles(size: int, margin: int) -> IndexArray:
 
 
 def _is_lone_peak(best_of_row: Samples) -> bool:
-    """Whether the best correlation of each row, at any disparity, has one peak with lower values on both sides.
+    """Whether the best correlation at any disparity, as a function of the row, has a single peak inside its range.
 
-    Stripes and gratings have none: they slide along themselves, or repeat.
+    Stripes and gratings do not: stripes look the same when shifted along themselves, and gratings repeat.
     """
-    near = np.flatnonzero(best_of_row > best_of_row.max() - _LOWER)
+    near = np.flatnonzero(best_of_row > best_of_row.max() - _CORRELATION_DROP)
     return bool(near[0] > 0 and near[-1] < best_of_row.size - 1 and near[-1] - near[0] + 1 == near.size)
 
 
 def _basis(places: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """1, u, v, u v, v² of rows and columns (..., 2), shape (..., 5), in half the longer side of the picture."""
+    """The terms 1, u, v, u v, v², shape (..., 5), of rows and columns (..., 2), in units of half the longer side."""
     v, u = ((places[..., k] + 0.5 - shape[k] / 2.0) / (max(shape) / 2.0) for k in (0, 1))
     return np.stack([np.ones_like(u), u, v, u * v, v * v], axis=-1)
 
 
-def _resampled(picture: Samples, five: FloatArray, hull: FloatArray) -> Samples:
-    """A picture read so many rows further down, by the offsets within a hull; NaN where it shows nothing there."""
+def _resampled(picture: Samples, coefficients: FloatArray, hull: FloatArray) -> Samples:
+    """A picture with its rows shifted up by the fitted offsets, constant outside a hull; NaN where it has no data."""
     from scipy.ndimage import map_coordinates
 
     rows, columns = np.indices(picture.shape)
-    down = _basis(np.clip(np.stack([rows, columns], axis=-1), *hull), picture.shape) @ five
+    down = _basis(np.clip(np.stack([rows, columns], axis=-1), *hull), picture.shape) @ coefficients
     place = np.stack([rows + down, columns])
     missing = map_coordinates(np.isnan(picture).astype(np.float32), place, order=1, mode="constant", cval=1.0)
     found = map_coordinates(np.nan_to_num(picture).astype(np.float32), place, order=3, mode="nearest")

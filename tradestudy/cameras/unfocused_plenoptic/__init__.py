@@ -1,1 +1,1 @@
-"""An unfocused plenoptic camera (plenoptic I): the main image on the microlenses, the pupil under each of them."""
+"""An unfocused plenoptic camera (plenoptic I): the main lens's image on the microlenses, its pupil under each."""

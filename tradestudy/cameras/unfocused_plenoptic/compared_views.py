@@ -1,4 +1,4 @@
-"""The views that an estimator compares, also through a vignetted pupil."""
+"""The views that an estimator compares, through the whole or a vignetted pupil."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ ViewEstimator = Literal["outermost-views", "least-squares"]
 
 
 def baseline_of_views(estimator: ViewEstimator, positions: FloatArray) -> float:
-    """Baseline Δu [m] of a pair of views with the precision of the estimator for views at positions [m].
+    """Baseline Δu [m] of a pair of views as precise as the estimator, for views at positions [m].
 
-    The distance between the outermost views in a row, or √(2 Σ|u − ū|²) for least squares over both coordinates of all
-    views with equal errors. 0 for fewer than two.
+    It is the distance between the outermost views in a row, or √(2 Σ|u − ū|²) for least squares over both coordinates
+    of all views with equal errors; 0 for fewer than two views.
     """
     if not len(positions):
         return 0.0
@@ -32,8 +32,8 @@ def baseline_of_views(estimator: ViewEstimator, positions: FloatArray) -> float:
 class ComparedViews:
     """Views through parts of the pupil, each of the whole sensor.
 
-    Rims of other stops that vignette the pupil off the axis remove whole views and do not dim the others. The remaining
-    share of the width along the radius of the field is applied in all directions, the worst case.
+    Off the axis, the rims of other stops vignette the pupil: they remove whole views and do not dim the others. The
+    fraction of the width that remains along the radius of the field is applied in all directions, the worst case.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class ComparedViews:
     positions
         Centres of all views in the pupil [m], shape (views, 2).
     pupil_diameter
-        Diameter of the part of the pupil in which they lie [m].
+        Diameter of the part of the pupil that contains them [m].
     side_px
         Side of the largest square that the outermost views share [samples], over distance.
     """
@@ -56,11 +56,11 @@ class ComparedViews:
 
     @property
     def widest_px(self) -> float:
-        """Largest window that the views share, near focus [samples]."""
+        """Side of the largest window that the views share, near focus [samples]."""
         return float(np.max(self.side_px))
 
     def through(self, width: float) -> MatchedPairs:
-        """One pair, weighted by the precision of the remaining views over that of all."""
+        """One pair, weighted by the ratio of the remaining views' information to that of all views."""
         left = np.hypot(*self.positions.T) <= width * self.pupil_diameter / 2.0 * (1.0 + 1e-12)
         left_of_all = baseline_of_views(self.estimator, self.positions[left]) / baseline_of_views(
             self.estimator, self.positions
@@ -69,5 +69,5 @@ class ComparedViews:
         return MatchedPairs(largest_px=side, apart_px=np.zeros_like(side), weight=np.full_like(side, left_of_all**2))
 
     def at(self, index: NDArray[np.intp]) -> ComparedViews:
-        """The same at some of the distances."""
+        """Select some of the distances, by index."""
         return replace(self, side_px=self.side_px[index])

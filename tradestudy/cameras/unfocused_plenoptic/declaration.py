@@ -28,14 +28,16 @@ from tradestudy.optics.thin_lens import image_distance
 
 
 class UnfocusedMicrolensesPart(Part):
-    """The microlens array of an unfocused plenoptic camera, one focal length before the sensor."""
+    """The microlens array of an unfocused plenoptic camera, one microlens focal length in front of the sensor."""
 
     layout: Literal["hexagonal", "square"] = Field(description="Arrangement of the microlenses.")
-    pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres: the lateral sample.")
+    pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres, the lateral sample.")
     focal_length: FocalLength | Literal["f-number-matching"] = Field(
-        description="Also the distance to the sensor; f-number-matching: pitch × mla_distance / pupil diameter."
+        description="Also the distance from array to sensor; f-number-matching: pitch × mla_distance / pupil diameter."
     )
-    aperture_diameter: MicrolensPitch | None = Field(default=None, description="Of one microlens; default: the pitch.")
+    aperture_diameter: MicrolensPitch | None = Field(
+        default=None, description="Aperture of one microlens; default: the pitch."
+    )
     f_number: FNumber | None = Field(
         default=None, description="Focal length over aperture of one microlens, instead of aperture_diameter."
     )
@@ -50,13 +52,13 @@ class UnfocusedMicrolensesPart(Part):
 class UnfocusedFocusPart(Part):
     """Where an unfocused plenoptic camera is focused."""
 
-    distance: ObjectDistance = Field(description="Object distance whose image falls on the microlenses.")
+    distance: ObjectDistance = Field(description="Object distance that is imaged onto the microlenses.")
 
 
 class UnfocusedDepthPart(DisparityPart):
-    """Depth from views through parts of the pupil; a px of disparity is one microlens, the sample of a view."""
+    """Depth from views through parts of the pupil; 1 px of disparity is one microlens, the sample of a view."""
 
-    estimator: ViewEstimator = Field(description="Views that are compared.")
+    estimator: ViewEstimator = Field(description="Which views are compared.")
 
 
 if TYPE_CHECKING:
@@ -79,8 +81,8 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
     depth: UnfocusedDepthPart
     field_curvature: Length = Field(
         default=0.0,
-        description="How much farther from the main lens its image lies in the corner of the sensor than on the axis; "
-        "known and corrected.",
+        description="How much farther from the main lens its image lies in the corner of the sensor than on the axis. "
+        "Depth measurement corrects for it.",
     )
     calibration: UnfocusedPlenopticCalibration = Field(default_factory=UnfocusedPlenopticCalibration)
 

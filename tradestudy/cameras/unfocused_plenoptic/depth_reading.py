@@ -1,8 +1,8 @@
 """Depth from the views of an unfocused plenoptic camera: opposite parts of the pupil, matched as pairs of pictures.
 
-A point of disparity s [samples per metre of pupil] appears in the view through u shifted by −u s from the central view.
-The views through u and −u are compared at the positions predicted by a common s, so that all pairs of views share the
-frame of the central one, and each pair has independent noise.
+In the view through u, a point of disparity s [samples per metre of pupil] is shifted by −u s relative to the central
+view. The views through u and −u are compared at the positions predicted by a common s, so that all pairs of views share
+the frame of the central view, and each pair has independent noise.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from tradestudy.optics.interpolation import cubic_weights
 from tradestudy.optics.microlens_coverage.lattice import lattice_of
 from tradestudy.optics.window_matching import PairOfPictures, Reason, gradient_along, match_windows, odd_window
 
-_LEAST_SHARE: Final = 0.5  # of a window that both views show
-_SMOOTHING: Final = 0.8  # samples, of views: finer detail is mostly aliased, with wrong disparities
-_SAME_SURFACE_PX: Final = 0.5  # of disparity between the outermost views, among neighbours
+_LEAST_SHARE: Final = 0.5  # of a window that both views must show
+_SMOOTHING: Final = 0.8  # samples; finer detail in views is mostly aliased, with wrong disparities
+_SAME_SURFACE_PX: Final = 0.5  # difference of disparity, between the outermost views, allowed among neighbours
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ViewsReader(DepthReader):
-    """Depth by an unfocused plenoptic camera as designed.
+    """Depth measured with an unfocused plenoptic camera as designed.
 
-    The map has one value for each microlens, in rows from the top; every other row of a hexagonal array is interpolated
-    by half a pitch onto a regular grid.
+    The map has one value for each microlens, in rows from the top. Every other row of a hexagonal array is interpolated
+    by half a pitch, onto a regular grid.
 
     Parameters
     ----------
@@ -61,14 +61,14 @@ class ViewsReader(DepthReader):
 
     @cached_property
     def _rise(self) -> float:
-        """Row spacing over column spacing."""
+        """Ratio of row spacing to column spacing."""
         return lattice_of(self.camera.microlenses.layout).second_vector[1]
 
     @cached_property
     def _half_pairs(self) -> Samples:
         """One view of each pair of opposite views that the estimator uses [m on the pupil], shape (pairs, 2).
 
-        Views at the rim of the pupil are excluded, because microlenses not aligned with pixels lack them.
+        Views at the rim of the pupil are excluded, because microlenses that are not aligned with pixels lack them.
         """
         views = self.camera.view_positions
         rim = self.camera.main_lens.pupil_diameter / 2.0 - self.camera.view_pupil_diameter
@@ -81,12 +81,12 @@ class ViewsReader(DepthReader):
 
     @property
     def _longest(self) -> float:
-        """Baseline [m] in whose disparity steps are counted."""
+        """Baseline [m] for which disparity steps are counted."""
         return 2.0 * float(np.max(np.hypot(*self._half_pairs.T)))
 
     @property
-    def _over_estimator(self) -> float:
-        """That baseline over the estimator's."""
+    def _baseline_ratio(self) -> float:
+        """Ratio of that baseline to the estimator's."""
         return self._longest / self.camera.estimator_baseline
 
     def _view(self, picture: FlatPicture, place: Samples) -> Samples:
@@ -116,22 +116,22 @@ class ViewsReader(DepthReader):
         """Depth at every microlens with enough views."""
         camera, picture = self.camera, pictures["raw"]
         middle = self._view(picture, np.zeros(2))
-        smooth = _Movable.of(middle)
+        smooth = _ShiftableView.of(middle)
         template = np.where(smooth.seen, smooth.at(np.zeros(2)), np.float32(np.nan))
         pairs = [self._pair(picture, template, u) for u in self._half_pairs]
-        ends = np.sort(camera.disparity_px(np.array([self.search.near, self.search.far])) * self._over_estimator)
+        ends = np.sort(camera.disparity_px(np.array([self.search.near, self.search.far])) * self._baseline_ratio)
         steps = range(math.floor(ends[0]) - 1, math.floor(ends[1]) + 3)
         found = match_windows(
             pairs,
             steps,
             window=odd_window(self.search.window_px),
             least_share=_LEAST_SHARE,
-            largest_deviation=self.search.largest_deviation_px * min(1.0, self._over_estimator),
+            largest_deviation=self.search.largest_deviation_px * min(1.0, self._baseline_ratio),
         )
         reason = found.reason
         reason[np.isnan(middle)] = Reason.NO_LIGHT
-        disparity = np.where(reason == Reason.MEASURED, found.disparity, np.nan) / self._over_estimator
-        deviation = np.where(reason == Reason.MEASURED, found.deviation, np.nan) / self._over_estimator
+        disparity = np.where(reason == Reason.MEASURED, found.disparity, np.nan) / self._baseline_ratio
+        deviation = np.where(reason == Reason.MEASURED, found.deviation, np.nan) / self._baseline_ratio
         depth = camera.depth_of_disparity(disparity * camera.sample_pitch, self.search.far)
         reason[(reason == Reason.MEASURED) & ~np.isfinite(depth)] = Reason.OUT_OF_RANGE
         depth = np.where(reason == Reason.MEASURED, depth, np.nan)
@@ -145,8 +145,8 @@ class ViewsReader(DepthReader):
 
     def _pair(self, picture: FlatPicture, template: Samples, place: Samples) -> PairOfPictures:
         """The views through a position on the pupil and the opposite one."""
-        first, second = (_Movable.of(self._view(picture, one)) for one in (-place, place))
-        # The noise changes so slowly over the picture that it need not move with the views.
+        first, second = (_ShiftableView.of(self._view(picture, one)) for one in (-place, place))
+        # The noise varies so slowly over the picture that it need not be shifted with the views.
         noisy = replace(picture, values=picture.variance)
         variance = self._view(noisy, -place) + self._view(noisy, place)
         per_step = place / self._longest * np.array([1.0, 1.0 / self._rise])
@@ -170,17 +170,17 @@ class ViewsReader(DepthReader):
         found[row[inside], column[inside]] = raw[y[inside], x[inside]]
         depth = self._straightened(found)
         within = (depth >= self.search.near) & (depth <= self.search.far)
-        disparity = self.camera.disparity_px(np.where(within, depth, self.search.far)) * self._over_estimator
+        disparity = self.camera.disparity_px(np.where(within, depth, self.search.far)) * self._baseline_ratio
         smooth = maximum_filter(disparity, 3) - minimum_filter(disparity, 3) <= _SAME_SURFACE_PX
         return TrueDepth(depth=depth, measurable=within & smooth)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Movable:
-    """A view as the spectrum of its even extension, which shifts it by any fraction of a sample without blur.
+class _ShiftableView:
+    """A view, stored as the spectrum of its even extension, that can be shifted by fractions of a sample without blur.
 
-    Views sample their texture coarsely; local interpolation would blur them at fractions of a sample and not at whole
-    ones, and bias every disparity away from whole samples.
+    Views sample their texture coarsely. Local interpolation would blur them after shifts by fractions of a sample but
+    not by whole samples, and thus bias every disparity away from whole samples.
 
     Parameters
     ----------
@@ -194,8 +194,8 @@ class _Movable:
     seen: BoolArray
 
     @classmethod
-    def of(cls, view: Samples) -> _Movable:
-        """From a view; missing samples are filled from the nearest ones."""
+    def of(cls, view: Samples) -> _ShiftableView:
+        """Prepare a view; missing samples are filled from the nearest ones."""
         from scipy import fft
         from scipy.ndimage import binary_erosion, distance_transform_edt
 
@@ -211,7 +211,7 @@ class _Movable:
         return cls(spectrum=spectrum, seen=binary_erosion(there, np.ones((3, 3), bool)))
 
     def at(self, move: Samples) -> Samples:
-        """The view shifted by (x, y) [samples]: each position reads its value at that offset."""
+        """The view shifted by (x, y) [samples]: each position takes the value at that offset."""
         from scipy import fft
 
         rows, columns = self.seen.shape

@@ -1,12 +1,13 @@
-"""The unfocused plenoptic camera (plenoptic I): the main image on the microlenses, the pupil under each of them.
+"""The unfocused plenoptic camera (plenoptic I): the main lens's image on the microlenses, its pupil under each of them.
 
 Each pixel under a microlens sees the scene through its own part of the main lens's pupil. A point at distance a appears
 in two views whose parts are Δu apart shifted by
 
     d = Δu z (1/a − 1/a₀),    1/a₀ = 1/f − 1/z,
 
-on the array, by similar triangles from the pupil through the image point: exactly a parallel stereo rig of baseline Δu
-and principal distance z, its disparities counted from those of the plane in focus. One lateral sample is one microlens.
+on the array, by similar triangles from the pupil through the image point. This is exactly a parallel stereo rig with
+baseline Δu and principal distance z whose disparities are relative to the plane of focus. One lateral sample is one
+microlens.
 """
 
 from __future__ import annotations
@@ -40,16 +41,16 @@ from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
 
 @dataclass(frozen=True, kw_only=True)
 class UnfocusedPlenoptic(PlenopticCamera):
-    """Main lens, microlens array at the image distance of the focus, sensor one microlens focal length behind it.
+    """Main lens, microlens array at the image distance of the focus, and sensor one microlens focal length behind it.
 
     Parameters
     ----------
     main_lens, sensor, microlenses, field_curvature
         See `PlenopticCamera`; the array has one type of microlens, whose focal length is its gap.
     focus_distance
-        a₀ [m]: the distance whose image falls on the array; finite.
+        a₀ [m]: the distance that is imaged onto the array; finite.
     estimator
-        Views that are compared: the two outermost ones, or all by least squares over both coordinates.
+        Views that are compared: the two outermost ones, or all of them by least squares over both coordinates.
     disparity_error_px
         Standard deviation of the disparity of one pair of views, in microlenses (the lateral sample of a view), or the
         law that gives it.
@@ -63,7 +64,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
     """
 
     method: ClassVar[Method] = METHOD
-    rays_per_pixel: ClassVar[int] = 12  # its microlenses show the texture sharper than those of other kinds
+    rays_per_pixel: ClassVar[int] = 12  # its microlenses show the texture more sharply than those of other kinds
 
     focus_distance: float
     estimator: ViewEstimator
@@ -80,7 +81,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
             )
         if self.microlenses.types != 1 or self.microlenses.focal_lengths[0] != self.microlenses.gap:
             raise OutOfRangeError(
-                "the microlenses of an unfocused plenoptic camera are of one type, one focal length before the sensor",
+                "an unfocused plenoptic camera needs microlenses of one type, one focal length in front of the sensor",
                 value=f"{self.microlenses.types} types, gap {self.microlenses.gap * 1e6:g} um",
                 remedy="use a focused plenoptic camera for other arrangements",
             )
@@ -99,12 +100,12 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     @cached_property
     def mla_distance(self) -> float:
-        """Main lens to array z [m]: the image distance of the focus."""
+        """Distance z from main lens to array [m]: the image distance of the focus."""
         return float(image_distance(self.focus_distance, self.main_lens.focal_length))
 
     @cached_property
     def view_pupil_diameter(self) -> float:
-        """B = p_px z/f_L [m]: the part of the pupil that a pixel sees, and the baseline of neighbouring views."""
+        """B = p_px z/f_L [m]: width of the part of the pupil that a pixel sees, and baseline of neighbouring views."""
         return float(
             view_pupil_diameter(
                 self.focus_distance,
@@ -116,20 +117,20 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     @property
     def micro_image_diameter(self) -> float:
-        """Image of the main lens's pupil under a microlens [m]; it equals the pitch where the f-numbers match."""
+        """Diameter of the pupil's image under a microlens [m]; it equals the pitch where the f-numbers match."""
         return self.main_lens.pupil_diameter * self.microlenses.gap / self.mla_distance
 
     @property
     def _micro_image_used(self) -> float:
-        """Part of the micro-image in the cell of its microlens [m]."""
+        """Diameter of the part of the micro-image within the cell of its microlens [m]."""
         return min(self.micro_image_diameter, self.microlenses.pitch)
 
     @cached_property
     def view_positions(self) -> FloatArray:
         """Centres of the views in the pupil [m], shape (views, 2).
 
-        Pixels whose centre lies in the image of the pupil and in the cell of the microlens, on a square grid centred on
-        a pixel if the pitch is an odd number of pixels, on a corner of pixels if it is even.
+        There is one view for each pixel whose centre lies in the image of the pupil and in the cell of the microlens.
+        The pixel grid is centred on a pixel if the pitch is an odd number of pixels, and between pixels if it is even.
         """
         pixel = self.sensor.pixel_pitch
         across = round(self.microlenses.pitch / pixel)
@@ -142,13 +143,13 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     @property
     def views_across(self) -> int:
-        """Views along one row through the middle of the pupil."""
+        """Number of views in a row through the middle of the pupil."""
         positions = self.view_positions
         return len(np.unique(np.round(positions[:, 0] / self.view_pupil_diameter, 6))) if len(positions) else 0
 
     @property
     def views(self) -> int:
-        """All views."""
+        """Number of views."""
         return len(self.view_positions)
 
     @cached_property
@@ -158,7 +159,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     @property
     def focus(self) -> RefocusedViewsFocus:
-        """What can be refocused on: where each view is sharp."""
+        """The range of refocusing, in which each view is sharp."""
         return RefocusedViewsFocus(
             main_lens=self.main_lens,
             focus_distance=self.focus_distance,
@@ -167,7 +168,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
         )
 
     def refocus_distance(self, shift: ArrayLike) -> FloatArray:
-        """Distance in focus [m] for a shift of neighbouring views in microlenses; see `refocus_distance`."""
+        """Distance in focus [m] for a shift between neighbouring views [microlenses]; see `refocus_distance`."""
         return refocus_distance(
             shift,
             self.focus_distance,
@@ -191,7 +192,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
         return depth_of_inverse(1.0 / self.focus_distance + np.asarray(disparity) / reach)
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
-        """Baseline [m] of the stereo rig of this focal length and disparity error that measures as well: ``Δu z/f``."""
+        """Baseline ``Δu z/f`` [m] of the equally precise stereo rig with this focal length and disparity error."""
         return np.full(np.shape(distance), self.estimator_baseline * self.mla_distance / self.main_lens.focal_length)
 
     def blur_px(self, distance: ArrayLike) -> FloatArray:
@@ -206,9 +207,9 @@ class UnfocusedPlenoptic(PlenopticCamera):
         return self.blur_px(distance)
 
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
-        """The views: one sample for each microlens, through a part of the pupil.
+        """The views, each with one sample per microlens, through a part of the pupil.
 
-        Microlenses mix neighbouring views and do not blur them.
+        Microlenses mix neighbouring views, but do not blur them.
         """
         a = np.asarray(distance, dtype=np.float64)
         a = np.where(self.images(a), a, np.nan)
@@ -241,7 +242,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
         )
 
     def _shared_side(self, distance: FloatArray) -> FloatArray:
-        """Side [microlenses] of the largest square that both outermost views show: the sensor minus their disparity."""
+        """Side of the largest square that both outermost views show [microlenses]: the sensor minus their disparity."""
         apart = np.abs(
             np.ptp(self.view_positions[:, 0]) * self.mla_distance * (1.0 / distance - 1.0 / self.focus_distance)
         )
@@ -250,7 +251,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     @property
     def geometry(self) -> ArrayGeometry:
-        """The geometry with the array in the image of the plane of focus."""
+        """The geometry with the array at the image of the plane of focus."""
         return self.geometry_at(self.mla_distance)
 
     @property
@@ -271,7 +272,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
         return self.observe(errors, x, y, z)
 
     def target_noise_px(self, corner_noise_px: float) -> FloatArray:
-        """Noise of the disparity as declared, and of both coordinates, all in microlenses: the samples of a view."""
+        """Noise of the disparity as declared, and of both coordinates, all in microlenses, the samples of a view."""
         samples = np.array([declared_disparity_error(self), corner_noise_px, corner_noise_px])
         return np.asarray(samples * (self.sample_pitch / self.sensor.pixel_pitch))
 

@@ -1,4 +1,4 @@
-"""The focus of an unfocused plenoptic camera: that of its views, which can be refocused anywhere in it."""
+"""The focus of an unfocused plenoptic camera: the range in which its views are sharp and can be refocused."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from tradestudy.optics.depth_of_field import DiffractionMeasure
 
 @dataclass(frozen=True, kw_only=True)
 class RefocusedViewsFocus:
-    """A lens as wide as one view, with one lateral sample for each microlens.
+    """A lens as wide as the pupil of one view, with one lateral sample for each microlens.
 
     Parameters
     ----------
     main_lens
         The main lens.
     focus_distance
-        a₀ [m], the distance whose image falls on the array.
+        a₀ [m]: the distance that is imaged onto the array.
     view_pupil_diameter
-        The part of the pupil that one pixel sees [m].
+        Diameter of the part of the pupil that one pixel sees [m].
     microlens_pitch
         The lateral sample [m].
     """
@@ -59,7 +59,7 @@ class RefocusedViewsFocus:
         return self._view.sharp_range_at_resolution(resolution)
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:  # noqa: ARG002 - one, whatever the scene
-        """One: refocusing is computed."""
+        """Always one: images are refocused by computation."""
         return 1
 
     def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
@@ -67,8 +67,8 @@ class RefocusedViewsFocus:
         return self._view.lateral_resolution(distance)
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
-        """The spot of one view's pupil on the array times a/z [m].
+        """Width of the diffraction spot of one view's pupil on the array, times a/z [m].
 
-        A refocused image is the sum of the views and no sharper than each of them.
+        A refocused image is the sum of the views, and no sharper than each of them.
         """
         return np.asarray(self._view.diffraction_width(distance, wavelength, measure))

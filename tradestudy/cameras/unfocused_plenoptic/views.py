@@ -1,9 +1,10 @@
-"""Observation and inverse depth by two views, with all parameters in error.
+"""Observation and inverse depth with two views, with errors in all parameters.
 
 The two pixels of a pair of views lie N apart under every microlens, measured from the centre of its white image, which
-is the image of the exit pupil at a distance z_p before the array. A pixel o beside that centre under a microlens at x
-looks along the slope ``o/b_L + x/z_p``, so the rays of both views through an image at a_L before the array meet the
-array d' apart, ``d' (1 − a_L/z_p) = N a_L/b_L``. Disparity is d = −d': positive for points nearer than the focus.
+is the image of the exit pupil at a distance z_p in front of the array. A pixel at a distance o from that centre, under
+a microlens at x, looks along the slope ``o/b_L + x/z_p``. The rays of both views through an image at a_L in front of
+the array therefore meet the array d' apart, ``d' (1 − a_L/z_p) = N a_L/b_L``. The disparity is d = −d', positive for
+points nearer than the focus.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def views_observation(
 def views_inverse_depth(
     geometry: ArrayGeometry, pixels_apart: float, errors: Errors, seen: Observation
 ) -> tuple[FloatArray, BoolArray]:
-    """The inverse depth that a calibration in error by ``errors`` computes.
+    """The inverse depth that a calibration with ``errors`` computes.
 
     ``a_L = −d/(N/b_L − d/z_p)``, ``b = z − a_L``, ``1/a = 1/f − 1/b``; where the pupil lies in the main lens,
     ``1/a = 1/f − 1/z + d b_L/(N z²)``.
