@@ -1,4 +1,4 @@
-"""JSON Schemas without repetition: repeated parts become definitions."""
+"""Remove repetition from JSON Schemas: repeated parts become definitions."""
 
 from __future__ import annotations
 
