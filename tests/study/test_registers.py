@@ -75,7 +75,9 @@ def test_a_tolerance_is_set_for_the_run_and_a_reading_s_value_is_the_study_s_own
 
 
 def test_set_values_identify_a_stored_run() -> None:
-    same_number = load(CLOSE, ["pair-f22.lenses.f_number={value: 22, basis: assumed, note: the smallest stop of a usual iris}"])
+    same_number = load(
+        CLOSE, ["pair-f22.lenses.f_number={value: 22, basis: assumed, note: the smallest stop of a usual iris}"]
+    )
     assert same_number.definition.document.tree == load(CLOSE).definition.document.tree
     assert same_number.hash != load(CLOSE).hash  # its register differs
 

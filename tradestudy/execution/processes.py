@@ -38,7 +38,7 @@ _FORKING: Final = sys.platform == "linux"
 
 @dataclass(frozen=True)
 class _Worker:
-    """One process, in its own pool: a dying process breaks its whole pool without telling which point caused it."""
+    """One process, in its own pool: a dying process breaks its whole pool without showing which point caused it."""
 
     pool: ProcessPoolExecutor
     run: Connection
@@ -151,7 +151,7 @@ def _end(workers: Sequence[_Worker]) -> None:
 
 @contextmanager
 def _started_quietly() -> Iterator[None]:
-    """Block Ctrl-C in processes started here, to which a terminal sends it too: the run itself ends its workers.
+    """Block Ctrl-C, which a terminal also sends to the processes started here: the run itself ends its workers.
 
     Also keep the semaphore tracker from warning when it cleans up after a killed run.
     """

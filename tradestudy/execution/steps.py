@@ -94,7 +94,7 @@ class Steps:
         Parameters
         ----------
         step
-            Name of the step, for progress and record.
+            Name of the step, for the progress shown and for run.json.
         function
             A module-level function whose value at a point depends on the point alone.
         points

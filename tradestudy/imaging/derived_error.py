@@ -83,7 +83,7 @@ class PictureDisparityError:
         return disparity_error_px(camera.picture_geometry(np.ravel(distance)), self.settings, self.models)
 
     def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
-        """Where a matcher can reach the bound: where all its conditions hold, not only the one on the value."""
+        """Where a matcher can reach the bound: all conditions must hold there, not only that on the bound's value."""
         value, shape = self.bound_px(camera, distance), np.shape(distance)
         broken = violated_conditions(camera.picture_geometry(np.ravel(distance)), self.settings, self.models, value)
         met = ~np.any(list(broken.values()), axis=0)

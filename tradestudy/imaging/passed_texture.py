@@ -113,7 +113,7 @@ class PassedTexture:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TextureBand:
-    """A texture at distances with the same nodes of the band, before models are applied.
+    """A texture at distances that share band nodes, before models are applied.
 
     Parameters
     ----------

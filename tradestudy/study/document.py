@@ -262,7 +262,7 @@ def child(entry: Entry | None, key: str | int) -> Entry | None:
 
 
 def merged(below: Entry, above: Entry) -> Entry:
-    """Merge an entry into the one below: mappings key by key; anything else is replaced, or removed by a null."""
+    """Merge an entry into the one below it, mappings key by key; others are replaced, and a null removes a key."""
     if not (isinstance(below, MappingEntry) and isinstance(above, MappingEntry)):
         return above
     members = dict(below.members)

@@ -88,7 +88,7 @@ def _place(problem: Problem) -> Place:
 
 
 def _single_cameras(document: Document, error: StudyError) -> Iterator[Problem]:
-    """Files that give a single camera, if it has mistakes: they may be those of half a rig."""
+    """A note for every camera with mistakes that was imported as a single camera: its rig may need two files."""
     for line in document.imported:
         path = ("cameras", line.partition(":")[0])
         if line.endswith(ONE_CAMERA) and any(one.path.startswith(".".join(path)) for one in error.problems):

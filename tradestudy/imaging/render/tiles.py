@@ -24,7 +24,7 @@ TILE: Final = (256, 1024)
 _AT_ONCE: Final = (64, 512)  # rows and columns whose rays fit into a processor's cache
 _PROBE: Final = 24  # rows and columns in the middle of a tile that are compared with a finer picture
 FINER: Final = 16
-"""How many times more samples has the finer picture from which the error is estimated."""
+"""Factor on the number of samples in the finer picture, from which the error is estimated."""
 _DIM: Final = 0.3  # lit fraction of a lens below which half of the samples suffice
 WORKER_BYTES: Final = 400_000_000
 """Memory of one worker: interpreter, libraries, and the rays computed at once."""

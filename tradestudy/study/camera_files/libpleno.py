@@ -23,7 +23,7 @@ def recognises(file: CameraFile) -> bool:
 
 
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
-    """The camera: the gap d is the distance from array to sensor, D that from main lens to array.
+    """Read the camera; d is the distance from array to sensor (the gap), D that from main lens to array.
 
     The relay is Keplerian if the focal lengths of the microlenses are below d, else Galilean. It does not follow from D
     and the focal length of the main lens, which may be focused closer.

@@ -50,7 +50,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     if len(tops) == 1:
         return _camera(tops[0])
     if len(tops) != 2:
-        raise tops[-1].fail(f"{len(tops)} files are given; one camera or two are expected")
+        raise tops[-1].fail(f"{len(tops)} files are given; one or two camera files are expected")
     first, second = (_camera(top) for top in tops)
     (r1, t1, _), (r2, t2, where) = (_pose(top) for top in tops)
     metre, unit = request.metres(where, stated="m", why="mrcal's convention")

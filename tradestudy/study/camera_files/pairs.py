@@ -124,7 +124,7 @@ def _by_units(baseline: float, metre: float) -> str:
 
 
 def _check_orientation(rotation: FloatArray, second: str, first: str, at: Located) -> None:
-    """Refuse cameras that face apart, or whose disparity lies along different axes of their pictures."""
+    """Refuse cameras with axes 90° or more apart, or with disparity along different axes of their pictures."""
     if rotation[2, 2] <= 0.0:
         angle = np.degrees(np.arccos(np.clip(rotation[2, 2], -1.0, 1.0)))
         raise at.fail(

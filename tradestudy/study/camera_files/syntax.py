@@ -207,7 +207,7 @@ def _literal(node: ast.expr, file: str, below: int, depth: int, count: list[int]
             return _scalar(place, None, "")
         if found is None or isinstance(found, str | int | float | bool):
             return _scalar(place, found, "" if found is None else _short(found))
-    raise CameraFileError(place.problem((), "a number, a text, a list or a mapping is expected, not an expression"))
+    raise CameraFileError(place.problem((), "a number, text, a list or a mapping is expected, not an expression"))
 
 
 def _short(value: str | float | bool) -> str:

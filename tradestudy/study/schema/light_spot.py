@@ -1,4 +1,4 @@
-"""Declaration of a spot of light, seen through main lens and microlenses by the pixels."""
+"""Declaration of a spot of light, imaged through main lens and microlenses onto the pixels."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ class SpotSourcePart(Part):
     @model_validator(mode="after")
     def _has_an_extent(self) -> Self:
         if self.coherent and self.is_point:
-            raise MistakeAt(("coherent",), "a point has nothing to be coherent with; give a diameter, or remove it")
+            raise MistakeAt(("coherent",), "has no effect on a point; give a diameter, or remove coherent")
         return self
 
     @property

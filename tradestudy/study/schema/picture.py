@@ -56,7 +56,7 @@ def _window(value: Any) -> Window:
         raise UnitError(f"'{value}' is out of range; a window above 0 px or 0 m is expected")
     if window.of == "object" and not DETAIL.smallest <= window.size <= DETAIL.largest:
         ends = f"{pretty(DETAIL.smallest, units.LENGTH)} to {pretty(DETAIL.largest, units.LENGTH)}"
-        raise UnitError(f"'{value}' is no {DETAIL.name}, check its unit; {ends} is expected")
+        raise UnitError(f"'{value}' is not a plausible {DETAIL.name}; check its unit; {ends} is expected")
     return window
 
 

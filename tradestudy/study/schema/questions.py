@@ -73,7 +73,7 @@ class DecisionPart(Part):
     )
     compare: Annotated[tuple[Pair, ...], Field(max_length=20), AfterValidator(distinct)] = Field(
         default=(),
-        description="Pairs for which the probability of ranking first is computed; default: that given by between.",
+        description="Pairs for which the probability of ranking first is computed; default: that of the main question.",
     )
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1)] | None = Field(
         default=None,
@@ -111,10 +111,10 @@ class SolvePart(Part):
         "uncertainty.",
     )
     relative: PositiveFraction | None = Field(
-        default=None, description="Depth uncertainty of camera, relative to the distance."
+        default=None, description="Depth uncertainty that the camera must reach, relative to the distance."
     )
     uncertainty: PositiveLength | None = Field(
-        default=None, description="Instead of relative: depth uncertainty of camera."
+        default=None, description="Instead of relative: the depth uncertainty that the camera must reach."
     )
     requirement: CameraName | None = Field(
         default=None, description="Instead of equal: the requirement to meet, on any quantity."

@@ -344,7 +344,7 @@ def _members(entry: Entry | None) -> Iterable[str]:
 
 
 def _choice(names: Sequence[str]) -> str:
-    """Offer names: "'log' or 'linear'"."""
+    """List names as choices, such as "'log' or 'linear'"."""
     quoted = [f"'{name}'" for name in names]
     return f"{', '.join(quoted[:-1])} or {quoted[-1]}" if len(quoted) > 1 else quoted[0]
 

@@ -117,7 +117,7 @@ class FresnelValidityPart(Part):
         description="Radii of the windows over which point-spread functions are compared, in Airy radii."
     )
     path_errors: Annotated[tuple[PositiveWaves, ...], Field(min_length=1, max_length=6)] = Field(
-        description="Bounds on the neglected path for the bounded criterion."
+        description="Largest path errors to allow in the criterion path-error."
     )
     error_limit: PositiveFraction = Field(description="Largest error at which Fresnel counts as good enough.")
     tolerance: IntensityTolerance = Field(description="Relative numerical error of each computed intensity.")
@@ -134,7 +134,7 @@ class FresnelValidityPart(Part):
 
 
 class PointSpreadPart(Part):
-    """Point spread behind each lens, with one quantity at a time varied from the declared lens."""
+    """Point spread behind each lens, with one quantity varied at a time."""
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
         description="Lenses by name."

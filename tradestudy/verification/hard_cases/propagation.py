@@ -293,7 +293,7 @@ def _failing() -> tuple[OutcomeCase, ...]:
         ),
         OutcomeCase(
             name="Sobol indices with an output that is not a number",
-            law="indices are refused with the share that is not finite",
+            law="indices are refused, and the fraction that is not finite is stated",
             naive=lambda: _quietly(naive_sobol),
             ours=our_sobol,
             expected=("nan", "not finite"),
