@@ -69,7 +69,7 @@ def transfer(spread: Spread, band: float) -> FloatArray:
 
 
 def filter_width(whole: FloatArray, nodes: FloatArray, band: float) -> float:
-    """Standard deviation of the Gaussian that, placed on the nodes, best approximates a spread.
+    """Standard deviation of the Gaussian that, placed on every node, best approximates a spread.
 
     It is the best fit to the transfer functions along both axes up to a band, with frequencies weighted by ν⁻², for the
     spectra of textures and the number of frequencies.

@@ -300,7 +300,7 @@ def _discriminator(document: Document, finding: _Finding) -> Problem:
 
 
 def _name_message(finding: _Finding) -> str:
-    """Message for an invalid freely chosen key."""
+    """Message for an invalid key of those that a study chooses freely, such as the name of a camera."""
     if finding.kind == "string_too_long":
         return f"this name is too long; at most {finding.context['max_length']} characters are expected"
     return f"this is not a valid name; {_NAME} is expected"
