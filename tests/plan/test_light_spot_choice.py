@@ -174,7 +174,7 @@ def test_boundary_waves_act_only_where_they_are_forced() -> None:
     assert slots["main_lens_diffraction"] == slots["microlens_diffraction"] == ("off", "fresnel", "kirchhoff")
     square = "light_spot.microlenses.aperture=square"
     for wrong in (["light_spot.methods=[kirchhoff-boundary-wave]"], ["effects={microlens_diffraction: boundary_wave}"]):
-        with pytest.raises(StudyError, match="run around circles"):
+        with pytest.raises(StudyError, match="aperture is square; use kirchhoff"):
             spot(square, "claims={}", *wrong)
 
 
@@ -208,7 +208,7 @@ def test_every_choice_changes_the_picture() -> None:
 
 
 def test_a_tolerance_belongs_to_methods() -> None:
-    with pytest.raises(StudyError, match="belongs to methods"):
+    with pytest.raises(StudyError, match=r"give methods, or accuracy\.pixel_intensity"):
         spot("light_spot.methods=[]", "claims={}")
 
 

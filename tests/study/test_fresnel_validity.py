@@ -261,7 +261,7 @@ def test_figures_and_report_show_it(result: Result, tmp_path: Path) -> None:
         ("fresnel_validity.elements.main-lens.object_distance=10 mm", "must exceed the focal length"),
         ("fresnel_validity.lens_phases=[parabolic, parabolic]", "lens_phases: repeats"),
         ("claims.F1.element=mainlens", "no element 'mainlens'"),
-        ("claims.F4.path_error=0.1 waves", "belongs to the criterion path-error"),
+        ("claims.F4.path_error=0.1 waves", "by the criterion path-error"),
         ("fresnel_validity=null", "has no element"),
         ("fresnel_validity.f_numbers.to=1", "must lie beyond from"),
         ("fresnel_validity.f_numbers=[4, 2.8]", "must increase"),

@@ -1,1 +1,1 @@
-"""Which effects a scene needs: slots of effects, models with bounds and costs, and the choice among them."""
+"""Which effects a scene needs: their models, and the choice of the cheapest ones within the tolerance."""

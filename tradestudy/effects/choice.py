@@ -16,7 +16,7 @@ from tradestudy.units import FRACTION, pretty
 
 NAMED: Final = "forced by the study"
 Evidence = Literal["computed", "rule", "trial"]
-"""How a change is known: computed everywhere, by a closed rule with a margin, or tried at a few places."""
+"""How a change is known: computed everywhere, estimated by a rule with a margin, or tried at a few places."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,13 +26,13 @@ class Change:
     Parameters
     ----------
     relative
-        The largest relative change to be expected; infinite where none can be stated.
+        The largest relative change expected; infinite if it is unknown.
     least
-        Known lower bound of the change; no trial can bring it below.
+        Known lower bound of the change, which no trial can lower.
     evidence
-        How the change is known. A rule and a trial are evidence, not bounds; the number includes their margins.
+        How the change is known. Rules and trials are evidence, not bounds; the number includes their margins.
     at
-        Distance at which the change is largest [m]; NaN where it has no distance.
+        Distance at which the change is largest [m]; NaN if it has none.
     """
 
     relative: float
@@ -55,10 +55,10 @@ class Slot:
     saves_time
         Whether a simpler model is faster; if not, the most complete one is used.
     costly
-        Rank of the most complete model among those that take far longer than all others, so that they are replaced
-        first, beginning with the highest rank; 0 if it does not.
+        Rank of the most complete model among those that take far longer than all others; these are replaced first, from
+        the highest rank down. 0 if the model does not take that long.
     reason
-        Why there is only one model; empty where there are several.
+        Why there is only one model; empty if there are several.
 
     Raises
     ------
@@ -73,7 +73,7 @@ class Slot:
     reason: str = ""
 
     def under(self, forced: Models) -> Slot:
-        """The same effect with the one model that the study forces, if it forces one."""
+        """The effect with the single model that the study forces, if it does."""
         if (named := forced.get(self.name)) is None:
             return self
         return replace(self, models=(named,), reason=NAMED)
@@ -91,7 +91,7 @@ class SimulationProblem(ABC):
     name: str
     title: str
     asked: tuple[Quantity, ...]
-    """The quantities that the question uses; only these decide."""
+    """The quantities that the question uses; they alone determine the choice."""
     slots: tuple[Slot, ...]
     """Effects in the order in which simpler models are tried: those that save the most time first."""
 
@@ -102,18 +102,18 @@ class SimulationProblem(ABC):
 
     @abstractmethod
     def changes(self, models: Models) -> Changes:
-        """How much a set of models changes each asked quantity, as far as is known yet."""
+        """How much a set of models changes each quantity of the question, as far as known."""
 
     def other_models(self, models: Models) -> Mapping[str, Models]:  # noqa: ARG002  # most problems use one set everywhere
         """Readings and inverse questions that need other models than these, by name."""
         return {}
 
     def unasked(self, models: Models) -> Changes:  # noqa: ARG002  # most problems have nothing else to show
-        """Changes of quantities that are shown but do not decide."""
+        """Changes of quantities that are shown but do not affect the choice."""
         return {}
 
     def try_out(self, models: Models) -> bool:  # noqa: ARG002  # some problems have nothing to try
-        """Try a more expensive model at a few places, so that `changes` is known better; False if none is left."""
+        """Try a more expensive model at a few places, to improve `changes`; False if none is left to try."""
         return False
 
 
@@ -139,7 +139,7 @@ class Decision:
 
     @cached_property
     def changes(self) -> Changes:
-        """Changes due to this model alone, with the most complete models of all other effects."""
+        """Changes due to this model alone, with the most complete model of every other effect."""
         return self.alone()
 
 
@@ -163,7 +163,7 @@ class Choice:
 
     @cached_property
     def changes(self) -> Changes:
-        """Changes due to all omissions together, of the asked quantities and of others that are shown."""
+        """Changes due to all simplifications together, in quantities of the question and others that are shown."""
         return {**self.problem.changes(self.models), **self.problem.unasked(self.models)}
 
     @cached_property
@@ -189,17 +189,17 @@ class Choice:
 
 
 def choose(problem: SimulationProblem, tolerances: Mapping[Quantity, float], forced: Models) -> Choice:
-    """Replace models by simpler ones, effect by effect, as long as all asked quantities stay within their tolerance.
+    """Replace models by simpler ones, effect by effect, as long as every quantity asked for stays within its tolerance.
 
-    Costly models go first, so that no other omission uses up the tolerance before. Every replacement is judged together
-    with those before it, so that omissions do not have to be added up.
+    Costly models are replaced first, before other simplifications use up the tolerance. Every replacement is judged
+    together with those before it, so that their changes need not be added up.
 
     Parameters
     ----------
     problem
-        The problem; where a model is forced, its slot offers no other.
+        The problem; if a model is forced, its slot offers no other.
     tolerances
-        Largest relative change that all omissions together may cause, for every asked quantity.
+        Largest relative change that all simplifications together may cause, for every quantity asked for.
     forced
         The models that the study forces.
 
@@ -228,12 +228,12 @@ def _first_that_fits(
     chosen: Models,
     tolerances: Mapping[Quantity, float],
 ) -> str:
-    """The first of some models of an effect that fits with the models chosen so far; the chosen one if none does."""
+    """The first model of an effect that, with those chosen so far, keeps the tolerances; else the chosen one."""
     return next((model for model in models if _fits(problem, {**chosen, slot: model}, tolerances)), chosen[slot])
 
 
 def _fits(problem: SimulationProblem, models: Models, tolerances: Mapping[Quantity, float]) -> bool:
-    """Whether a set of models answers within the tolerances, with trials where these can decide."""
+    """Whether a set of models keeps the tolerances, after trials if these can decide."""
     while True:
         found = problem.changes(models)
         over = [(found[q], tolerances[q]) for q in problem.asked if found[q].relative > tolerances[q]]

@@ -1,4 +1,4 @@
-"""The models of every effect, from the cheapest to the most complete, and the problems that each can be used for."""
+"""The models of every effect, from the cheapest to the most complete, and the problems for which each can be used."""
 
 from __future__ import annotations
 
@@ -57,12 +57,12 @@ _MODELS: Final[Mapping[SlotName, Mapping[str, tuple[Use, ...]]]] = {
 
 
 def models_of(slot: SlotName, use: Use | None = None) -> tuple[str, ...]:
-    """Names of an effect's models, from the cheapest to the most complete; for one use, or for any."""
+    """Names of an effect's models for one use, or for any, from the cheapest to the most complete."""
     uses = _EVERY if use is None else (use,)
     return tuple(name for name, own in _MODELS[slot].items() if not set(uses).isdisjoint(own))
 
 
 LENSES: Final[tuple[SlotName, SlotName]] = ("main_lens_diffraction", "microlens_diffraction")
-"""Diffraction at each lens, in the order in which light passes them."""
+"""Diffraction at each lens, in the order in which light passes the lenses."""
 EFFECTS: Final[tuple[SlotName, ...]] = tuple(_MODELS)
-"""Every effect except the sampling of a picture, whose models are tolerances."""
+"""Every effect except sampling, whose models are tolerances."""

@@ -48,7 +48,7 @@ _AT: Final[Mapping[SlotName, str]] = {
 
 
 def left_out(slot: SlotName, model: str) -> str:
-    """What a model of an effect leaves out compared with the most complete one."""
+    """What a model of an effect leaves out, compared with the most complete one."""
     if model == OFF or model not in _LEFT_OUT:
         return EFFECT[slot]
     return _LEFT_OUT[model] + (_AT.get(slot, "") if model in ("airy", "fresnel") else "")

@@ -20,9 +20,9 @@ from typing import Any, Final
 
 FOLDER: Final = ".unfinished"
 _SUFFIX: Final = ".points"
-_MARK: Final = bytes.fromhex("8f7470 6f696e74 0a")  # starts a record; no text starts with these bytes
+_MARK: Final = bytes.fromhex("8f7470 6f696e74 0a")  # starts every record; no text starts with these bytes
 _HEAD: Final = struct.Struct(f"<{len(_MARK)}s32sQ32s")  # mark, key, length of the content, checksum
-# The numpy and built-in types that a value on disk may contain, besides this package's dataclasses.
+# Types of numpy and Python that a value on disk may contain, besides this package's dataclasses.
 _NUMPY: Final = frozenset({"_reconstruct", "_frombuffer", "scalar", "ndarray", "dtype"})
 _BUILTINS: Final = frozenset({"complex", "set", "frozenset", "slice", "range"})
 
@@ -30,16 +30,16 @@ _BUILTINS: Final = frozenset({"complex", "set", "frozenset", "slice", "range"})
 class Checkpoints:
     """Values of finished points, in a hidden folder inside the output folder.
 
-    Each run appends to its own file, one record per finished point: key, length, SHA-256, value. Incomplete records
-    and records whose checksum does not match are ignored. A run only reads the files of other runs; once it finishes,
-    it removes those that no running process holds.
+    Each run appends to its own file a record for every finished point: key, length, SHA-256, value. Incomplete records
+    and those whose checksum does not match are ignored. A run only reads the files of other runs; when it finishes, it
+    removes those that no running process has locked.
 
     Parameters
     ----------
     directory
-        The output folder; nothing is created in it until a point is finished.
+        The output folder; nothing is created in it before a point is finished.
     fresh
-        Whether to remove what earlier runs left instead of reading it.
+        Whether to remove the points of earlier runs instead of reading them.
     """
 
     def __init__(self, directory: Path, *, fresh: bool = False) -> None:
@@ -59,7 +59,7 @@ class Checkpoints:
             if key in self._index:
                 file, start, length = self._index[key]
                 file.seek(start)
-                with contextlib.suppress(UnpicklingError):  # no run wrote this record
+                with contextlib.suppress(UnpicklingError):  # not a record that a run wrote
                     values[place] = _Unpickler(io.BytesIO(file.read(length))).load()
         return values
 
@@ -70,7 +70,7 @@ class Checkpoints:
             self._own = self._begin()
         head = _HEAD.pack(_MARK, key, len(content), _checksum(key, content))
         rest = memoryview(head + content)
-        while rest:  # a nearly full disk accepts a part and refuses the next
+        while rest:  # an almost full disk may accept only part of the record
             rest = rest[self._own.write(rest) :]
 
     def close(self) -> None:
@@ -80,23 +80,25 @@ class Checkpoints:
         self._own, self._read, self._index = None, [], {}
 
     def remove(self) -> None:
-        """Remove the folder, except files that other running processes write to."""
+        """Remove the folder, except files to which other running processes write."""
         self.close()
         for path in self._folder.glob(f"*{_SUFFIX}"):
             with contextlib.suppress(OSError), path.open("rb", buffering=0) as file:
                 if _held(file):
                     path.unlink()
-        with contextlib.suppress(OSError):  # the folder is missing, or still holds another run's file
+        with contextlib.suppress(OSError):  # the folder is missing, or contains a file of another running process
             self._folder.rmdir()
 
     def _begin(self) -> FileIO:
-        """Create a file that no other run writes to, locked against removal."""
+        """Create a file of this run alone, locked against removal."""
         while True:
             self._folder.mkdir(parents=True, exist_ok=True)
-            with contextlib.suppress(FileNotFoundError):  # a run that has just finished removed the folder
+            with contextlib.suppress(
+                FileNotFoundError
+            ):  # another run may have finished just now and removed the folder
                 file = FileIO(self._folder / f"{secrets.token_hex(8)}{_SUFFIX}", "xb")
                 _held(file)
-                if os.fstat(file.fileno()).st_nlink:  # nobody removed it before the lock was taken
+                if os.fstat(file.fileno()).st_nlink:  # no other run removed it before it was locked
                     return file
                 file.close()
 
@@ -118,7 +120,7 @@ def _whole_records(content: bytes) -> Iterator[tuple[bytes, int, int]]:
         if start + length <= len(content) and _checksum(key, content[start : start + length]) == checksum:
             yield key, start, length
             place = content.find(_MARK, start + length)
-        else:  # damaged, so the length cannot be trusted either
+        else:  # the record is damaged, so its length cannot be trusted
             place = content.find(_MARK, place + 1)
 
 
@@ -129,7 +131,7 @@ def _checksum(key: bytes, content: bytes) -> bytes:
 def _held(file: FileIO) -> bool:
     """Lock a file for as long as it is open; False if another run holds the lock."""
     if os.name != "posix":
-        return True  # open files cannot be removed there
+        return True  # there, open files cannot be removed anyway
     import fcntl
 
     try:
@@ -140,9 +142,9 @@ def _held(file: FileIO) -> bool:
 
 
 class _Unpickler(pickle.Unpickler):
-    """Loads only this package's dataclasses, numpy arrays and plain values: an output folder may come from a stranger.
+    """Loads only this package's dataclasses, numpy arrays and plain values, because anyone may have written the folder.
 
-    Anything else in the bytes raises `pickle.UnpicklingError`.
+    Anything else raises `pickle.UnpicklingError`.
     """
 
     def find_class(self, module: str, name: str) -> Any:

@@ -18,24 +18,24 @@ from tradestudy.execution.fingerprint import environment
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-# Checked here because a client that cannot parse its address neither starts nor fails.
+# Checked here because a client with an invalid address neither starts nor fails.
 _ADDRESS: Final = re.compile(r"(tcp|tls|ws|wss)://[^\s/:]+:\d{1,5}")
 _SAME_CODE: Final = "install the same tradestudy and libraries on every worker as here"
 _GRAIN: Final = 0.2
-"""Seconds of work sent to a worker at once: one point, or several cheap ones, because sending takes 20 ms."""
-_LOOK_AGAIN: Final = 2.0  # s without a result before the cluster is checked
-_WITHOUT_WORKERS: Final = 30.0  # s without any worker before the cluster is given up
+"""Seconds of work to send to a worker at once, a point or several short ones, because sending takes 20 ms."""
+_LOOK_AGAIN: Final = 2.0  # seconds without a result after which the cluster is checked
+_WITHOUT_WORKERS: Final = 30.0  # seconds without a worker after which the cluster counts as lost
 
 
 class ClusterLostError(TradestudyError):
-    """The cluster went away during a run."""
+    """The cluster was lost during a run."""
 
 
 @dataclass(frozen=True)
 class DaskCluster:
-    """A Dask cluster, found by the address of its scheduler; its workers must run exactly this version of the program.
+    """A Dask cluster, given by the address of its scheduler; its workers must run exactly this version of the program.
 
-    When a worker dies, Dask gives the points that it was computing to others.
+    If a worker dies, Dask gives its points to other workers.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class DaskCluster:
         Raises
         ------
         UnavailableError
-            Dask is not installed, the scheduler does not answer, it has no workers, or a worker runs other code.
+            Dask is not installed, the scheduler does not answer or has no workers, or a worker runs different code.
         """
         with self._connected():
             pass
@@ -67,7 +67,7 @@ class DaskCluster:
         Raises
         ------
         ClusterLostError
-            The scheduler or the last worker went away.
+            The scheduler or the last worker was lost.
         """
         if not points:
             return
@@ -158,7 +158,7 @@ class DaskCluster:
                 )
 
     def _done(self, client: Client, underway: Iterable[Future[Any]]) -> Iterable[Future[Any]]:
-        """Wait until points are done; raise if the cluster is lost meanwhile."""
+        """Wait until some points are done; raise if the cluster is lost meanwhile."""
         from distributed import wait
 
         with_workers = time.monotonic()
@@ -166,10 +166,10 @@ class DaskCluster:
             try:
                 with client.as_current():
                     found = wait(list(underway), timeout=_LOOK_AGAIN, return_when="FIRST_COMPLETED")
-            except TimeoutError:  # look at the cluster
+            except TimeoutError:  # time to check the cluster
                 if self._has_workers(client):
                     with_workers = time.monotonic()
-            except Exception as error:  # futures are cancelled when the scheduler goes away
+            except Exception as error:  # futures are cancelled when the scheduler is lost
                 raise self._lost() from error
             else:
                 done: set[Future[Any]] = found.done
@@ -179,7 +179,7 @@ class DaskCluster:
     def _has_workers(self, client: Client) -> bool:
         try:
             return bool(client.nthreads())
-        except Exception as error:  # whatever the client raises when its scheduler is gone
+        except Exception as error:  # the client may raise anything when it has lost its scheduler
             raise self._lost() from error
 
     def _lost(self) -> ClusterLostError:
@@ -196,7 +196,7 @@ class DaskCluster:
 def _compute(
     function: Callable[[Point], Value], points: Sequence[Point], expected: dict[str, str]
 ) -> tuple[float, list[Value | Raised]]:
-    """Compute a chunk on a worker; return seconds and values. The worker may have joined after the others' check."""
+    """Compute a chunk on a worker; return seconds and values. Check the worker too, as it may have joined late."""
     if environment() != expected:
         raise RuntimeError(f"the worker runs other code than the run: {environment()}, not {expected}")
     begin = time.perf_counter()

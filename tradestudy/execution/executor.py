@@ -1,4 +1,4 @@
-"""The interface of everything that computes points, and its two simplest forms; all give the same bits."""
+"""The interface of executors, which compute points, and its two simplest implementations; all give identical bits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Value = TypeVar("Value")
 
 @dataclass(frozen=True)
 class Raised:
-    """An error on its way to the caller; its traceback travels as a note, for ``--debug``."""
+    """An error returned to the caller, with its traceback as a note for ``--debug``."""
 
     error: Exception
 
@@ -28,7 +28,7 @@ class Raised:
 
 
 def _raised_elsewhere(kind: type[Exception], arguments: tuple[Any, ...], state: dict[str, Any], trace: str) -> Raised:
-    # Bypass the constructor: this package's errors take keywords, which the standard pickling of exceptions drops.
+    # Bypass the constructor: this package's errors take keywords, which standard pickling of exceptions drops.
     error = kind.__new__(kind, *arguments)
     error.args = arguments
     error.__dict__.update(state)
@@ -39,7 +39,7 @@ def _raised_elsewhere(kind: type[Exception], arguments: tuple[Any, ...], state: 
 def attempt(function: Callable[[Point], Value], point: Point) -> Value | Raised:
     """Compute one point; return its error instead of raising it.
 
-    A library that ends the program ends the point alone: its status says nothing about the run.
+    If a library tries to end the program, only this point fails.
     """
     try:
         return function(point)
@@ -71,7 +71,7 @@ class Executor(Protocol):
         LostPointError
             Workers died repeatedly over one point.
         UnavailableError
-            The means of computing is missing.
+            The requested workers cannot be reached or used.
         """
         ...
 
@@ -116,7 +116,7 @@ def refuse_fewer_than_one(count: int, what: str) -> None:
 
 @dataclass(frozen=True)
 class Threads:
-    """Threads of this process, which start at no cost and share its memory and its interpreter.
+    """Threads of this process, which cost nothing to start and share its memory and interpreter.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Hashes of all that the bits of a value depend on: the content of its point, the code and the libraries."""
+"""Hashes of everything that determines a value to the bit: the content of its point, the code and the libraries."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _COMPUTING = ("numpy", "scipy", "finufft", "emcee", "arviz-stats")
 def fingerprint(*values: object) -> bytes:
     """SHA-256 of numbers, strings, arrays, ordered mappings, lists, dataclasses, module-level functions and classes.
 
-    Pickles do not serve: their bytes depend on which parts are the same object, and on the order of sets.
+    Pickles are unsuitable: their bytes depend on object identities and on the order of sets.
 
     Raises
     ------
     TypeError
-        For any other value: values that cannot be distinguished must not be confused.
+        For any other value, since different values must never share a hash.
     """
     parts: list[bytes] = []
     _tell(values, parts)
@@ -68,7 +68,7 @@ def _tell(value: Any, parts: list[bytes]) -> None:
 
 
 def _inside(value: Any) -> list[Any] | None:
-    """The parts that an object consists of; None if they are unknown."""
+    """The parts of an object; None if they are unknown."""
     names = _fields_of(value.__class__)
     if names is not None:
         return [getattr(value, name) for name in names]

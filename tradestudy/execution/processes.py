@@ -28,17 +28,17 @@ from tradestudy.execution.executor import (
 )
 
 MOST_DEATHS: Final = 3
-"""Workers that may die over one point before the run gives up on it."""
-_BEGINNING: Final = -1  # index of no point: the worker is starting
+"""Number of workers that may die over one point before the run stops."""
+_BEGINNING: Final = -1  # in place of an index while a worker starts
 _NO_COMPLAINT: Final = "ignore:resource_tracker"
-# Workers are forked from a process without threads. A fork of this process would copy locks that its threads hold; on
-# macOS no fork is safe.
+# Workers are forked from a process without threads: a fork of this one would copy locks held by its threads. On macOS,
+# no fork is safe.
 _FORKING: Final = sys.platform == "linux"
 
 
 @dataclass(frozen=True)
 class _Worker:
-    """One process, in a pool of its own: a death breaks the whole pool without saying which point caused it."""
+    """One process, in its own pool: a dying process breaks its whole pool without showing which point caused it."""
 
     pool: ProcessPoolExecutor
     run: Connection
@@ -46,7 +46,7 @@ class _Worker:
 
     @classmethod
     def started(cls) -> tuple[_Worker, Future[int]]:
-        """A new worker, and what is done when it has started."""
+        """A new worker, and a future that is done once it has started."""
         watched, run = multiprocessing.Pipe(duplex=False)
         with _started_quietly():
             context = multiprocessing.get_context("forkserver" if _FORKING else "spawn")
@@ -59,8 +59,8 @@ class Processes:
     """Worker processes, each with its own interpreter; one that dies is replaced.
 
     Each runs the calling script again, which needs the usual ``if __name__ == "__main__":`` guard. They wait for
-    further points until `close`, or as long as this object lives. On Linux, what they are forked from begins to load at
-    once, and stays until the program ends.
+    further points until `close`, or as long as this object exists. On Linux, the process from which they are forked
+    starts loading at once and stays until the program ends.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class Processes:
     def map_unordered(
         self, function: Callable[[Point], Value], points: Sequence[Point]
     ) -> Generator[tuple[int, Value | Raised], None, None]:
-        """See `Executor.map_unordered`; a worker holds one point at a time, so a death costs only that point."""
+        """See `Executor.map_unordered`; a worker has one point at a time, so its death costs only that point."""
         waiting = deque(range(len(points)))
         deaths: Counter[int] = Counter()
         underway: dict[Future[Any], tuple[_Worker, int]] = {}
@@ -99,7 +99,7 @@ class Processes:
                 return
             try:
                 future = worker.pool.submit(attempt, function, points[waiting[0]])
-            except BrokenProcessPool:  # its process died between two points
+            except BrokenProcessPool:  # the process died between two points
                 _end([worker])
                 start()
             else:
@@ -127,9 +127,9 @@ class Processes:
                         waiting.appendleft(index)
                         start()
                         continue
-                    except Exception as error:  # not from the point: its errors arrive as values
+                    except Exception as error:  # not an error of the point, which would arrive as a value
                         outcome = Raised(TypeError(f"the value of a point cannot be sent: {error}"))
-                    employ(worker)  # before the result is yielded, so that no worker waits for the consumer
+                    employ(worker)  # before yielding, so that no worker waits for the consumer
                     if index != _BEGINNING:
                         yield index, outcome
         finally:
@@ -142,7 +142,7 @@ class Processes:
 
 
 def _end(workers: Sequence[_Worker]) -> None:
-    """End workers at once, whatever they compute."""
+    """End workers at once, even while they compute."""
     for worker in workers:
         worker.run.close()
     for worker in workers:
@@ -151,9 +151,9 @@ def _end(workers: Sequence[_Worker]) -> None:
 
 @contextmanager
 def _started_quietly() -> Iterator[None]:
-    """Block Ctrl-C for processes started here: a terminal sends it to all of them, but the run ends its own workers.
+    """Block Ctrl-C, which a terminal also sends to the processes started here: the run itself ends its workers.
 
-    Also keep the semaphore tracker from complaining when it cleans up after a killed run.
+    Also keep the semaphore tracker from warning when it cleans up after a killed run.
     """
     if os.name != "posix":
         yield
@@ -169,7 +169,7 @@ def _started_quietly() -> Iterator[None]:
 
 
 def _end_with(watched: Connection) -> None:
-    """End this worker as soon as its run closes the other end of the pipe or is killed."""
+    """End this worker as soon as its run is killed or closes the other end of the pipe."""
 
     def watch() -> None:
         with suppress(EOFError):

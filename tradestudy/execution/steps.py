@@ -1,4 +1,4 @@
-"""Long steps of a study made of independent points: resumed, spread over workers, saved and timed."""
+"""Long steps of a study, made of independent points: resumed, spread over workers, saved and timed."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from tradestudy.execution.fingerprint import environment, fingerprint
 
 _GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
 
-# Called with the name of a step and the share of it that is done, from 0 to 1.
+# Called with the name of a step and the fraction of it that is done, from 0 to 1.
 Progress = Callable[[str, float], None]
 
 
-# Wall seconds by name of the task; for run.json, never for results, which must be equal for equal runs.
+# Wall time [s] by name of the task; for run.json, never for results, which must be equal for equal runs.
 Seconds = MutableMapping[str, float]
 
 
@@ -34,20 +34,20 @@ def timed(seconds: Seconds, name: str) -> Iterator[None]:
 
 
 def mixed(count: int) -> list[int]:
-    """Order ``count`` points so that any first fraction of them takes about the same fraction of the time.
+    """An order of ``count`` points in which any first fraction of them takes about that fraction of the time.
 
-    The golden ratio spreads them: neighbours often take equally long, and the first ones lie evenly among all.
+    Neighbouring points often take equally long, so the golden ratio spreads the first ones evenly among all.
     """
     return sorted(range(count), key=lambda k: k * _GOLDEN % 1.0)
 
 
 def shares_before(seconds: Sequence[float], count: int) -> list[float]:
-    """Share of a step that is done before each of its parts and after the last, shape (count + 1,).
+    """Fraction of a step that is done before each of its parts and after the last, shape (count + 1,).
 
     Parameters
     ----------
     seconds
-        Predicted time of each part, in the order of computing; without a prediction, all count the same.
+        Predicted time of each part, in the order of computing; without predictions, all parts count the same.
     count
         Number of parts.
     """
@@ -67,13 +67,13 @@ class Steps:
     Parameters
     ----------
     executor
-        What computes the points.
+        Computes the points.
     checkpoints
-        Where finished points are saved and looked up; None saves nothing.
+        Saves and finds finished points; None: nothing is saved.
     progress
-        Called with the name of a step and the share of it that is done.
+        Called with the name of a step and the fraction of it that is done.
     counts
-        Receives, for each step, how many points were computed and how many were taken from an earlier run.
+        Records, for each step, how many points were computed and how many were taken from an earlier run.
     """
 
     executor: Executor = field(default_factory=Serial)
@@ -94,20 +94,20 @@ class Steps:
         Parameters
         ----------
         step
-            Name of the step, for progress and record.
+            Name of the step, for the progress shown and for run.json.
         function
             A module-level function whose value at a point depends on the point alone.
         points
-            Its arguments; their content, with the code, is the key under which a value is saved.
+            Its arguments; their content and the code make up the key under which a value is saved.
         labels
-            Names of the points for people.
+            Readable names of the points.
         efforts
-            Relative work of each point, from which progress is computed; equal if empty.
+            Relative effort of each point, from which progress is computed; empty: all equal.
 
         Raises
         ------
         DeadlyPointError
-            Workers died repeatedly over one point; its label is given.
+            Workers died repeatedly over one point; the error contains its label.
         Exception
             The error of the first point that fails; all points before it are finished then.
         """
@@ -147,7 +147,7 @@ class Steps:
                 remedy="finished points are kept; find out what ends the workers, such as too little memory",
             ) from lost
         finally:
-            before = self.counts.get(step, {"computed": 0, "taken up": 0})  # a step may compute in several goes
+            before = self.counts.get(step, {"computed": 0, "taken up": 0})  # a step may be computed in several calls
             now = {"computed": len(values) - taken, "taken up": taken}
             self.counts[step] = {name: before[name] + now[name] for name in now}
         return [values[i] for i in range(len(points))]

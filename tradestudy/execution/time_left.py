@@ -1,4 +1,4 @@
-"""Predict how long a run will still take, from its progress so far and the predicted times of its steps."""
+"""Predict the time left of a run, from its progress so far and the predicted times of its steps."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Final
 
-_TELLS: Final = 0.1  # share of a step after which its own pace predicts better than its prediction
+_TELLS: Final = 0.1  # fraction of a step after which its own pace predicts better than its prediction
 
 
 class TimeLeft:
     """Follows the progress of a run and extrapolates the pace of the running step.
 
-    Steps to come, and a step that has hardly begun, are assumed to need their predicted time, scaled by how far off the
-    predictions of the finished steps were.
+    Steps that have hardly begun or not at all are assumed to take their predicted time, scaled by the ratio of measured
+    to predicted time of the finished steps.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class TimeLeft:
         self.predicted = dict(predicted)
 
     def __call__(self, step: str, share: float) -> None:
-        """Note that a share of a step is done, from 0 to 1; a resumed step starts above 0."""
+        """Record the fraction of a step that is done, from 0 to 1; a resumed step starts above 0."""
         now = self.clock()
         if step != self._step:
             if self._step:

@@ -1,1 +1,1 @@
-"""What a picture preserves of a texture at every distance: transfer, noise, light, and the matching error."""
+"""How precisely a matcher measures disparity in a camera's picture, from transfer functions, noise and light."""

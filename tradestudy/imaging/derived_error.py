@@ -28,16 +28,16 @@ from tradestudy.optics.arrays import FloatArray
 if TYPE_CHECKING:
     from tradestudy.imaging.kirchhoff import LatticePoint
 
-# Callers ask for depth at the same distances several times in a row, for parts, limits and failures.
-_REMEMBERED = 64
+# Results to cache: callers compute depth at the same distances several times, for parts, limits and failures.
+_CACHED = 64
 
 
 @dataclass(frozen=True, kw_only=True)
 class PictureDisparityError:
-    """The Cramér–Rao bound of matching plus what a real matcher adds, as a camera's error: a `DisparityErrorLaw`.
+    """A `DisparityErrorLaw`: the Cramér–Rao bound of matching, plus what a real matcher adds.
 
-    It is evaluated at every requested distance (Kirchhoff's correction to Fresnel is interpolated between defoci), and
-    is the same for equal cameras. Whether the bound applies depends on the picture, not on the matcher.
+    It is evaluated at every requested distance; only Kirchhoff's correction to Fresnel is interpolated, between
+    defoci. Equal cameras have equal errors. Whether the bound applies depends on the picture, not on the matcher.
 
     Parameters
     ----------
@@ -55,13 +55,13 @@ class PictureDisparityError:
 
     @property
     def false_matches(self) -> float:
-        """Share of the matches that are false."""
+        """Fraction of matches that are false."""
         return self.matcher.false_matches
 
     def error_px(self, camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
-        """Disparity error of the matcher [samples] at distances [m]; NaN without a picture, or if it shows nothing.
+        """Disparity error of the matcher [samples] at distances [m]; NaN without a picture, or if it shows no texture.
 
-        Off the axis, light and pupil are taken at the angle of the field position instead of the settings' own; blur
+        Off the axis, light and pupil are those at the angle of the field position instead of the settings' own; blur
         and the estimator's baseline are those on the axis.
         """
         value = self.matcher.error_px(self.at_field(camera, field).bound_px(camera, distance))
@@ -79,11 +79,11 @@ class PictureDisparityError:
         return replace(self, settings=replace(self.settings, field_angle=camera.field_angle(field)))
 
     def derived(self, camera: DepthCamera, distance: ArrayLike) -> DerivedDisparityError:
-        """The bound with its numerical error and its violated conditions, over the distances as a flat array."""
+        """The bound, its numerical error and its violated conditions, over the distances as a flat array."""
         return disparity_error_px(camera.picture_geometry(np.ravel(distance)), self.settings, self.models)
 
     def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
-        """Where a matcher can reach the bound: all its conditions hold, not only the one on the value shown."""
+        """Where a matcher can reach the bound: all conditions must hold there, not only that on the bound's value."""
         value, shape = self.bound_px(camera, distance), np.shape(distance)
         broken = violated_conditions(camera.picture_geometry(np.ravel(distance)), self.settings, self.models, value)
         met = ~np.any(list(broken.values()), axis=0)
@@ -104,24 +104,24 @@ class PictureDisparityError:
         return Limit(value=share, bound=1.0, met=share <= 1.0)
 
     def bound_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
-        """The bound [samples] as a flat array; NaN without a picture, infinite where it shows nothing."""
+        """The bound [samples] as a flat array; NaN without a picture, infinite where it shows no texture."""
         a = np.ascontiguousarray(distance, dtype=np.float64)
         return _bound_px(camera.as_pictured, self.settings, self.models, a.tobytes())
 
     def picture(self, camera: DepthCamera, distance: FloatArray) -> WeighedPicture:
-        """The picture that `bound_px` weighs, for other models: the transfers of its lenses are computed once."""
+        """The picture for which `bound_px` computes the bound; other models can share its transfer functions."""
         return _picture(camera.as_pictured, self.settings, np.ascontiguousarray(distance).tobytes())
 
 
 def at_bound(camera: DepthCamera) -> DepthCamera:
-    """The camera with a matcher at the bound; unchanged if its error is declared."""
+    """The camera with a matcher that reaches the bound; unchanged if its error is declared."""
     law = camera.disparity_error_px
     if not isinstance(law, PictureDisparityError) or law.matcher == AT_BOUND:
         return camera
     return replace(camera, disparity_error_px=replace(law, matcher=AT_BOUND))
 
 
-@lru_cache(maxsize=_REMEMBERED)
+@lru_cache(maxsize=_CACHED)
 def _bound_px(camera: DepthCamera, settings: PictureSettings, models: PictureModels, distance: bytes) -> FloatArray:
     found = _picture(camera, settings, distance).bound_px(models)
     found.setflags(write=False)

@@ -1,7 +1,7 @@
 """Diffraction and defocus together by Kirchhoff's integral: the Hankel transform of the intensity on the sensor.
 
-The correction to Fresnel's transfer is computed on a lattice and interpolated. If the plane is fixed, the lattice is in
-defocus; if it follows the image, in the logarithm of its distance. The lattice does not depend on the requested
+The correction to Fresnel's transfer function is computed on a lattice and interpolated: over defocus if the plane is
+fixed, over the logarithm of the plane's distance if it follows the image. The lattice does not depend on the requested
 distances, so the result at one distance does not depend on the others.
 """
 
@@ -18,12 +18,12 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.axial_spot import axial_fresnel_spot, axial_kirchhoff_spot
 from tradestudy.optics.quadrature import gauss_legendre
 
-if TYPE_CHECKING:  # importing propagation takes as long as all the rest, and few pictures need it
+if TYPE_CHECKING:  # importing this takes as long as importing everything else, and few pictures need it
     from tradestudy.optics.propagation import LensPhase
 
     LatticePoint = tuple[float, float, float, float, float, LensPhase]  # arguments of `kirchhoff_correction`
 
-# Beyond this a point source is at infinity to all digits that matter, and the paths are still exact.
+# A point source beyond this distance [m] is as good as at infinity, and paths are still exact.
 FARTHEST = 1e6
 _PERIODS = 12
 _PERIODS_PER_PANEL = 4
@@ -37,9 +37,10 @@ _IN_FOCUS_WAVES = 1e-6
 
 
 def correction_at(correction: FloatArray, share: FloatArray) -> FloatArray:
-    """Interpolate corrections of `kirchhoff_correction` at shares of the cut-off; 0 above it, within the error.
+    """Interpolate corrections of `kirchhoff_correction` at fractions of the cut-off; 0 above it, within the error.
 
-    One correction, shape (97,), is evaluated at shares of any shape; several, shape (n, 97), each at its row of shares.
+    One correction, shape (97,), is evaluated at fractions of any shape; of several, shape (n, 97), each is evaluated at
+    its own row of fractions.
     """
     from scipy.interpolate import CubicSpline
 
@@ -56,12 +57,13 @@ def correction_at(correction: FloatArray, share: FloatArray) -> FloatArray:
 def kirchhoff_correction(
     wavelength: float, aperture: float, focal_length: float, distance: float, plane: float, lens_phase: LensPhase
 ) -> tuple[FloatArray, float]:
-    """Kirchhoff's transfer minus Fresnel's at 97 even shares of the cut-off from 0 to 1, and its error.
+    """Kirchhoff's transfer function minus Fresnel's at 97 evenly spaced fractions of the cut-off, and its error.
 
-    The transfer is ``2π ∫ I(r) J₀(2π ν r) r dr`` over the spot of a point on the axis. The spot falls off as 1/r³, so
-    its transform converges slowly; but Fresnel's spot has the same tail and a transform in one smooth integral.
-    Therefore only the difference of the two is transformed, over the geometric blur and 12 periods λ N. The error is
-    that of the spot plus the larger of the contribution of its outer half and the change made by normalising.
+    The transfer function is ``2π ∫ I(r) J₀(2π ν r) r dr`` over the spot of a point on the axis. The spot falls off as
+    1/r³, so its transform converges slowly; but Fresnel's spot has the same tail, and its transform is one smooth
+    integral. Therefore only the difference of the two spots is transformed, over the geometric blur and 12 periods λ N.
+    The error is that of the spot plus the larger of two: the contribution of its outer half, and the change due to
+    normalisation.
     """
     from scipy.special import j0
 
@@ -107,7 +109,7 @@ def kirchhoff_transfers(
     lens_phase: LensPhase,
     interpolated: bool = True,
 ) -> tuple[FloatArray, FloatArray]:
-    """Transfer by Kirchhoff's integral, ``2π ∫ I(r) J₀(2π ν r) r dr``, interpolated between planes or defoci.
+    """Transfer function by Kirchhoff's integral, ``2π ∫ I(r) J₀(2π ν r) r dr``, interpolated between planes or defoci.
 
     Parameters
     ----------
@@ -120,22 +122,22 @@ def kirchhoff_transfers(
     focal_length, plane_distance
         [m], shape (distances,).
     defocus_waves
-        Path error at the rim ``A²/8 (1/a + 1/b − 1/f)/λ``, signed; its object distance is that of the point. 0 is the
-        point that the plane is in focus for. A negative object distance means light that converges towards a point
-        behind the lens; a point beyond 1000 km counts as infinitely far away.
+        Path error at the rim ``A²/8 (1/a + 1/b − 1/f)/λ``, signed; 0 is the point on which the plane is focused. A
+        negative object distance a means light that converges towards a point behind the lens; a point beyond 1000 km
+        counts as infinitely far away.
     interpolated
         Whether to interpolate on the lattice, which many distances share; a few distances are faster one by one.
 
     Returns
     -------
     tuple
-        Transfer, 1 at frequency 0, shape (distances, frequencies), and its error, shape (distances,): that of the
-        lattice points plus the difference of cubic and parabolic interpolation. NaN where a length is NaN.
+        Transfer function, 1 at frequency 0, shape (distances, frequencies), and its error, shape (distances,): that of
+        the lattice points plus the difference of cubic and parabolic interpolation. NaN where a length is NaN.
 
     Raises
     ------
     TradestudyError
-        The lens phase is neither of the two, or a point needs more nodes than are allowed.
+        The lens phase is unknown, or a point needs more nodes than are allowed.
     """
     value, error = np.full_like(frequency, np.nan), np.full(len(frequency), np.nan)
     lengths = np.stack(np.broadcast_arrays(focal_length, plane_distance, defocus_waves))
@@ -192,7 +194,7 @@ def lattice_points(
 def _points_around(
     wavelength: float, aperture: float, focal_length: float, plane: float, waves: float, lens_phase: LensPhase
 ) -> tuple[LatticePoint, ...]:
-    """The lattice points between which a transfer is interpolated, in order."""
+    """The lattice points between which a transfer function is interpolated, in order."""
     first = math.floor(_place(np.asarray(plane), np.asarray(waves))) - 1
     found = []
     for j in range(first, first + _POINTS):
@@ -211,17 +213,17 @@ def _point(
 
 
 def _is_fixed(defocus_waves: FloatArray) -> BoolArray:
-    """Whether the plane is fixed, out of focus, instead of following the image."""
+    """Whether the plane is fixed and out of focus, instead of following the image."""
     return np.asarray(np.abs(defocus_waves) > _IN_FOCUS_WAVES)
 
 
 def _place(plane_distance: FloatArray, defocus_waves: FloatArray) -> FloatArray:
-    """Position on the lattice, in its steps."""
+    """Position on the lattice, in lattice steps."""
     along_plane = np.log(plane_distance) / _LOG_PLANE
     return np.asarray(np.where(_is_fixed(defocus_waves), defocus_waves / _WAVES, along_plane))
 
 
 def _lagrange(place: FloatArray, count: int) -> FloatArray:
-    """Weights of values at 0, 1 … count − 1, shape (places, count)."""
+    """Lagrange weights of the values at 0, 1 … count − 1, shape (places, count)."""
     nodes = range(count)
     return np.stack([np.prod([(place - m) / (n - m) for m in nodes if m != n], axis=0) for n in nodes], axis=-1)

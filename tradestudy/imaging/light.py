@@ -1,4 +1,4 @@
-"""Electrons in a pixel and their noise, the loss of light towards the edge of the field, and light from neighbours."""
+"""Electrons in a pixel and their noise, vignetting, and light from neighbouring microlenses."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from tradestudy.optics.quadrature import gauss_legendre
 
 # Nodes of the integral over a neighbour's light.
 _LEAST_NODES: Final = 32
-_NODES_PER_CYCLE: Final = 3  # of the product of the Bessel functions
-_LEAST_WINDOW_PX: Final = 1e-3  # as good as a point
-_STEP: Final = 32  # so that few rules serve all pictures
+_NODES_PER_CYCLE: Final = 3  # for each cycle of the product of Bessel functions
+_LEAST_WINDOW_PX: Final = 1e-3  # acts as a point
+_STEP: Final = 32  # node counts are multiples of this, so that few rules serve all pictures
 
 SensorNoiseModel = Literal["off", "shot", "shot+read", "shot+read+quantisation"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Light:
-    """Scene and exposure, expressed as the electrons that a pixel collects of the mean radiance.
+    """Light and exposure of a scene, as the electrons that a pixel collects at mean radiance.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class Light:
         Image distance over pupil diameter to which `electrons` refers.
     pixel_pitch
         Pitch [m] of the pixel to which `electrons` refers, so that larger pixels collect more; None: every pixel
-        collects `electrons`, whatever its size.
+        collects `electrons`, regardless of its size.
 
     Raises
     ------
@@ -59,18 +59,18 @@ class Light:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorNoise:
-    """The noise and the range of a sensor.
+    """Noise, saturation and digitisation of a sensor.
 
     Parameters
     ----------
     read_noise_electrons
         Standard deviation of one reading.
     full_well_electrons
-        Where a pixel saturates.
+        Electrons at which a pixel saturates.
     bits
-        Of a raw value.
+        Bits of a raw value.
     gain
-        Digital numbers for an electron K; None: all numbers over the full well.
+        K: digital numbers for each electron; None: the full well fills the range of the digitiser.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def mean_electrons(light: Light, f_number: ArrayLike, pixel_pitch: float, illumi
     Parameters
     ----------
     light
-        Scene and exposure.
+        Light and exposure of the scene.
     f_number
         Working f-number N = b/A = N_∞ (1 + m) of the cone that reaches the pixel.
     pixel_pitch
@@ -118,21 +118,21 @@ def mean_electrons(light: Light, f_number: ArrayLike, pixel_pitch: float, illumi
 
 
 def noise_variance(electrons: ArrayLike, sensor: SensorNoise, model: SensorNoiseModel) -> FloatArray:
-    """Variance of one pixel [electrons²]: ``n + σ_r² + q²/12``, q the step of the digitiser, as far as the model goes.
+    """Variance of one pixel [electrons²]: those terms of ``n + σ_r² + q²/12`` that the model includes.
 
     Parameters
     ----------
     electrons
-        Mean electrons n. Shot noise is evaluated at the mean, which is right on average over the texture.
+        Mean electrons n. Shot noise is evaluated at the mean, which is correct on average over the texture.
     sensor
-        Read noise and step.
+        Read noise σ_r and step q of the digitiser.
     model
-        Which of the three terms count.
+        Which of the three terms to include.
 
     Notes
     -----
-    Quantisation counts as uniform, independent noise. That is right if the other noise exceeds about half a step; with
-    less, neighbouring pixels err together and the bound is too optimistic.
+    Quantisation is treated as uniform, independent noise. This holds if the other noise exceeds about half a step; with
+    less, the errors of neighbouring pixels are correlated and the bound is too optimistic.
     """
     n = np.asarray(electrons, dtype=np.float64)
     read = np.full_like(n, sensor.read_noise_electrons**2)
@@ -152,14 +152,13 @@ def noise_variance(electrons: ArrayLike, sensor: SensorNoise, model: SensorNoise
 def field_illumination(field_angle: float, *, pupil_diameter: float, stop_separation: float) -> float:
     """Illumination relative to that on the axis: ``cos⁴θ · (2/π)(arccos s − s √(1 − s²)), s = L tan θ / A``.
 
-    The fourth power of the cosine holds for a lens whose pupil looks the same from everywhere; the other factor is the
-    share of the pupil's area that two equal round stops at a distance leave. At 32.5° off the axis the cosines leave
-    0.506.
+    The fourth power of the cosine holds for a lens whose pupil looks the same from all field positions; the other
+    factor is the fraction of the pupil's area that two equal round stops leave. At 32.5° off the axis, cos⁴θ is 0.506.
 
     Parameters
     ----------
     field_angle
-        θ of the chief ray against the axis [rad], from 0 to below 90°.
+        θ between chief ray and axis [rad], from 0 to below 90°.
     pupil_diameter
         A [m].
     stop_separation
@@ -177,9 +176,9 @@ def field_illumination(field_angle: float, *, pupil_diameter: float, stop_separa
 def radial_pupil_width(field_angle: float, *, pupil_diameter: float, stop_separation: float) -> float:
     """Width of the pupil along the field's radius, relative to its diameter: ``1 − s, s = L tan θ / A``, at least 0.
 
-    It is the overlap of two equal round stops. Perpendicular to that direction it is √(1 − s²): the radial width is the
-    smaller one. Widths are measured in the plane of the pupil; seen along the ray, a width in that direction is
-    foreshortened by cos θ, 0.843 at 32.5°, which `field_illumination` includes as light.
+    The pupil is the overlap of two equal round stops. Its tangential width, √(1 − s²), is the larger one. Widths are
+    measured in the plane of the pupil; seen along the ray, the radial one is foreshortened by cos θ, 0.843 at 32.5°,
+    which `field_illumination` includes.
 
     Parameters and errors as for `field_illumination`.
     """
@@ -204,13 +203,15 @@ def require_field_and_stops(field_angle: float, stop_separation: float) -> None:
 def neighbours_share(
     geometry: PictureGeometry, wavelength: float, window: MatchedWindow, *, blurred: bool
 ) -> FloatArray:
-    """Share of the light in a window that comes from neighbouring microlenses, over distance; 0 without microlenses.
+    """Fraction of the light in a window that comes from neighbouring microlenses, over distance; 0 without microlenses.
 
     Diffraction and blur spread the light of every microlens beyond its own micro-image, a disc of radius R; in a
-    uniform scene as much comes in from neighbours as goes out. The average is over the window, taken as a disc of its
-    area, with radius a and its centre at c from that of the micro-image:
+    uniform scene, as much light arrives from the neighbours as is lost to them. The average is over the window,
+    represented by a disc of equal area with radius a, whose centre is at c from that of the micro-image:
 
-    ``1 − (2 R/a) ∫₀^{1/λN} H(ν) J₁(2π R ν) J₁(2π a ν) J₀(2π c ν) dν/ν``, H the transfer of Airy pattern and blur.
+    ``1 − (2 R/a) ∫₀^{1/λN} H(ν) J₁(2π R ν) J₁(2π a ν) J₀(2π c ν) dν/ν``,
+
+    where H is the transfer function of Airy pattern and blur.
 
     Parameters
     ----------
@@ -219,9 +220,9 @@ def neighbours_share(
     wavelength
         [m].
     window
-        At most the overlap of two micro-images, and halfway between their centres.
+        The matched window, halfway between the centres of two micro-images and no larger than their overlap.
     blurred
-        Whether the geometric blur spreads light, too.
+        Whether the geometric blur spreads light too.
     """
     lens = geometry.microlens
     if lens is None:

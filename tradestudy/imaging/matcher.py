@@ -1,4 +1,4 @@
-"""What a real matcher adds to the bound of matching: more noise, a floor, pixel locking, false matches."""
+"""What a real matcher adds to the matching bound: more noise, a floor, pixel locking, false matches."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from tradestudy.wording import listed
 class Matcher:
     """A matcher, described by what it adds to the Cramér–Rao bound σ_b: ``σ² = (k σ_b)² + f² + A²/2``.
 
-    Pixel locking is a systematic bias ``A sin(2π d + φ)`` of the disparity d [samples]. Its phase φ is unknown for one
-    measurement, so its mean square A²/2 adds like noise, taken as normal; but it is the same for every measurement at
-    one distance, and does not average out there. A false match measures nothing: it counts as a failed measurement, and
+    Pixel locking is a systematic bias ``A sin(2π d + φ)`` of the disparity d [samples]. Its phase φ is unknown, so in a
+    single measurement its mean square A²/2 adds like normal noise; but it is the same for all measurements at one
+    distance, so averaging does not reduce it. A false match measures nothing: it counts as a failed measurement, and
     the depth uncertainty is that of the true matches.
 
     Parameters
@@ -28,11 +28,11 @@ class Matcher:
     factor
         k: noise relative to the bound, 1 or more.
     floor
-        f: standard deviation of the noise that remains in any light [samples].
+        f: standard deviation of the noise that no amount of light reduces [samples].
     pixel_locking
         A: amplitude of the bias [samples], at most half a sample.
     false_matches
-        Share of all matches that are false, from 0 to below 1.
+        Fraction of all matches that are false, from 0 to below 1.
 
     Raises
     ------
@@ -57,7 +57,7 @@ class Matcher:
 
     @property
     def words(self) -> str:
-        """What it adds to the bound, as the end of a sentence; empty for nothing."""
+        """What the matcher adds to the bound, as the end of a sentence; empty if nothing."""
         rms = significant(self.pixel_locking / math.sqrt(2.0))
         parts = {
             f"noise {significant(self.factor)} times the bound": self.factor != 1.0,
@@ -69,7 +69,7 @@ class Matcher:
 
     @property
     def beside(self) -> float:
-        """The part that adds to any bound in quadrature [samples]: the floor and the rms pixel locking."""
+        """The error that adds to any bound in quadrature [samples]: floor and rms pixel locking."""
         return math.hypot(self.floor, self.pixel_locking / math.sqrt(2.0))
 
     def error_px(self, bound: ArrayLike) -> FloatArray:
@@ -77,18 +77,18 @@ class Matcher:
         return np.hypot(self.factor * np.asarray(bound, dtype=np.float64), self.beside)
 
     def numerical_error_px(self, bound: ArrayLike, error: ArrayLike) -> FloatArray:
-        """Numerical error of `error_px` [samples], to first order, from that of the bound."""
+        """Numerical error of `error_px` [samples] due to that of the bound, to first order."""
         return np.asarray(self.factor * self._weights(bound)[0] * np.asarray(error, dtype=np.float64))
 
     def change(self, bound: ArrayLike, factor: ArrayLike) -> FloatArray:
         """The factor by which `error_px` changes if the bound changes by a given factor."""
         by_bound, by_rest = self._weights(bound)
-        with np.errstate(invalid="ignore"):  # an unlimited change of a bound of zero
+        with np.errstate(invalid="ignore"):  # a zero bound changes by any factor
             found = np.hypot(by_bound * np.asarray(factor, dtype=np.float64), by_rest)
         return np.where(np.isinf(factor), np.inf, found)
 
     def _weights(self, bound: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Shares of `error_px` from the bound and the rest, whose squares sum to 1; 1 and 0 if unknown."""
+        """Parts of `error_px` due to the bound and to the rest, whose squares sum to 1; 1 and 0 if unknown."""
         value, achieved = np.asarray(bound, dtype=np.float64), self.error_px(bound)
         known = np.isfinite(achieved) & (achieved > 0.0)
         total = np.where(known, achieved, 1.0)

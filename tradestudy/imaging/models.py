@@ -1,4 +1,4 @@
-"""Settings and models of a picture: the texture it shows, how it is matched, and the physics that counts."""
+"""Settings and models of a picture: its texture, its matching window, and the physics to include."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ VignettingModel = Literal["off", "cos4"]
 class Texture:
     """A stationary, isotropic, Gaussian texture whose autocorrelation falls off as ``exp(−r/ℓ)``.
 
-    The exponential is chosen because its spectrum ends in a power law, ν⁻³ in the plane, as those of natural surfaces
-    and scenes do (amplitude close to 1/ν: D. J. Field, J. Opt. Soc. Am. A 4, 2379, 1987). A Gaussian autocorrelation
-    would leave nothing to match beyond a sharp band, and make the answer depend on that band alone.
+    The exponential is chosen because its spectrum falls off as a power law, ν⁻³ in two dimensions, like those of
+    natural surfaces and scenes (amplitude close to 1/ν: D. J. Field, J. Opt. Soc. Am. A 4, 2379, 1987). The spectrum of
+    a Gaussian autocorrelation would end so sharply that the answer would depend on where it ends.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def texture_spectrum(frequency: ArrayLike, contrast: ArrayLike, correlation_leng
     contrast
         c.
     correlation_length
-        ℓ in that unit: imaged with magnification m, ``m ℓ``.
+        ℓ in that unit; in an image of magnification m, ``m ℓ``.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def texture_spectrum(frequency: ArrayLike, contrast: ArrayLike, correlation_leng
 
 
 def share_beyond(frequency: ArrayLike, correlation_length: ArrayLike) -> FloatArray:
-    """Share of the variance at frequencies above |ν|: ``(1 + (2π ℓ ν)²)^(−1/2)``."""
+    """Fraction of the variance at frequencies above |ν|: ``(1 + (2π ℓ ν)²)^(−1/2)``."""
     return np.asarray(1.0 / np.hypot(1.0, 2.0 * np.pi * np.asarray(correlation_length) * np.asarray(frequency)))
 
 
@@ -87,9 +87,9 @@ class PictureSettings:
         Texture of the surface.
     window_px, window_length
         Side of the square matching window, exactly one of: in samples of the picture; or as a length [m] on the object,
-        which compares cameras at equal windows there. It never exceeds the area that the compared pictures share.
+        which gives all cameras the same window there. The window never exceeds the overlap of the compared pictures.
     light
-        Scene and exposure.
+        Light and exposure of the scene.
     sensor_noise
         Read noise, full well, bits.
     wavelength
@@ -97,18 +97,18 @@ class PictureSettings:
     spectrum
         Wavelengths [m] and weights for the model `weighted`; the weights are normalised.
     field_angle
-        Angle of the field position where light is computed [rad], from 0 to below 90°.
+        Angle of the field position at which light is computed [rad], from 0 to below 90°.
     stop_separation
-        See `field_illumination` [m], 0 or more.
+        Distance between two stops, see `field_illumination` [m]; 0 or more.
     pixel_fill
         Active width of a pixel relative to its pitch, above 0 to 1.
     lens_phase
-        Lens of the Kirchhoff model: well corrected (``perfect``), or the paper's (``parabolic``).
+        Lens of the Kirchhoff model: well corrected (``perfect``), or that of the paper (``parabolic``).
 
     Raises
     ------
     OutOfRangeError
-        A value is outside its range, or both windows or neither are given.
+        A value is outside its range, or not exactly one window is given.
     """
 
     texture: Texture
@@ -152,28 +152,28 @@ class PictureSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class PictureModels:
-    """The models of the picture's physics, one for each effect; the first choice of each is the simplest.
+    """The models of the picture's physics, one for each effect; the first of each effect is the simplest.
 
     Parameters
     ----------
     defocus_blur
-        ``off``: everything in focus. ``disc``: the geometric blur; if diffraction is ``fresnel`` or ``kirchhoff``, the
+        ``off``: everything in focus. ``disc``: the geometric blur; with ``fresnel`` or ``kirchhoff`` diffraction, the
         corresponding defocus.
     main_lens_diffraction, microlens_diffraction
-        ``off``; ``airy``: in focus, multiplied by the disc; ``fresnel``: the defocused pupil; ``kirchhoff``: exact
-        paths and cosines. If the blur exceeds 200 λN, the last two are the disc times their transfer in focus. A camera
-        without a microlens stage accepts only ``off``.
+        ``off``; ``airy``: diffraction in focus, multiplied by the disc; ``fresnel``: the defocused pupil;
+        ``kirchhoff``: exact paths and cosines. If the blur exceeds 200 λN, the last two are the disc times their
+        transfer function in focus. A camera without a microlens stage accepts only ``off``.
     crosstalk
-        ``off``, or ``share``: light of neighbouring microlenses weakens the texture and adds theirs to the noise; no
-        effect without microlenses.
+        ``off``, or ``share``: light of neighbouring microlenses weakens the texture and adds its own texture to the
+        noise; no effect without microlenses.
     pixel_integration
         ``off``: one sample at the centre of the pixel. ``square``: the mean over its active area.
     spectrum
-        ``off``: the central wavelength alone. ``weighted``: the mean transfer over the spectrum.
+        ``off``: the central wavelength alone. ``weighted``: the mean transfer function over the spectrum.
     vignetting
-        ``off``, or ``cos4``: with the stops at the field angle.
+        ``off``, or ``cos4``: cos⁴ and the stops, at the field angle.
     sensor_noise
-        Which noise terms count.
+        Which noise terms to include.
     """
 
     defocus_blur: DefocusModel
@@ -187,7 +187,7 @@ class PictureModels:
 
 
 def closed_form_models(picture: PictureSettings, *, microlenses: bool) -> PictureModels:
-    """Every effect of the picture in its closed form: the default models of a derived error.
+    """The closed-form model of every effect of the picture: the default models of a derived error.
 
     ``microlenses`` states whether microlenses blur the camera's picture.
     """

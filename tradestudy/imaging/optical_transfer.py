@@ -1,4 +1,4 @@
-"""Combined transfer of all lenses of a camera, each by its chosen model, over the chosen spectrum."""
+"""Combined transfer function of all lenses of a camera, each by its chosen model, over the chosen spectrum."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MOST_BLUR_OF_WAVES = 200.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LensTransfers:
-    """Transfer of the lenses, without the pixel, for any models; the transfer of each lens is computed once.
+    """Transfer function of the lenses, without the pixel, for any models; that of each lens is computed once.
 
     Parameters
     ----------
@@ -31,8 +31,8 @@ class LensTransfers:
     frequency_px
         |ν| [cycles/sample], shape (frequencies,); increasing after the first ``always``.
     always
-        Number of leading frequencies that always get a transfer; the others only below the cut-off, beyond which it is
-        exactly 0.
+        Number of leading frequencies that are always computed; the others are computed only below the cut-off, beyond
+        which the transfer is exactly 0.
     interpolated
         See `kirchhoff_transfers`.
     """
@@ -49,9 +49,9 @@ class LensTransfers:
     _passing: dict[tuple[LensStage, float], int] = field(default_factory=dict, init=False)
 
     def product(self, models: PictureModels) -> tuple[FloatArray, FloatArray]:
-        """Transfer, shape (distances, leading frequencies), and its error over distance.
+        """Transfer function, shape (distances, leading frequencies), and its error over distance.
 
-        With the model ``weighted`` it is the mean, over the spectrum, of the product of all stages; thin lenses focus
+        With the model ``weighted``, it is the mean over the spectrum of the product of all stages; thin lenses focus
         all colours alike.
         """
         key = (models.main_lens_diffraction, models.microlens_diffraction, models.defocus_blur, models.spectrum)
@@ -97,7 +97,7 @@ class LensTransfers:
         return self._known[key]
 
     def _below_cutoff(self, stage: LensStage, wavelength: float) -> int:
-        """Number of frequencies that pass at some distance."""
+        """Number of frequencies that pass at any of the distances."""
         key = (stage, wavelength)
         if key not in self._passing:
             cutoff = self.geometry.sample_pitch / stage.finest_period(wavelength)
@@ -115,9 +115,9 @@ def _stage_transfer(
     *,
     interpolated: bool,
 ) -> tuple[FloatArray, FloatArray]:
-    """Transfer of one lens at frequencies on the sensor [cycles/m], and its error over distance.
+    """Transfer function of one lens at frequencies on the sensor [cycles/m], and its error over distance.
 
-    A transfer that is the same at all distances has a single row.
+    One that is the same at all distances has a single row.
     """
     relay, N, blur = stage.columns
     nu, blur = frequency * relay, blur if defocus == "disc" else np.zeros((1, 1))
@@ -154,7 +154,7 @@ def _stage_transfer(
 def kirchhoff_points(
     geometry: PictureGeometry, settings: PictureSettings, models: PictureModels
 ) -> tuple[LatticePoint, ...]:
-    """Arguments of every `kirchhoff_correction` that the transfers of a picture need; empty without such a model."""
+    """Arguments of every `kirchhoff_correction` that a picture needs; empty if no model is ``kirchhoff``."""
     stages = ((geometry.main_lens, models.main_lens_diffraction), (geometry.microlens, models.microlens_diffraction))
     return tuple(
         point
@@ -178,12 +178,12 @@ def _light_of(settings: PictureSettings, models: PictureModels) -> Sequence[tupl
 
 
 def _waves(stage: LensStage, wavelength: float, defocus: DefocusModel) -> FloatArray:
-    """Defocus [waves] for the wave models; 0 where there is none, and where rays take over."""
+    """Defocus [waves] for the wave models; 0 in focus, and where rays replace waves."""
     by_waves = ~is_by_rays(stage.blur_diameter, wavelength, stage.f_number)
     counts = (stage.blur_diameter != 0.0) & by_waves & (defocus == "disc")
     return np.where(counts, stage.defocus(wavelength), 0.0)
 
 
 def is_by_rays(blur: FloatArray, wavelength: float, f_number: FloatArray) -> BoolArray:
-    """Where blur is so large that rays err by less than 0.2 √(λN/c), and waves would need too many nodes."""
+    """Where the blur c is so large that rays err by less than 0.2 √(λN/c) and waves would need too many nodes."""
     return np.asarray(blur > _MOST_BLUR_OF_WAVES * wavelength * f_number)

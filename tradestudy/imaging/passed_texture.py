@@ -1,6 +1,6 @@
-"""The power of a texture at the nodes of its band after every step of the picture, and the matching bound from it.
+"""The power of a texture at the nodes of its band after every step of the picture, and the resulting matching bound.
 
-Several models of one picture share nodes, texture and lens transfers, each of which is computed once.
+Several models of one picture share nodes, texture and transfer functions of lenses, each of which is computed once.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def picture_electrons(geometry: PictureGeometry, settings: PictureSettings, mode
 
 
 def matched_window(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> MatchedWindow:
-    """The window over distance: at most the declared one and the overlap of the compared pictures through the pupil."""
+    """The window over distance: the declared one, limited to the overlap of the compared pictures through the pupil."""
     asked = settings.asked_window(geometry.magnification, geometry.sample_pitch)
     width = 1.0
     if models.vignetting == "cos4":
@@ -70,17 +70,17 @@ class PassedTexture:
     rules
         Nodes of the band.
     inside, beyond
-        Power density of the picture at the nodes of each rule, and at the aliasing radii, as far as any light passes.
+        Power density of the picture at the nodes of each rule, and at those aliasing radii that light still passes.
     tail
-        Aliased power from beyond those radii.
+        Aliased power from beyond all aliasing radii.
     floor
         Power density of noise.
     foreign
-        Power of neighbouring micro-images' texture relative to the own texture, over distance.
+        Power of the texture of neighbouring micro-images relative to that of the micro-image itself, over distance.
     sample_width, window
-        Side of a square sample and of the window [samples].
+        Sides of a square sample and of the window [samples].
     transfer, transfer_error
-        Transfer of lenses and round samples at the nodes of the first rule, and its error over distance.
+        Transfer function of lenses and round samples at the nodes of the first rule, and its error over distance.
     """
 
     rules: tuple[BandNodes, ...]
@@ -95,7 +95,7 @@ class PassedTexture:
     transfer_error: FloatArray
 
     def bound(self, k: int, aliased: FloatArray, every: int = 1) -> FloatArray:
-        """The bound by the k-th rule, with the given power from far beyond and every n-th aliasing radius."""
+        """The bound by the k-th rule; ``aliased`` is the power from beyond the radii, of which every n-th is used."""
         rule = self.rules[k]
         signal = self.inside[k] * _pixel_power(rule, self.sample_width)
         passed = self.beyond[:, ::every]
@@ -104,16 +104,16 @@ class PassedTexture:
         return matching_bound_px(rule, signal=signal, noise=noise, window_px=self.window)
 
     def moved_by_transfer(self, value: FloatArray) -> FloatArray:
-        """Error of the bound due to the transfer: an error δ moves it by about δ over the weighted rms transfer."""
+        """Error of the bound due to the transfer's error δ; relative to it, about δ over the weighted rms transfer."""
         slope = self.rules[0].weight * np.square(self.rules[0].radius)
         strength = np.sqrt(np.square(self.transfer) @ (slope / slope.sum()))
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # no power passed: the bound is infinite
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # the bound is infinite if no power passes
             return np.where(self.transfer_error > 0.0, value * self.transfer_error / strength, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TextureBand:
-    """A texture at distances that share the nodes of their band, before models are applied.
+    """A texture at distances that share band nodes, before models are applied.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ class TextureBand:
         transfer, transfer_error = self._lenses.product(models)
         width = _sample_width(geometry, settings, models)
         frequency = self._frequency[: transfer.shape[1]]
-        if geometry.sample_shape == "disc":  # a microlens collects from a disc: rotationally symmetric, like the lenses
+        if geometry.sample_shape == "disc":  # the disc from which a microlens collects
             transfer = transfer * disc_transfer(frequency, width)
             width = 0.0
         n = (picture_electrons(geometry, settings, models) * np.asarray(brighter, dtype=np.float64))[:, np.newaxis]
@@ -145,7 +145,7 @@ class TextureBand:
         crosstalk = self._crosstalk(models, window)
         power = np.square((1.0 - crosstalk) * transfer)
         *inside, beyond = np.split(n**2 * self._texture[:, : frequency.size] * power, self._ends, axis=1)
-        # From beyond the replicas: the remaining texture, passed like the outermost ring and spread evenly.
+        # The texture beyond the replicas passes like their outermost ring; its aliased power is spread evenly.
         outermost = np.einsum("ij,j->i", power[:, self._ends[-1] :], ring_weights(width)[: beyond.shape[1]])
         share = share_beyond(REPLICAS + 0.5, self._length)
         return PassedTexture(
@@ -154,7 +154,7 @@ class TextureBand:
             beyond=beyond,
             tail=(n * settings.texture.contrast) ** 2 * share * outermost[:, np.newaxis],
             floor=np.asarray(noise_variance(n, settings.sensor_noise, models.sensor_noise)),
-            # As another texture of the same kind, because it does not match.
+            # It acts as noise with the spectrum of the texture, because it does not match.
             foreign=np.square(crosstalk / (1.0 - crosstalk)),
             sample_width=width,
             window=window.side_px,
@@ -163,7 +163,7 @@ class TextureBand:
         )
 
     def _crosstalk(self, models: PictureModels, window: MatchedWindow) -> FloatArray:
-        """Share of the light that comes from neighbours, as a column over distance."""
+        """Fraction of the light that comes from neighbouring microlenses, as a column over distance."""
         if models.crosstalk == "off" or self.geometry.microlens is None:
             return np.zeros((self.geometry.distance.size, 1))
         blurred = models.defocus_blur == "disc"
@@ -205,14 +205,14 @@ class TextureBand:
 
 @lru_cache(maxsize=64)
 def _pixel_power(nodes: BandNodes, width: float) -> FloatArray:
-    """Squared transfer of a square pixel at the nodes of a band."""
+    """Squared transfer function of a square pixel at the nodes of a band."""
     power = np.square(square_transfer(nodes.x, nodes.y, width))
     power.setflags(write=False)
     return power
 
 
 def _product(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Matrix product in blocks of rows too small to start a library's threads, which would cost more than they save."""
+    """Matrix product in blocks of rows, too small for a library to start threads that cost more than they save."""
     rows = max(1, _MOST_MULTIPLICATIONS // max(1, second.size))
     if rows >= len(first):
         return np.asarray(first @ second)
@@ -220,7 +220,7 @@ def _product(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _sample_width(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> float:
-    """Side or diameter of the area that a sample collects from [samples]; 0 for a point."""
+    """Side or diameter of the area from which a sample collects light [samples]; 0 for a point."""
     if models.pixel_integration == "off":
         return 0.0
     fill = settings.pixel_fill if geometry.sample_shape == "square" else 1.0

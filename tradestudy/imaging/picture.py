@@ -1,13 +1,14 @@
 """From light to disparity: how precisely a matcher can measure disparity in a picture.
 
-The picture of a texture is its spectrum times the transfer of every step, aliased by the samples, with the noise of the
-electrons; `matching_bound_px` gives the disparity error that follows.
+The picture of a texture is its spectrum times the transfer function of every step, aliased by the samples, plus the
+noise of the electrons; `matching_bound_px` gives the resulting disparity error.
 
-How steps combine. Defocus and diffraction of one lens are one transfer in ``fresnel`` and ``kirchhoff``; as ``disc``
-times ``airy`` they are a product, exact where either is negligible and otherwise conservative for blurs of up to about
-two Airy diameters (its first zero is at too low a frequency). The lens and the microlens are multiplied as if the main
-lens's image were an incoherent object: conservative, because in truth the narrower of the two cones is the aperture and
-the other cuts little of it, so light does not spread twice. The pixel integrates intensity: its product is exact.
+Steps combine as follows. ``fresnel`` and ``kirchhoff`` give one transfer function for defocus and diffraction of a
+lens. The product of ``disc`` and ``airy`` is exact where either is negligible and otherwise conservative, for blurs of
+up to about two Airy diameters (its first zero is at too low a frequency). The transfer functions of main lens and
+microlens are multiplied as if the image of the main lens were an incoherent object. This is conservative: the narrower
+of the two cones is the actual aperture, of which the other cuts off little, so light does not spread twice. The pixel
+integrates intensity, so its factor is exact.
 """
 
 from __future__ import annotations
@@ -27,22 +28,22 @@ from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.passed_texture import PassedTexture, TextureBand, matched_window, picture_electrons
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 
-# Simulations showed where a matcher departs from the bound; tests/campaigns/matching.md keeps the figures.
+# Simulations showed where a matcher departs from the bound; tests/campaigns/matching.md has the numbers.
 LARGEST_ERROR_PX = 0.25
-"""Above this error a bound for small errors says little about a matcher: one match in twenty is false."""
+"""Above this error, where one match in twenty is false, a bound for small errors says little about a matcher."""
 SMALLEST_WINDOW_PX = 5.0
 _WINDOW_OVER_BLUR = 1.5
 _WINDOW_OVER_LENGTH = 0.5
 _PEAK_CONTRAST = 3.0
 
-# Bounds above this mean that nothing is known; they are reported as infinite.
+# Bounds above this mean that a picture shows no texture; they are reported as infinite.
 _NOTHING_KNOWN_PX = 1e9
 _COARSER = (0.85, 0.7, 0.55)
-# Nodes along the band that suffice up to each blur; beyond the last the window is too small in practice.
+# Nodes along the band that suffice up to each blur; beyond the last blur, windows are too small in practice.
 _BLUR_STEPS_PX = (3.0, 8.0, 16.0)
 _NODES = (20, 25, 31, 38)
 CHANGES: Final = ("no blur", "no diffraction", "light of the brightest", "ten times the light")
-"""The changes, one at a time: everything in focus, no diffraction, more light."""
+"""Changes of a picture, each made alone."""
 _MORE_LIGHT: Final = 10.0
 
 
@@ -54,12 +55,12 @@ class DerivedDisparityError:
     ----------
     value
         Standard deviation of one disparity [samples]; NaN where the camera forms no picture, infinite where the picture
-        shows nothing.
+        shows no texture.
     error
         Its estimated numerical error [samples]: of the quadrature over the band (twice the largest change by three
-        coarser rules), of aliased power beyond the summed replicas, and of Kirchhoff's transfer.
+        coarser rules), of aliased power beyond the summed replicas, and of Kirchhoff's transfer function.
     violated
-        For each condition, where it is violated, so that a matcher cannot reach the bound.
+        For each condition, where it is violated and a matcher cannot reach the bound.
     filled_share
         Electrons of the brightest texture relative to the full well; above 1 the picture is clipped and the bound is
         invalid.
@@ -97,7 +98,7 @@ def disparity_error_px(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LitModels:
-    """Models of a picture, with its light multiplied by one number or by one for each distance."""
+    """Models of a picture whose light is multiplied by a number, the same or another at each distance."""
 
     models: PictureModels
     brighter: ArrayLike = 1.0
@@ -106,7 +107,7 @@ class LitModels:
 def bounds_and_errors_px(
     geometry: PictureGeometry, settings: PictureSettings, variants: Sequence[LitModels]
 ) -> tuple[tuple[FloatArray, FloatArray], ...]:
-    """Value and numerical error of `disparity_error_px` for several variants, which share common work.
+    """Value and numerical error of `disparity_error_px` for several variants, computing what they share only once.
 
     Raises
     ------
@@ -125,13 +126,13 @@ def bounds_and_errors_px(
 
 
 def disparity_bound_px(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:
-    """The value of `disparity_error_px` alone, at a quarter of the work."""
+    """The value of `disparity_error_px` without its error, at a quarter of the cost."""
     return WeighedPicture(geometry=geometry, settings=settings).bound_px(models)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeighedPicture:
-    """One picture under several models, which share common work.
+    """One picture under several models; what they share is computed once.
 
     Parameters
     ----------
@@ -171,7 +172,7 @@ class WeighedPicture:
 def matching_margin(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:
     """Smallest margin of the bound's conditions; negative where one is violated, NaN without a picture.
 
-    The bound itself is computed only where the other conditions hold.
+    The bound itself is computed only where all other conditions hold.
     """
     margin = np.asarray(np.min(list(_margins_of_the_window(geometry, settings, models).values()), axis=0))
     held = np.flatnonzero(margin >= 0.0)
@@ -207,7 +208,7 @@ def _require_possible(geometry: PictureGeometry, settings: PictureSettings, mode
 def _by_blur(geometry: PictureGeometry) -> Iterator[tuple[IndexArray, int]]:
     """Groups of distances with the same number of nodes along the band, and that number.
 
-    The blur alone determines it, in steps, so that the result at one distance does not depend on the others.
+    The blur determines that number, in steps, so that the result at one distance does not depend on the others.
     """
     step = np.searchsorted(_BLUR_STEPS_PX, np.nan_to_num(geometry.blur_px))
     for k in np.unique(step):
@@ -223,7 +224,7 @@ def _value_and_error(texture: PassedTexture) -> tuple[FloatArray, FloatArray]:
     tail = texture.tail
     value = texture.bound(0, tail)
     coarser = np.stack([texture.bound(k, tail) for k in range(1, 1 + len(_COARSER))])
-    with np.errstate(invalid="ignore"):  # an infinite bound has no error: NaN
+    with np.errstate(invalid="ignore"):  # the error of an infinite bound is NaN
         quadrature = 2.0 * np.max(np.abs(coarser - value), axis=0)
         without_tail, fewer_radii = texture.bound(0, np.zeros_like(tail)), texture.bound(0, tail, every=2)
         aliasing = np.abs(value - without_tail) + np.abs(value - fewer_radii)
@@ -241,7 +242,7 @@ def matching_needs() -> str:
 def violated_conditions(
     geometry: PictureGeometry, settings: PictureSettings, models: PictureModels, bound: FloatArray
 ) -> Mapping[str, BoolArray]:
-    """Where a matcher cannot reach the bound, by condition."""
+    """For each condition, where it is violated and a matcher cannot reach the bound."""
     return {
         "the error is too large for a bound of small errors": ~(bound <= LARGEST_ERROR_PX),
         "there is no noise": bound == 0.0,
@@ -265,14 +266,15 @@ def _margins_of_the_window(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ErrorCauses:
-    """The bound as it is, and with one cause removed.
+    """The bound, and what it would be after each of `CHANGES`.
 
     Parameters
     ----------
     value, error
         As for `disparity_error_px` [samples], over distance.
     changed, changed_error
-        The same after each of `CHANGES`, shape (change, distance); NaN where the brighter light is unknown.
+        The same after each of `CHANGES`, shape (changes, distances); NaN where the light of the brightest picture is
+        unknown.
     """
 
     value: FloatArray
@@ -288,8 +290,8 @@ def error_causes(
 
     Removing one cause changes nothing else: a picture in focus keeps its light and its diffraction, one without
     diffraction is blurred by the disc of rays alone, and a pixel with more light is assumed not to saturate. Causes
-    interact, so their shares need not multiply to the whole. Where blur removes texture that is too fine for the
-    samples, the bound without blur can be the larger one.
+    interact, so the product of their separate effects need not equal their joint effect. Where blur removes texture
+    too fine for the samples, the bound without blur can be the larger one.
 
     Parameters
     ----------

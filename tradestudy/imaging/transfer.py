@@ -1,8 +1,7 @@
-"""Contrast of a sinusoid that each step of a picture transfers, in closed form: defocus, diffraction, the pixel.
+"""Transfer functions of each step of a picture, in closed form: defocus, diffraction, the pixel.
 
-All transfers are on the axis and rotationally symmetric unless stated otherwise. They take spatial frequencies
-[cycles/m] in the plane in which their blur is measured, and are 1 at frequency 0; negative values are contrast
-reversals.
+All are on the axis and rotationally symmetric unless stated otherwise. They take spatial frequencies [cycles/m] in the
+plane in which the blur is measured, and are 1 at frequency 0; negative values are contrast reversals.
 """
 
 from __future__ import annotations
@@ -18,14 +17,14 @@ from tradestudy.optics.quadrature import gauss_legendre
 
 # Below this argument the series 1 − q²/8 is exact to the last digit.
 _SMALL = 1e-4
-# For the nodes of Fresnel's integral.
+# Numbers of nodes of Fresnel's integral.
 _MOST_NODES = 2000
-_STEP = 8  # so that few rules serve all pictures
+_STEP = 8  # node counts are multiples of this, so that few rules serve all pictures
 _AT_ONCE = 16_000  # values: enough to keep the loop cheap, few enough for a processor's cache
 
 
 def disc_transfer(frequency: ArrayLike, blur_diameter: ArrayLike) -> FloatArray:
-    """Transfer of a uniform disc of diameter c: ``2 J₁(q)/q, q = π c ν``.
+    """Transfer function of a uniform disc of diameter c: ``2 J₁(q)/q, q = π c ν``.
 
     Parameters
     ----------
@@ -37,9 +36,9 @@ def disc_transfer(frequency: ArrayLike, blur_diameter: ArrayLike) -> FloatArray:
     Returns
     -------
     FloatArray
-        1 for c = 0; its first zero is at ν = 1.22/c, beyond which it is negative. This is the law of rays, right if the
-        blur is wide compared with the diffraction spot; its product with `airy_transfer` loses too much contrast, see
-        `tradestudy.imaging.picture`.
+        1 for c = 0; the first zero is at ν = 1.22/c, beyond which values are negative. This is geometrical optics,
+        correct if the blur is wide compared with the diffraction spot. Its product with `airy_transfer` underestimates
+        contrast; see `tradestudy.imaging.picture`.
 
     References
     ----------
@@ -53,7 +52,7 @@ def disc_transfer(frequency: ArrayLike, blur_diameter: ArrayLike) -> FloatArray:
 
 
 def airy_transfer(frequency: ArrayLike, wavelength: float, f_number: ArrayLike) -> FloatArray:
-    """Transfer of a circular pupil in focus: ``(2/π)(arccos s − s √(1 − s²)), s = λ N ν``.
+    """Transfer function of a circular pupil in focus: ``(2/π)(arccos s − s √(1 − s²)), s = λ N ν``.
 
     Parameters
     ----------
@@ -67,7 +66,7 @@ def airy_transfer(frequency: ArrayLike, wavelength: float, f_number: ArrayLike) 
     Returns
     -------
     FloatArray
-        0 beyond the cut-off 1/(λ N). Paraxial, incoherent light.
+        0 beyond the cut-off 1/(λ N). Valid for paraxial, incoherent light.
 
     References
     ----------
@@ -78,14 +77,14 @@ def airy_transfer(frequency: ArrayLike, wavelength: float, f_number: ArrayLike) 
 
 
 def square_transfer(frequency_x: ArrayLike, frequency_y: ArrayLike, width: ArrayLike) -> FloatArray:
-    """Transfer of a square of side w: ``sinc(w ν_x) sinc(w ν_y)`` with sinc t = sin(πt)/(πt).
+    """Transfer function of a square of side w: ``sinc(w ν_x) sinc(w ν_y)`` with sinc t = sin(πt)/(πt).
 
     Parameters
     ----------
     frequency_x, frequency_y
         Along the sides [cycles/m].
     width
-        Side of the active, evenly sensitive part of the pixel [m]; 0 samples at a point.
+        Side of the active, evenly sensitive part of the pixel [m]; 0: a point.
     """
     w = np.asarray(width, dtype=np.float64)
     return np.asarray(np.sinc(w * np.asarray(frequency_x)) * np.sinc(w * np.asarray(frequency_y)))
@@ -94,9 +93,9 @@ def square_transfer(frequency_x: ArrayLike, frequency_y: ArrayLike, width: Array
 def fresnel_transfer(
     frequency: ArrayLike, wavelength: float, f_number: ArrayLike, blur_diameter: ArrayLike
 ) -> FloatArray:
-    """Transfer of a circular pupil out of focus: ``(4/π) ∫₀^{arccos s} sin²φ cos(α (cos φ − s)) dφ``.
+    """Transfer function of a circular pupil out of focus: ``(4/π) ∫₀^{arccos s} sin²φ cos(α (cos φ − s)) dφ``.
 
-    s = λ N ν and α = π c ν (1/s) s = 4 k W₂₀ s, with the defocus W₂₀ = c/(8 N) at the rim of the pupil.
+    Here s = λ N ν and α = π c ν = 4 k W₂₀ s, with the defocus W₂₀ = c/(8 N) at the rim of the pupil.
 
     Parameters
     ----------
@@ -112,8 +111,8 @@ def fresnel_transfer(
     Returns
     -------
     FloatArray
-        Broadcast over the last three; `airy_transfer` at c = 0, `disc_transfer` for c ≫ λ N; 0 beyond the cut-off.
-        Gauss–Legendre with nodes for the largest phase: only rounding errors, 1e-14.
+        Broadcast over frequency, f-number and blur; `airy_transfer` at c = 0, `disc_transfer` for c ≫ λ N, and 0 beyond
+        the cut-off. The Gauss–Legendre rule has enough nodes for the largest phase; rounding errors of 1e-14 remain.
 
     Raises
     ------
@@ -127,20 +126,20 @@ def fresnel_transfer(
     nu, N, c = (np.asarray(value, dtype=np.float64) for value in (frequency, f_number, blur_diameter))
     if not np.any(c):
         return airy_transfer(np.broadcast_to(nu, np.broadcast_shapes(nu.shape, c.shape)), wavelength, N)
-    with np.errstate(invalid="ignore"):  # 0 · ∞ is NaN, which is the right result there
-        # At the cut-off and beyond, the two sheared pupils no longer overlap and the integral is empty.
+    with np.errstate(invalid="ignore"):  # 0 · ∞ is NaN, the correct result there
+        # At the cut-off and beyond, the two sheared pupils no longer overlap and the integral vanishes.
         s, alpha = np.minimum(wavelength * N * nu, 1.0), np.pi * (c * nu)
     return _within_the_cutoff(s, alpha)
 
 
 def _within_the_cutoff(s: FloatArray, alpha: FloatArray) -> FloatArray:
-    """The integral for s ≤ 1, broadcast; terms that depend on s alone are computed in their own shape.
+    """The integral for s ≤ 1, broadcast; terms of s alone are computed before broadcasting.
 
     The phase between the two sheared pupils is k (W(x + s) − W(x − s)) = 4 k W₂₀ s x = α x.
     """
     phase = alpha * (1.0 - s)
     largest = float(np.max(phase, initial=0.0, where=~np.isnan(phase)))
-    needed = 10.0 + 1.2 * math.sqrt(largest) + 0.42 * largest  # for 14 digits, by trial up to 2000 rad
+    needed = 10.0 + 1.2 * math.sqrt(largest) + 0.42 * largest  # found by trial to give 14 digits up to 2000 rad
     count = _STEP * math.ceil(needed / _STEP)
     if count > _MOST_NODES:
         raise UnaffordableError(
@@ -162,9 +161,9 @@ def _within_the_cutoff(s: FloatArray, alpha: FloatArray) -> FloatArray:
 
 
 def _cos(x: FloatArray) -> FloatArray:
-    """cos x = 2/(1 + tan² x/2) − 1, to the last digit but one: numpy vectorises the tangent, but not the cosine.
+    """cos x = 2/(1 + tan² x/2) − 1, accurate to the last digit but one: numpy vectorises tangents but not cosines.
 
-    It takes a third of the time on processors with wide vectors.
+    It takes a third of the time of numpy's cosine on processors with wide vectors.
     """
     half = np.tan(0.5 * x)
     return np.asarray(2.0 / (1.0 + half * half) - 1.0)

@@ -16,7 +16,7 @@ from tradestudy.cameras.imported import ImportedCamera, ImportedRig
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.lens_models.families import FAMILIES
 from tradestudy.study.camera_files.importing import FORMATS
-from tradestudy.study.camera_files.request import CannotHoldError, Format
+from tradestudy.study.camera_files.request import Format, UnsupportedLensError
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.sources import Sources
@@ -122,7 +122,7 @@ def _written(one: Format, rig: ImportedRig, stem: str) -> Iterator[tuple[Mapping
     while True:
         try:
             yield one.write(rig, stem), missing
-        except CannotHoldError as error:
+        except UnsupportedLensError as error:
             smaller = replace(rig, left=_without(rig.left, error.names), right=_without(rig.right, error.names))
             if smaller == rig:
                 yield {}, [*missing, f"{one.name} cannot represent {listed(list(error.names))}"]

@@ -1,1 +1,1 @@
-"""From a study file to validated values, and to the same study under other values."""
+"""Read and validate a study file, and give the same study other values."""

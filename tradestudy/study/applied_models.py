@@ -11,26 +11,26 @@ from tradestudy.imaging.models import PictureModels, closed_form_models
 
 
 def with_models(models: PictureModels, chosen: Models) -> PictureModels:
-    """The models of a picture, with chosen ones replacing those of the same effects."""
+    """The models of a picture, with the chosen ones in place of those for the same effects."""
     slots = {field.name for field in fields(PictureModels)}
     own = {slot: name for slot, name in chosen.items() if slot in slots}
-    return replace(models, **own)  # type: ignore[arg-type] # the effects say which names a slot has
+    return replace(models, **own)  # type: ignore[arg-type] # chosen models have the names that their effects list
 
 
 def in_closed_form(chosen: Models) -> dict[SlotName, str]:
-    """The same models with Fresnel's transfer instead of Kirchhoff's, an integral with almost the same value."""
+    """The same models, but Fresnel's transfer function instead of the almost equal integral of Kirchhoff's."""
     return {slot: "fresnel" if name == "kirchhoff" else name for slot, name in chosen.items()}
 
 
 def complete_in_closed_form(law: PictureDisparityError) -> PictureModels:
-    """The most complete models of a picture that are closed forms: Fresnel's defocused pupils."""
+    """The most complete closed-form models of a picture: Fresnel diffraction by defocused pupils."""
     microlenses = law.models.microlens_diffraction != "off"
     plain = closed_form_models(law.settings, microlenses=microlenses)
     return replace(plain, main_lens_diffraction="fresnel", microlens_diffraction="fresnel" if microlenses else "off")
 
 
 def apply_models(camera: DepthCamera, chosen: Models) -> DepthCamera:
-    """The camera with the chosen models instead of the declared ones; where nothing is chosen, it stays as it is."""
+    """The camera with the chosen models; effects without a chosen model keep the declared one."""
     law = camera.disparity_error_px
     if isinstance(law, PictureDisparityError):
         applied = with_models(law.models, chosen)

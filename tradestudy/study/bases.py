@@ -1,4 +1,4 @@
-"""The basis of an uncertain input's value, in words."""
+"""The value and basis of an uncertain input, in words."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Path = tuple[str | int, ...]
 
 
 def input_words(definition: StudyDefinition, camera: str, parameter: str) -> str:
-    """An uncertain parameter of a camera with its spread and its basis: "yaw of Head A, assumed 0.01 deg".
+    """An uncertain parameter of a camera with its spread and basis, such as "yaw of Head A, assumed 0.01 deg".
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def input_words(definition: StudyDefinition, camera: str, parameter: str) -> str
     camera
         Key of the camera.
     parameter
-        Name of one of the camera's error sources, or ``noise``.
+        One of the camera's error sources, or ``noise``.
     """
     title = definition.file.cameras[camera].title
     if parameter == "noise":

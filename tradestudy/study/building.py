@@ -1,4 +1,4 @@
-"""Build cameras from their declarations in a study, and the keys of their posteriors."""
+"""Cameras built from their declarations in a study, and the keys of their posteriors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tradestudy.imaging.matcher import Matcher
 from tradestudy.imaging.models import closed_form_models
 from tradestudy.study.schema.scene import ScenePart
 
-# Parts of a camera on which no posterior depends: texts, measurement noise, and changes after the calibration.
+# Parts of a camera that affect no posterior: texts, measurement noise, and changes after the calibration.
 _NOT_CALIBRATED: Final[dict[str, bool | set[str]]] = {
     "title": True,
     "note": True,
@@ -26,12 +26,12 @@ _NOT_CALIBRATED: Final[dict[str, bool | set[str]]] = {
 
 
 def camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
-    """Build the camera that a part of a study declares, given the study's scene.
+    """Build a declared camera, given the study's scene.
 
     Raises
     ------
     OutOfRangeError
-        If the declared values do not make a camera.
+        If no camera can have the declared values.
     """
     if not isinstance(part, DepthCameraDeclaration):
         return part.design(None)
@@ -44,7 +44,7 @@ def posterior_key(name: str, part: DepthCameraDeclaration, *, seed: int, folder:
     Parameters
     ----------
     name
-        Name of the camera, which its random numbers depend on.
+        Name of the camera, on which its random numbers depend.
     part
         Its declaration.
     seed
@@ -52,20 +52,20 @@ def posterior_key(name: str, part: DepthCameraDeclaration, *, seed: int, folder:
     folder
         Folder of the files that its calibration names.
     """
-    said = (name, str(seed), str(folder), part.model_dump_json(exclude=_NOT_CALIBRATED))
-    return sha256("\n".join(said).encode()).hexdigest()
+    inputs = (name, str(seed), str(folder), part.model_dump_json(exclude=_NOT_CALIBRATED))
+    return sha256("\n".join(inputs).encode()).hexdigest()
 
 
 def _picture_law(scene: ScenePart | None, part: DepthCameraDeclaration) -> PictureDisparityError | None:
-    """What a derived disparity error follows, by the camera's own matcher and sensor over those of the scene."""
+    """The law of a derived disparity error; the camera's own matcher and sensor override those of the scene."""
     if scene is None or scene.picture is None or part.depth.declared_error_px is not None:
         return None
     own, settings = part.depth.matcher, scene.picture.settings(scene.wavelength, part.sensor.sensor())
-    said = {
+    given = {
         key: value for part in (scene.picture.matcher, own) if part is not None for key, value in part.given().items()
     }
     return PictureDisparityError(
         settings=settings,
         models=closed_form_models(settings, microlenses=part.camera.pictured_by_microlenses),
-        matcher=Matcher(**said),
+        matcher=Matcher(**given),
     )

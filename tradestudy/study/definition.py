@@ -33,11 +33,11 @@ from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
-if TYPE_CHECKING:  # whoever infers has loaded it
+if TYPE_CHECKING:  # inference itself loads these
     from tradestudy.calibration.posteriors import CornersToInfer
     from tradestudy.calibration.target.camera_target import TargetToInfer
 
-_JUDGED: Final = 9  # number of distances of a study at which the draws must converge
+_JUDGED: Final = 9  # distances of a study at which the draws must converge
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,12 +51,13 @@ class Case:
     all_cameras
         Every camera of the study, in its order.
     criteria, distance, wavelength
-        Limits of the usable range, distances [m], and wavelength [m]; without a scene, no distances and NaN.
+        Limits of the usable range, distances [m], and wavelength [m]. Without a scene there are no distances, and the
+        wavelength is NaN.
     attributes
         Declared attributes of cameras, such as mass or price.
     depth_of_field, sharp, relief
-        The range that must be sharp, the criteria of sharpness by the applied models, and the relief for which criteria
-        are derived.
+        The range that must be sharp, the criteria of sharpness under the applied models, and the relief for which
+        criteria are derived.
     fresnel_validity, light_spot
         Questions about wave optics.
     """
@@ -85,15 +86,15 @@ class StudyDefinition:
     declared
         The document as validated by the schema.
     models
-        The model applied for each effect, by camera, lens or light path; everything else is as declared.
+        The model applied for each effect, by camera, lens or light path; the other effects are as declared.
     other_models
-        Models applied instead of these under a reading or for an inverse question, by its name.
+        Models that replace these under a reading or for an inverse question, by its name.
     tolerance
         A single tolerance for every quantity, overriding the declared ones; None keeps those.
     posteriors
         Inferred calibrations, by the keys of `posterior_keys`.
     before
-        The study that this one was derived from; cameras that both share are built once.
+        The study from which this one was derived; cameras that both share are built once.
     """
 
     document: Document
@@ -119,7 +120,7 @@ class StudyDefinition:
 
     @cached_property
     def file(self) -> StudyFile:
-        """The content of the study, with the tolerance that was set for it."""
+        """The validated content of the study, with the tolerance set from outside."""
         if self.tolerance is None:
             return self.declared
         return validate_changes(self.under_tolerance, self.document, self.declared)
@@ -128,14 +129,14 @@ class StudyDefinition:
     def under_tolerance(self) -> Document:
         """The document with the values that the tolerance sets.
 
-        Compared pictures of a light spot need not be more accurate than the tolerance, so a looser one loosens theirs.
+        A loose tolerance also loosens that of compared pictures of a light spot, which need not be more accurate.
         """
         if self.tolerance is None:
             return self.document
         own = [name for name in QUANTITIES if self.document.entry(f"accuracy.{name}") is not None]
-        # Noise alone is asked for only where the study names it, so its key has to stay.
-        taken_back = {f"accuracy.{name}": self.tolerance if name == "depth_noise" else None for name in own}
-        asked = with_values(self.document, {"accuracy.tolerance": self.tolerance, **taken_back})
+        # Noise alone is answered only where the study gives its tolerance, so that key must stay.
+        replaced = {f"accuracy.{name}": self.tolerance if name == "depth_noise" else None for name in own}
+        asked = with_values(self.document, {"accuracy.tolerance": self.tolerance, **replaced})
         spot, accuracy = self.declared.light_spot, validate_changes(asked, self.document, self.declared).accuracy
         tolerance = accuracy.asked().tolerances["pixel_intensity"]
         if spot is None or not spot.methods or tolerance <= spot.tolerance:
@@ -192,7 +193,7 @@ class StudyDefinition:
         )
 
     def _sharp(self) -> dict[str, BlurCriterion]:
-        """Criteria of sharpness, by name; without the diffraction spot if the models leave it out."""
+        """Criteria of sharpness, by name; without a diffraction spot if the models leave diffraction out."""
         if self.file.depth_of_field is None:
             return {}
         sharp = {name: one.criterion(self._wavelength) for name, one in self.file.depth_of_field.criteria.items()}
@@ -201,7 +202,7 @@ class StudyDefinition:
         return sharp
 
     def _propagation(self, distance: FloatArray) -> Propagation:
-        """How errors are propagated; draws must converge at some of the distances [m] and wherever the study asks."""
+        """How errors are propagated; draws must converge at some distances [m] and at those that the study names."""
         file = self.file
         some = (
             distance[np.unique(np.linspace(0, distance.size - 1, _JUDGED).round().astype(int))] if distance.size else ()
@@ -214,7 +215,7 @@ class StudyDefinition:
         )
 
     def _problems_of_calibration(self, name: str, design: Camera) -> Iterator[Problem]:
-        """Mistakes in the files that the calibration of a camera names."""
+        """Mistakes in a camera's calibration files."""
         part = self.file.cameras[name]
         if not (isinstance(part, DepthCameraDeclaration) and isinstance(design, DepthCamera)):
             return
@@ -236,7 +237,7 @@ class StudyDefinition:
         return posterior_of_file(self.calibration_folder(name) / file, name, design)
 
     def _cameras_built_before(self) -> Mapping[str, Camera]:
-        """Cameras of the study that this one was derived from with the same declaration and the same scene."""
+        """Cameras of the previous study that have the same declaration and the same scene in this one."""
         before = self.before
         if before is None or before.file.scene is not self.file.scene:
             return {}
@@ -244,7 +245,7 @@ class StudyDefinition:
         return {name: one for name, one in before.designs.items() if before.file.cameras[name] is parts.get(name)}
 
     def _calibrated(self, name: str, design: DepthCamera, propagation: Propagation) -> DepthCamera:
-        """A camera with its calibration; reused if the study that this one was derived from has the same."""
+        """A camera with its calibration, reused if the previous study has the same."""
         before = self.before
         posterior = self.posteriors.get(self.posterior_keys.get(name, ""))
         if before is not None and before.designs.get(name) is design:
@@ -276,7 +277,7 @@ class StudyDefinition:
         return math.nan if self.file.scene is None else self.file.scene.wavelength
 
     def calibrations_to_infer(self) -> dict[str, TargetToInfer | CornersToInfer]:
-        """Calibrations that still have to be inferred, by the keys of `posterior_keys`."""
+        """Calibrations yet to be inferred, by the keys of `posterior_keys`."""
         from tradestudy.calibration.posteriors import to_infer
 
         found = {}
@@ -313,11 +314,11 @@ class StudyDefinition:
         return replace(self, posteriors={**self.posteriors, **posteriors}, before=self)
 
     def calibration_folder(self, name: str) -> Path:
-        """Folder of the files that a camera's calibration names: that of the file that names the first of them."""
+        """Folder of a camera's calibration files: that of the file in which the first of them is named."""
         return self.folder_of(next(iter(self._calibration_files(name)), ("cameras", name, "calibration")))
 
     def _calibration_files(self, name: str) -> dict[tuple[str | int, ...], str]:
-        """Files that the calibration of a camera names, by the path of the name."""
+        """Files named by the calibration of a camera, by the paths of their names."""
         above = ("cameras", name, "calibration")
         calibration = self.document.entry(above)
         return {
@@ -327,7 +328,7 @@ class StudyDefinition:
         }
 
     def _problems_of_derived_errors(self) -> list[Problem]:
-        """Disparity errors that should be derived from the picture, in a study without one."""
+        """Disparity errors to be derived from the scene's picture, in a study without one."""
         missing = self.file.scene is None or self.file.scene.picture is None
         problems: list[Problem] = []
         for name, part in self.file.cameras.items():
@@ -350,24 +351,23 @@ class StudyDefinition:
         Parameters
         ----------
         values
-            New value for each path: anything that a study file may contain there, as text, number, list or mapping; or
-            an entry of this study.
+            New value for each path: text, a number, a list or a mapping, as in a study file, or an entry of this study.
         written_at
-            The mapping of this study that contains the values, so that their mistakes are reported there.
+            The mapping of this study that contains the values; their mistakes are reported there.
         """
         for path in values:
             if not isinstance(path, str):
-                raise TypeError(f"a path to a value is a text such as 'scene.distances.to', not {path!r}")
+                raise TypeError(f"the path of a value is text, such as 'scene.distances.to', not {path!r}")
         places = None if written_at is None else {path: (*written_at, path) for path in values}
         document = with_values(self.document, values, written_at=places)
         declared = validate_changes(document, self.document, self.declared)
         changed = replace(self, document=document, declared=declared, before=self)
-        changed.designs  # noqa: B018 - built here as for a study that is read
+        changed.designs  # noqa: B018 - built here so that an impossible camera is refused, as in a study that is read
         return changed
 
     @cached_property
     def data_files(self) -> Mapping[str, Path]:
-        """Files named by calibrations and the scene, including those of readings, by the path of the name."""
+        """Files named by calibrations and the scene, also under readings, by the paths of their names."""
         found = self._own_files()
         for name, reading in self.readings.items():
             found |= {f"{name}: {path}": file for path, file in reading._own_files().items()}
@@ -384,7 +384,7 @@ class StudyDefinition:
         }
 
     def folder_of(self, path: tuple[str | int, ...]) -> Path:
-        """Folder of the files that a part of the study names: that of the file that contains the part."""
+        """Folder of the files named in a part of the study: that of the file that contains the part."""
         file, _, _ = self.document.locate(path)
         root, _, _ = self.document.locate(())
         return Path(file if Path(file).is_file() else root).parent
@@ -395,13 +395,13 @@ class StudyDefinition:
         Raises
         ------
         StudyError
-            If that is not a tolerance; reported at ``--tolerance``.
+            If this is not a tolerance; reported at ``--tolerance``.
         """
         asked = replace(self, tolerance=relative, before=self)
         try:
-            asked.file  # noqa: B018 - made here so that an invalid tolerance is refused where it is given
+            asked.file  # noqa: B018 - validated here so that an invalid tolerance is refused where it is given
         except StudyError as error:
-            # Every quantity that the study names reports the same mistake.
+            # Every tolerance of the study reports the same mistake.
             own = [one for one in error.problems if one.path == "accuracy.tolerance"] or error.problems
             raise StudyError([replace(one, file="--tolerance") for one in own]) from None
         return asked
@@ -414,20 +414,20 @@ class StudyDefinition:
         Parameters
         ----------
         models
-            Models by effect, by camera, lens or light path.
+            Models by camera, lens or light path, then by effect.
         other_models
-            Other models under a reading or for an inverse question, by its name and then likewise.
+            Models that replace these under a reading or for an inverse question, first by its name.
         """
         return replace(self, models=models, other_models=other_models or {}, before=self)
 
     def under(self, name: str) -> StudyDefinition:
-        """The study with the models applied under the reading or for the inverse question of this name."""
+        """The study with the models for the reading or the inverse question of this name."""
         return replace(self, models={**self.models, **self.other_models.get(name, {})}, before=self)
 
     def entries_of_reading(self, name: str) -> dict[str, Entry]:
-        """Entries that a reading replaces, by path."""
+        """Entries that a reading sets, by path."""
         values = self.document.entry(("readings", name, "set"))
-        assert isinstance(values, MappingEntry)  # it is valid
+        assert isinstance(values, MappingEntry)  # as validated
         return {path: member.entry for path, member in values.members.items()}
 
     @cached_property

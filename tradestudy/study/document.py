@@ -26,14 +26,14 @@ class Place(NamedTuple):
     column: int
 
     def problem(self, path: Path, what: str) -> Problem:
-        """State a mistake made here."""
+        """A mistake at this place."""
         return Problem(file=self.file, line=self.line, column=self.column, path=dotted(path), what=what)
 
 
 # Place of a value that is in no file.
 OUTSIDE = Place("--set", 1, 1)
 
-_FOUND = re.compile(r"\d+\.\d{10,}")  # a number that a fit found: nobody writes so many decimals
+_FOUND = re.compile(r"\d+\.\d{10,}")  # a number from a fit; nobody writes so many decimals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +55,7 @@ class ScalarEntry:
 
     @classmethod
     def of(cls, value: Scalar) -> ScalarEntry:
-        """Make a value that is in no file."""
+        """An entry for a value that is in no file."""
         return cls(place=OUTSIDE, value=value, text=scalar_text(value))
 
 
@@ -70,7 +70,7 @@ class ListEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class Override:
-    """A value set by the command line or from Python, and the value that it replaces.
+    """A value set on the command line or from Python, and the value that it replaces.
 
     Parameters
     ----------
@@ -136,12 +136,12 @@ class Document:
 
     @cached_property
     def tree(self) -> dict[str, Any]:
-        """The study as plain dictionaries, lists and scalars, values with a basis unwrapped."""
+        """The study as plain dictionaries, lists and scalars, without the bases of its values."""
         return cast(dict[str, Any], plain(self.root))
 
     @cached_property
     def annotations(self) -> Mapping[Path, Annotation]:
-        """Basis and note of every value that states them, in the order of the study."""
+        """Basis and note of every value that has them, in the order of the study."""
         return {path: entry.annotation for path, entry in walk(self.root, ()) if entry.annotation is not None}
 
     def locate(self, path: str | Path) -> Place:
@@ -170,9 +170,9 @@ class Document:
         return self.locate(path)
 
     def text_of(self, path: str | Path) -> str:
-        """Give a value for people to read: as it was written, without its basis, lists as ``[a, b]``.
+        """A value for people to read: as it was written, without its basis, lists as ``[a, b]``.
 
-        Numbers that a fit found, which have all digits of a float, are rounded.
+        Numbers from a fit, which have all digits of a float, are rounded.
 
         Raises
         ------
@@ -185,7 +185,7 @@ class Document:
         return _FOUND.sub(lambda number: significant(float(number[0]), 4), text_of(entry))
 
     def entry(self, path: str | Path) -> Entry | None:
-        """Find the entry at a path, or None."""
+        """The entry at a path, or None."""
         entry: Entry | None = self.root
         for key in self.path_of(path):
             entry = child(entry, key)
@@ -202,9 +202,9 @@ class Document:
         return _split(self.root, steps)
 
     def with_root(self, root: MappingEntry, changed: Path) -> Document:
-        """Replace the tree by one with a value set from outside, and remember the value before.
+        """The document with another tree, in which one value was set from outside; it records the value before.
 
-        The basis of the study's own value is recorded with that value: it does not apply to the new one.
+        The basis of the study's own value is recorded with that value, since it does not apply to the new one.
         """
         known = next((one.before for one in self.overrides if one.path == changed), None)
         after = replace(self, root=root)
@@ -217,25 +217,25 @@ class Document:
         return replace(after, overrides=(*others, override))
 
     def with_problems(self, *problems: Problem) -> Document:
-        """Add mistakes."""
+        """The document with further mistakes."""
         return replace(self, problems=(*self.problems, *problems))
 
 
 def dotted(path: Path) -> str:
-    """Write a path as in ``--set``; control characters are escaped, not sent to a terminal."""
+    """A path as written in ``--set``; control characters are escaped so that they never reach a terminal."""
     text = ".".join(str(step) for step in path)
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
 
 def scalar_text(value: Scalar) -> str:
-    """Write a scalar as in a file."""
+    """A scalar as written in a file."""
     if value is None:
         return "null"
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def text_of(entry: Entry) -> str:
-    """Give an entry as it was written, without its basis; lists as ``[a, b]``, mappings as ``{a: b}``."""
+    """An entry as it was written, without its basis; lists as ``[a, b]``, mappings as ``{a: b}``."""
     if isinstance(entry, ScalarEntry):
         return entry.text
     if isinstance(entry, ListEntry):
@@ -244,7 +244,7 @@ def text_of(entry: Entry) -> str:
 
 
 def plain(entry: Entry) -> Any:
-    """Strip an entry to dictionaries, lists and scalars."""
+    """An entry as plain dictionaries, lists and scalars."""
     if isinstance(entry, MappingEntry):
         return {key: plain(member.entry) for key, member in entry.members.items()}
     if isinstance(entry, ListEntry):
@@ -262,7 +262,7 @@ def child(entry: Entry | None, key: str | int) -> Entry | None:
 
 
 def merged(below: Entry, above: Entry) -> Entry:
-    """Lay one entry over another: mappings key by key, anything else replaced; an explicit null removes a key."""
+    """Merge an entry into the one below it, mappings key by key; others are replaced, and a null removes a key."""
     if not (isinstance(below, MappingEntry) and isinstance(above, MappingEntry)):
         return above
     members = dict(below.members)
@@ -276,13 +276,13 @@ def merged(below: Entry, above: Entry) -> Entry:
     return MappingEntry(place=above.place, members=members)
 
 
-def taken_back_in_vain(below: Entry, above: Entry, path: Path) -> Iterator[tuple[Path, Place, Mapping[str, Member]]]:
-    """Every key that an entry removes from another that does not have it: path, place, and existing members."""
+def removals_of_nothing(below: Entry, above: Entry, path: Path) -> Iterator[tuple[Path, Place, Mapping[str, Member]]]:
+    """Removals of keys that the entry below does not have: path, place, and the members that it has."""
     if not (isinstance(below, MappingEntry) and isinstance(above, MappingEntry)):
         return
     for key, member in above.members.items():
         if key in below.members:
-            yield from taken_back_in_vain(below.members[key].entry, member.entry, (*path, key))
+            yield from removals_of_nothing(below.members[key].entry, member.entry, (*path, key))
         elif is_null(member.entry):
             yield (*path, key), member.key_place, below.members
 
@@ -293,7 +293,7 @@ def count_values(entry: Entry) -> int:
 
 
 def is_null(entry: Entry) -> bool:
-    """Whether an entry is an explicit null, and not a forgotten value."""
+    """Whether an entry is an explicit null and not an omitted value."""
     return isinstance(entry, ScalarEntry) and entry.value is None and bool(entry.text)
 
 
@@ -309,7 +309,7 @@ def walk(entry: Entry, path: Path) -> Iterator[tuple[Path, Entry]]:
 
 
 def _with_basis(entry: Entry | None) -> str:
-    """Write a value and its basis: "9.8 (datasheet: section 2)"."""
+    """A value and its basis, such as "9.8 (datasheet: section 2)"."""
     if entry is None:
         return ""
     annotation = entry.annotation or Annotation()
@@ -323,7 +323,7 @@ def _first_key(entry: MappingEntry, steps: list[str]) -> int | None:
 
 
 def _split(entry: Entry | None, steps: list[str]) -> Path:
-    """Follow the steps down as far as they exist; beyond, every step is one key."""
+    """Follow the steps as far as they exist; beyond, each step is a key of its own."""
     if not steps:
         return ()
     count, key = 1, cast(str | int, steps[0])

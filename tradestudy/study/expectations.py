@@ -1,4 +1,4 @@
-"""Expected values of claims and ends of inverse questions, read in the dimension of the quantity asked about."""
+"""Expected values of claims and ends of inverse questions, parsed in the dimension of their quantity."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def expectation_bounds(claim: ClaimPart) -> float:
     Raises
     ------
     UnitError
-        If it does not read as that quantity.
+        If it is not a value of that quantity.
     """
     expect = claim.expect
     text = next(text for text in (expect.about, expect.above, expect.below) if text is not None)
@@ -51,7 +51,7 @@ def expectation_bounds(claim: ClaimPart) -> float:
 
 
 class Varied(Protocol):
-    """A question or assumption that varies values between two ends."""
+    """An inverse question or an assumption, which varies values between two ends."""
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -67,12 +67,12 @@ class Varied(Protocol):
 
 
 def question_ends(question: Varied) -> tuple[Dimension, float, float]:
-    """The dimension and the ends, in SI, of the range that an inverse question or an assumption varies.
+    """The dimension of the values that an inverse question or an assumption varies, and the ends of their range in SI.
 
     Raises
     ------
     OutOfRangeError
-        If the ends do not share a unit, or are not 0 < low < high.
+        If the ends have no common unit, or do not satisfy 0 < low < high.
     """
     dimension = common_dimension(question.low, question.high)
     if dimension is None:

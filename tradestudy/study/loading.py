@@ -1,4 +1,4 @@
-"""Read a study file and check all of it: its declarations, and every change that it makes to them."""
+"""Read a study file and check all of it: its declarations, readings, sweeps and questions."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from tradestudy.study.sweep import sweep_axes
 from tradestudy.study.varying import Varying
 
 _INFERRED_ANEW = (
-    "changes the inputs of the inferred calibration of {0}, so that every value needs a new inference; vary "
-    "something that it does not depend on, such as {0}.calibration.stability"
+    "the calibration of {0} is inferred and depends on this, so every value would need a new inference; vary "
+    "something on which it does not depend, such as {0}.calibration.stability"
 )
 Change = tuple[tuple[str | int, ...], dict[str, Value | Entry]]
 
@@ -54,7 +54,7 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
 
 
 def _stated_once(document: Document, problems: Sequence[Problem]) -> list[Problem]:
-    """The problems; one that several cameras share is reported only at the camera from which the others inherit it."""
+    """The problems; one that cameras inherit is reported once, at the camera that the others are like."""
     cameras = document.tree.get("cameras")
     names = sorted(cameras, key=len, reverse=True) if isinstance(cameras, dict) else []
     found: list[Problem] = []
@@ -76,7 +76,7 @@ def _stated_once(document: Document, problems: Sequence[Problem]) -> list[Proble
 
 
 def _origin(document: Document, name: str, shared: Mapping[str, Problem]) -> str:
-    """The camera from which a camera inherits a problem that it shares with others; itself if it does not."""
+    """The camera from which a camera inherits a shared problem; itself if it inherits none."""
     place, other = _place(shared[name]), document.like.get(name, "")
     if other in shared and place in (_place(shared[other]), document.locate(("cameras", name))):
         return _origin(document, other, shared)
@@ -88,7 +88,7 @@ def _place(problem: Problem) -> Place:
 
 
 def _single_cameras(document: Document, error: StudyError) -> Iterator[Problem]:
-    """Files of a single camera in a study with mistakes: one half of a rig may have been given instead of both."""
+    """A note for every camera with mistakes that was imported as a single camera: its rig may need two files."""
     for line in document.imported:
         path = ("cameras", line.partition(":")[0])
         if line.endswith(ONE_CAMERA) and any(one.path.startswith(".".join(path)) for one in error.problems):
@@ -96,7 +96,7 @@ def _single_cameras(document: Document, error: StudyError) -> Iterator[Problem]:
 
 
 def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
-    """Mistakes of the first and last value of each sweep axis and of the ends of each inverse question."""
+    """Mistakes of the first and last value of each sweep axis, and of the ends of inverse questions and assumptions."""
     for where, values in _changes(definition):
         place = definition.document.locate(where)
         try:
@@ -111,13 +111,13 @@ def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
 
 
 def _is_planned(definition: StudyDefinition, name: str) -> bool:
-    """Whether inverse questions can plan a camera's calibration: only one by a target, since corners are given."""
+    """Whether inverse questions can plan a camera's calibration: by a target they can; corners are already measured."""
     part = definition.file.cameras[name]
     return isinstance(part, DepthCameraDeclaration) and part.calibration.target is not None
 
 
 def _problems_of_questions(definition: StudyDefinition) -> Iterator[Problem]:
-    """Expectations of claims and ends of inverse questions that do not read in the dimension they need."""
+    """Expectations of claims, and ends of inverse questions and assumptions, that have the wrong dimension."""
     checks: list[tuple[tuple[str, ...], Callable[[], object]]] = [
         *(
             (("claims", name, "expect"), partial(expectation_bounds, claim))
@@ -150,7 +150,7 @@ def _changes(definition: StudyDefinition) -> Iterator[Change]:
             yield ("solve", name, "vary"), dict.fromkeys(question.paths, value)
         try:
             varying = Varying.of(definition, question)
-        except TradestudyError:  # which the ends say
+        except TradestudyError:  # reported at the ends
             continue
         yield ("solve", name, "vary"), {**varying.changes(varying.at_share(0.5))}
     for where, one in _assumptions(definition):

@@ -10,7 +10,7 @@ from tradestudy.study.source import UnreadableError, compose
 
 
 def options(definition: StudyDefinition) -> tuple[str, ...]:
-    """Options and their values, in order: ``("--set", "scene.distances.to=4 m", "--tolerance", "1 %")``.
+    """Options and their values, in order, such as ``("--set", "scene.distances.to=4 m", "--tolerance", "1 %")``.
 
     They reproduce the same study, with the same hash.
     """
@@ -25,7 +25,7 @@ def _options(definition: StudyDefinition) -> Iterator[str]:
 
 
 def _value(entry: Entry | None) -> str:
-    """A value in YAML, with its basis, exactly as given, because its text is hashed."""
+    """A value in YAML, with its basis, exactly as given because its text is hashed."""
     if entry is None:
         return "null"
     if isinstance(entry, ScalarEntry) and not _has_basis(entry) and _reads_the_same(entry):
@@ -38,7 +38,7 @@ def _has_basis(entry: Entry) -> bool:
 
 
 def _reads_the_same(entry: ScalarEntry) -> bool:
-    """Whether its text, without quotes, reads as the same value."""
+    """Whether the text of a value, without quotes, parses as the same value."""
     try:
         read, problems = compose(entry.text, entry.place)
     except UnreadableError:

@@ -1,4 +1,4 @@
-"""Warnings about possible but implausible input, at its place, unless the study states its basis."""
+"""Warnings about possible but implausible input whose basis the study does not state."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _LARGE_TOLERANCE: Final = 0.05  # at or above this, a tolerance without a unit w
 
 
 def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
-    """Every unusual value, at its place, each place once; values that state their basis are exempt."""
+    """Warnings about unusual values, one for each place; values with a stated basis are exempt."""
     found = [
         *_outside_the_usual(definition),
         *_light(definition),
@@ -76,7 +76,7 @@ def _outside_the_usual(definition: StudyDefinition) -> Iterator[Problem]:
 
 
 def _numbers(entry: Entry, path: Path, dimension: Dimension) -> Iterator[tuple[float, Path]]:
-    """Numbers at a path, or in the list there, that state no basis and read in the given dimension."""
+    """Numbers of the given dimension at a path, or in the list there, that have no stated basis."""
     if isinstance(entry, ListEntry):
         for index, item in enumerate(entry.items):
             yield from _numbers(item, (*path, index), dimension)
@@ -96,7 +96,7 @@ def _warning(definition: StudyDefinition, path: Path, what: str) -> Problem:
 
 
 def _light(definition: StudyDefinition) -> Iterator[Problem]:
-    """More light than the full well of a pixel."""
+    """More electrons than the full well of a pixel holds."""
     above = ("scene", "picture")
     light, well = (definition.document.entry((*above, *tail)) for tail in (("light", "electrons"), ("full_well",)))
     if not (isinstance(light, ScalarEntry) and isinstance(well, ScalarEntry)) or _has_basis(light):
@@ -109,7 +109,7 @@ def _light(definition: StudyDefinition) -> Iterator[Problem]:
 
 
 def _imported_baselines(definition: StudyDefinition) -> Iterator[Problem]:
-    """Baselines of calibration files that only another unit of length makes usual."""
+    """Baselines of calibration files that would be usual only in another unit of length."""
     for name, camera in definition.file.cameras.items():
         if says := camera.read_as.get(UNUSUAL_BASELINE):
             path = ("cameras", name, "from")
@@ -117,7 +117,7 @@ def _imported_baselines(definition: StudyDefinition) -> Iterator[Problem]:
 
 
 def _folding_lenses(definition: StudyDefinition) -> Iterator[Problem]:
-    """Imported lenses that do not reach the edges of their pictures."""
+    """Imported lens models that do not reach the edges of their pictures."""
     for name, camera in definition.file.cameras.items():
         if says := camera.read_as.get(FOLDING_LENS):
             path = ("cameras", name, "from")
@@ -126,7 +126,7 @@ def _folding_lenses(definition: StudyDefinition) -> Iterator[Problem]:
 
 
 def _idle_matcher(definition: StudyDefinition) -> Iterator[Problem]:
-    """A matcher of the scene that no camera uses, because all disparity errors are declared."""
+    """A matcher of the scene that no camera uses because all disparity errors are declared."""
     scene, cameras = definition.file.scene, definition.file.cameras.values()
     if scene is None or scene.picture is None or scene.picture.matcher is None:
         return
@@ -137,7 +137,7 @@ def _idle_matcher(definition: StudyDefinition) -> Iterator[Problem]:
 
 
 def _tolerances(definition: StudyDefinition) -> Iterator[Problem]:
-    """Tolerances without a unit that are large as shares but usual in per cent."""
+    """Tolerances without a unit that are large as fractions but usual in per cent."""
     asked = definition.document.entry("accuracy")
     found = [(path, one) for path, one in ([] if asked is None else walk(asked, ("accuracy",)))]
     for path, entry in found:
@@ -159,7 +159,7 @@ def _large(text: str) -> Iterator[str]:
 
 
 def _requirements(definition: StudyDefinition) -> Iterator[Problem]:
-    """Requirements over distances that the study does not compute."""
+    """Requirements that reach beyond the distances of the scene."""
     distance = definition.case.distance
     for name, one in definition.file.requirements.items():
         if not (distance.size and one.over):

@@ -1,4 +1,4 @@
-"""Read a study file into a document: cameras from their own files, one camera like another, values set from outside."""
+"""Read a study into a document: cameras from their own files or like others, and values set from outside."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from tradestudy.study.shared_cameras import (
     SharedCameras,
     kind_of,
     load_entries,
-    nothing_to_take_back,
+    nothing_to_remove,
+    problems_of_removals,
     refused,
-    taken_back,
 )
 from tradestudy.study.source import UnreadableError, compose, entry_of_value
 
@@ -47,12 +47,12 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Document:
         A YAML 1.2 file.
     overrides
         ``path=value`` texts; the path is dotted, ``cameras.`` may be omitted, and the value is YAML. They are applied
-        after `from` and `like`, so that only the named camera changes.
+        after ``from`` and ``like``, so that only the named camera changes.
 
     Returns
     -------
     Document
-        It keeps mistakes that still leave a tree, for `validate` to report together with its own.
+        It contains mistakes that still leave a tree; `validate` reports them together with its own.
 
     Raises
     ------
@@ -84,22 +84,21 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Document:
 def with_values(
     document: Document, values: Mapping[str, Value | Entry], *, written_at: Mapping[str, str | tree.Path] | None = None
 ) -> Document:
-    """Lay other values over a document, as a sweep or another reading of the same study does.
+    """Set values in a document, as a sweep or another reading of the same study does.
 
     Parameters
     ----------
     document
         The document, which is not modified.
     values
-        For each dotted path, a YAML text as in a file; or its content, as entries or Python values. A null removes a
-        value.
+        By dotted path: YAML text as in a file, an entry, or a Python value. A null removes a value.
     written_at
-        For a path, where in the document its value comes from; mistakes are then reported there, else at ``--set``.
+        For a path, where in the document its value is written; mistakes are then reported there, else at ``--set``.
 
     Returns
     -------
     Document
-        It keeps mistakes in the values, for `validate` to report.
+        It contains the mistakes in the values, which `validate` reports.
     """
     for number, (path, value) in enumerate(values.items(), start=1):
         source = (written_at or {}).get(path)
@@ -122,7 +121,7 @@ def _overridden(document: Document, override: str, number: int) -> Document:
 
 
 def _with_value(document: Document, path: str, value: Value | Entry, place: Place, value_place: Place) -> Document:
-    """Put a value where a dotted path points."""
+    """Set the value at a dotted path."""
     steps = document.path_of(path)
     try:
         entry, problems = _read_value(value, value_place)
@@ -136,19 +135,19 @@ def _with_value(document: Document, path: str, value: Value | Entry, place: Plac
         )
     below = document.entry(steps)
     if below is not None:
-        problems += taken_back(below, entry, steps)
+        problems += problems_of_removals(below, entry, steps)
     try:
         root = cast(MappingEntry, _placed(document.root, steps, (), Member(place, entry)))
     except _NoSuchPlaceError as error:
         problems.append(place.problem(steps, str(error)))
         return document.with_problems(*problems)
-    # Values of a reading belong to the study and are no overrides.
+    # Values of a reading belong to the study and are not overrides.
     changed = document.with_root(root, steps) if place.file == OUTSIDE.file else replace(document, root=root)
     return changed.with_problems(*problems)
 
 
 def _read_value(value: Value | Entry, place: Place) -> tuple[Entry, list[Problem]]:
-    """The entry for the tree, and the mistakes that still allow one."""
+    """The entry of a value, and mistakes that still leave one."""
     if isinstance(value, Entry):
         return value, []
     if not isinstance(value, str):
@@ -166,7 +165,7 @@ def _is_comment(text: str) -> bool:
 
 
 def _shared(steps: tree.Path, entry: Entry) -> Iterator[tree.Path]:
-    """Paths at which a value, or anything inside it, would compose a camera from others."""
+    """Paths of ``from`` and ``like`` in a value, which would assemble a camera from others."""
     if steps[0] != "cameras":
         return
     if len(steps) == 3 and steps[2] in SHARING:
@@ -177,11 +176,11 @@ def _shared(steps: tree.Path, entry: Entry) -> Iterator[tree.Path]:
 
 
 class _NoSuchPlaceError(Exception):
-    """A path leads through a value that has nothing below it."""
+    """A path leads through a value that has no parts."""
 
 
 def _placed(entry: Entry | None, steps: tree.Path, above: tree.Path, new: Member) -> Entry:
-    """The entry with a member inserted at the end of the steps; missing mappings on the way are created."""
+    """The entry with a member set at the end of the steps; missing mappings on the way are created."""
     if not steps:
         return merged(entry, new.entry) if entry is not None else new.entry
     step, rest = steps[0], steps[1:]
@@ -199,7 +198,7 @@ def _placed(entry: Entry | None, steps: tree.Path, above: tree.Path, new: Member
     members, key = dict(entry.members), str(step)
     if not rest and is_null(new.entry):
         if key not in members:
-            raise _NoSuchPlaceError(nothing_to_take_back(key, members))
+            raise _NoSuchPlaceError(nothing_to_remove(key, members))
         del members[key]
         return replace(entry, members=members)
     old = members.get(key)

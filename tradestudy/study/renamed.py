@@ -1,4 +1,4 @@
-"""Keys of format 1 that format 2 does not have, and what to write instead."""
+"""Keys of format 1 that format 2 lacks, and what to write instead."""
 
 from __future__ import annotations
 
@@ -39,20 +39,20 @@ _CALLED: Final = {
 _INSTEAD: Final = {
     "cameras.*.thermal_expansion": "format 2: cameras.{}.calibration.stability.housing_expansion, beside temperature",
     "cameras.*.calibration.correlation": "format 2: correlations beside errors, {{mla_distance: {{focal_length: …}}}} "
-    "with this value; 0 is left out",
+    "with this value; leave out a correlation of 0",
     "cameras.*.calibration.errors.pixel_noise": "the noise of one measurement is cameras.{}.depth.disparity_error",
     "cameras.*.calibration.errors.*.drawn": "remove this; how often an error is drawn follows from its kind",
     "cameras.*.calibration.corners.declared_baseline": "format 2 compares the fit with cameras.{}.baseline",
     "scene.temperature": "format 2: stability.temperature of the calibration of each camera",
     "effects.temperature": "format 2: effects.calibration, which includes temperature",
     "calibration.seed": "format 2: propagation.seed",
-    "calibration.distances": "remove this; answers are for scene.distances, sensitivity for sensitivity.at",
+    "calibration.distances": "remove this; depth is computed at scene.distances, sensitivities at sensitivity.at",
     "calibration.edge": "format 2: propagation.field_places, a list: [70 %]",
-    "calibration.accuracy": "format 2: accuracy.depth_uncertainty, the tighter of the two where both are given",
+    "calibration.accuracy": "format 2: accuracy.depth_uncertainty; if both are given, write the tighter one",
     "calibration.budget": "format 2: propagation.max_draws",
     "calibration.compare": "format 2: decision.compare",
-    "calibration.questions": "format 2: solve; parameter is the path in vary, sought between low and high; way is "
-    "errors; camera, equal, relative and at stay",
+    "calibration.questions": "format 2: solve; write parameter as a path in vary, with low and high as the ends of "
+    "its range, and way as errors; camera, equal, relative and at stay",
     "calibration.surroundings.calibrated_at_temperature": "format 2: stability.calibrated_at of each calibration",
     "calibration.surroundings.calibrated_at_pressure": "format 2: stability.calibrated_at of each calibration",
     "calibration.surroundings.temperature_change": "format 2: calibration.stability.temperature of each camera",
@@ -79,7 +79,7 @@ _REFOCUSED: Final = "format 1 called this every-object; format 2: autofocus"
 
 
 def validated(document: Document) -> StudyFile:
-    """Validate a study; report keys of format 1 as such, and for a study of format 1 report nothing else.
+    """Validate a study; keys of format 1 are reported as such, in a study of format 1 only those.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def validated(document: Document) -> StudyFile:
 
 
 def renamed_keys(document: Document) -> list[Problem]:
-    """Every key of format 1 that was renamed, at its place, also in paths of readings, sweeps and questions."""
+    """Renamed keys of format 1, at their places, including those in paths of readings, sweeps and questions."""
     found = [*_of_keys(document), *_of_paths(document)]
     by_place = {(one.file, one.line, one.column): one for one in reversed(found)}
     return [by_place[place] for place in sorted(by_place)]
@@ -147,9 +147,9 @@ def _instead_of_part(path: Path) -> str | None:
     return next((what for length in range(1, len(path) + 1) if (what := _instead(path[:length])) is not None), None)
 
 
-@lru_cache(maxsize=4096)  # keys share the paths above them, and studies their keys
+@lru_cache(maxsize=4096)  # keys share the paths above them, and studies share keys
 def _instead(path: Path) -> str | None:
-    """What to write instead of the key at a path; None if format 2 has the key too."""
+    """What to write instead of the key at a path; None if format 2 has the key."""
     if len(path) == 4 and path[::2] == ("cameras", "calibration") and path[3] in DEPTH_PARAMETERS:
         return _UNDER_ERRORS
     for pattern, message in _PATTERNS.items():

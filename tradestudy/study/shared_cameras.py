@@ -1,4 +1,4 @@
-"""Assemble the cameras of a study from their own files, from calibration files and from each other."""
+"""Assemble the cameras of a study from their own files, calibration files or other cameras."""
 
 from __future__ import annotations
 
@@ -35,7 +35,12 @@ MOST_BYTES = 1_000_000
 _MOST_BYTES_OF_LITERALS, _HEAD = 32_000_000, 4000
 LONGEST_CHAIN = 50
 SHARING = ("from", "like")
-_OF_IMPORTS = ("length_unit", "pair", "pictures", "lens_model")  # allowed beside from: with calibration files
+_OF_IMPORTS = (
+    "length_unit",
+    "pair",
+    "pictures",
+    "lens_model",
+)  # keys allowed beside from: when it names calibration files
 
 
 def load_entries(path: Path) -> tuple[Entry, list[Problem]]:
@@ -50,7 +55,7 @@ def _text(path: Path) -> str:
         content = _content(path, place)
     except FileNotFoundError:
         raise refused(place, f"there is no such file{_nearest_file(path)}") from None
-    except (OSError, ValueError) as error:  # ValueError: a name that no file system allows
+    except (OSError, ValueError) as error:  # ValueError: the operating system does not allow this name
         raise refused(place, f"it cannot be read ({getattr(error, 'strerror', None) or error})") from None
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise refused(place, "it is text in UTF-16; save it as UTF-8")
@@ -75,7 +80,7 @@ def _content(path: Path, place: Place) -> bytes:
         raise refused(place, "it is not a regular file; a file is expected")
     with path.open("rb") as file:
         content = file.read(MOST_BYTES + 1)
-        if b"lensmodel" in content[:_HEAD]:  # an mrcal file may contain the data that its camera was inferred from
+        if b"lensmodel" in content[:_HEAD]:  # an mrcal file may contain the data from which its camera was calibrated
             content += file.read(_MOST_BYTES_OF_LITERALS)
     most = _MOST_BYTES_OF_LITERALS if b"lensmodel" in content[:_HEAD] else MOST_BYTES
     if len(content) > most:
@@ -93,10 +98,10 @@ def refused(place: Place, what: str) -> UnreadableError:
 
 
 def _nearest_file(path: Path) -> str:
-    """Name the most similar file name in the same folder."""
+    """For messages: the file with the most similar name in the same folder; empty if there is none."""
     try:
         names = [entry.name for entry, _ in zip(path.parent.iterdir(), range(1000), strict=False)]
-        names = [name for name in names if name != path.name]  # a link that leads nowhere has that name
+        names = [name for name in names if name != path.name]  # that of a broken link
     except OSError:
         return ""
     close = nearest(path.name, names)
@@ -104,7 +109,7 @@ def _nearest_file(path: Path) -> str:
 
 
 class SharedCameras:
-    """Assembles cameras from their files and from each other; a camera with a mistake stays as written."""
+    """Assembles cameras from files and other cameras; a camera with a mistake stays as written."""
 
     def __init__(self, *, folder: Path, root: MappingEntry) -> None:
         self.folder, self.root = folder, root
@@ -138,7 +143,7 @@ class SharedCameras:
         return self.done[name]
 
     def assemble(self, name: str, chain: tuple[str, ...]) -> Entry | None:
-        """Lay the study's own values of a camera over those it takes from a file or another camera."""
+        """A camera as written, or its own values merged into those of a file or another camera."""
         own = self.written.members[name].entry
         if not isinstance(own, MappingEntry):
             return own
@@ -146,7 +151,7 @@ class SharedCameras:
         if not sharing:
             return own
         if len(sharing) > 1:
-            self.note(own.members["like"].key_place, name, "like", "a camera takes from: or like:, not both")
+            self.note(own.members["like"].key_place, name, "like", "a camera may have from: or like:, not both")
             return None
         member = own.members[sharing[0]]
         if sharing[0] == "from":
@@ -172,16 +177,16 @@ class SharedCameras:
             what = f"the cameras together contain more than {MOST_VALUES} values"
             self.note(member.entry.place, name, sharing[0], what)
             return None
-        return self.laid_over(below, own, name, SHARING)
+        return self.with_own_values(below, own, name, SHARING)
 
-    def laid_over(self, below: Entry, own: MappingEntry, name: str, but: Sequence[str]) -> Entry:
-        """Lay a camera's own values, except some keys, over those that it takes from elsewhere."""
+    def with_own_values(self, below: Entry, own: MappingEntry, name: str, but: Sequence[str]) -> Entry:
+        """Merge a camera's own values, except some keys, into those of a file or another camera."""
         changed = replace(own, members={key: member for key, member in own.members.items() if key not in but})
-        self.problems += taken_back(below, changed, ("cameras", name))
+        self.problems += problems_of_removals(below, changed, ("cameras", name))
         return merged(below, changed)
 
     def from_calibration(self, name: str, own: MappingEntry, files: Sequence[CameraFile]) -> Entry | None:
-        """Lay the study's values of a camera over those of its calibration files."""
+        """Merge the study's values of a camera into those of its calibration files."""
         request = self.request(own)
         try:
             below, line = imported(files, request)
@@ -189,21 +194,21 @@ class SharedCameras:
             self.note_mistake(name, error)
             return self.read_in_any_unit(name, own, files, request)
         self.imported.append(f"{name}: {line}")
-        return self.laid_over(below, own, name, (*SHARING, *_OF_IMPORTS))
+        return self.with_own_values(below, own, name, (*SHARING, *_OF_IMPORTS))
 
     def read_in_any_unit(
         self, name: str, own: MappingEntry, files: Sequence[CameraFile], request: Request
     ) -> Entry | None:
-        """A camera refused for lack of a unit, so that whatever else it lacks is reported at the same time."""
+        """A camera read in some possible unit of length, so that its mistakes beside the missing unit are found too."""
         unknown = self.note_unknown_keys(name, own)
         for unit in ("m", "cm", "mm"):
-            with suppress(CameraFileError):  # a baseline that is impossible in this unit
+            with suppress(CameraFileError):  # the baseline is impossible in this unit
                 below, _ = imported(files, replace(request, length_unit=unit))
-                return self.laid_over(below, own, name, (*SHARING, *_OF_IMPORTS, *unknown))
+                return self.with_own_values(below, own, name, (*SHARING, *_OF_IMPORTS, *unknown))
         return None
 
     def calibration_files(self, entry: Entry) -> list[CameraFile]:
-        """The calibration files that a camera names; none if it names a camera file."""
+        """The calibration files that a camera names; empty if it names a camera file."""
         named = entry.items if isinstance(entry, ListEntry) else (entry,)
         if not all(isinstance(one, ScalarEntry) and isinstance(one.value, str) for one in named):
             return []
@@ -225,8 +230,8 @@ class SharedCameras:
         return found
 
     def request(self, own: MappingEntry) -> Request:
-        """The study's instructions for reading the calibration files."""
-        said: dict[str, str | tuple[str, ...]] = {}
+        """Options of the study for reading the calibration files."""
+        given: dict[str, str | tuple[str, ...]] = {}
         for key in _OF_IMPORTS:
             if key not in own.members:
                 continue
@@ -235,8 +240,8 @@ class SharedCameras:
             problem = wrong_request(key, value)
             if problem:
                 raise CameraFileError(entry.place.problem((key,), problem))
-            said[key] = tuple(value) if key == "pair" else value
-        return Request(**said)  # type: ignore[arg-type]
+            given[key] = tuple(value) if key == "pair" else value
+        return Request(**given)  # type: ignore[arg-type]
 
     def from_file(self, name: str, file: str, place: Place, _chain: tuple[str, ...]) -> Entry | None:
         """Read a camera's own file."""
@@ -255,7 +260,7 @@ class SharedCameras:
         self.problems += [
             replace(problem, path=f"cameras.{name}.{problem.path}".removesuffix(".")) for problem in problems
         ]
-        self.files[file] = (entry, [])  # for the next camera; the file's mistakes are already reported
+        self.files[file] = (entry, [])  # the next camera of this file does not report its mistakes again
         if not isinstance(entry, MappingEntry):
             what = f"a camera or a calibration file ({known_formats()}) is expected, not {kind_of(entry)}"
             self.problems.append(entry.place.problem(("cameras", name), what))
@@ -272,13 +277,13 @@ class SharedCameras:
             return None
         for key in SHARING:
             if key in entry.members:
-                what = f"a camera file stands alone; {key}: belongs in the study"
+                what = f"a camera file must be complete; write {key}: in the study"
                 self.note(entry.members[key].key_place, name, key, what)
                 return None
         return entry
 
     def like_camera(self, name: str, other: str, place: Place, chain: tuple[str, ...]) -> Entry | None:
-        """Find the camera that another is like."""
+        """The assembled camera that another is like."""
         if other in chain:
             circle = " → ".join((*chain[chain.index(other) :], other))
             self.note(place, name, "like", f"the cameras refer to each other in a circle: {circle}")
@@ -295,7 +300,7 @@ class SharedCameras:
         return below if isinstance(below, MappingEntry) else None
 
     def note_unknown_keys(self, name: str, own: MappingEntry) -> list[str]:
-        """Remember mistyped keys beside calibration files that could not be read, perhaps for want of such a key."""
+        """Report unknown keys beside calibration files that could not be read: a misspelt option may be the cause."""
         known = dict.fromkeys((*_OF_IMPORTS, *_keys_of_cameras()))
         unknown = [key for key in own.members if key not in known]
         for key in unknown:
@@ -303,35 +308,35 @@ class SharedCameras:
         return unknown
 
     def note_mistake(self, name: str, error: CameraFileError) -> None:
-        """Remember a mistake in the calibration files of a camera."""
+        """Record a mistake in the calibration files of a camera."""
         path = f"cameras.{name}.{error.problem.path}".removesuffix(".")
         self.problems.append(replace(error.problem, path=path))
 
     def note(self, place: Place, name: str, key: str, what: str) -> None:
-        """Remember a mistake of a camera."""
+        """Record a mistake of a camera."""
         self.problems.append(place.problem(("cameras", name, key), what))
 
 
 def _keys_of_cameras() -> dict[str, None]:
-    """Keys that a camera of some kind may have, in their usual order."""
+    """Keys of cameras of all kinds, in their usual order."""
     return dict.fromkeys((*SHARING, *(key for kind in KINDS for key in key_names(kind))))
 
 
-def taken_back(below: Entry, above: Entry, path: tree.Path) -> list[Problem]:
-    """Refuse every null that removes a key that does not exist."""
+def problems_of_removals(below: Entry, above: Entry, path: tree.Path) -> list[Problem]:
+    """Mistakes of nulls that remove keys that do not exist."""
     return [
-        place.problem(where, nothing_to_take_back(where[-1], members))
-        for where, place, members in tree.taken_back_in_vain(below, above, path)
+        place.problem(where, nothing_to_remove(where[-1], members))
+        for where, place, members in tree.removals_of_nothing(below, above, path)
     ]
 
 
-def nothing_to_take_back(key: str | int, members: Mapping[str, Member]) -> str:
-    """Message about a null that removes nothing."""
+def nothing_to_remove(key: str | int, members: Mapping[str, Member]) -> str:
+    """Message for a null that removes nothing."""
     return f"null removes a value, but there is no '{key}' here{nearest_name(str(key), members)}"
 
 
 def kind_of(entry: Entry) -> str:
-    """The kind of an entry, for messages."""
+    """What an entry is, in words."""
     if isinstance(entry, ScalarEntry):
         return "a single value" if entry.text else "nothing"
     return "a list" if isinstance(entry, ListEntry) else "a mapping"

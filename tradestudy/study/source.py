@@ -1,4 +1,4 @@
-"""Read YAML 1.2 text into entries: every value with its place, all duplicate keys, hostile input refused early."""
+"""Read YAML 1.2 into entries that know their places; report all duplicate keys and refuse hostile input early."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from tradestudy.study.document import (
 )
 from tradestudy.units import nearest
 
-# Large enough for 100 cameras and 100 000 written-out distances, but not for a file made to exhaust the machine.
+# Enough for 100 cameras and a list of 100 000 distances, but not for a file made to exhaust the machine.
 MOST_VALUES = 120_000
 MOST_MISTAKES = 500
 DEEPEST = 32
 
-# A tag of this length would take the parser seconds, and tags are refused anyway.
+# The parser would take seconds for a tag of this length, and tags are refused anyway.
 _ENDLESS_TAG = re.compile(r"!\S{1000}")
-# The parser's time grows with the square of the brackets that are open at once.
+# The parser's time grows with the square of the number of brackets open at once.
 _ENDLESS_NESTING = re.compile(r"(?:[\[{]\s*){200}")
 _TOO_DEEP = f"values are nested more than {DEEPEST} levels deep"
 _NO_TAGS = "tags ('!…') have no meaning in a study; remove the tag"
@@ -52,7 +52,7 @@ _FLOAT = re.compile(
 
 
 class UnreadableError(Exception):
-    """The text has no tree; ``problems`` are the mistakes found before reading stopped."""
+    """The text gives no tree; ``problems`` are the mistakes found before reading stopped."""
 
     def __init__(self, problems: list[Problem]) -> None:
         super().__init__(problems)
@@ -69,7 +69,7 @@ def compose(text: str, start: Place, *, tags: bool = False) -> tuple[Entry, list
     start
         The place of its first character.
     tags
-        Whether values may have tags, which are then ignored.
+        Whether to ignore tags instead of refusing them.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def compose(text: str, start: Place, *, tags: bool = False) -> tuple[Entry, list
     return entry, [*problems]
 
 
-@lru_cache(maxsize=16)  # a file of a camera is first tried as a calibration file, and a notebook loads a study often
+@lru_cache(maxsize=16)  # a camera's file is also tried as a calibration file, and notebooks load the same study often
 def _composed(text: str, start: Place, tags: bool) -> tuple[Entry, tuple[Problem, ...]]:
     composer = _Composer(start=start, last=start, may_have_tags=tags)
     if tag := _ENDLESS_TAG.search(text):
@@ -105,7 +105,7 @@ def _composed(text: str, start: Place, tags: bool) -> tuple[Entry, tuple[Problem
             place, f"the character U+{ord(text[error.position]):04X} is not allowed in YAML; the file may not be text"
         )
     except (YAMLError, ValueError, OverflowError, TypeError, AttributeError, IndexError) as error:
-        # On some malformed escapes and directives, the parser raises these instead of its own errors.
+        # The parser raises these instead of its own errors on some malformed escapes and directives.
         composer.fail(composer.last, f"this is not valid YAML ({error})")
     if composer.root is None:
         composer.fail(start, "it is empty; `tradestudy new NAME` writes a starter study")
@@ -113,7 +113,7 @@ def _composed(text: str, start: Place, tags: bool) -> tuple[Entry, tuple[Problem
 
 
 def entry_of_value(value: Value, place: Place) -> tuple[Entry, list[Problem]]:
-    """Turn a Python value into entries by the rules of `compose`; text in it is taken literally, not as YAML.
+    """Turn a Python value into entries by the rules of `compose`; its text is literal, not YAML.
 
     Raises
     ------
@@ -138,7 +138,7 @@ class _Frame:
     height: int = 0
 
     def step(self) -> str | int:
-        """Index or key that is being read."""
+        """Index or key now being read."""
         if self.members is None:
             return len(self.items)
         return self.key[0] if self.key else ""
@@ -146,7 +146,7 @@ class _Frame:
 
 @dataclass(kw_only=True)
 class _Composer:
-    """Builds entries from events without recursion; aliases share their entry and count each time they are used."""
+    """Builds entries from events without recursion; an alias shares the entry of its anchor but counts at each use."""
 
     start: Place
     last: Place
@@ -168,17 +168,17 @@ class _Composer:
         return self.place_at(before.count("\n"), len(before) - before.rfind("\n") - 1)
 
     def path(self) -> Path:
-        """Path of the value that is being read."""
+        """Path of the value now being read."""
         return tuple(step for frame in self.frames if (step := frame.step()) != "")
 
     def note(self, place: Place, what: str, path: Path | None = None) -> None:
-        """Remember a mistake."""
+        """Record a mistake."""
         self.problems.append(place.problem(self.path() if path is None else path, what))
         if len(self.problems) >= MOST_MISTAKES:
             self.fail(place, "reading stopped here, after too many mistakes")
 
     def fail(self, place: Place, what: str) -> None:
-        """Remember a mistake and stop reading."""
+        """Record a mistake and stop reading."""
         self.problems.append(place.problem((), what))
         raise UnreadableError(self.problems)
 
@@ -201,7 +201,7 @@ class _Composer:
             self.alias(event.anchor, place)
 
     def take_value(self, value: Value) -> None:
-        """Process a Python value, all of it at the place where reading began."""
+        """Process a Python value; all of it has the place where reading began."""
         if isinstance(value, Mapping):
             self.open(self.start, is_mapping=True)
             for key, item in value.items():
@@ -219,7 +219,7 @@ class _Composer:
             self.scalar(scalar_text(cast(Scalar, value)), self.start, is_plain=True)
 
     def scalar(self, written: str, place: Place, *, is_plain: bool, anchor: str | None = None, tag: Any = None) -> None:
-        """Add a single value; it is plain unless quotes make it text."""
+        """Add a single value; unless it is plain, quotes make it text."""
         self.count_values(place, 1)
         self.tags(tag, place)
         text = self.text(written, place)
@@ -261,7 +261,7 @@ class _Composer:
         self.add(entry, None, 1, 0)
 
     def add(self, entry: Entry, anchor: str | None, count: int, height: int) -> None:
-        """Put a finished entry where it belongs."""
+        """Add a finished entry to the innermost open mapping or list."""
         if anchor:
             self.anchors[anchor] = (entry, count, height)
         if not self.frames:
@@ -278,7 +278,7 @@ class _Composer:
             if name == "<<":
                 self.note(key_place, "YAML 1.2 has no merge key; cameras share values by from: and like:")
             elif not name:
-                pass  # the key is already noted as a mistake, and a value needs a key
+                pass  # the mistake in the key is already recorded
             elif name in members:
                 first = members[name].key_place.line
                 self.note(key_place, f"duplicate key, first on line {first}; remove one of them")
@@ -287,7 +287,7 @@ class _Composer:
             frame.key = None
 
     def key(self, entry: Entry) -> tuple[str, Place]:
-        """Read an entry as a key; note one that is not text, and use its text as written, or none."""
+        """Read an entry as a key; one that is not text is a mistake, and its text as written stands for it."""
         if isinstance(entry, ScalarEntry) and isinstance(entry.value, str) and entry.value:
             return entry.value, entry.place
         text = entry.text if isinstance(entry, ScalarEntry) else ""
@@ -295,7 +295,7 @@ class _Composer:
         return text, entry.place
 
     def text(self, written: str, place: Place) -> str:
-        """Refuse escapes for half a character or the null character, which no file could contain."""
+        """Refuse escapes of lone surrogates and of the null character."""
         if "\0" in written:
             self.note(place, "an escape gives the null character, which no text may contain")
             written = written.replace("\0", "\ufffd")
@@ -305,7 +305,7 @@ class _Composer:
         return written
 
     def tags(self, tag: Any, place: Place) -> None:
-        """Refuse tags: the schema defines the type of each value."""
+        """Refuse tags, since the schema defines the type of each value."""
         if tag is not None and not self.may_have_tags:
             self.note(place, _NO_TAGS)
 
@@ -321,7 +321,7 @@ class _Composer:
             self.fail(place, _TOO_DEEP)
 
     def unwrapped(self, entry: MappingEntry) -> Entry:
-        """Turn ``{value: …, basis: …, note: …}`` into its value with an annotation; leave other mappings alone."""
+        """The value of ``{value: …, basis: …, note: …}`` with its annotation; any other mapping as it is."""
         others = [key for key in entry.members if key != "value"]
         if "value" not in entry.members or not others or any(nearest(key, ("basis", "note")) is None for key in others):
             return entry
@@ -337,7 +337,7 @@ class _Composer:
         return _annotated(value, Annotation(basis=self.basis(entry, here), note=self.remark(entry, here)))
 
     def basis(self, entry: MappingEntry, here: Path) -> Any:
-        """Read the basis of a value."""
+        """Read the basis of a value; None if it is not one."""
         if "basis" not in entry.members:
             return None
         stated = entry.members["basis"].entry

@@ -21,9 +21,9 @@ def starter(name: str, kind: str = "", *, calibration_files: Sequence[Path] = ()
     kind
         Two cameras of one kind, stereo or plenoptic; if empty, a plenoptic camera against a stereo rig.
     calibration_files
-        Files that its single camera is imported from, instead of example cameras.
+        Files from which a single camera is imported, instead of the example cameras.
     said
-        ``key: value`` lines of that camera.
+        Further lines of that camera, each ``key: value``.
 
     Raises
     ------

@@ -16,7 +16,7 @@ from tradestudy.study.document import Entry, ScalarEntry, text_of
 from tradestudy.study.schema.questions import SweepRangePart
 from tradestudy.units import Dimension, UnitError, parse
 
-if TYPE_CHECKING:  # only some studies infer
+if TYPE_CHECKING:  # heavy, and only some studies infer calibrations
     from tradestudy.calibration.posteriors import CornersToInfer
     from tradestudy.calibration.target.camera_target import TargetToInfer
 
@@ -28,8 +28,8 @@ _NO_PART_OF_THE_SCENE = "scene.picture.matcher."  # describes the matching of pi
 class SweepAxis:
     """One swept input: its dotted path, its values, and their labels (SI floats, or text for choices).
 
-    ``declared`` is the label of the study's value without the sweep; empty text if it has none. Numbers are in
-    increasing order, in SI, and have a dimension.
+    ``declared`` is the label of the value that the study declares; empty if it declares none. Numeric values are
+    increasing, in SI, and have a dimension.
     """
 
     path: str
@@ -58,7 +58,7 @@ def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
 
 
 def sweep_points(definition: StudyDefinition, axes: tuple[SweepAxis, ...]) -> list[StudyDefinition]:
-    """The study at every combination of the axes, the last axis fastest; the study itself if there are none.
+    """The study at every combination of values, with the last axis varying fastest; without axes, the study itself.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def sweep_points(definition: StudyDefinition, axes: tuple[SweepAxis, ...]) -> li
 
 
 def calibrations_to_infer(definition: StudyDefinition) -> dict[str, TargetToInfer | CornersToInfer]:
-    """What has to be inferred for the study, its readings and the designs of its sweep, by their `posterior_keys`."""
+    """Calibrations to infer for the study, its readings and the designs of its sweep, by their `posterior_keys`."""
     declared = [definition, *definition.readings.values()]
     if not any(one.calibrations_to_infer() for one in declared):
         return {}
@@ -114,7 +114,7 @@ def quantity_entry(number: float, dimension: Dimension) -> ScalarEntry:
 
 
 def _axis(path: str, values: tuple[ScalarEntry, ...], definition: StudyDefinition) -> SweepAxis:
-    """An axis of the swept values and the study's own value, so that the study as declared is among the designs."""
+    """An axis of the swept values and the declared one, so that the study as declared is among the designs."""
     entry = definition.document.entry(path)
     declared = "" if entry is None else text_of(entry)
     texts = [value.text for value in values]

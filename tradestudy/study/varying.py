@@ -17,7 +17,7 @@ from tradestudy.units import Dimension, UnitError, parse
 
 @dataclass(frozen=True, kw_only=True)
 class Varying:
-    """Inputs of a study that are varied together and share one value.
+    """Inputs of a study that all take the same varied value.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Varying:
         Raises
         ------
         OutOfRangeError
-            If its ends do not share a unit, or are not 0 < low < high.
+            If its ends have no common unit, or do not satisfy 0 < low < high.
         """
         return cls.between(definition, question.paths, *question_ends(question))
 
@@ -50,7 +50,7 @@ class Varying:
     def between(
         cls, definition: StudyDefinition, paths: tuple[str, ...], dimension: Dimension, low: float, high: float
     ) -> Varying:
-        """Inputs with one value between two ends, in SI; counted if the study refuses a fractional value."""
+        """Inputs that take the same value between two ends, in SI; counted if the study refuses fractions."""
         plain = cls(paths=paths, dimension=dimension, low=low, high=high, is_counted=False)
         if dimension.unit or not (low.is_integer() and high.is_integer()):
             return plain
@@ -61,7 +61,7 @@ class Varying:
         return plain
 
     def declared(self, definition: StudyDefinition) -> set[float]:
-        """The study's own value, in SI, if it is a number between the ends; else empty."""
+        """The declared value, in SI, if it is a number between the ends; else empty."""
         entry = definition.document.entry(self.paths[0])
         try:
             value = math.nan if entry is None else parse(text_of(entry), self.dimension)
@@ -70,11 +70,11 @@ class Varying:
         return {value} if self.low <= value <= self.high else set()
 
     def at_share(self, share: float) -> float:
-        """The value at a share of the way from low to high, on a logarithmic scale."""
+        """The possible value at a fraction of the way from low to high, on a logarithmic scale."""
         return self.possible(self.low * (self.high / self.low) ** share)
 
     def possible(self, value: float) -> float:
-        """The possible value nearest to a given one, in SI."""
+        """The value, in SI, rounded to a whole number if the inputs are counted."""
         return float(round(value)) if self.is_counted else value
 
     def changes(self, value: float) -> dict[str, Entry]:
@@ -90,7 +90,7 @@ class AnyReading:
     Parameters
     ----------
     entries
-        Entries that each of them replaces, by path; none for the study as declared.
+        Entries that each reading sets, by path; the first mapping, of the study as declared, is empty.
     """
 
     entries: tuple[Mapping[str, Entry], ...]
@@ -101,7 +101,7 @@ class AnyReading:
         return cls(entries=({}, *(definition.entries_of_reading(name) for name in readings)))
 
     def at_share(self, share: float) -> float:
-        """The index of the choice at a share of the way from the first to the last."""
+        """The index of the choice at a fraction of the way through the list."""
         return float(min(int(share * len(self.entries)), len(self.entries) - 1))
 
     def changes(self, value: float) -> dict[str, Entry]:

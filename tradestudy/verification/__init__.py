@@ -1,1 +1,1 @@
-"""Hard cases as data and functions."""
+"""Hard cases, at which textbook formulas break down: their inputs, both formulas and the verdicts."""

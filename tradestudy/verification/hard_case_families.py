@@ -14,7 +14,7 @@ from tradestudy.verification.hard_cases.triangulation import TRIANGULATION
 
 
 def all_families() -> tuple[Family, ...]:
-    """The whole catalogue, in the order of the report."""
+    """All families, in the order of the report."""
     return (
         THIN_LENS,
         TRIANGULATION,

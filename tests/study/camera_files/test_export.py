@@ -21,7 +21,7 @@ from tradestudy.cameras.stereo.exported import rig_of_calibration
 from tradestudy.errors import TradestudyError
 from tradestudy.study.camera_files import kalibr, mrcal, opencv, ros
 from tradestudy.study.camera_files.importing import recognised
-from tradestudy.study.camera_files.request import CannotHoldError, Format, Request
+from tradestudy.study.camera_files.request import Format, Request, UnsupportedLensError
 
 BROWN = {"k1": -0.25, "k2": 0.125, "p1": 1.5e-3, "p2": -2.5e-3}
 RATIONAL = {**BROWN, "k3": 0.01, "k4": 0.2, "k5": -0.03, "k6": 0.004}
@@ -92,7 +92,7 @@ def test_parts_that_a_format_cannot_represent_are_refused_by_name(
     one: Format, model: LensModelName, coefficients: Mapping[str, float], names: tuple[str, ...]
 ) -> None:
     assert one.write is not None
-    with pytest.raises(CannotHoldError) as caught:
+    with pytest.raises(UnsupportedLensError) as caught:
         one.write(pair(model, coefficients), "rig")
     assert caught.value.names == names
 

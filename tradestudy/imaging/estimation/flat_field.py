@@ -1,4 +1,4 @@
-"""Flat-fielding: brightness of a calibrated camera's raw pictures relative to a uniform white scene, and its noise."""
+"""Flat-fielding: brightness of a camera's raw pictures relative to those of a uniform white scene, and its noise."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from tradestudy.imaging.render.waves import Waves
 from tradestudy.optics.arrays import Samples
 
 _ROWS_AT_ONCE: Final = 16
-_FULL_WITHIN: Final = 4.0  # standard deviations of a reading
-_LEAST_LIGHT: Final = 0.3  # of the brightest pixels: below it flat-fielding lifts mainly noise
-_LEAST_SHARE: Final = 0.9  # of the light of a pixel through one lens
+_FULL_WITHIN: Final = 4.0  # of the full well, in standard deviations of the read noise
+_LEAST_LIGHT: Final = 0.3  # relative to the brightest pixels; below it, flat-fielding mainly amplifies noise
+_LEAST_SHARE: Final = 0.9  # fraction of a pixel's light that must come through one lens
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,7 +30,7 @@ class WhitePicture:
     electrons
         Expected electrons of every pixel, shape (rows, columns).
     share
-        Share of each pixel's light that comes through the lens that contributes most.
+        Fraction of each pixel's light that comes through the lens contributing most.
     """
 
     electrons: Samples
@@ -38,7 +38,7 @@ class WhitePicture:
 
 
 def white_picture(exposure: Exposure, recording: Recording, waves: Waves | None = None) -> WhitePicture:
-    """The white picture of the camera as designed, as its calibration would measure it; by waves if they are given."""
+    """The white picture that a calibration of the designed camera would record; by waves if they are given."""
     sensor = exposure.sensor
     gain = recording.electrons_at_f1(sensor)
     width = sensor.pixel_pitch * recording.pixel_fill
@@ -66,7 +66,7 @@ def flat_picture(values: NDArray[Any], white: WhitePicture, recording: Recording
     if recording.is_digital:
         electrons = values * recording.electrons_per_number - recording.black_level
         full = values >= 2**noise.bits - 1
-        if noise.gain is not None:  # numbers may end beyond the full well, to which a reading adds its noise
+        if noise.gain is not None:  # the largest number may lie above the full well, and full pixels have read noise
             full |= electrons >= noise.full_well_electrons - _FULL_WITHIN * noise.read_noise_electrons
     else:
         electrons = np.asarray(values, np.float64)

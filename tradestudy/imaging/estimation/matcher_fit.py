@@ -1,4 +1,4 @@
-"""Fit what a matcher adds to the bound of matching, from depth maps with known truth."""
+"""Fit what a matcher adds to the matching bound, from depth maps with known truth."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from tradestudy.imaging.matcher import Matcher
 from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.window_matching import Reason
 
-_FALSE: Final = 6.0  # spreads from the median beyond which a match is false
+_FALSE: Final = 6.0  # a match is false beyond this many spreads from the median
 _BINS: Final = 8
 LEAST_WINDOWS: Final = 50
 
 
 @dataclass(frozen=True, kw_only=True)
 class MatcherFit:
-    """A matcher fitted to its errors, with standard errors.
+    """A matcher fitted to measured errors, with standard errors.
 
     Parameters
     ----------
     matcher
         The matcher, as a study may declare it under ``matcher``.
     factor_error, floor_error, false_matches_error
-        Standard errors of its factor, its floor [samples] and its share of false matches.
+        Standard errors of its factor, its floor [samples] and its fraction of false matches.
     windows
-        Number of windows without common pixels that the errors amount to.
+        Number of non-overlapping windows to which the errors are equivalent.
     """
 
     matcher: Matcher
@@ -41,7 +41,7 @@ class MatcherFit:
 
     @property
     def declaration(self) -> str:
-        """The key for study files, with the standard errors as a comment."""
+        """The matcher as a line of a study file, with its standard errors as a comment."""
         one = self.matcher
         return (
             f"matcher: {{factor: {one.factor:.3g}, floor: {one.floor:.2g} px, "
@@ -51,11 +51,11 @@ class MatcherFit:
 
 
 def fit_matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> MatcherFit:
-    """Compare the errors of a map with the bound that the texture of each window gives.
+    """Compare the errors of a map with the bound that follows from the texture of each window.
 
-    Errors of depth are converted to disparity in proportion; the standard deviations that a map states are the bound of
-    each window, `match_windows`. The variance of the errors in classes of equal bound b is fitted with ``k² b² + f²``,
-    k ≥ 1 and f ≥ 0.
+    Depth errors are scaled to disparity errors; the bound b of each window is the standard deviation that the map
+    states (`match_windows`). The variance of the errors in classes of equal b is fitted with ``k² b² + f²``, k ≥ 1 and
+    f ≥ 0.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def fit_matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> MatcherF
 
 
 def require_windows(windows: float) -> None:
-    """Refuse to fit a matcher to too few windows without common pixels.
+    """Refuse to fit a matcher to too few non-overlapping windows.
 
     Raises
     ------
@@ -96,13 +96,13 @@ def require_windows(windows: float) -> None:
 
 
 def true_matches(error: Samples) -> BoolArray:
-    """Where errors are close enough to their median to be true matches."""
+    """Which errors are close enough to their median for a true match."""
     middle, spread = middle_and_spread(error)
     return np.asarray(np.abs(error - middle) <= _FALSE * spread)
 
 
 def fit_errors(error: Samples, bound: Samples, windows: float) -> MatcherFit:
-    """Fit disparity errors [samples] of that many independent windows to their bounds; see `fit_matcher`."""
+    """Fit a matcher to disparity errors [samples] of independent windows and their bounds; see `fit_matcher`."""
     from scipy.optimize import nnls
 
     false, b2, variance = 0, np.empty(_BINS), np.empty(_BINS)

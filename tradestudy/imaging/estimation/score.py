@@ -1,4 +1,4 @@
-"""Compare an estimated depth map with the true one, and its errors with the camera's predicted uncertainty."""
+"""Compare a measured depth map with the true one, and its errors with the camera's predicted uncertainty."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from tradestudy.optics.arrays import BoolArray, FloatArray, Samples
 from tradestudy.optics.window_matching import Reason, odd_window
 from tradestudy.units import FRACTION, LENGTH, PIXELS, pretty, significant
 
-_CENTRAL: Final = (15.865, 50.0, 84.135)  # percentiles: for normal errors, half their width is one standard deviation
+_CENTRAL: Final = (15.865, 50.0, 84.135)  # percentiles; for normal errors, a standard deviation apart
 VARIANCE_OF_SPREAD: Final = 0.5 * (0.15865 * 0.84135 - 0.15865**2) / 0.24197**2
 """n Var/σ² of half the central 68.27 % interval of n normal errors, ``(p(1 − p) − p²)/(2φ²)``.
 
 Its ends p and 1 − p have variances p(1 − p)/(nφ²) and a covariance of p²/(nφ²); φ is the density at one standard
 deviation.
 """
-_BLOCKS: Final = 4  # in each direction, for jackknife standard errors
-_CLIPPED: Final = 6.0  # standard deviations beyond which one error alone would decide a correlation
+_BLOCKS: Final = 4  # parts in each direction, for jackknife standard errors
+_CLIPPED: Final = 6.0  # in standard deviations; correlations leave out larger errors, one of which could decide them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,20 +41,20 @@ class DepthScore:
     measured_unseen
         Points that have a depth although the estimator cannot measure them, such as hidden ones.
     windows
-        Number of windows without common pixels that the measured points fill.
+        Number of non-overlapping windows that the measured points fill.
     bias, spread
-        Median of estimated minus true depth, and half its central 68.27 % interval [m].
+        Median of measured minus true depth, and half its central 68.27 % interval [m].
     own
-        Median standard deviation that the map states from its texture [m]: the effect of noise in each window, to first
-        order. Interpolation between pixels can lower it by a few per cent.
+        Median of the standard deviations that the map derives from its texture [m]: the effect of noise in each window,
+        to first order. Interpolation between pixels can lower it by a few per cent.
     predicted
         Median of the camera's predicted depth uncertainty at the true distances [m]; NaN where there is none.
     relative_bias, relative_spread
         Bias and spread of the errors relative to the prediction at their distances.
     within
-        Share of the errors within three predicted standard deviations.
+        Fraction of errors within three predicted standard deviations.
     filled, available
-        Measured points as a share of the seen ones, and seen points as a share of all.
+        Measured points as a fraction of the seen ones, and seen points as a fraction of all.
     bias_px, spread_px
         Median and half the central 68.27 % interval of the errors in disparity [samples]; NaN if depth is measured
         without disparity.
@@ -63,12 +63,12 @@ class DepthScore:
     neighbour_correlation, window_correlation
         Correlation of the errors of adjacent points, and of points one window apart.
     standard_errors
-        Standard errors of the numbers from ``bias`` on, by name: jackknife over 4 × 4 parts of the map, which covers
-        the correlation of neighbouring errors; NaN with fewer than three parts that have measured points.
+        Standard errors of the numbers from ``bias`` on, by name, by a jackknife over 4 × 4 parts of the map, which
+        allows for correlated errors of neighbours; NaN if fewer than three parts have measured points.
     reasons
         Seen points without a depth, by reason.
     matcher
-        The matcher that these errors show, as a study may declare it, or why it cannot be fitted; see `fit_matcher`.
+        The matcher fitted to these errors, as a line of a study file, or why none can be fitted; see `fit_matcher`.
     """
 
     points: int
@@ -165,7 +165,7 @@ def score(found: DepthMap, truth: TrueDepth, predicted: Samples, window_px: floa
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Errors:
-    """Errors of depth [m], with their predictions, bounds and parts of the map; shape (measured points,)."""
+    """Depth errors [m] with their predictions, bounds and parts of the map; shape (measured points,)."""
 
     error: FloatArray
     predicted: FloatArray
@@ -189,7 +189,7 @@ class _Errors:
         """Statistics of some parts of the map."""
         among = keep[self.block]
         error, predicted, own = self.error[among], self.predicted[among], self.own[among]
-        with np.errstate(divide="ignore", invalid="ignore"):  # not finite without a prediction
+        with np.errstate(divide="ignore", invalid="ignore"):  # not finite if nothing is predicted
             relative, over_bound = error / predicted, error / own
         bias, spread = middle_and_spread(error)
         relative_bias, relative_spread = middle_and_spread(relative)
@@ -235,7 +235,7 @@ class _Pairs:
 
 
 def _blocks(shape: tuple[int, ...]) -> NDArray[np.intp]:
-    """Index of the part of the map that each pixel is in."""
+    """Index of the part of the map to which each pixel belongs."""
     row, column = (np.arange(size) * _BLOCKS // size for size in shape)
     return np.asarray(row[:, np.newaxis] * _BLOCKS + column)
 

@@ -1,8 +1,8 @@
 """Sample points on a pixel and on the lit part of a lens.
 
-The lit part of a lens is the overlap of two discs: its own aperture and that of the stop, as seen from the pixel. Nodes
-of the unit disc are mapped to it along the line through both centres, where the half height of the overlap is known in
-closed form, so that no node is wasted and its weight is the Jacobian of that map.
+The lit part of a lens is the overlap of two discs, as seen from the pixel: its own aperture and that of the stop. Nodes
+of the unit disc are mapped to it along the line through both centres, where half the height of the overlap is known in
+closed form. So no node is wasted, and the weight of a node is the Jacobian of the map.
 """
 
 from __future__ import annotations
@@ -23,9 +23,11 @@ _MOST_ON_RING: Final = 15
 _GOLDEN: Final = 0.381966  # of a turn: neighbours along one ring are far apart along the other
 # Root of x⁴ = x + 1: modulo 1, multiples of its inverse powers fill a cube evenly.
 _CUBIC: Final = 1.22074408460575947536
-_FILTER: Final = 3.0  # variance of the filter of one node, as a multiple of its equal share
-_DARK: Final = 1e-7  # weight of an unlit node, in squares of the radius of the lens
-_SMALLEST_SCALE: Final = 1e-6  # of the change with the place on the lens, below which the stop counts as infinitely far
+_FILTER: Final = 3.0  # variance of a node's filter, in units of the whole variance over the number of nodes
+_DARK: Final = 1e-7  # weight of an unlit node, over the squared radius of the lens
+_SMALLEST_SCALE: Final = (
+    1e-6  # of the change at the stop with the place on the lens; below it, the stop counts as infinitely far
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,7 +39,7 @@ class Nodes:
     pixel, disc
         Shape (nodes, 2).
     pixel_spread, disc_spread
-        Variance along one axis that the nodes leave to each node's filter; 1/12 and 1/4 would be the whole variance.
+        Variance along one axis that is left to the filter of each node, of 1/12 and 1/4 in all.
     """
 
     pixel: FloatArray
@@ -48,16 +50,16 @@ class Nodes:
 
 @cache
 def nodes(count: int) -> Nodes:
-    """Nodes spread evenly over both areas, with zero mean, whose covariance is that of the areas minus a share.
+    """Nodes spread evenly over both areas, with zero mean and the areas' covariance minus a part.
 
-    A filter on what each node sees makes up for that share, so that first and second moments are exact for any number.
-    With a share of 1/n the filters of neighbouring nodes would hardly touch; with three times that, the picture of a
-    texture is closest to one with many nodes.
+    A filter on what each node sees makes up for that part, so that first and second moments are exact for any number
+    of nodes. If the part were 1/n, the filters of neighbouring nodes would hardly touch; at three times that, the
+    picture of a texture comes closest to one with many nodes.
 
-    Few nodes are the centre and a ring on both areas. One area's ring is passed several times while the other's is
-    passed once, so that their sum remains a ring at every amount of blur. From 6 to 16 nodes, this errs less than a
-    spiral: by a third with 12. More nodes, or a number for which there are no such rings, follow a
-    spiral on the disc and the R₃ sequence.
+    Few nodes form the centre and a ring on each area. The nodes go round one ring several times while they go round
+    the other once, so that their sum remains a ring at every amount of blur. From 6 to 16 nodes, this errs less than a
+    spiral, by a third with 12. More nodes, or a number without such rings, follow a spiral on the disc and the R₃
+    sequence.
 
     Raises
     ------
@@ -71,7 +73,7 @@ def nodes(count: int) -> Nodes:
     left = min(_FILTER / count, 0.5)
     whole = np.sqrt(np.array([1.0, 1.0, 3.0, 3.0]) * (1.0 - left) / 12.0)
     both -= both.mean(axis=0)
-    if count > both.shape[1]:  # fewer cannot span both
+    if count > both.shape[1]:  # fewer nodes cannot span both areas
         # The smallest change that gives the required covariance: the symmetric square root.
         values, vectors = np.linalg.eigh(np.cov(both.T, bias=True) / np.outer(whole, whole))
         both = both / whole @ (vectors / np.sqrt(values)) @ vectors.T * whole
@@ -81,9 +83,9 @@ def nodes(count: int) -> Nodes:
 
 
 def _turns(ring: int) -> int | None:
-    """How often a ring of nodes turns on the pixel while it turns once on the disc; None if it cannot.
+    """How many times a ring of nodes turns on the pixel while it turns once on the disc; None if no number works.
 
-    A number of turns that divides the ring would repeat places, and one of ±1 would always move both alike.
+    A number of turns that divides the ring would repeat places, and ±1 would always move both alike.
     """
     if ring > _MOST_ON_RING:
         return None
@@ -108,7 +110,7 @@ def _spiral(count: int) -> FloatArray:
 
 
 def fewer(count: int) -> int:
-    """Number of nodes for a barely lit lens, from the full number."""
+    """Number of nodes for a barely lit lens, given the full number."""
     return max(LEAST_NODES, count // 2)
 
 
@@ -123,7 +125,7 @@ class LitPart:
     near, width
         Near edge and width of the stop along that axis; None without a stop.
     low, half
-        Start of the overlap and half its length, which is 0 or less where nothing is lit.
+        Start of the overlap, and half its length; 0 or less if nothing is lit.
     """
 
     axis: FloatArray
@@ -157,9 +159,9 @@ def lit_part(cones: LightCones, pixel_x: float, pixel_y: float) -> LitPart:
 def places_on_lens(lit: LitPart, radius: float, across: float, beside: float) -> tuple[FloatArray, FloatArray]:
     """Map a node of the unit disc to the lit parts: places η from the lens centres, shape (2, cones), and weights.
 
-    The mean of the weights over nodes times π tends to the lit area [m²]. Where nothing is lit from this place of the
-    pixel, the weight is tiny and the place is the point of the lens nearest to the light: a pixel that is lit only in a
-    corner without a node then still sees the scene there.
+    π times the mean weight of the nodes tends to the lit area [m²]. If no light reaches this place of the pixel, the
+    weight is tiny and the place is the point of the lens nearest to the light, so that a pixel lit only in a corner
+    without a node still sees the scene there.
     """
     kind = lit.low.dtype.type
     half = np.maximum(lit.half, 0)
@@ -171,7 +173,7 @@ def places_on_lens(lit: LitPart, radius: float, across: float, beside: float) ->
 
 
 def equal_disc(lit: LitPart, radius: float) -> FloatArray:
-    """Square of the radius [m²] of a disc about as large as the lit part: the half axes of its middle multiplied."""
+    """Squared radius [m²] of a disc about as large as the lit part: the product of its half axes."""
     half = np.maximum(lit.half, 0)
     return np.asarray(half * _half_height(lit, radius, lit.low + half))
 
@@ -189,8 +191,8 @@ def _half_height(lit: LitPart, radius: float, t: FloatArray) -> FloatArray:
 def lit_area(cones: LightCones, pixel_width: float) -> FloatArray:
     """Lit area [m²] of each cone's lens, averaged over a square pixel of a width [m].
 
-    Gauss–Legendre over the pixel, with more nodes if moving across the pixel shifts the edge of the light by more than
-    the radius of the lens.
+    It is integrated by Gauss–Legendre, with more nodes if the edge of the light moves by more than the radius of the
+    lens across the pixel.
     """
     r, stop = cones.lens_radius, cones.stop
     if stop is None:
@@ -220,7 +222,7 @@ def _place_at_stop(stop: Stop, x: float, y: float) -> FloatArray:
 
 
 def _by_lens(stop: Stop) -> FloatArray:
-    """Change of the place at the stop with that on the lens; never exactly 0, which means a very distant stop."""
+    """Change of the place at the stop with that on the lens; tiny instead of 0 for an infinitely distant stop."""
     found = np.asarray(stop.by_lens, stop.place.dtype)
     return np.where(np.abs(found) < _SMALLEST_SCALE, stop.place.dtype.type(_SMALLEST_SCALE), found)
 

@@ -1,4 +1,4 @@
-"""One camera as built, with errors drawn once from the distribution that its calibration declares."""
+"""The errors of one camera as built, drawn once from the distribution that its calibration declares."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tradestudy.uncertainty.streams import point_generator
 
 
 def drawn_errors(camera: DepthCamera, name: str, seed: int) -> dict[str, FloatArray]:
-    """Draw a rig: one number for each parameter, and one pair per element for parameters of elements.
+    """Draw the errors of a camera: a number for each parameter, or a pair for each element.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def drawn_errors(camera: DepthCamera, name: str, seed: int) -> dict[str, FloatAr
     Raises
     ------
     OutOfRangeError
-        The calibration has a model of its own, whose parameters are not those of the camera.
+        The calibration has its own model, whose parameters are not those of the camera.
     """
     calibration = camera.calibration
     if calibration.vocabulary is not None or not calibration.inferred:

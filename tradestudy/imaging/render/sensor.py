@@ -44,13 +44,13 @@ class Recording:
     Parameters
     ----------
     light
-        Scene and exposure.
+        Light and exposure of the scene.
     noise
         Read noise, full well and bits.
     model
-        Which noise terms count; with quantisation the output is digital numbers, otherwise electrons.
+        Which noise terms to include; with quantisation the output is digital numbers, otherwise electrons.
     black_level
-        Electrons added before digitising, so that noise in the dark is not clipped.
+        Electrons added before digitising, so that noise in dark areas is not clipped.
     pixel_fill
         Width of the light-sensitive square relative to the pitch; the declared electrons of a pixel include it.
     mosaic
@@ -84,7 +84,7 @@ class Recording:
 
     @property
     def saturation_electrons(self) -> float:
-        """Mean electrons from which on a pixel is full: its full well, or where digital numbers end before."""
+        """Mean electrons at which a pixel saturates: its full well, or fewer if digital numbers end earlier."""
         if not self.is_digital:
             return self.noise.full_well_electrons
         top = 2.0**self.noise.bits * self.electrons_per_number - self.black_level

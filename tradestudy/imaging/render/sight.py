@@ -17,7 +17,7 @@ from tradestudy.imaging.scenes.surface import Nearby
 from tradestudy.optics.arrays import FloatArray
 
 REAL = np.float32
-"""Precision of all computations per ray: 4 nm on the object at 150 mm."""
+"""Precision of all computations along rays: 4 nm on the object at 150 mm."""
 _DARK = 1e-7  # weight of a ray through a lens that passes no light
 
 
@@ -30,7 +30,7 @@ class Sight:
     brightness
         Mean over pixel and lit part of the lens, relative to the mean of the pattern, shape (cones,).
     depth
-        Depth [m] along the camera's axis from its plane z = 0, on the middle ray of the lit part; infinite where it
+        Depth [m] along the camera's axis from its plane z = 0, on the middle ray of the lit part; infinite if that ray
         meets nothing.
     """
 
@@ -74,23 +74,23 @@ def sight(
     depth, _ = _nearest([one for one, _ in found])
     nearby = [beside for _, beside in found]
     along = _along_axis(pose, start, slope, depth)
-    bending = None if tables is None else tables.bending(cones, _as_beside(along))
+    bending = None if tables is None else tables.bending(cones, _depth_beside(along))
     mixtures = _mixtures(scene, cones, _lens_variance(cones, middle, depth, nodes, bending), depth, nodes, pixel_width)
     total, weights = np.zeros(cones.pixel.size, REAL), np.zeros(cones.pixel.size, REAL)
     for node, ((x, y), (across, beside)) in enumerate(zip(nodes.pixel * pixel_width, nodes.disc, strict=True)):
         lit = lit_part(cones, x, y)
         eta, weight = places_on_lens(lit, radius, across, beside)
-        kink = None
+        deflection = None
         if tables is not None and bending is not None:
-            weight, kink = tables.passed(cones, x, y) + REAL(_DARK), bending.kink(node, x, y, eta)
-        rays = _rays(cones, pose, x, y, eta, kink)
+            weight, deflection = tables.passed(cones, x, y) + REAL(_DARK), bending.deflection(node, x, y, eta)
+        rays = _rays(cones, pose, x, y, eta, deflection)
         total += weight * _brightness(scene, *rays, nearby, mixtures, color)
         weights += weight
     return Sight(brightness=(total / weights).astype(float), depth=along)
 
 
 def _single(cones: LightCones) -> LightCones:
-    """The cones in single precision; every place and slope is relative to its own cone."""
+    """The cones in single precision, which suffices because places and slopes are relative to each cone."""
 
     def small(value: PerCone) -> PerCone:
         return np.asarray(value, REAL)
@@ -117,14 +117,14 @@ def _single(cones: LightCones) -> LightCones:
 
 
 def _rays(
-    cones: LightCones, pose: Pose, x: float, y: float, eta: FloatArray, kink: FloatArray | None = None
+    cones: LightCones, pose: Pose, x: float, y: float, eta: FloatArray, deflection: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Rays in the scene through places on the pixels and on the lenses: positions at z = 0, and slopes."""
     start, slope = eta * cones.start_by_lens, eta * cones.slope_by_lens
     start += cones.start
     slope += cones.slope
-    if kink is not None:
-        slope += kink
+    if deflection is not None:
+        slope += deflection
     for axis, value in enumerate((x, y)):
         if value != 0.0:
             start[axis] += REAL(value) * cones.start_by_pixel
@@ -153,7 +153,7 @@ def _along_axis(pose: Pose, start: FloatArray, slope: FloatArray, depth: FloatAr
 
 
 def _nearest(depths: Sequence[FloatArray]) -> tuple[FloatArray, NDArray[np.intp] | int]:
-    """The nearest of several surfaces, and which one it is."""
+    """Depth of the nearest of several surfaces, and which surface it is."""
     if len(depths) == 1:
         return depths[0], 0
     nearest, number = depths[0], np.zeros(depths[0].size, np.intp)
@@ -177,25 +177,25 @@ def _spread(scene: Scene, cones: LightCones, pixel_width: float, tables: Tables 
     return max(widest(min(ends)), widest(max(ends)))
 
 
-def _as_beside(depth: FloatArray) -> FloatArray:
-    """Depths, or their median where the middle ray meets nothing: other rays may meet the edge of a surface."""
+def _depth_beside(depth: FloatArray) -> FloatArray:
+    """Depths, or their median where the middle ray meets nothing but other rays may meet the edge of a surface."""
     seen = np.isfinite(depth)
     return np.where(seen, depth, np.median(depth[seen]) if seen.any() else REAL(1)).astype(REAL)
 
 
 def _finite(depth: FloatArray) -> FloatArray:
-    """Depths with an arbitrary value where nothing is met and therefore no pattern is seen."""
+    """Depths, with an arbitrary value where rays meet nothing and see no pattern."""
     return np.where(np.isfinite(depth), depth, REAL(1))
 
 
 def _lens_variance(
     cones: LightCones, lit: LitPart, depth: FloatArray, nodes: Nodes, bending: Bending | None
 ) -> FloatArray:
-    """Variance [m²] along one axis that each node represents on the lens, where it meets the scene."""
+    """Variance [m²] in the scene, along one axis, due to the part of the lens that each node represents."""
     if bending is not None:
         return bending.filter_variance()
     by_lens = cones.start_by_lens + _finite(depth) * cones.slope_by_lens
-    # A part that is not a whole disc counts as a disc of about the same area.
+    # A partly lit lens counts as a disc of about the same area.
     return np.asarray(np.square(by_lens) * equal_disc(lit, cones.lens_radius) * REAL(nodes.disc_spread))
 
 
@@ -205,7 +205,7 @@ Mixture = tuple[NDArray[np.intp], FloatArray]
 def _mixtures(
     scene: Scene, cones: LightCones, of_lens: FloatArray, depth: FloatArray, nodes: Nodes, pixel_width: float
 ) -> list[Mixture]:
-    """For every pattern, the mixture of levels whose filter covers what one node represents."""
+    """For every pattern, the mixture of levels whose filter covers the area that one node represents."""
     z = _finite(depth)
     by_pixel = (cones.start_by_pixel + z * cones.slope_by_pixel) * REAL(pixel_width)
     variance = np.square(by_pixel) * REAL(nodes.pixel_spread) + of_lens

@@ -1,4 +1,4 @@
-"""Render pictures tile by tile; each tile depends on itself alone, so it does not matter which worker renders it."""
+"""Render pictures tile by tile; tiles are independent, so it does not matter which worker renders them."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.streams import point_generator
 
 TILE: Final = (256, 1024)
-"""Rows and columns; random numbers are drawn per tile, so another size gives other noise."""
+"""Rows and columns. Random numbers are drawn for each tile, so another size would change the noise."""
 _AT_ONCE: Final = (64, 512)  # rows and columns whose rays fit into a processor's cache
 _PROBE: Final = 24  # rows and columns in the middle of a tile that are compared with a finer picture
 FINER: Final = 16
-"""How many times more samples the finer picture has from which the error is estimated."""
-_DIM: Final = 0.3  # lit share of a lens below which half of the samples suffice
+"""Factor on the number of samples in the finer picture, from which the error is estimated."""
+_DIM: Final = 0.3  # lit fraction of a lens below which half of the samples suffice
 WORKER_BYTES: Final = 400_000_000
-"""Memory of one worker: interpreter, libraries, and the rays that it computes at once."""
+"""Memory of one worker: interpreter, libraries, and the rays computed at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ class Tile:
     Parameters
     ----------
     camera
-        Name of the camera; with the name of the picture and the place of the tile it selects the random numbers.
+        Name of the camera; with the name of the picture and the place of the tile, it selects the random numbers.
     exposure, scene, recording
         How the picture is taken, the scene, and how the sensor records it.
     samples
@@ -70,14 +70,13 @@ class Rendered:
     values
         Digital numbers or electrons, shape (rows, columns).
     depth
-        Depth [m] along the camera's axis where the brightest ray to each pixel comes from; NaN where the pupil sends no
+        Depth [m] along the camera's axis from which the brightest ray to each pixel comes; NaN where the pupil sends no
         light, infinite where the ray meets no surface.
     saturated
         Number of saturated pixels.
     sampling_error
-        Of the light in the middle of the tile: the sum of squares of its difference from a finer one (16 times the
-        samples and, by waves, twice as many spreads along each axis of their tables), and that of the finer one
-        [electrons²].
+        Sums of squares over the middle of the tile [electrons²]: of its difference from a finer picture (16 times the
+        samples and, by waves, twice as many spreads along each axis of their tables), and of the finer picture.
     """
 
     values: NDArray[Any]
@@ -111,7 +110,7 @@ def render_tile(tile: Tile) -> Rendered:
 
 
 def expected_electrons(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
-    """Mean electrons of every pixel, and its depth."""
+    """Mean electrons and depth of every pixel."""
     shape = (tile.rows[1] - tile.rows[0], tile.columns[1] - tile.columns[0])
     electrons, depth = np.zeros(shape), np.zeros(shape, np.float32)
     for rows, columns in _blocks(shape):
@@ -145,7 +144,7 @@ def _blocks(shape: tuple[int, int]) -> Iterator[tuple[slice, slice]]:
 
 
 def _block(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
-    """Electrons and depths of a few pixels."""
+    """Electrons and depths of the pixels of a small tile."""
     rows, columns = np.mgrid[slice(*tile.rows), slice(*tile.columns)]
     electrons, depth = electrons_at(tile, rows.ravel(), columns.ravel())
     return electrons.reshape(rows.shape), depth.reshape(rows.shape)
@@ -154,7 +153,7 @@ def _block(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
 def electrons_at(
     tile: Tile, rows: NDArray[np.intp], columns: NDArray[np.intp]
 ) -> tuple[FloatArray, NDArray[np.float32]]:
-    """Mean electrons of single pixels of a picture, and their depths; all their rays are in memory at once."""
+    """Mean electrons and depths of single pixels of a picture; all their rays are in memory at once."""
     exposure, recording = tile.exposure, tile.recording
     sensor = exposure.sensor
     x = (columns.astype(float) + 0.5 - sensor.columns / 2.0) * sensor.pixel_pitch

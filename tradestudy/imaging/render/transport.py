@@ -1,4 +1,4 @@
-"""Nodes for a spread of light, obtained by transport from the nodes of a disc."""
+"""Nodes that represent a spread of light, transported from the nodes of a disc."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _WIDTHS: Final = 33
 
 
 def disc_quantiles(disc: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Share of the unit disc to the left of each node, and of its own column above it; shape (nodes,) from (nodes, 2).
+    """Fractions of the unit disc to the left of each node, and of its column above it; shape (nodes,) each.
 
     ``½ + (a √(1 − a²) + arcsin a)/π`` and ``½ (1 + b/√(1 − a²))``.
     """
@@ -25,8 +25,8 @@ def disc_quantiles(disc: FloatArray) -> tuple[FloatArray, FloatArray]:
     return left, np.clip(0.5 * (1.0 + beside / height), 0.0, 1.0)
 
 
-def carried(spread: Spread, left: FloatArray, above: FloatArray) -> FloatArray:
-    """Places [1/m] with given shares of a spread to their left, and above them in their own column.
+def transported(spread: Spread, left: FloatArray, above: FloatArray) -> FloatArray:
+    """Places [1/m] with given fractions of a spread to their left, and above them in their own column.
 
     For uniform discs of different size the map is a scaling (H. Knothe, Michigan Math. J. 4, 39, 1957).
 
@@ -56,22 +56,23 @@ def carried(spread: Spread, left: FloatArray, above: FloatArray) -> FloatArray:
 
 
 def _place_of(share: FloatArray, density: FloatArray, edges: FloatArray) -> FloatArray:
-    """Positions in rows of densities with given shares of the row's sum to their left, shape (rows, shares)."""
+    """Positions with given fractions of a row's sum to their left, shape (rows, fractions)."""
     total = np.cumsum(density, axis=1)
     total = np.concatenate([np.zeros_like(total[:, :1]), total], axis=1)
     return np.stack([np.interp(own * all_of[-1], all_of, edges) for own, all_of in zip(share, total, strict=True)])
 
 
 def transfer(spread: Spread, band: float) -> FloatArray:
-    """Transfer of a spread along x and along y, at the frequencies of `filter_width`; shape (2, frequencies)."""
+    """Transfer functions of a spread along x and y, at the frequencies of `filter_width`; shape (2, frequencies)."""
     wave = np.exp(-2j * np.pi * np.multiply.outer(_frequencies(band), spread.place))
     return np.asarray(spread.sums @ wave.T)
 
 
 def filter_width(whole: FloatArray, nodes: FloatArray, band: float) -> float:
-    """Standard deviation of the Gaussian that, placed on the nodes, best approximates a spread.
+    """Standard deviation of the Gaussian that, placed on every node, best approximates a spread.
 
-    Best in the transfer along both axes up to a band, with frequencies weighted by ν⁻² like textures and their number.
+    It is the best fit to the transfer functions along both axes up to a band, with frequencies weighted by ν⁻², for the
+    spectra of textures and the number of frequencies.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Set up the waves of a picture: its types of lenses, and the depths that it shows."""
+"""Set up rendering by waves for a picture: its types of lenses, and the depths that it shows."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from tradestudy.imaging.scenes.pattern import GREY
 from tradestudy.imaging.scenes.scene import SceneSource
 from tradestudy.optics.two_apertures import Stop, TwoApertures
 
-_GRID: Final = 33  # pixels along each side of a picture that are sampled
-_MORE: Final = 0.05  # margin on either side of the range of depths found
+_GRID: Final = 33  # pixels to sample along each side of a picture
+_MORE: Final = 0.05  # relative margin on either side of the depths found
 
 
 def waves_of(exposure: Exposure, scene: SceneSource, wavelength: float) -> Waves:
-    """Set up rendering by waves for a picture of a scene [m]: one set of numbers for each type of lens.
+    """Set up rendering by waves for a picture of a scene [m], with one set of numbers for each type of lens.
 
-    Errors and field curvature make lenses of one type differ. Their mean determines how light is bent; where it goes
-    follows from each lens's own numbers.
+    Errors and field curvature make lenses of one type differ. Their mean determines how light is bent; the numbers of
+    each lens determine where it goes.
     """
     sensor = exposure.sensor
     x, y = (

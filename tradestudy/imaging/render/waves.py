@@ -1,16 +1,16 @@
 """Pictures by waves: how diffraction at the apertures bends every ray of a picture.
 
-The light of a place on a pixel is followed backwards through the lens and the stop (`TwoApertures`), for each type of
-lens, over the place of the stop in front of it (the field of the lens, and vignetting) and the depth. Each computed
-spread becomes a table of places that represent it, as the rays of a cone represent the lit part of the lens; between
-computed spreads the places are interpolated. A ray still starts at its place on the lens, and is bent there so that it
-meets the depth of its cone at its place in the spread. So surfaces hide each other as they do by rays, an edge before
-or behind that depth is blurred by its own defocus and the same bending, and in the limit of large apertures nothing
-changes.
+The spread of light from a place on a pixel, followed backwards through lens and stop (`TwoApertures`), is computed for
+each type of lens, for several offsets of the stop (which depend on the lens's place in the field) and several depths.
+Each spread becomes a table of places that represent it, as the rays of a cone represent the lit part of the lens;
+between computed spreads, the places are interpolated. A ray still starts at its place on the lens, but is bent there so
+that it meets the depth of its cone at its place in the spread. So surfaces hide each other as they do with rays, an
+edge in front of or behind that depth is blurred by its own defocus and the same bending, and in the limit of large
+apertures nothing changes.
 
-Limits: light is paraxial and of one wavelength; that of several microlenses adds without interference, whose fringes on
-the object are far finer than a pixel resolves; all rays of a cone are bent as for the depth of its middle ray or, where
-that meets nothing, for the median depth of the pixels around.
+Limits: Light is paraxial and of one wavelength. Light of several microlenses adds without interference, whose fringes
+on the object are far finer than a pixel resolves. All rays of a cone are bent as for the depth of its middle ray or, if
+that meets nothing, for the median depth of the surrounding pixels.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from numpy.typing import NDArray
 
 from tradestudy.cameras.light_cones import LightCones
 from tradestudy.imaging.render.nodes import fewer, nodes
-from tradestudy.imaging.render.transport import carried, disc_quantiles, filter_width, transfer
+from tradestudy.imaging.render.transport import disc_quantiles, filter_width, transfer, transported
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.two_apertures import TwoApertures
 
-_STEP: Final = 0.5  # of defocus between computed spreads [waves] near focus, less than linear beyond a wave
-_MARGIN: Final = 2.0  # beyond the reach of rays to which light is followed, in such widths
+_STEP: Final = 0.5  # of defocus between computed spreads [waves], near focus; larger beyond a wave
+_MARGIN: Final = 2.0  # how far light is followed beyond the reach of rays, in widths of the shadow's edge
 _END: Final = 0.99
 _SHARES: Final = 257
 _NODES_OF_PIXEL: Final = 3
@@ -53,7 +53,7 @@ def paraxial_numbers(cones: LightCones, depth: FloatArray | float) -> tuple[Floa
 class LensWaves:
     """One type of lens of a picture, with the apertures that its light passes.
 
-    Light that is bent beyond the followed range is redistributed within it.
+    Light is followed over a limited range; light that is bent farther is redistributed within it.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class LensWaves:
 
     @property
     def margin(self) -> float:
-        """How far on the stop light is followed beyond the reach of rays [m]."""
+        """How far light is followed beyond the reach of rays, at the stop [m]."""
         return 0.0 if self.apertures.is_sharp else _MARGIN * self.apertures.blur
 
     @property
@@ -81,7 +81,7 @@ class LensWaves:
 
     @cached_property
     def shares(self) -> FloatArray:
-        """Share of the light of the lens that passes, at even offsets from 0 to the farthest."""
+        """Fraction of the lens's light that passes the stop, at evenly spaced offsets from 0 to the farthest."""
         return self._passed / (1.0 - self.bent_farther)
 
     @cached_property
@@ -90,9 +90,9 @@ class LensWaves:
 
     @cached_property
     def bent_farther(self) -> float:
-        """Share of the light that is not followed: ``1 − ∫ share(q) 2πq dq / πR²``, R the stop's radius.
+        """Fraction of light that is not followed: ``1 − ∫ s(q) 2πq dq / πR²`` for a stop of radius R, if s(q) passes.
 
-        All light of the lens passes some place of the stop's plane, so without a limit on the offset it would be 0.
+        All light of the lens meets the plane of the stop somewhere, so without a limit on the offset q it would be 0.
         """
         if (stop := self.apertures.stop) is None:
             return 0.0
@@ -113,7 +113,7 @@ class Waves:
     fineness
         Factor on the number of computed spreads along each axis of their tables.
     offset_step
-        Distance between computed places of the stop, in widths of the edge of the shadow and over the fineness.
+        Distance between computed places of the stop, in widths of the shadow's edge, before division by the fineness.
     """
 
     lenses: tuple[LensWaves, ...]
@@ -123,11 +123,11 @@ class Waves:
 
     @property
     def bent_farther(self) -> float:
-        """Share of the light that is redistributed; the largest of all types of lenses."""
+        """Fraction of light that is redistributed; the largest for any type of lens."""
         return max(lens.bent_farther for lens in self.lenses)
 
     def tables(self, samples: int) -> Mapping[int, Tables]:
-        """The computed spreads for a number of rays, and for the fewer rays of dim lenses; cached per process."""
+        """Tables of spreads, by number of rays: for this number, and for the smaller one of dim lenses; cached."""
         return _tables(self, samples)
 
 
@@ -138,15 +138,15 @@ class Tables:
     Parameters
     ----------
     waves
-        The waves that they tabulate.
+        The waves that are tabulated.
     places
         Places over λβ [1/m] of each node and of its mirror image, shape (2, nodes, 2, types × offsets × defoci).
     widths
         Width of a node's filter over λβ [1/m], shape (types × offsets × defoci,).
     shares
-        Share of the light of a lens that passes, at offsets from 0 to the farthest, shape (types, 257).
+        Fraction of a lens's light that passes, at offsets from 0 to the farthest, shape (types, 257).
     offsets, defoci
-        Number of each.
+        Numbers of computed offsets and defoci.
     knots
         Computed defoci [waves], shape (types, defoci).
     """
@@ -160,7 +160,7 @@ class Tables:
     knots: NDArray[np.float32]
 
     def passed(self, cones: LightCones, x: float, y: float) -> FloatArray:
-        """Share of the light of each lens that passes, seen from a place [m] on the pixel; 0 beyond the table."""
+        """Fraction of each lens's light that passes, seen from a place [m] on the pixel; 0 beyond the table."""
         if cones.stop is None:
             return np.ones(cones.start.shape[1], cones.start.dtype)
         offset, _ = self.towards_stop(cones, x, y)
@@ -171,7 +171,7 @@ class Tables:
         return np.where(place <= _SHARES - 1, low + (place - first) * (high - low), 0)
 
     def passed_pixel(self, cones: LightCones, pixel_width: float) -> FloatArray:
-        """The same, averaged over a square pixel of a width [m]: Gauss–Legendre, because the edge is blurred."""
+        """`passed`, averaged over a square pixel of a width [m]; few nodes suffice, because the edge is blurred."""
         if cones.stop is None:
             return self.passed(cones, 0.0, 0.0)
         t, w = np.polynomial.legendre.leggauss(_NODES_OF_PIXEL)
@@ -182,7 +182,7 @@ class Tables:
         return total
 
     def bending(self, cones: LightCones, depth: FloatArray) -> Bending:
-        """Prepare cones whose middle rays meet the given finite depths [m] along the camera's axis."""
+        """The bending of cones whose middle rays meet the given finite depths [m] along the camera's axis."""
         kind = cones.start.dtype.type
         scale, beta, curvature = paraxial_numbers(cones, depth)
         lenses = self.waves.lenses
@@ -204,17 +204,17 @@ class Tables:
         )
 
     def farthest(self, cones: LightCones, depth: float) -> float:
-        """Farthest that light is bent from the middle ray of its cone at a depth [m]."""
+        """How far from the middle ray of its cone light is bent at most, at a depth [m]."""
         _, beta, _ = paraxial_numbers(cones, depth)
         widest = float(np.max(np.abs(self.places), initial=0.0)) * self.waves.lenses[0].apertures.wavelength
         return math.sqrt(2.0) * widest * float(np.max(np.abs(beta)))
 
     def of_type(self, cones: LightCones, values: Iterable[float]) -> FloatArray:
-        """Values of each cone, from one number for each type of lens."""
+        """Values for each cone, given one number for each type of lens."""
         return np.asarray(list(values), cones.start.dtype)[cones.lens_type]
 
     def towards_stop(self, cones: LightCones, x: float, y: float) -> tuple[FloatArray, FloatArray]:
-        """Distance [m] from the middle of the lens's shadow to that of the stop, and direction (2, cones)."""
+        """Distance [m] from the centre of the lens's shadow to that of the stop, and direction (2, cones)."""
         stop = cones.stop
         assert stop is not None
         towards = -(stop.place + np.stack(np.broadcast_arrays(stop.by_pixel * x, stop.by_pixel * y)).reshape(2, -1))
@@ -234,7 +234,7 @@ class Bending:
     scale, beta
         mₒ and λβ [m²] of `tradestudy.optics.two_apertures`.
     first, share
-        Index of the tabulated defocus below, for a centred stop, and the share of the next one.
+        Index of the next smaller tabulated defocus, for a centred stop, and the weight of the next larger one.
     """
 
     tables: Tables
@@ -245,10 +245,10 @@ class Bending:
     first: NDArray[np.intp]
     share: FloatArray
 
-    def kink(self, node: int, x: float, y: float, eta: FloatArray) -> FloatArray:
+    def deflection(self, node: int, x: float, y: float, eta: FloatArray) -> FloatArray:
         """Change of slope of one ray of each cone, from places η on the lens [m], shape (2, cones).
 
-        With it the ray meets the depth of its cone at its node of the spread of a place [m] on the pixel.
+        It lets the ray meet the depth of its cone at its node of the spread from a place [m] on the pixel.
         """
         tables = self.tables
         first, along = self.first, None
@@ -281,7 +281,7 @@ class Bending:
         return self.first + row * tables.defoci, (at - row).astype(self.share.dtype), direction
 
     def _between(self, table: NDArray[np.float32], first: NDArray[np.intp], along: FloatArray | None) -> FloatArray:
-        """Interpolate linearly in the defocus and, with a stop, in its offset."""
+        """Interpolate linearly over defocus and, with a stop, over its offset."""
         low = table.take(first)
         low = low + self.share * (table.take(first + 1) - low)
         if along is None:
@@ -292,7 +292,7 @@ class Bending:
         return np.asarray(low + along * (high - low))
 
 
-@lru_cache(maxsize=64)  # pictures of a study, with their samples and those of the error estimate; a megabyte each
+@lru_cache(maxsize=64)  # for all pictures of a study and their error estimates; a megabyte each
 def _tables(waves: Waves, samples: int) -> Mapping[int, Tables]:
     lenses, fine = waves.lenses, waves.fineness
     ends = np.arcsinh([one.defocus for one in lenses])
@@ -308,14 +308,14 @@ def _tables(waves: Waves, samples: int) -> Mapping[int, Tables]:
     places = {count: np.empty((2 * count, 2, *shape), np.float32) for count in counts}
     widths = {count: np.empty(shape, np.float32) for count in counts}
     for k, lens in enumerate(lenses):
-        # At the very end no light is left to be spread.
+        # At the farthest offset itself, no light passes.
         for i, offset in enumerate(np.minimum(np.linspace(0.0, lens.farthest, offsets), _END * lens.farthest)):
             for j, curvature in enumerate(lens.apertures.curvature(knots[k])):
                 spread = lens.apertures.spread(float(offset), float(curvature))
                 band = 2.0 * lens.apertures.lit_radius
                 whole = transfer(spread, band)
                 for count in counts:
-                    found = carried(spread, *shares[count])
+                    found = transported(spread, *shares[count])
                     places[count][:, :, k, i, j] = found
                     widths[count][k, i, j] = filter_width(whole, found[:count], band)
     passed = np.asarray([one.shares for one in lenses], np.float32)

@@ -12,7 +12,7 @@ from tradestudy.optics.arrays import FloatArray
 
 
 def read_picture(file: Path) -> FloatArray:
-    """Brightness (colours, rows, columns) of one or three colours; the values of the file are taken as linear.
+    """Brightness in one or three colours, shape (colours, rows, columns); the values of the file are linear.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def _values(file: Path) -> FloatArray:
             return np.asarray(np.load(file, allow_pickle=False), np.float64)
         from PIL import Image
 
-        # The library warns only of broken tags, which do not matter here; broken pixels raise an error.
+        # The library warns only of invalid tags, which do not matter here; invalid pixels raise an error.
         with warnings.catch_warnings(action="ignore", category=UserWarning), Image.open(file) as picture:
             return np.asarray(picture.convert("RGB") if picture.mode == "P" else picture, np.float64)
     except (OSError, ValueError) as error:

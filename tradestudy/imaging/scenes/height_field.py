@@ -1,8 +1,8 @@
-"""Surfaces given by their depth on a grid, and where rays first meet them, without skipping anything in front.
+"""Surfaces given by their depth on a grid, and where rays first meet them, so that no nearer part is missed.
 
-Between its samples the depth is bilinear. A ray at depth z, a gap g before the surface, moves over s samples per metre;
+Between samples, depth is interpolated bilinearly. A ray at a gap g in front of the surface crosses s samples per metre;
 if the depth changes by at most L from sample to sample, it cannot meet the surface within ``g/(1 + L s)``. It advances
-by that distance or to the next sample, and once it has passed the surface, regula falsi finds the place.
+by that distance or to the next sample. Once it has passed the surface, regula falsi finds the point.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from tradestudy.imaging.scenes.surface import Nearby, PatternSource
 from tradestudy.optics.arrays import FloatArray
 
 _REFINEMENTS: Final = 4
-_CLOSE: Final = 3.0  # lengths of the last steps before a surface, within which nothing else is met
-_LEFT: Final = 0.05  # samples from the surface, beyond which two steps were not enough
-_SLOWEST: Final = 1e-6  # samples per metre, so that a ray along the axis has a next sample, far away
+_CLOSE: Final = 3.0  # in lengths of the last step; within them, a ray meets nothing else
+_LEFT: Final = 0.05  # samples; two steps that end farther from the surface were not enough
+_SLOWEST: Final = 1e-6  # samples per metre, so that even a ray along the axis reaches a next sample, far away
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,10 +36,10 @@ class HeightField:
     step
         Distance between samples, in the same unit.
     perspective
-        Whether the grid is that of a pinhole at the origin, instead of parallel lines of sight.
+        Whether the grid is that of a pinhole at the origin, not of parallel lines of sight.
     repeats
-        Whether it repeats endlessly, rows and columns then being powers of two; if not, there is nothing beyond its
-        edge.
+        Whether the grid repeats endlessly, which requires powers of two of rows and columns; otherwise there is nothing
+        beyond its edge.
     pattern
         Pattern in the unit of the grid, or in samples if ``pattern_in_samples``.
     pattern_in_samples
@@ -59,10 +59,10 @@ class HeightField:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "range", (float(self.depths.min()), float(self.depths.max())))
-        # Each sample then has one beyond it at a fixed place.
+        # Then every sample has a successor along both axes.
         beyond = np.pad(self.depths, (0, 1), mode="wrap" if self.repeats else "edge")
         object.__setattr__(self, "padded", beyond)
-        # In a cell both differences are between those of its edges.
+        # Within a cell, both slopes lie between those of its edges.
         across, down = np.abs(np.diff(self.depths, axis=1)), np.abs(np.diff(self.depths, axis=0))
         steepest = np.hypot(np.maximum(across[1:], across[:-1]), np.maximum(down[:, 1:], down[:, :-1]))
         object.__setattr__(self, "steepest", float(steepest.max()))
@@ -95,12 +95,12 @@ class HeightField:
         return found
 
     def _directly(self, start: FloatArray, slope: FloatArray, first: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Where rays meet the surface, by a step to its depth at the first guess and another along the secant.
+        """Where rays meet the surface, by a step across the gap at a first guess and a second one along the secant.
 
         Returns
         -------
         depth
-            Corrected once more by the remaining gap.
+            The depth found, corrected once more by the remaining gap.
         left
             Distance from the surface at which the second step ended [m].
         """
@@ -122,7 +122,7 @@ class HeightField:
         return at[0], at[1]
 
     def pattern_scale(self, depth: FloatArray) -> FloatArray | float:
-        """See `Surface`; slopes of the relief are left to the pattern's own filter."""
+        """See `Surface`; the slopes of the surface itself are neglected."""
         if not self.pattern_in_samples:
             return 1.0
         return 1.0 / (self.step * depth) if self.perspective else 1.0 / self.step
@@ -136,7 +136,7 @@ class HeightField:
         return (at[0] - kind(self.corner[0])) * scale, (at[1] - kind(self.corner[1])) * scale
 
     def _speed(self, start: FloatArray, slope: FloatArray) -> FloatArray:
-        """Samples that rays move over per metre."""
+        """Samples that rays cross per metre."""
         kind = start.dtype.type
         if self.perspective:
             speed = np.hypot(start[0], start[1]) / kind(self.extent[0] ** 2)
@@ -170,13 +170,13 @@ class HeightField:
     def _march(
         self, start: FloatArray, slope: FloatArray, begin: FloatArray, margin: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Where rays meet the surface, and the depth up to which each keeps more than the margin from it."""
+        """Where rays meet the surface, and the depth up to which each stays farther from it than the margin."""
         kind = start.dtype.type
         far = self.extent[1]
         speed = self._speed(start, slope)
         end = kind(far * (1.0 + 1e-6))
         gap = self._gap(start, slope, begin)
-        behind = np.flatnonzero(gap < 0)  # what holds for nearby rays need not hold for these; in front of all it does
+        behind = np.flatnonzero(gap < 0)  # these are behind the surface, so begin in front of all of it
         if behind.size:
             begin = begin.copy()
             begin[behind] = self.extent[0] * (1.0 - 1e-6)
@@ -186,7 +186,7 @@ class HeightField:
         passed = []
         here = start, slope
         while ray.size:
-            # Nearby rays matter only up to where the first of them may meet the surface.
+            # The margin matters only until the first nearby ray may meet the surface.
             reach = np.where(close, gap, gap - kind(margin)) / (kind(1) + kind(self.steepest) * speed)
             following = np.minimum(z + np.maximum(reach, kind(1) / speed), end)
             next_gap = self._gap(*here, following)
@@ -217,7 +217,7 @@ class HeightField:
         beyond: FloatArray,
         beyond_gap: FloatArray,
     ) -> FloatArray:
-        """Regula falsi between a depth before the surface and one behind it; infinite beyond the edge of the grid."""
+        """Regula falsi between a depth in front of the surface and one behind it; infinite beyond the grid's edge."""
         for _ in range(_REFINEMENTS):
             middle = z + (beyond - z) * (gap / (gap - beyond_gap))
             middle_gap = self._gap(start, slope, middle)
@@ -228,7 +228,7 @@ class HeightField:
         return self._where_there_is_any(start, slope, middle)
 
     def _where_there_is_any(self, start: FloatArray, slope: FloatArray, depth: FloatArray) -> FloatArray:
-        """Depths where the grid has a surface; infinite beyond its edge."""
+        """Depths within the grid; infinite beyond its edge."""
         if self.repeats:
             return np.array(depth)
         i, j = self._grid(start + depth * slope, depth)

@@ -1,8 +1,8 @@
 """Patterns on surfaces: a random texture or a picture, prefiltered so that few samples suffice without aliasing.
 
-Each level of a pattern has half the samples of the one below along each axis, each the mean of four. Interpolated,
-level l has a filter of variance ``(3·4^l − 1)/12`` along each axis, in samples of the finest one; two levels are mixed
-to give the requested variance.
+Each level of a pattern has half as many samples along each axis as the one below; each sample is the mean of four. With
+interpolation, level l has a filter of variance ``(3·4^l − 1)/12`` along each axis, in samples of the finest level; two
+levels are mixed to obtain the requested variance.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.streams import point_generator
 
 MOST_CONTRAST: Final = 0.3
-"""At three standard deviations below the mean, a Gaussian texture would be black."""
+"""At this contrast, a Gaussian texture is black at three standard deviations below its mean."""
 GREY: Final = -1
 """The colour of a pixel without a filter; 0, 1 and 2 are red, green and blue."""
 
@@ -36,7 +36,7 @@ class RandomPattern:
     texture
         Its contrast and correlation length.
     sample
-        Distance of neighbouring samples [m].
+        Distance between neighbouring samples [m].
     side
         Samples along each side before it repeats; a power of two.
     seed
@@ -69,7 +69,7 @@ class RandomPattern:
 
 @dataclass(frozen=True, kw_only=True)
 class PicturePattern:
-    """A picture as pattern, normalised to a mean brightness of 1.
+    """A picture as a pattern, normalised to a mean brightness of 1.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class Pattern:
     ----------
     values
         All levels concatenated for each colour, shape (colours, samples): grey alone, or red, green, blue and grey.
-        Each level repeats its first row and column after its last, so that every sample has one beyond it.
+        Each level repeats its first row and column after its last, so that every sample has a successor.
     columns, rows
         Size of the finest level; powers of two.
     sample
@@ -119,7 +119,7 @@ class Pattern:
         return int(math.log2(min(self.columns, self.rows))) + 1
 
     def mixture(self, variance: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-        """The level, and the share of the next one, whose filter has this variance along each axis."""
+        """The level and the weight of the next one that give a filter with this variance along each axis."""
         required = np.maximum(variance * (4.0 / self.sample**2) + 1.0 / 3.0, 1.0)
         _, exponent = np.frexp(required)
         level = np.minimum((exponent - 1) >> 1, self.levels - 2).astype(np.intp)
@@ -134,7 +134,7 @@ class Pattern:
         share: FloatArray,
         color: NDArray[np.intp] | int = GREY,
     ) -> FloatArray:
-        """Brightness at places, in the unit of ``sample``, with the mixture that `mixture` returned for them."""
+        """Brightness at places, in the unit of ``sample``, filtered as `mixture` returned for them."""
         scale = np.ldexp(np.float32(1.0 / self.sample), -level)
         start = color % self.values.shape[0] * self.values.shape[1]
         x, y = x * scale, y * scale
@@ -176,7 +176,7 @@ def _starts(columns: int, rows: int) -> NDArray[np.intp]:
 
 
 def pattern_of(finest: FloatArray, sample: float) -> Pattern:
-    """Build all levels from samples (colours, rows, columns), rows and columns being powers of two."""
+    """Build all levels from samples of shape (colours, rows, columns); rows and columns are powers of two."""
     levels: list[NDArray[np.float32]] = [finest.astype(np.float32)]
     while min(levels[-1].shape[1:]) > 1:
         last = levels[-1]
@@ -190,7 +190,7 @@ def pattern_of(finest: FloatArray, sample: float) -> Pattern:
 
 @lru_cache(maxsize=4)
 def _random_pattern(settings: RandomPattern) -> Pattern:
-    """Gaussian noise shaped by the root of the texture's spectrum, each sample the mean over its square."""
+    """Gaussian noise filtered by the root of the texture's spectrum; each sample is the mean over its square."""
     from scipy import fft
 
     side, sample, texture = settings.side, settings.sample, settings.texture

@@ -1,4 +1,4 @@
-"""Surfaces that rays meet in closed form: flat faces and spheres."""
+"""Surfaces whose intersections with rays have a closed form: flat faces and spheres."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tradestudy.imaging.scenes.surface import Nearby, PatternSource
 from tradestudy.optics.arrays import FloatArray
 
 Vector = tuple[float, float, float]
-_EDGE_ON: Final = 1e-6  # cosine between a line of sight and the normal of a face below which they do not meet
+_EDGE_ON: Final = 1e-6  # a face seen at a smaller cosine to its normal is not met
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,7 @@ class Flat:
     centre
         Its centre [m].
     first, second
-        Unit vectors in it, perpendicular to each other.
+        Unit vectors in the face, perpendicular to each other.
     size
         Size along both [m]; may be infinite.
     pattern
@@ -95,7 +95,7 @@ class Flat:
         return u + at.dtype.type(self.origin[0]), v + at.dtype.type(self.origin[1])
 
     def pattern_scale(self, depth: FloatArray) -> float:  # noqa: ARG002 - the same everywhere
-        """Geometric mean over both directions: a slanted face is longer along its slope."""
+        """Geometric mean of the scales in both directions, since a slanted face is longer along its slope."""
         return 1.0 / math.sqrt(max(abs(float(self._normal[2])), 0.1))
 
 
@@ -117,7 +117,7 @@ class Sphere:
 
     @property
     def extent(self) -> tuple[float, float]:
-        """See `Surface`; that of the visible half."""
+        """See `Surface`; depths of the visible half."""
         return self.centre[2] - self.radius, self.centre[2]
 
     def approach(self, start: FloatArray, slope: FloatArray, spread: float) -> tuple[FloatArray, None]:  # noqa: ARG002 - a closed form needs no help
@@ -129,7 +129,7 @@ class Sphere:
         kind = start.dtype.type
         x, y, z = (kind(one) for one in self.centre)
         square = slope[0] * slope[0] + slope[1] * slope[1] + kind(1)
-        # Relative to the centre, so that a small sphere far away loses no digits.
+        # Relative to the centre, so that no digits are lost for a small, distant sphere.
         at_x, at_y = start[0] + z * slope[0] - x, start[1] + z * slope[1] - y
         half = (at_x * slope[0] + at_y * slope[1]) / square
         under = half * half - (at_x * at_x + at_y * at_y - kind(self.radius**2)) / square

@@ -1,4 +1,4 @@
-"""A scene in two forms: as declared, small enough to send to workers, and as rendered, with all its samples."""
+"""A scene in two forms: its declaration, small enough to send to workers, and its surfaces with all their samples."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tradestudy.uncertainty.streams import point_generator
 
 ROCK_SIDE: Final = 1024
 _SAMPLES_PER_FEATURE: Final = 32
-_FINEST: Final = 4.0  # samples below which a rock is smooth, so that its slopes do not depend on the grid
+_FINEST: Final = 4.0  # in samples; a rock has no smaller features, so that its slopes do not depend on the grid
 
 
 class SurfaceSource(Protocol):
@@ -67,7 +67,7 @@ class Plain:
 
 @dataclass(frozen=True, kw_only=True)
 class Rock:
-    """A rough height field that repeats periodically: Gaussian noise with a power law below its features.
+    """A rough height field that repeats periodically: Gaussian noise, with a power law for its smaller features.
 
     Its spectrum is ``(1 + (2π ℓ ν)²)^(−1−h)``, that of a self-affine surface of Hurst exponent h.
 
@@ -131,9 +131,9 @@ class DepthMapSurface:
     from_top
         Whether its first row is the top one.
     width
-        Width of the whole map [m] in parallel lines of sight; None if it is in perspective.
+        Width of the whole map [m], seen along parallel lines; None if it is seen in perspective.
     field_of_view
-        Angle across the whole map [rad], of a pinhole at the origin; None if it is parallel.
+        Angle across the whole map [rad], seen from a pinhole at the origin; None if it is seen along parallel lines.
     extent
         Nearest and farthest depth [m].
     pattern

@@ -18,11 +18,11 @@ class Nearby:
     Parameters
     ----------
     safe
-        Depth [m] up to which none of them meets the surface, shape (rays,).
+        Depth [m] up to which no nearby ray meets the surface, shape (rays,).
     met
         Depth [m] at which the followed ray meets it.
     direct
-        Where both depths are so close that nearby rays also meet the surface there, and nowhere before.
+        Whether both depths are so close that nearby rays also meet the surface there and not earlier.
     """
 
     safe: FloatArray
@@ -42,19 +42,19 @@ class Surface(Protocol):
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Nearest and farthest depth that it reaches [m]; for infinite planes, the depth where the axis meets them."""
+        """Nearest and farthest depth of the surface [m]; of an infinite plane, the depth at which the axis meets it."""
 
     def approach(self, start: FloatArray, slope: FloatArray, spread: float) -> tuple[FloatArray, Nearby | None]:
-        """Depth at which rays first meet it [m], infinite if they do not; and what that reveals about nearby rays.
+        """Depth at which rays first meet the surface [m], infinite if never, and what that reveals about nearby rays.
 
         Nearby rays pass within ``spread`` [m] of the given ones at every depth. None means that `depth` needs no help.
         """
 
     def depth(self, start: FloatArray, slope: FloatArray, nearby: Nearby | None) -> FloatArray:
-        """Depth at which rays first meet it, given what is known about them."""
+        """Depth at which rays first meet the surface [m], given what is known about them."""
 
     def place(self, at: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Positions on its pattern, in the pattern's unit, of points given by lateral places (2, points) and depths."""
+        """Positions on the pattern, in its unit, of points given by lateral positions (2, points) and depths."""
 
     def pattern_scale(self, depth: FloatArray) -> FloatArray | float:
         """Lengths on the pattern relative to lengths across the line of sight."""

@@ -1,1 +1,1 @@
-"""Calibration files of other programs: recognised by content, read into what cameras import, and written."""
+"""Calibration files of other programs: recognised by content, read into imported cameras, and written."""

@@ -10,7 +10,7 @@ from tradestudy.cameras.imported import Rotation, Vector
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.camera_files.located import Located
 
-_ORTHOGONALITY: Final = 1e-4  # of files with six digits
+_ORTHOGONALITY: Final = 1e-4  # allows for files with six digits
 _ROUNDING: Final = 1e-12
 
 

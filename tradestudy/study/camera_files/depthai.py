@@ -20,7 +20,7 @@ _NOBODY: Final = "-1"
 
 
 def recognises(file: CameraFile) -> bool:
-    """A file with cameraData."""
+    """Whether a file has the key cameraData."""
     return file.top.has("cameraData")
 
 
@@ -86,7 +86,7 @@ def _stereo_pair(top: Located, cameras: dict[str, Located]) -> tuple[str, str]:
 
 
 def _between(cameras: dict[str, Located], left: str, right: str) -> tuple[FloatArray, FloatArray, Located, str]:
-    """Rotation and translation [cm] from left to right along the chain of extrinsics; its location and kind."""
+    """Rotation and translation [cm] from left to right along the chain of extrinsics, with the translation's origin."""
     for first, last in ((left, right), (right, left)):
         steps = _chain(cameras, first, last)
         if not steps:

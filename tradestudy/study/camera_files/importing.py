@@ -47,7 +47,7 @@ def recognised(path: Path, text: str, label: str) -> CameraFile | None:
         The text begins like a calibration file but is not one.
     """
     syntax = syntax_of(text)
-    if syntax == "yaml":  # also the syntax of cameras of studies, whose reader reports their mistakes
+    if syntax == "yaml":  # studies and their cameras are YAML too; their reader reports mistakes in them
         try:
             file = parsed(path, text, syntax, label)
         except CameraFileError:
@@ -104,7 +104,7 @@ def _format_of(file: CameraFile) -> Format | None:
 
 
 def _tree(stated: Sequence[Stated], places: Mapping[str, Place], file: CameraFile) -> MappingEntry:
-    """Values as a tree of entries, by their paths."""
+    """A tree of entries from values with paths."""
     top = file.root.place
     members: dict[str, Member] = {}
     for one in stated:

@@ -12,7 +12,13 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.camera_files.conversions import rigid_of
 from tradestudy.study.camera_files.located import CameraFile, Located
 from tradestudy.study.camera_files.pairs import check_lens, paired
-from tradestudy.study.camera_files.request import CannotHoldError, Format, Request, held, origin_of_pixels
+from tradestudy.study.camera_files.request import (
+    Format,
+    Request,
+    UnsupportedLensError,
+    coefficients_of,
+    origin_of_pixels,
+)
 
 _OWN: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
     "pinhole": ("rational", ()),
@@ -159,7 +165,7 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
     cameras = []
     for camera in (rig.left, rig.right):
         if camera.pixels is None:
-            raise CannotHoldError(["a camera without the size of its pictures"])
+            raise UnsupportedLensError(["a camera without the size of its pictures"])
         model, own, distortion = _written_lens(camera)
         cameras.append(
             {
@@ -184,16 +190,16 @@ def _written_lens(camera: ImportedCamera) -> tuple[str, tuple[float, ...], dict[
     for name, (model, own) in _OWN.items():
         if model == camera.lens_model and name != "pinhole":
             names = (*own, *_DISTORTION["radtan"][1]) if name == "omni" else own
-            values = held(camera, names, of=model)
+            values = coefficients_of(camera, names, of=model)
             lens: dict[str, Any] = {"distortion_model": "none", "distortion_coeffs": []}
             if name == "omni":
                 lens = {"distortion_model": "radtan", "distortion_coeffs": [*values[1:]]}
             return name, values[: len(own)], lens
     for name, (model, names) in _DISTORTION.items():
         if model == camera.lens_model:
-            coefficients = [*held(camera, names, of=model)]
+            coefficients = [*coefficients_of(camera, names, of=model)]
             return "pinhole", (), {"distortion_model": name, "distortion_coeffs": coefficients}
-    raise CannotHoldError([f"the lens model {camera.lens_model}"])
+    raise UnsupportedLensError([f"the lens model {camera.lens_model}"])
 
 
 FORMAT: Final = Format(

@@ -1,4 +1,4 @@
-"""The camera of libpleno and COMPOTE as JSON: a focused plenoptic camera, its numbers as text, in millimetres."""
+"""The camera of libpleno and COMPOTE as JSON: a focused plenoptic camera in millimetres, with numbers as text."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def recognises(file: CameraFile) -> bool:
 
 
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
-    """The camera: the gap d is the distance from array to sensor, D that from main lens to array.
+    """Read the camera; d is the distance from array to sensor (the gap), D that from main lens to array.
 
-    The relay is Keplerian if the focal lengths of the microlenses are below d, else Galilean. The focal length F of the
-    main lens and D do not determine it, because the main lens may be focused closer.
+    The relay is Keplerian if the focal lengths of the microlenses are below d, else Galilean. It does not follow from D
+    and the focal length of the main lens, which may be focused closer.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     metre, unit = request.metres(behind, stated="mm", why="the convention of libpleno")
     mla_distance, gap = abs(behind.number()) * metre, (abs(plane.number()) - abs(behind.number())) * metre
     if not gap > 0.0:
-        raise plane.fail("the sensor lies before the microlens array; behind it is expected")
+        raise plane.fail("the sensor lies in front of the microlens array; it must lie behind")
     lengths = tuple(length * metre for length in focal_lengths.numbers())
     relay, mode = _relay(focal_lengths, lengths, gap), top.find("mode")
     mode_text = "" if mode is None else _MODES.get(mode.text(), "unknown")
@@ -105,7 +105,7 @@ def _depth(value: Located) -> Located:
 
 
 def _relay(value: Located, lengths: tuple[float, ...], gap: float) -> str:
-    """Galilean where every f_i exceeds d, Keplerian where d exceeds every f_i."""
+    """Galilean if every f_i exceeds d, Keplerian if d exceeds every f_i."""
     if not lengths or min(lengths) <= 0.0:
         raise value.fail("one positive focal length for each microlens type is expected")
     if min(lengths) > gap:

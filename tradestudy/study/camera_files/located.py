@@ -1,4 +1,4 @@
-"""Values of calibration files with their place, converted to the expected type or refused there."""
+"""Values of calibration files with their places, converted to the expected type or refused there."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 from tradestudy.errors import Problem
 from tradestudy.study.document import Entry, ListEntry, MappingEntry, Path, Place, ScalarEntry, dotted
 
-_LARGEST = 1e12  # beyond every number of a camera, in any unit
+_LARGEST = 1e12  # larger than any number of a camera, in any unit
 
 
 class CameraFileError(Exception):
@@ -48,12 +48,12 @@ class CameraFile:
 
     @property
     def name(self) -> str:
-        """Of the file, without its folder."""
+        """Name of the file, without its folder."""
         return self.path.name
 
     @property
     def top(self) -> Located:
-        """Its outermost value."""
+        """The outermost value of the file."""
         return Located(file=self, entry=self.root, path=())
 
 
@@ -75,14 +75,14 @@ class Located:
 
     @property
     def key(self) -> str:
-        """File and key, for the register; the file records its place under this name."""
+        """File and key, under which the file also records the place of this value."""
         label = f"{self.file.label}: {dotted(self.path)}" if self.path else self.file.label
         self.file.places[label] = self.entry.place
         return label
 
     @property
     def last(self) -> str:
-        """Its last key."""
+        """Last of the keys that lead to the value."""
         return str(self.path[-1]) if self.path else self.file.name
 
     def fail(self, what: str) -> CameraFileError:
@@ -90,11 +90,11 @@ class Located:
         return CameraFileError(self.entry.place.problem(self.path, what))
 
     def has(self, *keys: str) -> bool:
-        """Whether it is a mapping with all of these keys."""
+        """Whether the value is a mapping with all of these keys."""
         return isinstance(self.entry, MappingEntry) and all(key in self.entry.members for key in keys)
 
     def find(self, *names: str) -> Located | None:
-        """The value of the first of these keys that exists; None without one, or if it is empty."""
+        """The value of the first of these keys that exists; None if none exists or its value is empty."""
         if not isinstance(self.entry, MappingEntry):
             return None
         for name in names:
@@ -167,7 +167,7 @@ class Located:
         return int(number)
 
     def numbers(self, *counts: int) -> tuple[float, ...]:
-        """All numbers of a list or of its rows; their number must be one of the counts, if any are given."""
+        """The numbers of a list or of its rows; if counts are given, the list must have one of these lengths."""
         found = [*self._numbers()]
         if counts and len(found) not in counts:
             raise self.fail(f"{len(found)} numbers are given; {' or '.join(map(str, counts))} are expected")

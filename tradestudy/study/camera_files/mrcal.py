@@ -12,7 +12,14 @@ from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, Im
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.camera_files.located import CameraFile, Located
 from tradestudy.study.camera_files.pairs import check_lens, paired
-from tradestudy.study.camera_files.request import CannotHoldError, Format, Request, fewest, held, origin_of_pixels
+from tradestudy.study.camera_files.request import (
+    Format,
+    Request,
+    UnsupportedLensError,
+    coefficients_of,
+    origin_of_pixels,
+    shortest_coefficients,
+)
 
 _OPENCV: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4")
 _MODELS: Final[Mapping[str, tuple[LensModelName, tuple[str, ...]]]] = {
@@ -43,7 +50,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     if len(tops) == 1:
         return _camera(tops[0])
     if len(tops) != 2:
-        raise tops[-1].fail(f"{len(tops)} files are given; one camera or two are expected")
+        raise tops[-1].fail(f"{len(tops)} files are given; one or two camera files are expected")
     first, second = (_camera(top) for top in tops)
     (r1, t1, _), (r2, t2, where) = (_pose(top) for top in tops)
     metre, unit = request.metres(where, stated="m", why="mrcal's convention")
@@ -129,7 +136,7 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
         ("right", rig.right, [*turned, *rig.translation]),
     ):
         if camera.pixels is None:
-            raise CannotHoldError(["a camera without the size of its pictures"])
+            raise UnsupportedLensError(["a camera without the size of its pictures"])
         name, lens = _written_lens(camera)
         says = {
             "lensmodel": name,
@@ -145,8 +152,8 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
 def _written_lens(camera: ImportedCamera) -> tuple[str, tuple[float, ...]]:
     for name, (model, names) in _MODELS.items():
         if model == camera.lens_model != "rational":
-            return name, held(camera, names, of=model)
-    lens = fewest(camera, _OPENCV, (4, 5, 8, 12))
+            return name, coefficients_of(camera, names, of=model)
+    lens = shortest_coefficients(camera, _OPENCV, (4, 5, 8, 12))
     return f"LENSMODEL_OPENCV{len(lens)}", lens
 
 

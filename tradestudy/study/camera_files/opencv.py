@@ -13,7 +13,13 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.camera_files.conversions import pinhole_of, rotation_of
 from tradestudy.study.camera_files.located import CameraFile, Located
 from tradestudy.study.camera_files.pairs import check_lens, paired
-from tradestudy.study.camera_files.request import Format, Request, fewest, held, origin_of_pixels
+from tradestudy.study.camera_files.request import (
+    Format,
+    Request,
+    coefficients_of,
+    origin_of_pixels,
+    shortest_coefficients,
+)
 from tradestudy.study.document import ListEntry, MappingEntry
 
 _ORDER: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
@@ -27,7 +33,7 @@ _ROTATION, _TRANSLATION = ("R", "rotation", "rotation_matrix"), ("T", "translati
 
 
 def recognises(file: CameraFile) -> bool:
-    """Whether OpenCV wrote the file: by its header or tags, or by its form of matrices."""
+    """Whether a file has OpenCV's header, tags or form of matrices."""
     if file.syntax in ("opencv-yaml", "opencv-xml"):
         return True
     root = file.root
@@ -67,8 +73,8 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         first, second = (_camera(top, top.file.path.stem, _MATRIX, _DISTORTION, request) for top in alone)
     else:
         raise extrinsic.fail(
-            "R and T are given without the two cameras: the keys M1 and M2, or camera_matrix, cameraMatrix or K with 1 "
-            "and 2, _left and _right or _L and _R, are looked for (distortion: D1 and D2, or likewise "
+            "R and T are given without the two cameras: their keys are M1 and M2, or camera_matrix, cameraMatrix or K "
+            "followed by 1 and 2, _left and _right, or _L and _R (distortion: D1 and D2, or likewise "
             f"distortion_coefficients or distCoeffs){_given(extrinsic)}; rename the keys, or list all files: "
             "from: [left.yml, right.yml, extrinsics.yml]"
         )
@@ -88,7 +94,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
 
 
 def _refuse_one_distortion(top: Located) -> None:
-    """Refuse a pair of which only one camera has distortion coefficients: the other's key may be misspelt."""
+    """Refuse a pair in which only one camera has distortion coefficients: the other's key may be misspelt."""
     given = [top.find(*_names(_DISTORTION, side)) for side in (0, 1)]
     for side, own in enumerate(given):
         other = given[1 - side]
@@ -126,7 +132,7 @@ def _names(names: Sequence[str], side: int) -> tuple[str, ...]:
 def _camera(
     top: Located, name: str, matrices: Sequence[str], distortions: Sequence[str], request: Request
 ) -> ImportedCamera:
-    """One camera of a file, by its possible keys."""
+    """One camera of a file, under any of its possible keys."""
     matrix = top.need(*matrices)
     focal_lengths, centre = pinhole_of(matrix, _matrix(matrix, 9))
     distortion = top.find(*distortions)
@@ -163,7 +169,7 @@ def _lens(top: Located, distortion: Located, request: Request) -> tuple[LensMode
 
 
 def _size(top: Located) -> tuple[Located, Located] | None:
-    """Columns and rows, in the forms of programs that use OpenCV."""
+    """Columns and rows, in any form that programs based on OpenCV write."""
     for across, down in (("image_width", "image_height"), ("image_Width", "image_Height"), ("width", "height")):
         if top.has(across, down):
             return top.need(across), top.need(down)
@@ -192,7 +198,7 @@ def _matrix(value: Located, *counts: int) -> tuple[float, ...]:
 
 
 def _rectified(pair: Located, extrinsic: Located, request: Request) -> Imported:
-    """The rectified pair, from its projection matrices: one focal length, no distortion, parallel axes."""
+    """The rectified pair, from its projection matrices: equal focal lengths, no distortion, parallel axes."""
     holder = pair if pair.find("P1") is not None else extrinsic
     if holder.find("P1") is None:
         raise holder.fail("rectified pictures need P1 and P2 from stereoRectify; add them to the file")
@@ -268,9 +274,9 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
         (fx, fy), (cx, cy) = camera.focal_lengths, camera.centre
         matrices[f"M{side}"] = ((3, 3), (fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0))
         if all(fisheye):
-            lens = held(camera, _ORDER_FISHEYE, of="kannala-brandt")
+            lens = coefficients_of(camera, _ORDER_FISHEYE, of="kannala-brandt")
         else:
-            lens = fewest(camera, _ORDER, (5, 8, 12, 14))
+            lens = shortest_coefficients(camera, _ORDER, (5, 8, 12, 14))
         matrices[f"D{side}"] = ((1, len(lens)), lens)
     matrices["R"] = ((3, 3), [one for row in rig.rotation for one in row])
     matrices["T"] = ((3, 1), rig.translation)

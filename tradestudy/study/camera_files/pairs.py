@@ -1,4 +1,4 @@
-"""Pairs of imported cameras, checked for exchanged cameras, wrong units and wrong lens models."""
+"""Pairs of imported cameras, checked for exchange, wrong units and wrong lens models."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from tradestudy.study.camera_files.conversions import rotation_tuple, vector_tup
 from tradestudy.study.camera_files.located import Located
 from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty
 
-_SHORTEST, _LONGEST = 5e-4, 20.0  # baselines [m] outside of which the unit of length is certainly wrong
-_USUAL_FROM, _USUAL_TO = 3e-3, 5.0  # and outside of which it probably is
+_SHORTEST, _LONGEST = 5e-4, 20.0  # baselines [m]; beyond these, the unit of length is certainly wrong
+_USUAL_FROM, _USUAL_TO = 3e-3, 5.0  # beyond these, it is probably wrong
 _UNITS: Final = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 UNUSUAL_BASELINE: Final = "baseline"
-"""The convention under which a pair says that another unit of length would give a usual baseline."""
+"""Name of the convention that states that another unit of length would give a usual baseline."""
 FOLDING_LENS: Final = "part of the picture without direction"
-"""The convention under which a pair says that the lens model of a camera does not reach the edges of its picture."""
+"""Name of the convention that states that the lens model of a camera does not reach the edges of its picture."""
 _QUARTER: Final = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-_PLACES: Final = 65  # along each side of a picture, where directions are looked for
+_PLACES: Final = 65  # points along each side of a picture at which directions are computed
 _LARGEST_TANGENTIAL: Final = 0.05
 """p1 and p2 of real lenses are below 0.01; 0.05 would shift a slope of 1 by a tenth."""
 
@@ -50,7 +50,7 @@ def paired(
     metre
         Unit of length of the files [m].
     where
-        Location of these two.
+        Where the files give these two.
     conventions
         Conventions of the files.
 
@@ -113,7 +113,7 @@ def baseline_problem(baseline: float, by_other_units: str = "") -> str:
 
 
 def _by_units(baseline: float, metre: float) -> str:
-    """A baseline [m], and what it would be by other units of length than this one [m]; empty if unusual by all."""
+    """A baseline [m] and its usual values in units of length other than this one [m]; empty if it has none."""
     others = {name: baseline / metre * unit for name, unit in _UNITS.items() if not math.isclose(unit, metre)}
     fitting = [
         f"{pretty(length, LENGTH)} with length_unit: {name}"
@@ -124,17 +124,17 @@ def _by_units(baseline: float, metre: float) -> str:
 
 
 def _check_orientation(rotation: FloatArray, second: str, first: str, at: Located) -> None:
-    """Refuse cameras whose disparity lies along another axis in one picture than in the other."""
+    """Refuse cameras with axes 90° or more apart, or with disparity along different axes of their pictures."""
     if rotation[2, 2] <= 0.0:
         angle = np.degrees(np.arccos(np.clip(rotation[2, 2], -1.0, 1.0)))
         raise at.fail(
-            f"the axes of {second} and {first} are {angle:.0f}° apart; cameras that look the same way, less than 90° "
-            "apart, are expected"
+            f"the axes of {second} and {first} are {angle:.0f}° apart; cameras that look the same way, with axes less "
+            "than 90° apart, are expected"
         )
     if (turned := abs(roll(rotation))) > LARGEST_ROLL:
         raise at.fail(
             f"{second} is rotated by {np.degrees(turned):.0f}° about its viewing axis relative to {first}; turn its "
-            "pictures upright and calibrate again, for the rows of both to run along each other"
+            "pictures upright and calibrate again, so that the rows of both are parallel"
         )
 
 
@@ -160,8 +160,8 @@ def check_lens(camera: ImportedCamera, value: Located) -> ImportedCamera:
 
 
 def _folding(camera: ImportedCamera) -> str:
-    """How much of its picture has no direction, because the lens model folds before; empty where all of it has one."""
-    if camera.pixels is None or camera.lens_model not in FAMILIES:  # a mapping of mrcal, which covers its picture
+    """The part of a picture beyond the angle at which its lens model folds, in words; empty if there is none."""
+    if camera.pixels is None or camera.lens_model not in FAMILIES:  # a model of mrcal that covers the whole picture
         return ""
     lens = FAMILIES[camera.lens_model](**camera.coefficients)
     steps = (np.arange(_PLACES) + 0.5) / _PLACES

@@ -1,4 +1,4 @@
-"""Options beside ``from:`` in a study for reading calibration files."""
+"""Options for reading calibration files, beside ``from:`` in a study."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ class NoLengthUnitError(CameraFileError):
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """Information that the files may lack.
+    """Information that calibration files may lack.
 
     Parameters
     ----------
     length_unit
         Unit of length of the files, from the study; empty if not given.
     pair
-        Names of the left and right camera in a file with several; empty: in the order of the format.
+        Names of the left and the right camera in a file with several; empty: in the order of the format.
     pictures
         ``raw`` or ``rectified``: the pictures in which depth is measured.
     lens_model
-        ``fisheye`` if the lens model differs from that of the format.
+        ``fisheye`` if the lens is one although the format does not say so.
     """
 
     length_unit: str = ""
@@ -47,7 +47,7 @@ class Request:
         value
             A length, for messages and the register.
         stated, why
-            Unit from the file or the definition of its format, and its origin; empty: none.
+            Unit stated by the file or by the definition of its format, and which of them; empty if neither states it.
 
         Raises
         ------
@@ -73,12 +73,12 @@ class Format:
     options
         Fields of a `Request` that apply to this format.
     recognises
-        Whether a file has this format, by its content.
+        Whether the content of a file has this format.
     read
         Camera or rig from the files of a camera.
     write
-        Texts of files for a pair by file name, given the pair and the stem of the names; raises `CannotHoldError` for
-        a lens that the format cannot represent. None: export is not supported.
+        The text of each file for a pair, by file name, given the pair and the stem of the names; raises
+        `UnsupportedLensError` for a lens that the format cannot represent. None: export is not supported.
     """
 
     name: str
@@ -89,7 +89,7 @@ class Format:
     write: Callable[[ImportedRig, str], Mapping[str, str]] | None = None
 
 
-class CannotHoldError(Exception):
+class UnsupportedLensError(Exception):
     """A format cannot represent a lens.
 
     Parameters
@@ -103,37 +103,37 @@ class CannotHoldError(Exception):
         self.names = tuple(names)
 
 
-def held(camera: ImportedCamera, names: Sequence[str], *, of: str = "rational") -> tuple[float, ...]:
+def coefficients_of(camera: ImportedCamera, names: Sequence[str], *, of: str = "rational") -> tuple[float, ...]:
     """The coefficients of a lens in the order of a format.
 
     Raises
     ------
-    CannotHoldError
+    UnsupportedLensError
         The lens has another model, or nonzero coefficients that are not among the names.
     """
     if camera.lens_model != of:
-        raise CannotHoldError([f"the lens model {camera.lens_model}"])
+        raise UnsupportedLensError([f"the lens model {camera.lens_model}"])
     if beyond := [name for name, value in camera.coefficients.items() if value != 0.0 and name not in names]:
-        raise CannotHoldError(beyond)
+        raise UnsupportedLensError(beyond)
     return tuple(camera.coefficients.get(name, 0.0) for name in names)
 
 
-def fewest(camera: ImportedCamera, names: Sequence[str], counts: Sequence[int]) -> tuple[float, ...]:
+def shortest_coefficients(camera: ImportedCamera, names: Sequence[str], counts: Sequence[int]) -> tuple[float, ...]:
     """The coefficients of a lens in the shortest of several forms that contains them.
 
     Raises
     ------
-    CannotHoldError
+    UnsupportedLensError
         None of the forms contains them.
     """
     for count in counts[:-1]:
-        with suppress(CannotHoldError):
-            return held(camera, names[:count])
-    return held(camera, names[: counts[-1]])
+        with suppress(UnsupportedLensError):
+            return coefficients_of(camera, names[:count])
+    return coefficients_of(camera, names[: counts[-1]])
 
 
 def wrong_request(key: str, value: object) -> str:
-    """The mistake in a study's value of a `Request`; empty if there is none."""
+    """What is wrong with a value that a study gives for a `Request`; empty if nothing is."""
     if key == "length_unit":
         try:
             parse(f"1 {value}" if isinstance(value, str) else value, LENGTH)

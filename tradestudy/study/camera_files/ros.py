@@ -1,4 +1,4 @@
-"""ROS ``camera_info``: the YAML files of camera_calibration and camera_info_manager, and messages printed as YAML."""
+"""ROS ``camera_info``: YAML files of camera_calibration and camera_info_manager, and messages printed as YAML."""
 
 from __future__ import annotations
 
@@ -13,7 +13,14 @@ from tradestudy.study.camera_files.conversions import pinhole_of, rotation_of
 from tradestudy.study.camera_files.located import CameraFile, Located
 from tradestudy.study.camera_files.opencv import translation_of_projection
 from tradestudy.study.camera_files.pairs import check_lens, paired
-from tradestudy.study.camera_files.request import CannotHoldError, Format, Request, fewest, held, origin_of_pixels
+from tradestudy.study.camera_files.request import (
+    Format,
+    Request,
+    UnsupportedLensError,
+    coefficients_of,
+    origin_of_pixels,
+    shortest_coefficients,
+)
 from tradestudy.study.document import ListEntry
 
 _MODELS: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
@@ -78,7 +85,7 @@ def _pictures(request: Request, first: ImportedCamera, second: ImportedCamera, t
         return "rectified, by P"
     plain = not any([*first.coefficients.values(), *second.coefficients.values()])
     if plain and all(np.array_equal(turn, np.eye(3)) for turn in turns):
-        return "raw, which are already rectified: without distortion or rotation"
+        return "raw, but already rectified: without distortion or rotation"
     return "raw: as taken, before rectification, by K, D, R"
 
 
@@ -145,7 +152,7 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
     files = {}
     for side, camera, turn, moved in (("left", rig.left, turns[0], 0.0), ("right", rig.right, turns[1], -baseline)):
         if camera.pixels is None:
-            raise CannotHoldError(["a camera without the size of its pictures"])
+            raise UnsupportedLensError(["a camera without the size of its pictures"])
         (fx, fy), (cx, cy) = camera.focal_lengths, camera.centre
         f, (x, y) = focal_length, (float(one) for one in centre)
         model, lens = _written_lens(camera)
@@ -164,7 +171,7 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
 
 
 def _rectifying(rig: ImportedRig) -> tuple[FloatArray, FloatArray]:
-    """Rotations of both cameras to axes along the baseline, across it, and between the optical axes."""
+    """Rotations of both cameras to a frame along the baseline, across it, and along the mean optical axis."""
     rotation, translation = np.array(rig.rotation), np.array(rig.translation)
     across = -translation / np.linalg.norm(translation)
     between = np.array([0.0, 0.0, 1.0]) + rotation[:, 2]
@@ -176,8 +183,8 @@ def _rectifying(rig: ImportedRig) -> tuple[FloatArray, FloatArray]:
 
 def _written_lens(camera: ImportedCamera) -> tuple[str, tuple[float, ...]]:
     if camera.lens_model == "kannala-brandt":
-        return "equidistant", held(camera, _MODELS["equidistant"][1], of="kannala-brandt")
-    lens = fewest(camera, _MODELS["rational_polynomial"][1], (5, 8))
+        return "equidistant", coefficients_of(camera, _MODELS["equidistant"][1], of="kannala-brandt")
+    lens = shortest_coefficients(camera, _MODELS["rational_polynomial"][1], (5, 8))
     return ("plumb_bob" if len(lens) == 5 else "rational_polynomial"), lens
 
 

@@ -1,4 +1,4 @@
-"""Parsers from the text of calibration files to trees with places, for every syntax. Nothing is executed."""
+"""Parsers of calibration files, one for each syntax; trees contain the place of every value. Nothing is executed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NUMBER: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def syntax_of(text: str) -> str:
-    """The syntax of a text, by its beginning."""
+    """The syntax of a text, recognised by its beginning."""
     body = "\n".join(line for line in text.lstrip().split("\n", 20)[:20] if not line.startswith("#")).lstrip()
     if _CORNER_HEAD.match(body):
         return "corners"
@@ -55,7 +55,7 @@ def _opencv_yaml(path: Path, text: str) -> Entry:
 
 
 def _json(path: Path, text: str) -> Entry:
-    """JSON as YAML, which does not allow tabs between values and escaped slashes."""
+    """JSON, parsed as YAML without tabs between values and escaped slashes, which YAML does not allow."""
     return _yaml(path, text.replace("\t", " ").replace("\\/", "/"))
 
 
@@ -102,16 +102,16 @@ class _XmlBuilder:
 
     @property
     def place(self) -> Place:
-        """Present place of the parser."""
+        """Current place of the parser."""
         return Place(self.path, self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1)
 
     def fail(self, what: str) -> CameraFileError:
-        """A mistake at the present place."""
+        """A mistake at the current place."""
         return CameraFileError(self.place.problem((), what))
 
     def refuse(self, *_arguments: Any) -> None:
         """Refuse definitions, which could expand without end or read other files."""
-        raise self.fail("definitions of document types and entities are not allowed; remove it")
+        raise self.fail("definitions of document types and entities are not allowed; remove them")
 
     def start(self, name: str, _attributes: Mapping[str, str]) -> None:
         """Open an element."""
@@ -119,16 +119,16 @@ class _XmlBuilder:
         if self.count > MOST_VALUES:
             raise self.fail(f"the file contains more than {MOST_VALUES} values")
         if len(self.open) >= DEEPEST:
-            raise self.fail(f"values are nested more than {DEEPEST} deep")
+            raise self.fail(f"values are nested more than {DEEPEST} levels deep")
         self.open.append((self.place, name, {}, [], []))
 
     def characters(self, text: str) -> None:
-        """Text within an element."""
+        """Collect the text of an element."""
         if self.open:
             self.open[-1][4].append(text)
 
     def end(self, _name: str) -> None:
-        """Close an element: a mapping where it has elements, a list where these are ``_`` or text has spaces."""
+        """Close an element: a mapping if it has elements, a list if these are ``_`` or its text has spaces."""
         place, name, members, items, texts = self.open.pop()
         entry: Entry
         if items:
@@ -147,7 +147,7 @@ class _XmlBuilder:
             self.open[-1][2][name] = Member(place, entry)
 
     def value(self, place: Place, text: str) -> Entry:
-        """A list of numbers if there are several, else one value."""
+        """A list of numbers if the text contains several, else one value."""
         words = text.split()
         self.count += len(words)
         if self.count > MOST_VALUES:
@@ -179,7 +179,11 @@ def _literal(node: ast.expr, file: str, below: int, depth: int, count: list[int]
     place = Place(file, node.lineno + below, node.col_offset + 1)
     count[0] += 1
     if depth > DEEPEST or count[0] > MOST_VALUES:
-        what = f"values are nested more than {DEEPEST} deep" if depth > DEEPEST else f"more than {MOST_VALUES} values"
+        what = (
+            f"values are nested more than {DEEPEST} levels deep"
+            if depth > DEEPEST
+            else f"more than {MOST_VALUES} values"
+        )
         raise CameraFileError(place.problem((), what))
     if isinstance(node, ast.Dict):
         members: dict[str, Member] = {}
@@ -203,7 +207,7 @@ def _literal(node: ast.expr, file: str, below: int, depth: int, count: list[int]
             return _scalar(place, None, "")
         if found is None or isinstance(found, str | int | float | bool):
             return _scalar(place, found, "" if found is None else _short(found))
-    raise CameraFileError(place.problem((), "a number, a text, a list or a mapping is expected, not an expression"))
+    raise CameraFileError(place.problem((), "a number, text, a list or a mapping is expected, not an expression"))
 
 
 def _short(value: str | float | bool) -> str:

@@ -15,7 +15,7 @@ from tradestudy.declarations.quantities import PositiveDuration, quantity
 from tradestudy.effects.models import EFFECTS, SlotName, models_of
 from tradestudy.effects.words import EFFECT
 
-# Beyond the whole of a value, or below what any propagator states, a tolerance says nothing.
+# A tolerance above the value itself, or below the error that any propagator states, means nothing.
 Tolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=1.0)]
 
 
@@ -26,7 +26,7 @@ class AccuracyPart(Part):
         default=0.01, description="Tolerance on every quantity without a tolerance of its own."
     )
     depth_uncertainty: Tolerance | None = Field(
-        default=None, description="Tolerance on depth uncertainty, noise and calibration combined."
+        default=None, description="Tolerance on depth uncertainty from noise and calibration together."
     )
     usable_range: Tolerance | None = Field(
         default=None, description="Tolerance on the near and far ends of the usable range."
@@ -44,7 +44,7 @@ class AccuracyPart(Part):
     time_limit: PositiveDuration | None = Field(default=None, description="Time limit of the whole run; default: none.")
 
     def asked(self) -> accuracy.Accuracy:
-        """The tolerance of each quantity that the models are chosen for."""
+        """The tolerance of each quantity for which models are chosen."""
         everywhere: tuple[Quantity, ...] = (
             "depth_uncertainty", "usable_range", "depth_of_field", "pixel_intensity", "psf_width",
         )  # fmt: skip

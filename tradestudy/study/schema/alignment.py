@@ -1,4 +1,4 @@
-"""Where in a file, and in which part of the schema, an error of pydantic is.
+"""The place of a pydantic error in a study file and in the schema.
 
 pydantic locates an error by keys and positions mixed with labels of the union members that it tried. Walking along the
 types distinguishes them, and ends at the model that knows which keys are legal.
@@ -26,7 +26,7 @@ _KEY = "[key]"
 
 @dataclass(frozen=True, kw_only=True)
 class Alignment:
-    """An error's place.
+    """The place of an error.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Alignment:
     owner
         The innermost model along the path, which should contain the last key.
     of_key
-        Whether the error is about the last key itself and not about its value.
+        Whether the error is about the last key itself, not about its value.
     kind
         The type of the value at the path.
     """
@@ -101,7 +101,7 @@ def tags(kind: Any, discriminator: str) -> list[str]:
 
 
 def keys_of_value(kind: Any) -> list[str]:
-    """List the keys that a value of this type must have or, if it must have none, those that it may have."""
+    """List the required keys of a value of this type or, if it has none, its optional keys."""
     kind = _bare(kind)
     if get_origin(kind) in (Union, UnionType):
         return list(dict.fromkeys(key for member in get_args(kind) for key in keys_of_value(member)))
@@ -112,7 +112,7 @@ def keys_of_value(kind: Any) -> list[str]:
 
 
 def keys_of_part(model: type[BaseModel] | None, key: str) -> list[str]:
-    """List the keys of the part that a model has under a key; none if the value is not a part."""
+    """List the keys of the part under a model's key; none if the value there is not a part."""
     kind = _bare(_below(model, key))
     return keys_of_value(kind) if _is_model(kind) else []
 

@@ -1,4 +1,4 @@
-"""Validation of a valid study under other values: only the changed parts are validated again."""
+"""Validation of a valid study with other values: only the changed parts are validated again."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class _WhollyNewError(Exception):
 
 
 def validate_changes(document: Document, before: Document, valid: StudyFile) -> StudyFile:
-    """Check a document in which values were replaced.
+    """Validate a document in which values were replaced.
 
-    Only the changed parts, and the consistency between parts, are validated. If these checks fail, the whole document
-    is validated: for its messages, or because a part was added, removed or changed its kind.
+    Only the changed parts, and the consistency between parts, are validated. If this fails, or if a part was added,
+    removed or changed its kind, the whole document is validated.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def validate_changes(document: Document, before: Document, valid: StudyFile) -> 
     Raises
     ------
     StudyError
-        As of `validate`.
+        As for `validate`.
     """
     if not document.problems:
         with suppress(_WhollyNewError, ValueError):  # mistakes that validators find are ValueErrors
@@ -44,7 +44,7 @@ def validate_changes(document: Document, before: Document, valid: StudyFile) -> 
 
 
 def _changed_parts(document: Document, before: Document, valid: StudyFile) -> dict[str, Any]:
-    """The changed parts of a study; of parts that have names, the whole mapping."""
+    """The changed parts of a study; for parts in a mapping by name, the whole mapping."""
     changed: dict[str, Any] = {}
     for key in _changed_keys(document.root, before.root):
         part, entry, entry_before = getattr(valid, key, None), child(document.root, key), child(before.root, key)

@@ -1,4 +1,4 @@
-"""Criteria of cameras by name, as numbers of one dimension: derived for a relief, or declared by cameras."""
+"""Criteria of cameras by name: numbers of one dimension, derived for a relief or declared as attributes."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ DERIVED: Final[Mapping[str, Dimension | None]] = {
     "resolved samples": NUMBER,
     "aperture": LENGTH,
     "light gathered": SOLID_ANGLE,
-    "size": None,  # in words: three lengths
+    "size": None,  # text with three lengths
     "hidden beside a step": LENGTH,
     "foreshortening": NUMBER,
 }
-"""Criteria derived for every camera of a study with a relief, each with its dimension."""
+"""Criteria derived for every camera of a study that has a relief, with their dimensions."""
 
 
 def criterion_names(attributes: Iterable[AttributesPart], *, relief: bool) -> list[str]:
-    """Every criterion of a study: derived ones, where it has a relief, and those that some camera declares."""
+    """Names of all criteria of a study: those derived for its relief, if any, and those that cameras declare."""
     declared = [name for part in attributes for name in part.others]
     return list(dict.fromkeys([*(DERIVED if relief else ()), *declared]))
 
 
 def criterion_dimension(name: str, attributes: Iterable[AttributesPart]) -> Dimension | None:
-    """The dimension of a criterion; None for words, or for numbers with units of different kinds."""
+    """The dimension of a criterion; None for text, or for numbers with units of different kinds."""
     if name in DERIVED:
         return DERIVED[name]
     numbers = [part.others[name] for part in attributes if is_number(part.others.get(name, ""))]
     found = common_dimension(*numbers) if numbers else None
-    # A plain number is shown as one, not in per cent.
+    # Plain numbers are shown as such, not in per cent.
     return NUMBER if found is FRACTION and all(text.strip()[-1] in "0123456789." for text in numbers) else found
 
 
@@ -48,5 +48,5 @@ def weighed_dimension(name: str, quantity: str | None, attributes: Iterable[Attr
 
 
 def is_number(text: str) -> bool:
-    """Whether a declared attribute is a finite number, with a unit or without; else it is in words."""
+    """Whether a declared attribute is a finite number, with or without a unit, and not text."""
     return text[:1] in "+-.0123456789" and text != "" and common_dimension(text) is not None

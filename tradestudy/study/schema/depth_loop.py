@@ -1,4 +1,4 @@
-"""Check whether cameras measure depth as predicted: depth measured in rendered pictures of planes."""
+"""The check whether cameras measure depth as predicted, in rendered pictures of planes."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _MOST = 50
 
 
 class DepthLoopPart(Part):
-    """Planes across the axis, rendered and measured, each with a texture and noise of its own.
+    """Planes across the axis, rendered and measured, each with its own texture and noise.
 
     Texture, light, noise and window are those of scene.picture. The matcher is fitted to the errors at some distances
-    and tested on the errors at all others.
+    and tested on those at all others.
     """
 
     distances: Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=_MOST)] = Field(
@@ -27,7 +27,7 @@ class DepthLoopPart(Part):
     )
     fitted_at: Annotated[
         tuple[ObjectDistance, ...], Field(min_length=1, max_length=_MOST), AfterValidator(distinct)
-    ] = Field(description="Distances whose errors the matcher is fitted to; they share one seed.")
+    ] = Field(description="Distances to whose errors the matcher is fitted; they share one seed.")
     cameras: Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(
         default=None, description="Cameras to test; default: all that measure depth."
     )
@@ -36,7 +36,7 @@ class DepthLoopPart(Part):
     ) = Field(default=None, description="Contrasts of the texture; default: that of scene.picture.")
     electrons: (
         Annotated[tuple[PositiveElectrons, ...], Field(min_length=1, max_length=_MOST), AfterValidator(distinct)] | None
-    ) = Field(default=None, description="Mean electrons of a pixel; default: those of scene.picture.light.")
+    ) = Field(default=None, description="Mean number of electrons in a pixel; default: that of scene.picture.light.")
     texture_scaled_from: ObjectDistance | None = Field(
         default=None,
         description="Distance at which the texture has its declared correlation length; elsewhere the length scales "
@@ -44,12 +44,12 @@ class DepthLoopPart(Part):
     )
     windows: Annotated[int, Field(strict=True, ge=100, le=1_000_000)] = Field(
         default=1500,
-        description="Non-overlapping matching windows measured on each plane, at most those of eight whole pictures; "
-        "the relative error of the spread is about 1/sqrt(windows).",
+        description="Number of non-overlapping matching windows on each plane, at most as many as eight pictures "
+        "contain; the relative error of the measured spread is about 1/sqrt(windows).",
     )
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
         default=64,
-        description="Rays for each pixel and lens: many, so that their errors do not count as the matcher's.",
+        description="Rays for each pixel and lens; many, so that their sampling error does not pass for the matcher's.",
     )
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""What must be sharp, what counts as sharp, and the relief against which trade criteria are worked out."""
+"""What must be sharp, what counts as sharp, and the relief for which trade criteria are derived."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from tradestudy.declarations.quantities import NonNegativeAngle, PositiveLength,
 
 CriterionName = Annotated[str, Field(pattern=r"^[\w][\w.+-]*$", max_length=60)]
 PROBLEM: Final = "depth-of-field"
-"""Name of the problem that models are chosen for."""
+"""Name of the problem for which models are chosen."""
 Diffraction = Literal["none", "airy-diameter", "fwhm"]
 
 
 class BlurPart(Part):
-    """What counts as sharp: geometric blur and the diffraction spot in quadrature stay below this."""
+    """What counts as sharp: an upper bound on geometric blur and diffraction spot, added in quadrature."""
 
     blur: PositivePixels = Field(
         description="Largest blur, in lateral samples: pixels, or microlenses of an unfocused plenoptic camera."
@@ -30,7 +30,7 @@ class BlurPart(Part):
     )
 
     def criterion(self, wavelength: float) -> BlurCriterion:
-        """What counts as sharp in light of a wavelength [m]."""
+        """The criterion for light of a wavelength [m]."""
         return BlurCriterion(blur_px=self.blur, measure=self.diffraction, wavelength=wavelength)
 
 

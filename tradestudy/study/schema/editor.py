@@ -1,4 +1,4 @@
-"""The JSON Schema of study files as written: values may carry a basis, cameras may come from files or other cameras."""
+"""The JSON Schema of study files as written, with bases of values, and cameras from files or like other cameras."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def editor_schema(model: type[BaseModel]) -> dict[str, Any]:
     Parameters
     ----------
     model
-        The root of the schema; its ``cameras`` are named by a pattern and may share.
+        The root of the schema; the names of its ``cameras`` follow a pattern.
 
     Returns
     -------
@@ -65,14 +65,14 @@ def _described(part: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, A
 
 def _telling(schema: Mapping[str, Any]) -> dict[str, Any]:
     """Drop what does not help an editor: titles that pydantic derives from keys, and null defaults."""
-    is_quantity = "pattern" in schema and "examples" in schema  # its title states its limits
+    is_quantity = "pattern" in schema and "examples" in schema  # whose title states its limits
     return {
         name: of for name, of in schema.items() if (name != "title" or is_quantity) and (name, of) != ("default", None)
     }
 
 
 def _opened(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
-    """Let every value below a schema carry a basis."""
+    """Let every value below a schema have a basis."""
     opened = dict(schema)
     for place in ("properties", "patternProperties"):
         if place in schema:
@@ -87,10 +87,10 @@ def _opened(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, An
 
 
 def _with_basis(schema: dict[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
-    """Let a single value or a list be written with the basis it rests on."""
+    """Let a single value or a list be written with its basis."""
     if not _is_value(schema, parts):
         return schema
-    # The description is the key's own; the possible values are the same for many keys.
+    # Description and default belong to the key; many keys share the rest.
     shown: dict[str, Any] = {key: schema[key] for key in ("description", "default") if key in schema}
     bare = {key: of for key, of in schema.items() if key not in shown}
     written = {
@@ -107,7 +107,7 @@ def _with_basis(schema: dict[str, Any], parts: Mapping[str, Any]) -> dict[str, A
 
 
 def _is_value(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> bool:
-    """Distinguish values and lists from mappings."""
+    """Whether a schema describes a value or a list, not a mapping."""
     if "$ref" in schema:
         return _is_value(parts[schema["$ref"].rpartition("/")[2]], parts)
     alternatives = schema.get("anyOf") or schema.get("oneOf")

@@ -1,4 +1,4 @@
-"""A spot of light through main lens and microlenses onto the pixels, as a study declares it."""
+"""Declaration of a spot of light, imaged through main lens and microlenses onto the pixels."""
 
 from __future__ import annotations
 
@@ -41,22 +41,20 @@ MethodName = Literal[
     "fresnel-geometric", "fresnel-boundary-wave", "fresnel-kirchhoff",
     "kirchhoff-geometric", "kirchhoff-boundary-wave", "kirchhoff-fresnel",
 ]  # fmt: skip
-# What the propagators accept: less is beyond double precision, and more is no usable picture.
+# A smaller tolerance is beyond double precision; a larger one gives no useful picture.
 LOOSEST_PICTURE: Final = 0.2
 ImageTolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=LOOSEST_PICTURE)]
 Weight = Annotated[float, *quantity(units.NUMBER, at_least=0.0)]
 
-_ROUNDING: Final = 1e-12  # of widths computed as quotients
-_NO_RAYS: Final = (
-    "rays have no phase, and light_spot.spot is coherent; take fresnel or kirchhoff, or leave coherent out"
-)
+_ROUNDING: Final = 1e-12  # relative, of widths computed as quotients
+_NO_RAYS: Final = "rays have no phase, but light_spot.spot is coherent; use fresnel or kirchhoff, or remove coherent"
 _NO_EDGE: Final = (
-    "boundary waves are those of single points, and light_spot.spot is coherent; take fresnel or kirchhoff, or leave "
-    "coherent out"
+    "boundary waves apply to single points, but light_spot.spot is coherent; use fresnel or kirchhoff, or remove "
+    "coherent"
 )
 _NO_SQUARE_EDGE: Final = (
-    "boundary waves run around circles, and light_spot.microlenses.aperture is square; take kirchhoff, which is the "
-    "same integral"
+    "boundary waves need circular apertures, but light_spot.microlenses.aperture is square; use kirchhoff, which "
+    "computes the same integral"
 )
 _WIDEST_SQUARE_IN_HEXAGON: Final = math.sqrt(3.0) - 1.0  # side over pitch, sides along the rows
 
@@ -84,11 +82,11 @@ class MainLensPart(Part):
 
 
 class SpotMicrolensesPart(Part):
-    """An array of microlenses centred on the axis, of one width, with one or several focal lengths."""
+    """An array of equally wide microlenses, centred on the axis, with one or several focal lengths."""
 
     layout: Literal["square", "hexagonal"] = Field(default="square", description="A hexagonal array has rows along x.")
     lenses_across: Annotated[int, Field(ge=1, le=15, strict=True)] = Field(
-        description="Microlenses along a side of a square; along the middle row of a hexagon, an odd number."
+        description="Number of microlenses along a side of a square array, or along the middle row of a hexagon (odd)."
     )
     pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres.")
     focal_length: OneLength | Annotated[tuple[FocalLength, ...], Field(min_length=2, max_length=4)] = Field(
@@ -100,7 +98,7 @@ class SpotMicrolensesPart(Part):
         default=None, description="Focal length over aperture width; only with a single focal length."
     )
     aperture_width: MicrolensPitch | None = Field(
-        default=None, description="Instead of f_number: diameter of the apertures, or their side along x and y."
+        default=None, description="Instead of f_number: diameter of circular apertures, or side of square ones."
     )
     gap: LensToSensor = Field(description="Distance from the array to the detector.")
     interstices: Literal["opaque", "clear"] = Field(description="Whether light passes between the apertures.")
@@ -117,15 +115,19 @@ class SpotMicrolensesPart(Part):
             yield MistakeAt((), "give exactly one of f_number and aperture_width")
             return
         if self.f_number is not None and len(self.focal_lengths) > 1:
-            yield MistakeAt(("f_number",), "belongs to one focal length; give aperture_width, which all types share")
+            yield MistakeAt(
+                ("f_number",), "applies to a single focal length; give aperture_width, which all types share"
+            )
             return
-        said = "f_number" if self.aperture_width is None else "aperture_width"
+        key = "f_number" if self.aperture_width is None else "aperture_width"
         widest = self.pitch * _WIDEST_SQUARE_IN_HEXAGON
         if self.width > self.pitch * (1.0 + _ROUNDING):
-            yield MistakeAt((said,), "makes the microlenses wider than their pitch")
+            yield MistakeAt((key,), "makes the microlenses wider than their pitch")
         elif (self.layout, self.aperture) == ("hexagonal", "square") and self.width > widest * (1.0 + _ROUNDING):
             yield MistakeAt(
-                (said,), f"square apertures overhang their hexagonal cells; a side of at most {pretty(widest, LENGTH)}"
+                (key,),
+                "square apertures would overlap in a hexagonal array; a side of at most "
+                f"{pretty(widest, LENGTH)} is expected",
             )
 
     def _mistakes_of_arrangement(self) -> Iterator[MistakeAt]:
@@ -137,10 +139,10 @@ class SpotMicrolensesPart(Part):
             )
         if len(set(self.focal_lengths)) < kinds:
             yield MistakeAt(("focal_length",), "repeats a value; give each focal length once")
-        if kinds > 2 * self.lenses_across - 1:  # how many differences of row and column the array has
+        if kinds > 2 * self.lenses_across - 1:  # number of diagonals, each of one type
             yield MistakeAt(
                 ("focal_length",),
-                f"not all of {kinds} types occur in an array of {self.lenses_across} across; make it larger",
+                f"an array of {self.lenses_across} across does not contain all {kinds} types; make it larger",
             )
 
     @property
@@ -178,7 +180,7 @@ class SpotSourcePart(Part):
     @model_validator(mode="after")
     def _has_an_extent(self) -> Self:
         if self.coherent and self.is_point:
-            raise MistakeAt(("coherent",), "a point has nothing to be coherent with; give a diameter, or remove it")
+            raise MistakeAt(("coherent",), "has no effect on a point; give a diameter, or remove coherent")
         return self
 
     @property
@@ -234,14 +236,14 @@ class LightSpotPart(Part):
         default=None, description="Instead of wavelength: light of several wavelengths."
     )
     methods: Annotated[tuple[MethodName, ...], Field(max_length=4)] = Field(
-        default=(), description="Methods to compare, besides the picture by the models chosen for the tolerance."
+        default=(), description="Methods to compare, in addition to the models chosen for the tolerance."
     )
     tolerance: ImageTolerance = Field(
-        default=0.01, description="Relative numerical error to aim for in the pictures of methods."
+        default=0.01, description="Largest relative numerical error of the compared pictures."
     )
     seed: Seed = Field(default=0, description="Seed of the points drawn on the source.")
     benchmarks: bool = Field(
-        default=False, description="Whether to time one aperture and one source point as well, whatever the methods."
+        default=False, description="Whether to time one aperture and one source point too, regardless of the methods."
     )
     published_times: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = Field(
         default=(), description="Published computing times, shown next to the measured ones."
@@ -258,7 +260,7 @@ class LightSpotPart(Part):
             yield MistakeAt(("methods",), "repeats a method; name each once")
         if "tolerance" in self.model_fields_set and not self.methods:
             yield MistakeAt(
-                ("tolerance",), "belongs to methods that are compared; accuracy.pixel_intensity is for the picture"
+                ("tolerance",), "applies only to compared methods; give methods, or accuracy.pixel_intensity instead"
             )
         for index, method in enumerate(self.methods):
             if self.spot.coherent and (laws := set(legs_of(method))) - {"fresnel", "kirchhoff"}:
@@ -271,11 +273,11 @@ class LightSpotPart(Part):
             yield MistakeAt((), "give exactly one of wavelength and spectrum")
         if self.spot.distance == self.main_lens.focal_length:
             yield MistakeAt(
-                ("spot", "distance"), "equals the focal length of the main lens, which images the spot to infinity"
+                ("spot", "distance"), "equals the focal length of the main lens, so the image lies at infinity"
             )
         elif self.microlenses.lens_phase != "parabolic" and self.main_image_distance == self.mla_distance:
             yield MistakeAt(
-                ("microlenses", "lens_phase"), "needs an image before or behind the array, not on it; take parabolic"
+                ("microlenses", "lens_phase"), "is undefined when the image lies on the array; use parabolic"
             )
 
     @property

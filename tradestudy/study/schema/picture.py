@@ -49,13 +49,14 @@ def _window(value: Any) -> Window:
         except UnitError:
             shown = "a list" if isinstance(value, list | tuple) else f"'{value}'"
             raise UnitError(
-                f"{shown} is not a window; pixels such as 9 px, or a length on the object such as 1 mm, are expected"
+                f"{shown} is not a window; a number of pixels such as 9 px, or a length on the object such as 1 mm, is "
+                "expected"
             ) from None
     if not 0.0 < window.size < float("inf"):
         raise UnitError(f"'{value}' is out of range; a window above 0 px or 0 m is expected")
     if window.of == "object" and not DETAIL.smallest <= window.size <= DETAIL.largest:
         ends = f"{pretty(DETAIL.smallest, units.LENGTH)} to {pretty(DETAIL.largest, units.LENGTH)}"
-        raise UnitError(f"'{value}' is no {DETAIL.name}, check its unit; {ends} is expected")
+        raise UnitError(f"'{value}' is not a plausible {DETAIL.name}; check its unit; {ends} is expected")
     return window
 
 
@@ -78,17 +79,17 @@ LinearFillFactor = Annotated[float, *quantity(units.FRACTION, above=0.0, at_most
 class TexturePart(Part):
     """The surface: a random texture whose autocorrelation falls off exponentially."""
 
-    contrast: PositiveFraction = Field(description="Standard deviation of the radiance over its mean.")
+    contrast: PositiveFraction = Field(description="Standard deviation of the radiance, relative to its mean.")
     correlation_length: DetailSize = Field(
         description="Length on the object at which the autocorrelation of the radiance falls to 1/e."
     )
 
 
 class LightPart(Part):
-    """Scene and exposure, the same for all cameras."""
+    """Light and exposure, the same for all cameras."""
 
     electrons: PositiveElectrons | None = Field(
-        default=None, description="Mean electrons of a pixel on the axis, at at_f_number."
+        default=None, description="Mean number of electrons in a pixel on the axis, at at_f_number."
     )
     photons: PositivePhotons | None = Field(
         default=None,
@@ -107,7 +108,7 @@ class LightPart(Part):
         return self
 
     def light(self, sensor: Sensor | None) -> Light:
-        """The light in SI, as a sensor collects it: ``μ_e = η μ_p``, or the declared electrons.
+        """The light that a sensor collects, in SI: ``μ_e = η μ_p``, or the declared electrons.
 
         Raises
         ------
@@ -139,27 +140,27 @@ class PicturePart(Part):
 
     texture: TexturePart
     matching_window: PictureWindow = Field(
-        description="Side of the square matching window: pixels, or a length on the object. At most the overlap "
-        "of the compared pictures; micro-images overlap less the farther apart their lenses are."
+        description="Side of the square matching window, in pixels or as a length on the object. It is at most the "
+        "overlap of the compared pictures, which is smaller for micro-images of lenses farther apart."
     )
     matcher: MatcherPart | None = Field(
         default=None,
         description="What a real matcher adds to the bound. A camera's own depth.matcher overrides it, key by key; "
-        "without either, a derived error is the best that any matcher can reach.",
+        "without either, a derived error is the smallest that any matcher can reach.",
     )
     light: LightPart
     read_noise: NonNegativeElectrons = Field(
         description="Standard deviation of one reading of a pixel; a sensor's own temporal_dark_noise overrides it."
     )
     full_well: PositiveElectrons = Field(
-        description="Electrons at which a pixel saturates: the top of the digitised scale; a sensor's own "
+        description="Electrons at which a pixel saturates, the top of the digitised scale; a sensor's own "
         "saturation_capacity and system_gain override it."
     )
     bit_depth: Annotated[int, Field(strict=True, ge=1, le=32)] = Field(description="Bits of a raw value.")
     field_angle: FieldAngle = Field(
         default=0.0,
-        description="Field angle whose illumination is used for depth on the axis. Each of propagation.field_places "
-        "uses its own; vignetting off ignores them.",
+        description="Field angle whose illumination is used for depth on the axis; each of propagation.field_places "
+        "uses its own. The model off of vignetting ignores both.",
     )
     stop_separation: NonNegativeLength = Field(
         default=0.0,
@@ -171,7 +172,7 @@ class PicturePart(Part):
     )
     lens_phase: Literal["perfect", "parabolic"] = Field(
         default="perfect",
-        description="Lens of the Kirchhoff model: well corrected, or the parabolic phase of the paper.",
+        description="Lens of the Kirchhoff model: well corrected (perfect), or with the parabolic phase of the paper.",
     )
 
     def noise(self, sensor: Sensor | None) -> SensorNoise:

@@ -13,7 +13,7 @@ from tradestudy.declarations.quantities import ObjectDistance, Share, quantity
 from tradestudy.declarations.words import Seed, distinct
 
 Coverage = Annotated[float, *quantity(units.FRACTION, at_least=0.01, at_most=0.999)]
-_SAME_COVERAGE = 1e-4  # 68.27 % is written with four digits
+_SAME_COVERAGE = 1e-4  # of a standard deviation's, 68.27 %, which studies round to four digits
 
 
 class PropagationPart(Part):
@@ -40,7 +40,7 @@ class PropagationPart(Part):
         return (ONE_SIGMA, *others)
 
     def propagation(self, tolerance: float) -> Propagation:
-        """Settings for the engine; ``tolerance`` is the largest relative error of depth uncertainties."""
+        """Settings of the propagation; ``tolerance`` is the largest relative error of depth uncertainties."""
         return Propagation(seed=self.seed, max_draws=self.max_draws, coverages=self.coverages, tolerance=tolerance)
 
 

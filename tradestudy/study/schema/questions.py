@@ -38,7 +38,7 @@ class UsableRangePart(Part):
         description="Smallest fraction of points that two microlenses of the estimator see; default: any above 0 %.",
     )
     virtual_depth: PositiveNumber | None = Field(
-        default=None, description="Smallest |virtual depth|; 2 is the total covering plane."
+        default=None, description="Smallest magnitude of the virtual depth; it is 2 at the total covering plane."
     )
     blur: PositivePixels | None = Field(default=None, description="Largest geometric blur.")
     disparity_step: PositivePixels | None = Field(
@@ -52,7 +52,7 @@ class UsableRangePart(Part):
     )
 
     def criteria(self) -> UsableCriteria:
-        """In SI."""
+        """The limits in SI."""
         return UsableCriteria(
             overlap=self.overlap,
             availability=self.availability,
@@ -73,7 +73,7 @@ class DecisionPart(Part):
     )
     compare: Annotated[tuple[Pair, ...], Field(max_length=20), AfterValidator(distinct)] = Field(
         default=(),
-        description="Pairs for which the probability of ranking first is computed; default: the pair of between.",
+        description="Pairs for which the probability of ranking first is computed; default: that of the main question.",
     )
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1)] | None = Field(
         default=None,
@@ -82,7 +82,7 @@ class DecisionPart(Part):
 
     @property
     def compared(self) -> tuple[Pair, ...]:
-        """Pairs whose ranks are worked out."""
+        """Pairs of cameras for which the probability of ranking first is computed."""
         return self.compare or (self.between,)
 
 
@@ -96,7 +96,7 @@ class ReadingPart(Part):
 
 
 class SolvePart(Part):
-    """The values that make two cameras equally certain, make one certain enough, or meet a requirement."""
+    """The values for which two cameras are equally certain, one is certain enough, or a requirement is met."""
 
     says: Text = Field(description="The question in words.")
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
@@ -107,21 +107,22 @@ class SolvePart(Part):
     equal: Pair | None = Field(default=None, description="Two cameras that must be equally certain.")
     camera: CameraName | None = Field(
         default=None,
-        description="Instead of equal: the camera that must reach the depth uncertainty stated by "
-        "relative or uncertainty.",
+        description="Instead of equal: the camera that must reach the depth uncertainty given by relative or "
+        "uncertainty.",
     )
     relative: PositiveFraction | None = Field(
-        default=None, description="Depth uncertainty of camera, relative to the distance."
+        default=None, description="Depth uncertainty that the camera must reach, relative to the distance."
     )
     uncertainty: PositiveLength | None = Field(
-        default=None, description="Instead of relative: depth uncertainty of camera."
+        default=None, description="Instead of relative: the depth uncertainty that the camera must reach."
     )
     requirement: CameraName | None = Field(
         default=None, description="Instead of equal: the requirement to meet, on any quantity."
     )
     at: ObjectDistance | None = Field(
         default=None,
-        description="Distance at which cameras are compared, or one must reach an uncertainty; not for a requirement.",
+        description="Distance at which the cameras are compared or one must reach its uncertainty; omit it for a "
+        "requirement.",
     )
     errors: ErrorSources = Field(default="both", description="Error sources to include.")
 
@@ -129,7 +130,7 @@ class SolvePart(Part):
     def _one_way(self) -> Self:
         if sum(one is not None for one in (self.equal, self.camera, self.requirement)) != 1:
             raise MistakeAt(
-                (), "give one of equal (two cameras), camera (with relative or uncertainty), and requirement (its name)"
+                (), "give one of equal (two cameras), camera (with relative or uncertainty) and requirement (a name)"
             )
         if (self.at is None) == (self.requirement is None):
             raise MistakeAt((), "equal and camera need at; a requirement has its own distances")
@@ -152,7 +153,7 @@ class SolvePart(Part):
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Paths of the varied values."""
+        """Paths of the values to vary."""
         return (self.vary,) if isinstance(self.vary, str) else self.vary
 
 
@@ -298,12 +299,12 @@ class CriterionFNumberClaim(_ClaimPart):
     @model_validator(mode="after")
     def _path_error_where_it_belongs(self) -> Self:
         if (self.criterion == "path-error") != (self.path_error is not None):
-            raise MistakeAt(("path_error",), "belongs to the criterion path-error, which needs it")
+            raise MistakeAt(("path_error",), "is needed by the criterion path-error, and only by that one")
         return self
 
 
 class ImageDifferenceClaim(_ClaimPart):
-    """Sum of absolute differences between two images of the light spot, over the sum of the second."""
+    """Sum of absolute differences between two pictures of the light spot, over the sum of the second."""
 
     quantity: Literal["image_difference"]
     method: MethodName = Field(description="Method whose picture is judged.")
@@ -341,7 +342,7 @@ SweepValues = Annotated[tuple[Scalar, ...], Field(min_length=1, max_length=1000)
 
 
 class SweepRangePart(Part):
-    """Values on a scale; both ends are written with units."""
+    """Values from one end to another, on a linear or logarithmic scale; both ends are written with units."""
 
     start: QuantityText = Field(alias="from", description="First value.")
     stop: QuantityText = Field(alias="to", description="Last value.")

@@ -20,7 +20,7 @@ def requirement_mistakes(
     relief: bool,
     measures_depth: bool,
 ) -> Iterator[MistakeAt]:
-    """Requirements that no camera of the study can be tested against, each at the key at fault."""
+    """Requirements that cannot be tested on any camera of the study, each at the key at fault."""
     for key, one in requirements.items():
         place = ("requirements", key, one.quantity)
         if isinstance(one.required, CriterionPart):

@@ -29,12 +29,12 @@ class BoundOverPart(Part):
 
     @property
     def is_relative(self) -> bool:
-        """Whether the bound is a share of the distance."""
+        """Whether the bound is a fraction of the distance."""
         return self.below is None
 
     @property
     def limit(self) -> float:
-        """The bound, in metres or as a share."""
+        """The bound, in metres or as a fraction of the distance."""
         return self.below if self.below is not None else self.below_relative or 0.0
 
 
@@ -110,13 +110,14 @@ class CriterionPart(Part):
 
 
 class GuardBandPart(Part):
-    """Margin that a value must keep from its bound, in standard errors or by the risk that remains."""
+    """Margin between a value and its bound, in standard errors or by the risk that remains."""
 
     standard_errors: PositiveNumber | None = Field(
         default=None, description="Width of the guard band in standard errors of the value."
     )
     risk: Risk | None = Field(
-        default=None, description="Largest probability that the bound is broken although the requirement counts as met."
+        default=None,
+        description="Largest probability that the bound is violated although the requirement counts as met.",
     )
 
     @model_validator(mode="after")
@@ -156,7 +157,7 @@ class RequirementPart(Part):
     usable: UsablePart | None = Field(default=None, description="Distances over which the camera must be usable.")
     overlap: ShareAbovePart | None = Field(default=None, description="Smallest overlap of the two stereo views.")
     lateral_resolution: LengthBelowPart | None = Field(
-        default=None, description="Size of detail on the object that blur and samples still resolve."
+        default=None, description="Size of the smallest resolved detail on the object, limited by blur and sampling."
     )
     failed_fraction: ShareBelowPart | None = Field(
         default=None, description="Fraction of measurements that end beyond infinity or are false matches."

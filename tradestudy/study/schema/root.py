@@ -84,14 +84,14 @@ class StudyFile(Part):
     @field_validator("format", mode="before")
     @classmethod
     def _is_a_number(cls, value: object) -> object:
-        if isinstance(value, bool):  # Python takes true for 1
+        if isinstance(value, bool):  # in Python, true equals 1
             raise MistakeAt((), "'true' is not a format; the number 2 is expected")
         return value
 
     @field_validator("cameras", mode="before")
     @classmethod
     def _titled(cls, cameras: object) -> object:
-        """Title cameras without a title by their keys."""
+        """Give each camera without a title its key as title."""
         if not isinstance(cameras, Mapping):
             return cameras
         return {name: {"title": str(name), **one} if isinstance(one, Mapping) else one for name, one in cameras.items()}
@@ -143,13 +143,13 @@ class StudyFile(Part):
             mistakes.append(
                 MistakeAt(("depth_loop",), "needs scene.picture, which gives its pictures their light and noise")
             )
-        if self.light_spot is not None and not self.cameras:  # with cameras, forced effects may concern them instead
+        if self.light_spot is not None and not self.cameras:  # with cameras, a forced effect may be theirs
             mistakes += law_mistakes(self.light_spot, self.effects)
         mistakes += wave_claim_mistakes(self.claims, self.fresnel_validity, self.light_spot)
         if self.depth_of_field is not None and not self.cameras:
             mistakes.append(MistakeAt(("depth_of_field",), "needs cameras"))
         if self.relief is not None and self.depth_of_field is None:
-            mistakes.append(MistakeAt(("relief",), "needs depth_of_field, whose range it is derived for"))
+            mistakes.append(MistakeAt(("relief",), "needs depth_of_field, which gives the range of distances"))
         attributes = {name: part.attributes for name, part in self.cameras.items()}
         measuring = {name for name, part in self.cameras.items() if isinstance(part, DepthCameraDeclaration)}
         if self.value_of_information is not None:
@@ -200,9 +200,9 @@ class StudyFile(Part):
             claim = self.claims.get(str(path[1])) if path[0] == "claims" else None
             if claim is not None and claim.quantity in ("depth_of_field", "depth_of_field_ratio"):
                 continue
-            if path[0] == "scene":  # pictures can be taken by any camera
+            if path[0] == "scene":  # any camera can take pictures
                 continue
-            if path[0] == "trade_off":  # it checks its depth criteria itself
+            if path[0] == "trade_off":  # `trade_off_mistakes` checks it
                 continue
             if path[0] == "requirements" and not self.requirements[str(path[1])].asks_for_depth:
                 continue
@@ -211,7 +211,7 @@ class StudyFile(Part):
 
 
 def _named_cameras(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
-    """Every place of a study that names a camera, with the name as written."""
+    """Every place of a study that names a camera, with that name as written."""
     named: list[tuple[Location, Any]] = []
     decision = _mapping(tree.get("decision"))
     for word in ("between", "candidates"):
@@ -255,7 +255,7 @@ def _named_requirements(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
 
 
 def _mapping(value: Any) -> Mapping[Any, Any]:
-    """A mapping of a tree, or a validated part as one; else an empty mapping."""
+    """A mapping, or a validated part as a mapping; empty for anything else."""
     if isinstance(value, Part):
         return dict(value)
     return value if isinstance(value, Mapping) else {}

@@ -27,7 +27,7 @@ class ScenePart(Part):
     )
 
     image: SceneImagePart | None = Field(
-        default=None, description="Surfaces at different depths, of which `tradestudy render` makes pictures."
+        default=None, description="Surfaces at different depths; `tradestudy render` makes pictures of them."
     )
 
     @model_validator(mode="after")

@@ -53,7 +53,7 @@ class StairsPart(Part):
     tread_width: DetailSize | None = Field(
         default=None, description="Width of each tread but the first and the last, which are infinite; a step has none."
     )
-    edge: Length = Field(default=0.0, description="Centre of all edges, to the right of the axis.")
+    edge: Length = Field(default=0.0, description="Centre of the edges, to the right of the axis.")
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -77,7 +77,7 @@ class SpherePart(Part):
     @model_validator(mode="after")
     def _before_the_camera(self) -> Self:
         if not self.radius < self.distance:
-            raise MistakeAt(("radius",), "puts the camera inside; less than the distance is expected")
+            raise MistakeAt(("radius",), "puts the camera inside the sphere; less than its distance is expected")
         return self
 
 
@@ -111,7 +111,7 @@ class DepthMapPart(Part):
     )
     picture: FileName | None = Field(
         default=None,
-        description="File of the brightness on it, in the same order of rows, grey or in colour; values are linear.",
+        description="Image file of its brightness, grey or in colour, linear, with rows in the same order.",
     )
 
     @model_validator(mode="after")
@@ -119,7 +119,7 @@ class DepthMapPart(Part):
         if (self.width is None) == (self.field_of_view is None):
             raise MistakeAt((), "give exactly one of width and field_of_view")
         if self.field_of_view is not None and self.field_of_view >= 179.0 * units.DEGREE:
-            raise MistakeAt(("field_of_view",), "below 179 deg is expected")
+            raise MistakeAt(("field_of_view",), "an angle below 179 deg is expected")
         return self
 
 
@@ -141,11 +141,12 @@ class MosaicPart(Part):
 
 
 class SceneImagePart(Part):
-    """Surfaces that `render` makes pictures of, and how it does so.
+    """Surfaces of which `render` makes pictures, and how it does so.
 
     Texture, light, noise, fill factor and stops are those of scene.picture; its window, matcher, field angle, spectrum
-    and lens phase apply to derived errors alone. Pictures show the whole field. Rays make them, or waves of the scene's
-    wavelength where diffraction matters or effects force it (main_lens_diffraction, microlens_diffraction: fresnel).
+    and lens phase apply to derived errors alone. Pictures show the whole field. They are rendered by
+    rays, or by waves of the scene's wavelength where diffraction matters or effects force it (main_lens_diffraction,
+    microlens_diffraction: fresnel).
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(
@@ -170,8 +171,8 @@ class SceneImagePart(Part):
     mosaic: MosaicPart | None = Field(default=None, description="Colour filters; default: none.")
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] | None = Field(
         default=None,
-        description="Rays for each pixel and lens, half as many where a lens is barely lit; camera.json has the error. "
-        "Default: 12 for unfocused plenoptic cameras, 8 for others.",
+        description="Rays for each pixel and lens, half as many where a lens is barely lit; camera.json states the "
+        "resulting error. Default: 12 for unfocused plenoptic cameras, 8 for others.",
     )
     depth_maps: bool = Field(
         default=False,
@@ -183,7 +184,7 @@ class SceneImagePart(Part):
     )
 
     def files(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
-        """Named files, each with its path in this part."""
+        """The files named in this part, each with the path of its name."""
         for number, one in enumerate(self.surfaces):
             if isinstance(one, DepthMapPart):
                 yield ("surfaces", number, "depth"), one.depth

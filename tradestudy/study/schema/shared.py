@@ -1,4 +1,4 @@
-"""JSON Schemas without repetition: repeated parts become definitions."""
+"""Remove repetition from JSON Schemas: repeated parts become definitions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _WORTH_SHARING: Final = 60  # characters; a reference takes about thirty
 
 
 def shared(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """The same JSON Schema, with alternatives that occur several times moved to ``$defs`` and referred to.
+    """The same JSON Schema, with alternatives that occur several times moved to ``$defs`` and referenced there.
 
     Parameters
     ----------

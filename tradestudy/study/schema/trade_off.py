@@ -1,4 +1,4 @@
-"""Trade-offs: criteria with their worst and best values, and what is known of their weights."""
+"""Trade-offs: criteria with their worst and best values, and what is known about their weights."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ class WeighedPart(Part):
         if (self.quantity == "depth_uncertainty") != (self.at is not None):
             raise MistakeAt((), "depth_uncertainty and at (its distance) belong together")
         if self.range[0] > self.range[1]:
-            raise MistakeAt(("weight",), "a range goes from the least to the largest weight")
+            raise MistakeAt(("weight",), "a range goes from the smallest to the largest weight")
         return self
 
     @property
     def range(self) -> tuple[float, float]:
-        """Least and largest weight."""
+        """Smallest and largest weight."""
         if self.weight is None:
             return 0.0, 1.0
         return self.weight if isinstance(self.weight, tuple) else (self.weight, self.weight)
@@ -52,7 +52,7 @@ class TradeOffPart(Part):
         description="Criteria by name, each with its worst and best value and its weight."
     )
     order: Annotated[tuple[AttributeName, ...], Field(min_length=2), AfterValidator(distinct)] | None = Field(
-        default=None, description="Criteria in decreasing importance, if nothing else is known of their weights."
+        default=None, description="Criteria in decreasing importance, if nothing else is known about their weights."
     )
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(
         default=None, description="Cameras to rank; default: the candidates of the decision, else all."

@@ -29,7 +29,7 @@ def trade_off_mistakes(
     ranked
         Its cameras.
     attributes
-        What every camera of the study declares.
+        Declared attributes of every camera of the study.
     measuring
         Cameras that measure depth.
     relief
@@ -54,14 +54,14 @@ def _unknown(
 ) -> str:
     remedy = "or name candidates without this camera"
     if one.quantity is not None:
-        blind = [camera for camera in ranked if camera not in measuring]
-        return f"{blind[0]!r} measures no depth; take out {one.quantity}, {remedy}" if blind else ""
+        others = [camera for camera in ranked if camera not in measuring]
+        return f"{others[0]!r} measures no depth; remove {one.quantity}, {remedy}" if others else ""
     if what := criterion_mistake(name, attributes, relief=relief):
         return what
     if name in DERIVED:
         return ""
-    silent = [camera for camera in ranked if not is_number(attributes[camera].others.get(name, ""))]
-    return f"{silent[0]!r} declares no number for it (attributes: others); add one, {remedy}" if silent else ""
+    without = [camera for camera in ranked if not is_number(attributes[camera].others.get(name, ""))]
+    return f"{without[0]!r} declares no number for it (attributes: others); add one, {remedy}" if without else ""
 
 
 def _ends(name: str, one: WeighedPart, attributes: Mapping[str, AttributesPart]) -> Iterator[MistakeAt]:

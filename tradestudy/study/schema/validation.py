@@ -1,4 +1,4 @@
-"""Validation of a document: every mistake at once, each with its place, the expectation and the nearest name."""
+"""Validation of a document: all mistakes at once, each with its place, what is expected and the nearest name."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
     Parameters
     ----------
     document
-        As `read` gives it.
+        As returned by `read`.
     model
         A pydantic model that forbids unknown keys; its validators may raise `MistakeAt`, or any `ValueError` about
         the part that they validate.
@@ -99,9 +99,9 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
 
 
 def _is_same(found: Problem, reported: Problem) -> bool:
-    """Whether validation only repeats a failure to read: it concerns the same place, and the same value or part of it.
+    """Whether a mistake of validation repeats one of reading: at the same place, in the same value or a part of it.
 
-    Several values may share a place, such as those that one line of a calibration file gives.
+    Several values may share a place, such as those from one line of a calibration file.
     """
     if (found.file, found.line, found.column) != (reported.file, reported.line, reported.column):
         return False
@@ -110,7 +110,7 @@ def _is_same(found: Problem, reported: Problem) -> bool:
 
 
 def _is_broken(document: Document, location: Path) -> bool:
-    """Whether an error only follows from a part that could not be assembled."""
+    """Whether an error merely follows from a part that could not be assembled."""
     return any(location[:length] in document.broken for length in range(len(location) + 1))
 
 
@@ -140,13 +140,13 @@ class _Finding:
         return self.details.get("ctx") or {}
 
     def is_shape(self) -> bool:
-        """Whether the value has another shape than the one tried."""
+        """Whether the value has a different shape from the one tried."""
         return self.kind in _SHAPES
 
     def is_consequence(self) -> bool:
         """Whether pydantic only counted fewer items because some of them were wrong."""
         short = self.kind == "too_short" and isinstance(self.entry, ListEntry)
-        return short and len(self.entry.items) >= self.context["min_length"]  # type: ignore[union-attr]  # short says so
+        return short and len(self.entry.items) >= self.context["min_length"]  # type: ignore[union-attr]  # `short` implies it
 
 
 def _problems(document: Document, model: type[BaseModel], found: list[_Finding]) -> list[Problem]:
@@ -173,7 +173,7 @@ def _order(finding: _Finding) -> tuple[tuple[str, ...], bool]:
 
 
 def _likeliest(findings: list[_Finding]) -> list[_Finding]:
-    """Of the members tried in a union, keep those with the shape that was written."""
+    """Of the members tried in a union, keep those that match the shape of the written value."""
     unions = sorted({path for finding in findings for path, _ in finding.alignment.members}, key=len)
     for union in unions:
         by_label: dict[str, list[_Finding]] = {}
@@ -202,7 +202,7 @@ def _misnamed(document: Document, path: Path) -> Problem | None:
 
 
 def _missing(document: Document, finding: _Finding) -> Problem:
-    """Report a missing key at the place of the part that it belongs to."""
+    """Report a missing key at the part to which it belongs."""
     path, above = finding.path, finding.path[:-1]
     if isinstance(path[-1], int):
         return document.locate(above).problem(
@@ -216,7 +216,7 @@ def _missing(document: Document, finding: _Finding) -> Problem:
 
 
 def _expected_value(schema: dict[str, Any]) -> str:
-    """Say what value a missing key should have, as far as its schema tells: the choices, the limits or an example."""
+    """The expected value of a missing key, as far as its schema states choices, limits or an example."""
     if choices := schema.get("enum", [schema["const"]] if "const" in schema else []):
         return f"; {_choice(choices) if all(isinstance(one, str) for one in choices) else choices[0]}"
     if "examples" not in schema:
@@ -300,7 +300,7 @@ def _discriminator(document: Document, finding: _Finding) -> Problem:
 
 
 def _name_message(finding: _Finding) -> str:
-    """Message for an invalid freely chosen key."""
+    """Message for an invalid key of those that a study chooses freely, such as the name of a camera."""
     if finding.kind == "string_too_long":
         return f"this name is too long; at most {finding.context['max_length']} characters are expected"
     return f"this is not a valid name; {_NAME} is expected"
@@ -310,8 +310,8 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
     """Message in three parts: what is wrong, what is expected, and the nearest choice."""
     context, kind, shown = finding.context, finding.kind, _shown(finding.entry)
     if kind == "value_error":
-        said = str(context["error"])
-        head, _, expected = said.rpartition("; ") if isinstance(context["error"], UnitError) else (said, "", "")
+        text = str(context["error"])
+        head, _, expected = text.rpartition("; ") if isinstance(context["error"], UnitError) else (text, "", "")
         return head, expected, ""
     if kind in _SHAPES:
         keys = keys_of_value(finding.alignment.kind) if _SHAPES[kind] == "a mapping" else []
@@ -344,7 +344,7 @@ def _members(entry: Entry | None) -> Iterable[str]:
 
 
 def _choice(names: Sequence[str]) -> str:
-    """Offer names: "'log' or 'linear'"."""
+    """List names as choices, such as "'log' or 'linear'"."""
     quoted = [f"'{name}'" for name in names]
     return f"{', '.join(quoted[:-1])} or {quoted[-1]}" if len(quoted) > 1 else quoted[0]
 

@@ -23,7 +23,7 @@ class AssumptionPart(Part):
     low: QuantityText = Field(default="", description="Smallest possible value.")
     high: QuantityText = Field(default="", description="Largest possible value.")
     readings: Annotated[tuple[CameraName, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] | None = (
-        Field(default=None, description="Instead of vary: readings, each as likely as the study as declared.")
+        Field(default=None, description="Instead of vary: readings, each as likely as the declared study.")
     )
 
     @model_validator(mode="after")
@@ -34,7 +34,7 @@ class AssumptionPart(Part):
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Paths of the varied values; empty for readings."""
+        """Paths of the values to vary; empty for readings."""
         return (self.vary,) if isinstance(self.vary, str) else self.vary
 
 
@@ -58,7 +58,7 @@ class ValueOfInformationPart(Part):
     )
 
     def mistakes_of_owners(self, readings: Mapping[str, Sequence[str]]) -> list[MistakeAt]:
-        """Values that two assumptions vary; ``readings`` contains the paths that each reading of the study sets."""
+        """Values that two assumptions vary; ``readings`` gives the paths that each reading of the study sets."""
         owners: dict[str, str] = {}
         mistakes = []
         for name, one in self.assumptions.items():

@@ -1,4 +1,4 @@
-"""Checks of claims about light: the lenses and methods that they name must exist in the study."""
+"""Checks of claims about light: the study must have the lenses and methods that they name."""
 
 from __future__ import annotations
 

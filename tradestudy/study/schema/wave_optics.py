@@ -28,7 +28,7 @@ from tradestudy.declarations.quantities import (
 ElementName = Annotated[str, Field(pattern=r"^[\w][\w.+-]*$", max_length=60)]
 LensPhaseName = Literal["parabolic", "stigmatic", "perfect"]
 PsfMetric = Literal["peak", "l1", "largest"]
-# What the propagators accept; less is beyond double precision.
+# The propagators accept no less: it would be beyond double precision.
 IntensityTolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-10, at_most=0.1)]
 PositiveWaves = Annotated[Waves, Field(gt=0)]
 
@@ -93,7 +93,7 @@ class ElementPart(Part):
 
 
 class OffAxisPart(Part):
-    """One off-axis direction at one wavelength; more would take long, since they break the symmetry."""
+    """One off-axis direction at one wavelength; without rotational symmetry, more would take too long."""
 
     field_angle: PositiveAngle = Field(description="Angle between the object point and the axis.")
     wavelength: PositiveWavelength = Field(description="Wavelength at which the off-axis error is evaluated.")
@@ -117,7 +117,7 @@ class FresnelValidityPart(Part):
         description="Radii of the windows over which point-spread functions are compared, in Airy radii."
     )
     path_errors: Annotated[tuple[PositiveWaves, ...], Field(min_length=1, max_length=6)] = Field(
-        description="Bounds on the neglected path for the bounded criterion."
+        description="Largest path errors to allow in the criterion path-error."
     )
     error_limit: PositiveFraction = Field(description="Largest error at which Fresnel counts as good enough.")
     tolerance: IntensityTolerance = Field(description="Relative numerical error of each computed intensity.")
@@ -134,7 +134,7 @@ class FresnelValidityPart(Part):
 
 
 class PointSpreadPart(Part):
-    """Point spread behind each lens, with one quantity at a time varied from the declared lens."""
+    """Point spread behind each lens, with one quantity varied at a time."""
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
         description="Lenses by name."

@@ -1,4 +1,5 @@
-"""Hard cases: inputs at which formulas break, computed by the textbook formula and by ours, against thirty digits.
+"""Hard cases: inputs at which formulas break down, computed by the textbook formula and by this program's.
 
-Both formulas are evaluated at each run; only the references are stored. One file per family.
+Both formulas are evaluated in every run and compared with references of thirty digits, which are stored. Each family
+has its own file.
 """

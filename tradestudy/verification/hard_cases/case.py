@@ -1,4 +1,4 @@
-"""Hard cases and their verdicts: the textbook formula and this program's, each against a reference."""
+"""Hard cases and their verdicts: the textbook formula and this program's, each compared with a reference."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 WELL_CONDITIONED: Final = 1e-12
-"""Relative error allowed where a case is well conditioned."""
+"""Relative error allowed in well-conditioned cases."""
 
-_ROUNDINGS: Final = 10.0  # roundings of one epsilon each, which the condition number may magnify
-_DIGITS: Final = 60  # of the difference to the reference: far more than either number has
+_ROUNDINGS: Final = 10.0  # number of roundings of one epsilon, which the condition number may magnify
+_DIGITS: Final = 60  # digits of the difference from the reference, far more than either number has
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stated:
-    """A value with the error that its computation states, in the unit of the value."""
+    """A value with the error stated by its computation, in the unit of the value."""
 
     value: float
     error: float
@@ -40,8 +40,8 @@ class Law:
     naive, ours
         The textbook formula, and the function of this program; both take the inputs of a case by name.
     magnified
-        Whether the condition number may magnify the allowed error. False where the ill-conditioned step is a difference
-        of inputs, which floating point computes without error.
+        Whether the condition number may magnify the allowed error. False if the ill-conditioned step is a difference of
+        inputs, which floating point computes without error.
     epsilon
         Machine epsilon of the inputs' precision.
     """
@@ -55,7 +55,7 @@ class Law:
 
 @dataclass(frozen=True, kw_only=True)
 class NumericCase:
-    """A law at hard inputs, judged by its relative error against a reference of thirty digits, stored by case name."""
+    """A law at hard inputs, judged by its error relative to a stored reference of thirty digits."""
 
     name: str
     law: Law
@@ -64,16 +64,16 @@ class NumericCase:
 
 @dataclass(frozen=True, kw_only=True)
 class OutcomeCase:
-    """A case whose right answer is not a number but a refusal, a count or a sign.
+    """A case whose correct answer is not a number but a refusal, a count or a sign.
 
     Parameters
     ----------
     name, law
-        The difficulty, and what is right there.
+        The difficulty, and a description of the correct answer.
     naive, ours
         The answers of the textbook method and of this program, in words.
     expected
-        Parts of the right answer; the answer must contain all of them.
+        Texts that a correct answer contains.
     """
 
     name: str
@@ -101,9 +101,9 @@ class Reference:
     value
         Thirty digits, or ``inf``.
     scale
-        The number that errors are relative to; it differs from the value where the value can pass through zero.
+        The number to which errors are relative; it differs from the value if the value can pass through zero.
     condition_number
-        Relative change of the value per relative change of each input, summed.
+        Relative change of the value per relative change of an input, summed over the inputs.
     """
 
     value: str
@@ -122,12 +122,12 @@ class Verdict:
     naive_answer, our_answer, reference
         The answers, as text.
     naive_error, our_error, bound
-        Relative errors and the largest one allowed; NaN for answers in words, infinite for answers that are no number
+        Relative errors and the largest one allowed; NaN for answers in words, infinite for answers that are not numbers
         or wrongly infinite.
     condition_number
         Condition number of the case; NaN for answers in words.
     met
-        Whether our answer is right.
+        Whether our answer is correct.
     """
 
     family: str
@@ -175,7 +175,7 @@ def judge(family: Family, case: NumericCase | OutcomeCase, references: Mapping[s
 
 
 def allowed_error(case: NumericCase, reference: Reference, ours: Stated | str) -> float:
-    """The largest of 1e-12 and the stated error or, without one, ten roundings magnified by the condition number."""
+    """The stated error or, without one, ten roundings magnified by the condition number; at least 1e-12."""
     if isinstance(ours, Stated) and not math.isnan(ours.error):
         scale = abs(float(reference.scale))
         return max(WELL_CONDITIONED, ours.error / scale) if scale > 0.0 else WELL_CONDITIONED
@@ -185,7 +185,7 @@ def allowed_error(case: NumericCase, reference: Reference, ours: Stated | str) -
 
 
 def relative_error(value: float, reference: Reference) -> float:
-    """|value − reference| over the scale, exact to many digits; 0 or infinite where either number is infinite."""
+    """|value − reference| over the scale, exact to many digits; 0 or infinite if either number is infinite."""
     if reference.value in ("inf", "-inf") or not math.isfinite(value):
         return 0.0 if value == float(reference.value) else math.inf
     with localcontext() as context:

@@ -1,4 +1,4 @@
-"""Hard cases of the depth of field: around the hyperfocal distance, without blur, with too much diffraction."""
+"""Hard cases of depth of field: around the hyperfocal distance, without blur, with too much diffraction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hard cases of the printed minimal f-number (eq. 27): a fractional part of millions of quarter waves."""
+"""Hard cases of the printed minimum f-number (eq. 27): the fractional part of millions of quarter waves."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _naive_zero(f: float, a: float, wavelength: float, more: int) -> FloatArray:
     return np.asarray(f / (2.0 * radius4**0.25))
 
 
-# The law treats the inputs as decimal numbers: nothing is rounded before the fractional part is taken.
+# The law treats inputs as decimal numbers, so that nothing is rounded before the fractional part is taken.
 FRACTIONAL_PART: Final = Law(
     name="fractional part of 4 (a + b)/λ",
     naive=_naive_part,

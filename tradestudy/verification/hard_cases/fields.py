@@ -1,4 +1,4 @@
-"""Hard cases of fields behind an aperture: f/0.5 to f/1000, holes of a few λ, the shadow's edge, metres off axis."""
+"""Hard cases of fields behind an aperture: f/0.5 to f/1000, holes of a few λ, the shadow's edge, far off axis."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from tradestudy.verification.hard_cases.case import Family, Law, NumericCase, St
 
 _GREEN: Final = 550e-9
 _FAR: Final = 1e8
-"""A distance [m] that makes a source practically infinitely distant, and half of it a lens practically absent."""
+"""Distance [m] of a source that counts as infinitely distant; a lens of half that focal length has no effect."""
 
 _TOLERANCE: Final = 1e-7
 _NAIVE_GRID: Final = 256
 
 
 def _naive(radius: float, f: float, a: float, x: float, z: float, wavelength: float) -> float:
-    """Sum over a square grid inside the aperture, with complete paths in the phase."""
+    """Sum over a square grid inside the aperture, with phases of complete paths."""
     axis = (np.arange(_NAIVE_GRID) + 0.5) * (2.0 * radius / _NAIVE_GRID) - radius
     u, v = np.meshgrid(axis, axis)
     inside = u**2 + v**2 <= radius**2

@@ -1,4 +1,4 @@
-"""Hard cases of uncertainty propagation: no moments, no valid draws, singular covariances, extreme scales."""
+"""Hard cases of uncertainty propagation: missing moments, no valid draws, singular covariances, extreme scales."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def _without_moments() -> tuple[NumericCase | OutcomeCase, ...]:
 
 
 def _weighted(*, monte_carlo: bool) -> tuple[Callable[..., float], Callable[..., Stated]]:
-    """Half width of a weighted sum of normals: by a Cholesky factor, and as this program propagates it."""
+    """Half width of a weighted sum of normal variables: by a Cholesky factor, and as this program propagates it."""
 
     def naive(weights: tuple[float, ...], covariance: FloatArray) -> float:
         return float(np.linalg.norm(np.linalg.cholesky(covariance).T @ np.array(weights)))
@@ -293,7 +293,7 @@ def _failing() -> tuple[OutcomeCase, ...]:
         ),
         OutcomeCase(
             name="Sobol indices with an output that is not a number",
-            law="indices are refused with the share that is not finite",
+            law="indices are refused, and the fraction that is not finite is stated",
             naive=lambda: _quietly(naive_sobol),
             ours=our_sobol,
             expected=("nan", "not finite"),
@@ -302,7 +302,7 @@ def _failing() -> tuple[OutcomeCase, ...]:
 
 
 def _degenerate() -> tuple[OutcomeCase, ...]:
-    """No variance at all, and an ensemble of walkers stuck in a mode of its own."""
+    """An output without variance, and an ensemble of walkers stuck in its own mode."""
 
     def naive_constant() -> str:
         outputs = np.full(1000, 3.0)
@@ -313,7 +313,7 @@ def _degenerate() -> tuple[OutcomeCase, ...]:
         return f"indices {first.ravel()}, {refused}"
 
     def chains() -> FloatArray:
-        """Four ensembles of normal walkers; one sits ten standard deviations away, in a mode of its own."""
+        """Four ensembles of normal walkers, one of them stuck ten standard deviations away, in its own mode."""
         drawn = np.random.default_rng(0).standard_normal((4, 2000, 10, 1))
         drawn[1] += 10.0
         return drawn
@@ -343,7 +343,7 @@ def _degenerate() -> tuple[OutcomeCase, ...]:
 
 
 def _quietly(ask: Callable[[], str]) -> str:
-    """The answer, without the many warnings of the textbook method."""
+    """The answer, with the many warnings of the textbook method silenced."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return ask()

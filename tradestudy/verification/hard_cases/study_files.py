@@ -1,4 +1,4 @@
-"""Hard cases of study files: extreme but legal values, and files made to exhaust the machine or to reach outside."""
+"""Hard cases of study files: extreme but legal values, and files made to exhaust the machine or to read other files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SCENE: Final = "{distances: [1 m, 2 m], wavelength: 550 nm}"
 def study(
     *, name: str = "hard", cameras: str = f"{{rig: {_CAMERA}}}", scene: str = _SCENE, title: str = "T", more: str = ""
 ) -> str:
-    """A small legal study with one hard part."""
+    """A small valid study with one hard part."""
     return f"format: 2\nstudy: {name}\ntitle: {title}\nquestion: Q\ncameras: {cameras}\nscene: {scene}\n{more}\n"
 
 
@@ -168,7 +168,7 @@ def _checked(text: str) -> str:
 
 
 def _check(path: Path) -> str:
-    """The answer of `check` to a study file: the number of cameras and distances, or its first mistakes."""
+    """The answer of `check` to a study file: the numbers of cameras and distances, or the first mistakes."""
     try:
         definition = load_definition(path)
     except StudyError as error:
@@ -192,11 +192,11 @@ def _plainly(text: str) -> str:
 
 
 def _count(value: Any, known: dict[int, float]) -> float:
-    """Number of values in a structure, shared parts counted at each use; infinite for one that contains itself."""
+    """Number of values in a structure, with shared parts counted at each use; infinite if it contains itself."""
     if not isinstance(value, dict | list):
         return 1
     if id(value) not in known:
-        known[id(value)] = float("inf")  # holds if it meets itself before it is counted
+        known[id(value)] = float("inf")  # stays infinite if the structure contains itself
         parts = value.values() if isinstance(value, dict) else value
         known[id(value)] = 1 + sum(_count(part, known) for part in parts)
     return known[id(value)]

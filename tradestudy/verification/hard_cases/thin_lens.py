@@ -77,9 +77,9 @@ def _eq8(disparity: float, baseline: float, z: float, gap: float, f: float) -> F
 EQUATION_8: Final = Law(name="depth from two micro-images, eq. 8", naive=_naive_eq8, ours=_eq8)
 
 _R5 = {"baseline": 126.5e-6, "z": 14.773e-3, "gap": 0.568e-3, "f": 12.5e-3}
-# Where the main lens focuses an infinitely distant point: s = 0.
+# The image distance of an infinitely distant point, at s = 0.
 _INFINITE = _R5["gap"] * _R5["baseline"] / (_R5["z"] - _R5["f"])
-# Lengths that are exact in binary, so that one ulp is the whole distance from the array.
+# Lengths that are exact in binary, so that the image is exactly one ulp from the array.
 _ON_ARRAY = {"a": 3.0 * 0.078125, "z": 1.5 * 0.078125, "f": 0.078125}
 
 

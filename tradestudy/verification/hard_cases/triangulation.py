@@ -19,7 +19,7 @@ DEPTH: Final = Law(
     naive=lambda disparity, baseline, f: f * baseline / np.float64(disparity),
     ours=lambda disparity, baseline, f: stereo_depth(disparity, baseline, f),
 )
-# Textbooks add a yaw of θ between the axes to the disparity as f θ.
+# Textbooks add f θ to the disparity for a yaw of θ between the axes.
 TURNED_DEPTH: Final = Law(
     name="depth with axes at an angle",
     naive=lambda disparity, baseline, f, angle: f * baseline / (np.float64(disparity) + f * angle),
@@ -67,7 +67,7 @@ def _rays(name: str, left: float, right: float) -> NumericCase:
 
 
 def _pole(step: float) -> OutcomeCase:
-    """Depth at the yaw that makes the rays parallel, and one ulp to either side of it."""
+    """Depth at the yaw at which the rays are parallel, and one ulp to either side of it."""
     angle = {0: _POLE, 1: math.nextafter(_POLE, 0.0), -1: math.nextafter(_POLE, -1.0)}[int(step)]
     disparity, baseline, f = _AT_TEN_METRES, _RIG["baseline"], _RIG["f"]
     return OutcomeCase(
