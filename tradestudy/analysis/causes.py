@@ -1,4 +1,4 @@
-"""The largest cause of a depth uncertainty: the one input whose spread contributes most of its variance."""
+"""The largest cause of a depth uncertainty: the input that contributes most to its variance."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ NOISE: Final = "noise"
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """An uncertain parameter of a camera, or the noise of a measurement, and its share of the variance."""
+    """An uncertain parameter of a camera, or the noise of a measurement, and its share of the variance of depth."""
 
     parameter: str
     share: float
 
 
 def largest_cause(camera: DepthCamera, distance: FloatArray) -> Cause | None:
-    """The parameter that contributes most of the depth uncertainty, on average over distances [m].
+    """The parameter that contributes most to the depth uncertainty, on average over distances [m].
 
-    With inverse depth linear in the errors, Σ sᵢ (C s)ᵢ is its variance for sensitivities s and covariance C, and each
-    term the contribution of a parameter with its correlations; the shares sum to 1, and that of noise is its share of
-    the whole. None if an uncertain parameter has no variance, or nothing is measured.
+    If inverse depth is linear in the errors, with sensitivities s and covariance C, its variance is Σ sᵢ (C s)ᵢ. Each
+    term, divided by that sum, is the share of one parameter with its correlations; noise accounts for the rest.
+    None if an uncertain parameter has no variance, or if nothing is measured.
     """
     seen = distance[camera.images(distance)]
     try:

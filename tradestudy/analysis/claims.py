@@ -38,7 +38,7 @@ _FROM = {"noise": "noise alone", "calibration": "calibration errors alone", "bot
 
 
 def readings_of(claim: ClaimPart, names: Sequence[str]) -> tuple[str, ...]:
-    """The readings under which a claim is answered, its own first; the first of all names is the study as declared."""
+    """The readings under which a claim is answered, its own first; ``names`` starts with the study as declared."""
     own = claim.reading or names[0]
     return own, *([name for name in names if name != own] if claim.under == "all" else claim.under)
 
@@ -87,7 +87,7 @@ def claim_value(claim: ClaimPart, case: Case) -> float:
                 depth_uncertainty(case.cameras[name], _span(claim.over), claim.errors)
                 for name in (claim.camera, claim.against)
             )
-            with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
+            with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
                 ratio = first / second
             # Where both are unbounded, neither is larger; where a camera forms no image, nothing can be compared.
             return (
@@ -112,8 +112,8 @@ def claim_value(claim: ClaimPart, case: Case) -> float:
 def _limit_distance(claim: LimitDistanceClaim, case: Case) -> float:
     """Where one limit begins to hold (near end) or ceases to hold (far end), going from near to far.
 
-    A limit that holds at the study's first or last distance is followed beyond it, down to 1 mm and out to 100 km or
-    ten times the study's own reach; the result is 0 or infinity if it still holds there.
+    A limit that holds at the study's first or last distance is traced beyond it, down to 1 mm and out to 100 km or
+    ten times the last distance; the result is 0 or infinity if it still holds there.
     """
     camera, near = case.cameras[claim.camera], claim.end == "near"
     if not evaluate_limits(camera, case.criteria, case.distance[:1], (claim.limit,)):
@@ -171,7 +171,7 @@ def is_met(expect: ExpectPart, value: float, dimension: Dimension) -> bool | Non
 
 
 def could_be_overturned(expect: ExpectPart, value: float, dimension: Dimension, tolerance: float) -> bool:
-    """Whether a relative change of a value by the tolerance could turn met into missed, or vice versa."""
+    """Whether a relative change of a value by the tolerance could reverse the verdict on an expectation."""
     answers = {is_met(expect, value * (1.0 + share), dimension) for share in (-tolerance, 0.0, tolerance)}
     return len(answers) > 1
 

@@ -1,4 +1,4 @@
-"""A linear control variate for inverse depth: its exact quantiles are known, so its sampling error corrects depth's."""
+"""A linear control variate for inverse depth: its quantiles are known, so its sampling error corrects depth's."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.quantiles import quantiles_of
 
-_FOR_A_LINE: Final = 2**14  # draws used to fit the line
+_FIT_DRAWS: Final = 2**14  # draws used to fit the line
 _ROWS: Final = 512  # quantiles that represent the rows of a posterior
 _BISECTIONS: Final = 30
 _ALIKE: Final = 1e-12
@@ -38,8 +38,8 @@ class Drivers:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Missed:
-    """Sampling error of the line in each scramble: of its quantiles, and of its share at or beyond infinity.
+class SamplingError:
+    """Sampling errors, in each scramble, of the line's quantiles and of its share at or beyond infinity.
 
     Shapes (scrambles, probabilities, distances) and (scrambles, distances).
     """
@@ -48,7 +48,7 @@ class Missed:
     failed: FloatArray
 
 
-def missed(inverse: FloatArray, drivers: Drivers, scrambles: int, probabilities: FloatArray) -> Missed:
+def sampling_error(inverse: FloatArray, drivers: Drivers, scrambles: int, probabilities: FloatArray) -> SamplingError:
     """Sampling error, in each scramble, of the quantiles and the failed share of a line fitted to inverse depth.
 
     Parameters
@@ -71,14 +71,14 @@ def missed(inverse: FloatArray, drivers: Drivers, scrambles: int, probabilities:
     exact, lines = _quantiles_of_line(rows, deviation, probabilities), np.split(slopes @ known, scrambles, axis=1)
     infinity = -ranked.mean(axis=1, keepdims=True)
     beyond = _share_below(rows, deviation, infinity)
-    return Missed(
+    return SamplingError(
         quantiles=np.stack([quantiles_of(line, probabilities) - exact for line in lines]),
         failed=np.stack([np.mean(line <= infinity, axis=1) - beyond for line in lines]),
     )
 
 
 def _slopes(inverse: FloatArray, known: FloatArray) -> FloatArray:
-    some = slice(None, None, max(1, known.shape[1] // _FOR_A_LINE))
+    some = slice(None, None, max(1, known.shape[1] // _FIT_DRAWS))
     centred = known[:, some] - known[:, some].mean(axis=1, keepdims=True)
     size = np.linalg.norm(centred, axis=1, keepdims=True)
     unit = centred / np.where(size > 0.0, size, 1.0)
@@ -88,7 +88,7 @@ def _slopes(inverse: FloatArray, known: FloatArray) -> FloatArray:
 
 
 def _share_below(rows: FloatArray, deviation: FloatArray, limit: FloatArray) -> FloatArray:
-    """Probability that a row (distances, rows), drawn with equal weight, plus a normal error is at most a limit."""
+    """Probability that a row plus a normal error is at most a limit; all ``rows`` (distances, rows) weigh the same."""
     from scipy.special import ndtr
 
     own = rows if rows.shape[1] else np.zeros_like(limit)
@@ -98,7 +98,7 @@ def _share_below(rows: FloatArray, deviation: FloatArray, limit: FloatArray) -> 
 
 
 def _quantiles_of_line(rows: FloatArray, deviation: FloatArray, probabilities: FloatArray) -> FloatArray:
-    """Quantiles (probabilities, distances) of a row (distances, rows), drawn with equal weight, plus a normal error."""
+    """Quantiles (probabilities, distances) of a row plus a normal error; all ``rows`` weigh the same."""
     from scipy.special import ndtr, ndtri
 
     if not rows.shape[1]:

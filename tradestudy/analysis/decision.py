@@ -24,21 +24,21 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.definition import Case
 
-_BESIDE: Final = 1e-9  # relative offset for looking just nearer and just farther than a distance
+_OFFSET: Final = 1e-9  # relative offset for looking just nearer and just farther than a distance
 _ROUNDING: Final = 1e-9
 _MOST_PLACES: Final = 100  # distances where leads are evaluated; two crossings between neighbours are not seen
 
 
 TIED: Final = ", "
 """Separates the names of tied cameras, whose difference is below its stated error."""
-# A difference must exceed this many standard errors to decide. With eight scrambles, chance exceeds it once in a
+# A difference must exceed this many standard errors to decide. With eight scrambles, chance alone exceeds it once in a
 # thousand. With a lower limit, answers over many distances would alternate between equal cameras.
 _SURE: Final = 5.4
 
 
 @dataclass(frozen=True, kw_only=True)
 class Crossing:
-    """Distance [m] of equal uncertainty of two cameras, its standard error, and the better camera nearer than it."""
+    """Distance [m] at which two cameras are equally uncertain, its standard error, and which is better before it."""
 
     distance: float
     error: float
@@ -47,7 +47,7 @@ class Crossing:
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """Distance [m] where the winner changes, its standard error, and the winners nearer and farther; "" for none."""
+    """Distance [m] where the winner changes, its standard error, and the winners before and beyond it; "" for none."""
 
     distance: float
     error: float
@@ -78,12 +78,12 @@ class PairVerdict:
 
 
 def is_usable(case: Case, name: str, distance: FloatArray) -> BoolArray:
-    """Where every limit of the study holds for a camera, at distances [m]."""
+    """Whether a camera meets every limit of the study at distances [m]."""
     return all_met(evaluate_limits(case.cameras[name], case.criteria, distance), distance.shape)
 
 
 def stated_error(camera: DepthCamera, error: FloatArray) -> FloatArray:
-    """Largest plausible error of a depth uncertainty [m], from a standard error of draws or the error of a model."""
+    """Largest plausible error of a depth uncertainty [m], from the standard error of draws or the error of a model."""
     return _SURE * error if camera.propagation.model == "exact" else error
 
 
@@ -92,7 +92,7 @@ def best_cameras(
 ) -> list[str]:
     """The usable camera with the lowest uncertainty at each distance; empty if none is usable.
 
-    A camera whose difference from the best is within their combined stated errors (`stated_error`) ties and is named.
+    A camera whose difference from the best is within their combined stated errors (`stated_error`) shares the win.
     """
     names = list(usable)
     table = np.stack([np.where(usable[name], uncertainty[name], np.inf) for name in names])
@@ -100,7 +100,7 @@ def best_cameras(
     errors = np.stack([np.nan_to_num(error[name]) for name in names])
     best = np.argmin(table, axis=0)
     lowest, of_lowest = (np.take_along_axis(rows, best[None], axis=0) for rows in (table, errors))
-    with np.errstate(invalid="ignore", over="ignore"):  # infinite less infinite: neither is usable
+    with np.errstate(invalid="ignore", over="ignore"):  # ∞ − ∞: neither camera is usable
         tied = table - lowest <= np.hypot(errors, of_lowest)
     tied[best, np.arange(best.size)] = True
     return [
@@ -122,7 +122,7 @@ def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVe
         winners.append(best_cameras(usable, uncertainty, error))
         everywhere = {name: np.ones(places.shape, dtype=bool) for name in pair}
         certain.append([name if name in pair else "" for name in best_cameras(everywhere, uncertainty, error)])
-        with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
+        with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
             ratios.append(uncertainty[pair[0]] / uncertainty[pair[1]])
     crossings = {error_source: _crossings(case, pair, error_source) for error_source in ERROR_SOURCES}
     ends = {place: 0.0 for name in pair for place in _ends_of_use(case, name)}
@@ -146,12 +146,12 @@ def _log_ratios(first: DepthCamera, second: DepthCamera, distance: FloatArray, e
         distribution(camera, np.where(camera.images(distance), distance, np.nan), error_source).half_widths(ONE_SIGMA)
         for camera in (first, second)
     )
-    with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
+    with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
         return np.asarray(np.log(a) - np.log(b))
 
 
 def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, error_source: str) -> list[str]:
-    """The usable camera of lower uncertainty at each distance, regardless of its error."""
+    """The usable camera with the lower uncertainty at each distance, regardless of its error."""
     sure = {name: np.zeros(distance.shape) for name in pair}
     found = best_cameras(
         {name: is_usable(case, name, distance) for name in pair},
@@ -169,21 +169,21 @@ def _ends_of_use(case: Case, name: str) -> tuple[float, ...]:
 
 
 def _changes(case: Case, pair: tuple[str, str], error_source: str, places: Mapping[float, float]) -> tuple[Change, ...]:
-    """Where the winner changes, which can only be where a camera's usable range ends or the uncertainties are equal."""
+    """Where the winner changes, which can be only where a camera's usable range ends or the uncertainties are equal."""
     if not places:
         return ()
     ordered = np.array(sorted(places))
-    sides = _winners(case, pair, np.concatenate([ordered * (1.0 - _BESIDE), ordered * (1.0 + _BESIDE)]), error_source)
+    sides = _winners(case, pair, np.concatenate([ordered * (1.0 - _OFFSET), ordered * (1.0 + _OFFSET)]), error_source)
     found: list[Change] = []
     for place, nearer, farther in zip(ordered.tolist(), sides[: ordered.size], sides[ordered.size :], strict=True):
         # Changes of both cameras at the same place, up to rounding, are reported once.
-        if nearer != farther and not (found and place <= found[-1].distance * (1.0 + _BESIDE)):
+        if nearer != farther and not (found and place <= found[-1].distance * (1.0 + _OFFSET)):
             found.append(Change(distance=place, error=places[place], nearer=nearer, farther=farther))
     return tuple(found)
 
 
 def _crossings(case: Case, pair: tuple[str, str], error_source: str) -> tuple[Crossing, ...]:
-    """Where the smaller uncertainty passes from one camera to the other, between distances of significant lead."""
+    """Where the lead passes from one camera to the other, between distances where it is significant."""
     first, second = (case.cameras[name] for name in pair)
     step = max(1, case.distance.size // _MOST_PLACES)
     distance = np.union1d(case.distance[::step], case.distance[-1:])
@@ -213,13 +213,13 @@ def _sure_lead(ratios: FloatArray) -> FloatArray:
 def _turn(
     first: DepthCamera, second: DepthCamera, grid: FloatArray, error_source: str, *, begins: bool
 ) -> float | None:
-    """Distance [m] between two significant leads where the ratio passes one; the middle one of several."""
+    """Distance [m] between two significant leads where the ratio passes one; of several, the middle one."""
 
     def below_one(points: FloatArray) -> FloatArray:
-        with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
+        with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
             ratio = depth_uncertainty(first, points, error_source) / depth_uncertainty(second, points, error_source)
         return margin(ratio < 1.0, ratio - 1.0)
 
-    # Between the poles of either camera the ratio is undefined; it then counts as "not below one" on both sides.
+    # Where both intervals are unbounded, the ratio is undefined and counts as "not below one" for either camera.
     ends = [end.distance for end in boundaries(below_one, grid) if end.begins == begins]
     return ends[len(ends) // 2] if ends else None

@@ -45,11 +45,11 @@ class DepthEvaluation:
         Towards and away from the camera [m], shape (2, distance); the second may be infinite.
     uncertainty, quantile, failed_fraction
         For noise only, calibration only and both: half the central 68.27 % interval [m], shape (error source,
-        distance); the quantiles of depth [m], shape (error source, distance, quantile), infinite beyond the pole; the
-        share of measurements beyond the pole or falsely matched. The first two leave false matches out.
+        distance); the quantiles of depth [m], shape (error source, distance, quantile), infinite at or beyond
+        infinity; the share of measurements there or falsely matched. The first two exclude false matches.
     uncertainty_error, failed_fraction_error
         Estimated errors of these, shape (error source, distance): the standard error of the draws, or the measured
-        difference of a cheaper model from draws.
+        difference between a cheaper model and draws.
     converged
         Whether the sampling error is within the tolerance; always true for the linear model.
     shares
@@ -123,7 +123,7 @@ def distribution(camera: DepthCamera, distance: FloatArray, error_source: str, f
 
 @lru_cache(maxsize=256)
 def _known(camera: DepthCamera, distances: bytes, field: float, error_source: str) -> DepthDistribution:
-    """The cached distribution, which limits, ratios and tables of one camera request repeatedly."""
+    """The distribution, cached because limits, ratios and tables of a camera request it repeatedly."""
     return _with_false_matches(
         _of_true_matches(camera, np.frombuffer(distances), field, error_source), camera, error_source
     )
@@ -139,7 +139,7 @@ def _of_true_matches(camera: DepthCamera, distance: FloatArray, field: float, er
 
 
 def _with_false_matches(found: DepthDistribution, camera: DepthCamera, error_source: str) -> DepthDistribution:
-    """The distribution with false matches m added to the failures f: ``1 − (1 − f)(1 − m)``."""
+    """The distribution with the false matches m added to the failures f: ``1 − (1 − f)(1 − m)``."""
     share = 0.0 if error_source == "calibration" else false_match_share(camera)
     if share == 0.0:
         return found
@@ -166,7 +166,7 @@ class DepthErrors:
 
     @classmethod
     def of(cls, camera: DepthCamera, distance: FloatArray, error_source: str = "both") -> DepthErrors:
-        """For any distances, including those where no image is formed."""
+        """The errors at any distances, including those where the camera forms no image."""
         return cls(camera=camera, distance=_imaged(camera, distance), error_source=error_source)
 
     @cached_property
@@ -185,7 +185,7 @@ class DepthErrors:
 
 
 def depth_uncertainty(camera: DepthCamera, distance: FloatArray, error_source: str = "both") -> FloatArray:
-    """Half the central 68.27 % interval of depth [m] alone, for root finding."""
+    """Half the central 68.27 % interval of depth [m], for root finding."""
     return distribution(camera, _imaged(camera, distance), error_source).half_width
 
 
@@ -208,7 +208,7 @@ class ModelError:
     half_width
         Error of the depth uncertainty, relative to the model's value.
     intervals
-        Largest error of the half width of any reported interval, relative to that of the draws.
+        Largest error of the half width of any reported interval, relative to the half width of the draws.
     failures
         Computes `failed_fraction` on demand.
     """
@@ -229,7 +229,7 @@ def model_error(
     """Estimate the error of a camera's model of propagation.
 
     If all errors are normal, the exact model to second order gives the error. Otherwise draws at some of these
-    distances do: between two of them the larger error counts, with twice the standard error of the draws added.
+    distances do: between two of them, the larger error counts, plus twice the standard error of the draws.
     """
     known = distance[~np.isnan(distance)]
     if not known.size or error_source == "noise" or not camera.calibration.groups:  # exact in every model
@@ -261,9 +261,9 @@ def model_error(
 
 
 def clear_departure(camera: DepthCamera, distance: FloatArray, field: float = 0.0) -> FloatArray:
-    """How far a linear model misses the half widths of depth along the direction in which the errors move it most.
+    """How far the half widths of a linear model are off along the direction in which the errors change depth most.
 
-    A cheap first look that works for errors of any shape; 0 where it gives no answer, NaN where nothing is measured.
+    A cheap first estimate for errors of any distribution; 0 where it gives no answer, NaN where nothing is measured.
     """
     read = second_order(camera, distance, field, "both", any_shape=True)
     if read is None:
@@ -274,7 +274,7 @@ def clear_departure(camera: DepthCamera, distance: FloatArray, field: float = 0.
 
 
 def _apart(one: DepthDistribution, other: DepthDistribution, coverage: float) -> FloatArray:
-    """Upper bound on the difference of half widths, relative to the other's; infinite if only one has no far end."""
+    """Bound on the difference of half widths, relative to those of ``other``; infinite if only one has no far end."""
     width, drawn = (np.mean(either.half_widths(coverage), axis=0) for either in (one, other))
     with np.errstate(invalid="ignore", divide="ignore"):
         error = np.nan_to_num((one.half_width_errors(coverage) + other.half_width_errors(coverage)) / drawn)
@@ -284,7 +284,7 @@ def _apart(one: DepthDistribution, other: DepthDistribution, coverage: float) ->
 
 
 def _larger_neighbour(distance: FloatArray, places: FloatArray, values: FloatArray) -> FloatArray:
-    """At each distance the larger value of the two places around it; NaN if neither is known."""
+    """At each distance, the larger of the values at the two places around it; NaN if neither is known."""
     above = np.clip(np.searchsorted(places, distance), 0, places.size - 1)
     below = np.maximum(above - 1, 0)
     return np.where(np.isnan(distance), np.nan, np.fmax(values[above], values[below]))
@@ -293,7 +293,7 @@ def _larger_neighbour(distance: FloatArray, places: FloatArray, values: FloatArr
 def variance_shares(camera: DepthCamera, distance: FloatArray, field: float = 0.0) -> dict[str, FloatArray]:
     """Share of the variance of inverse depth due to each part of the errors; see `shapley_shares`.
 
-    Uses the line in inverse depth; NaN if an uncertain parameter has no variance, or where nothing is measured.
+    Linearises inverse depth; NaN if an uncertain parameter has no variance, or where nothing is measured.
     """
     parts = {name: camera.parameter(name).part for group in camera.calibration.groups for name in group.parameters}
     names = ("noise", *dict.fromkeys(parts.values()))
@@ -306,5 +306,5 @@ def variance_shares(camera: DepthCamera, distance: FloatArray, field: float = 0.
 
 
 def _imaged(camera: DepthCamera, distance: FloatArray) -> FloatArray:
-    """Distances with NaN where the camera forms no image, so that no number is computed there."""
+    """The distances, NaN where the camera forms no image, so that nothing is computed there."""
     return np.where(camera.images(distance), distance, np.nan)

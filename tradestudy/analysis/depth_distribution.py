@@ -1,4 +1,4 @@
-"""The distribution of one measured depth over distances, from which every number about depth is taken."""
+"""The distribution of one measured depth at each distance, from which every number about depth is taken."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthDistribution:
-    """Quantiles of depth over distances, from independent scrambles, or a single one if nothing is drawn.
+    """Quantiles of depth over distances, from independent scrambles; a single one if nothing is drawn.
 
     Parameters
     ----------
@@ -50,11 +50,11 @@ class DepthDistribution:
 
     @property
     def half_width_error(self) -> FloatArray:
-        """Standard error of `half_width` over scrambles [m]; 0 where nothing is drawn, NaN without a bound."""
+        """Standard error of `half_width` over scrambles [m]; 0 where nothing is drawn, NaN where it is unbounded."""
         return self.half_width_errors(ONE_SIGMA)
 
     def half_width_errors(self, coverage: float) -> FloatArray:
-        """Standard error over scrambles of half the central interval of a coverage [m]."""
+        """Standard error over scrambles of half the central interval [m] with a given coverage."""
         return _standard_error(self.half_widths(coverage))
 
     @property
@@ -68,14 +68,14 @@ class DepthDistribution:
         return np.maximum(_standard_error(self.failed), self.counting_step)
 
     def half_widths(self, coverage: float) -> FloatArray:
-        """Half the central interval of a coverage [m] in each scramble; +inf where it has no far end."""
+        """Half the central interval [m] with a given coverage, in each scramble; +inf where it has no far end."""
         low = int(np.argmin(np.abs(np.array(self.probabilities) - (1.0 - coverage) / 2.0)))
         near, far = self.quantiles[:, low], self.quantiles[:, len(self.probabilities) - 1 - low]
         unbounded = np.isinf(far)
         return np.asarray(np.where(unbounded, np.inf, (far - np.where(unbounded, 0.0, near)) / 2.0))
 
     def converged(self, tolerance: float, widest: FloatArray | None = None) -> BoolArray:
-        """Where the t-interval of every reported half width is within the relative tolerance.
+        """Where the Student t interval of every reported half width is within the relative tolerance.
 
         If an interval has no far end, the failed fraction is judged instead. A bounded interval that is ``widest`` [m]
         or wider is not judged.

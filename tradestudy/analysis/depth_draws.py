@@ -12,7 +12,7 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.analysis.control_line import Drivers, missed
+from tradestudy.analysis.control_line import Drivers, sampling_error
 from tradestudy.analysis.depth_distribution import DepthDistribution
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera
@@ -40,12 +40,12 @@ _TRIAL_DRAWS: Final = 2**9
 _DIRECTIONS: Final = 6  # distances at which the effect of a posterior on depth is evaluated
 _MANY_DRAWS: Final = 2**13  # per scramble; from here on scrambles are drawn on several threads
 _AT_ONCE: Final = 2**14  # depths that fit into a processor's cache
-_WORTH_THREADS: Final = 2**18  # readings; fewer are done before a thread has started
-_OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances in focal lengths, used when none is judged
+_WORTH_THREADS: Final = 2**18  # depths; fewer are computed before a thread has started
+_OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances in focal lengths, if no judged one forms an image
 
 
 class MeasuresDepth(Protocol):
-    """What propagation needs of a camera."""
+    """What propagation needs from a camera."""
 
     def __hash__(self) -> int:
         """Hash of all properties of the camera; draws are cached by it."""
@@ -56,7 +56,7 @@ class MeasuresDepth(Protocol):
 
     @property
     def propagation(self) -> Propagation:
-        """How that is propagated."""
+        """How these uncertainties are propagated."""
 
     @property
     def sample_pitch(self) -> float:
@@ -78,7 +78,7 @@ def noise_group() -> Source:
 
 
 def uncertain_groups(camera: MeasuresDepth, error_source: str) -> tuple[Group, ...]:
-    """What is drawn: noise, calibration, or both; calibrations and their ageing never average."""
+    """The errors to draw: noise, calibration, or both; those of a calibration and of its ageing never average out."""
     noise = (noise_group(),) if ErrorClass.MEASUREMENT in CLASSES[error_source] else ()
     return (*noise, *(camera.calibration.groups if error_source != "noise" else ()))
 
@@ -93,7 +93,7 @@ def fixed_errors(camera: MeasuresDepth, error_source: str) -> dict[str, FloatArr
 def read_draws(
     camera: MeasuresDepth, values: Mapping[str, FloatArray], distance: FloatArray, field: float, noise: FloatArray
 ) -> FloatArray:
-    """Inverse depths [1/m] measured at distances [m] with drawn errors (draws, 1); NaN where a draw has no rank.
+    """Inverse depths [1/m] measured at distances [m] with drawn errors (draws, 1); NaN where a draw gives no depth.
 
     ``noise`` [m on the sensor] is the standard deviation of the disparity at each distance; the result has shape
     (draws, distances).
@@ -116,7 +116,7 @@ def uncertain_sources(camera: DepthCamera, error_source: str, field: float = 0.0
 
 
 def _responses(camera: DepthCamera, group: JointDraws, field: float) -> FloatArray:
-    """Change of inverse depth with each parameter of joint draws, from the nearest to the farthest distance seen."""
+    """Change of inverse depth with each parameter of joint draws, from the nearest to the farthest visible distance."""
     judged = _judged(camera)
     seen = judged[np.isfinite(nominal_inverse(camera, judged, field))]
     seen = seen if seen.size else judged
@@ -130,7 +130,7 @@ def _responses(camera: DepthCamera, group: JointDraws, field: float) -> FloatArr
 
 
 def _judged(camera: DepthCamera) -> FloatArray:
-    """Distances [m] where draws are judged and pictures formed; multiples of the focal length if there are none."""
+    """Distances [m] where convergence is judged and the camera forms an image; else multiples of its focal length."""
     judged = np.array(camera.propagation.judged, dtype=np.float64)
     judged = judged[camera.images(judged)]
     return judged if judged.size else camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
@@ -163,9 +163,9 @@ def _alignment(camera: DepthCamera, error_source: str, field: float) -> ScoreAli
 
 @lru_cache(maxsize=32)
 def _drawn(camera: DepthCamera, error_source: str, field: float, draws: int) -> tuple[Drivers, dict[str, FloatArray]]:
-    """The errors (scrambles · draws, 1) of every scramble, and the variables that drive depth in them.
+    """The errors (scrambles · draws, 1) of every scramble, and the variables that determine depth in them.
 
-    The first coordinates move depth most.
+    The first coordinates of the draws affect depth most.
     """
     sources, alignment = uncertain_sources(camera, error_source, field), _alignment(camera, error_source, field)
 
@@ -231,7 +231,7 @@ def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> 
 
 
 def trial_distribution(camera: DepthCamera, distance: FloatArray, field: float, error_source: str) -> DepthDistribution:
-    """The same from a few draws, including their error, for checking a cheaper model."""
+    """The distribution from a few draws, with its error, for checking a cheaper model."""
     return _of_draws(camera, distance, field, error_source, _TRIAL_DRAWS)
 
 
@@ -246,7 +246,7 @@ def _of_draws(
     probabilities = camera.propagation.probabilities
     drivers, values = _drawn(camera, error_source, field, draws)
     inverse, upper = _read_all(camera, distance, field, error_source, values), 1.0 - np.array(probabilities)
-    off = missed(inverse, drivers, SCRAMBLES, upper)
+    off = sampling_error(inverse, drivers, SCRAMBLES, upper)
     quantiles = np.stack([_ranked_quantiles(one, upper) for one in np.split(inverse, SCRAMBLES, axis=1)])
     counted = 1.0 - np.mean((inverse > 0.0).reshape(distance.size, SCRAMBLES, draws), axis=2).T
     failed = np.clip(counted - off.failed, 0.0, 1.0)
@@ -260,7 +260,7 @@ def _of_draws(
 
 
 def _ranked_quantiles(inverse: FloatArray, probabilities: FloatArray) -> FloatArray:
-    """Quantiles (probabilities, distances) of the draws that have a rank."""
+    """Quantiles (probabilities, distances) of the draws that give a depth."""
     missing = np.isnan(inverse).sum(axis=1)
     found = np.full((probabilities.size, len(inverse)), np.nan)
     whole = missing == 0
@@ -271,9 +271,9 @@ def _ranked_quantiles(inverse: FloatArray, probabilities: FloatArray) -> FloatAr
 
 
 def draws_to_expect(camera: DepthCamera) -> float:
-    """How many times the first draws the tolerance requires, estimated from their scatter, which falls as 1/draws.
+    """Number of draws that the tolerance requires, relative to the first draws; estimated from their scatter.
 
-    At least 1, and at most what the camera's propagation settings allow.
+    The scatter falls as 1/draws. The result is at least 1, and at most what the camera's propagation settings allow.
     """
     propagation = camera.propagation
     judged = _judged(camera)

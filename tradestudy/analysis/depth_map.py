@@ -19,8 +19,8 @@ from tradestudy.optics.arrays import FloatArray
 ACROSS: Final = 25
 DOWN: Final = 15
 """Places across and down; odd, so that the middle of the picture is one of them."""
-_RADII: Final = 6  # at which a derived disparity error is evaluated
-_MODEL_PLACES: Final = (0.0, 0.5, 1.0)  # at which the line is compared with the exact model
+_RADII: Final = 6  # number of radii at which a derived disparity error is evaluated
+_MODEL_PLACES: Final = (0.0, 0.5, 1.0)  # where the linear model is compared with the exact model
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,10 +30,10 @@ class UncertaintyMap:
     Parameters
     ----------
     uncertainty : array (D, DOWN, ACROSS)
-        Half the central 68.27 % interval of one measured depth [m]: noise exactly, calibration as a line in inverse
-        depth; NaN where not both cameras see the point, infinite where the interval has no far end.
+        Half the central 68.27 % interval of one measured depth [m], with noise exact and calibration linear in inverse
+        depth; NaN where only one camera sees the point, or neither; infinite where the interval has no far end.
     error : array (D,)
-        Largest measured departure of the line, as a share of the uncertainty [1]; NaN where none is measured.
+        Largest measured error of the linear model, as a share of the uncertainty [1]; NaN where none is measured.
     """
 
     uncertainty: FloatArray
@@ -59,8 +59,8 @@ class _AtPlaces:
     def sample_pitch(self) -> float:
         return self.camera.sample_pitch
 
-    def noise(self, distance: ArrayLike, field: float = 0.0) -> FloatArray:  # noqa: ARG002 - the places say where
-        """By interpolation between radii; a declared error is the same everywhere."""
+    def noise(self, distance: ArrayLike, field: float = 0.0) -> FloatArray:  # noqa: ARG002 - the places replace it
+        """Interpolated between radii; a declared error is the same everywhere."""
         z = np.asarray(distance, dtype=np.float64)
         if isinstance(self.camera.disparity_error_px, float | int):
             return self.camera.noise(z)
@@ -76,12 +76,12 @@ class _AtPlaces:
     def measured_depth(
         self,
         distance: FloatArray,
-        field: float,  # noqa: ARG002 - the places say where
+        field: float,  # noqa: ARG002 - the places replace it
         values: Mapping[str, FloatArray],
     ) -> MeasuredInverseDepth:
         """See `DepthCamera.measured_depth`."""
         known = self.calibration
-        # A camera that is mapped takes places.
+        # A camera that is mapped measures depth at places, too.
         read = known.measurement or cast(DepthMeasurement, self.camera.read)
         return read(distance, self.places, known.errors(values), known.environment)
 

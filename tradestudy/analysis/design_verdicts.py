@@ -57,10 +57,10 @@ class Curve:
     def between(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Uncertainty at places between the distances, and its error; both [m].
 
-        Interpolates linearly in logarithms; half of the second differences bounds the interpolation error.
+        Interpolates linearly in logarithms; half the second difference bounds the interpolation error.
         """
         logs = np.log(self.distance)
-        with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
+        with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
             values = np.log(self.uncertainty)
             found = np.interp(np.log(places), logs, values)
             bent = np.abs(np.diff(values, 2, prepend=values[:1], append=values[-1:]))
@@ -70,19 +70,19 @@ class Curve:
         own = np.interp(np.log(places), logs, relative)
         uncertainty = np.exp(found)
         share = own + np.where(on_grid, 0.0, np.nan_to_num(missed))
-        with np.errstate(over="ignore"):  # the error is unlimited next to an unbounded interval
+        with np.errstate(over="ignore"):  # the error is infinite next to an unbounded interval
             return uncertainty, np.multiply(share, uncertainty, out=np.zeros_like(share), where=share > 0.0)
 
 
 def _widened(values: FloatArray) -> FloatArray:
-    """The largest of each value and its neighbours; the ends have no second difference of their own."""
+    """The largest of each value and its two neighbours; the ends have no second difference of their own."""
     values = np.concatenate([values[1:2], values[1:-1], values[-2:-1]])
     padded = np.pad(values, 1, mode="edge")
     return np.asarray(np.fmax(np.fmax(padded[:-2], padded[2:]), values))
 
 
 def best_at(curves: Mapping[str, Curve], places: FloatArray) -> list[str]:
-    """The usable camera of lowest uncertainty at each place [m], named as by `best_cameras`."""
+    """The usable camera with the lowest uncertainty at each place [m], named as `best_cameras` does."""
     found = {name: curve.between(places) for name, curve in curves.items()}
     return best_cameras(
         {name: curve.usable_at(places) for name, curve in curves.items()},
@@ -94,10 +94,10 @@ def best_at(curves: Mapping[str, Curve], places: FloatArray) -> list[str]:
 def crossings(first: Curve, second: Curve, names: tuple[str, str]) -> tuple[Crossing, ...]:
     """Where two cameras are equally uncertain, usable or not, by linear interpolation in logarithms.
 
-    The error is the combined error of both curves there, interpolation included, over the slope of their ratio.
+    The error is the combined error of both curves there, interpolation included, divided by the slope of their ratio.
     """
     logs = np.log(first.distance)
-    with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
+    with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
         ratio = np.log(first.uncertainty) - np.log(second.uncertainty)
     known = np.isfinite(ratio[:-1]) & np.isfinite(ratio[1:])
     found = []

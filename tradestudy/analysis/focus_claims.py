@@ -61,5 +61,5 @@ def depth_of_field_ratio_words(claim: DepthOfFieldRatioClaim, titles: Mapping[st
 
 
 def _blur_words(blur: float, diffraction: str) -> str:
-    beside = "geometric" if diffraction == "none" else f"with diffraction included by {diffraction}"
-    return f"for a blur of {pretty(blur, PIXELS)}, {beside}"
+    how = "geometric" if diffraction == "none" else f"diffraction included ({diffraction})"
+    return f"for a blur of {pretty(blur, PIXELS)}, {how}"

@@ -91,7 +91,7 @@ def _crossing(error_at: Callable[[float], float], low: float, high: float, limit
 
 
 def paper_zeros(element: ElementPart, wavelengths: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-    """Both zeros of the criterion as printed, shape (wavelength, 2), and its condition number."""
+    """Both zeros of the criterion as the paper prints it, shape (wavelength, 2), and its condition number."""
     found = paper_eq27(
         focal_length=element.focal_length, object_distance=element.object_distance, wavelength=np.asarray(wavelengths)
     )
@@ -100,7 +100,7 @@ def paper_zeros(element: ElementPart, wavelengths: Sequence[float]) -> tuple[Flo
 
 
 def path_error_f_number(element: ElementPart, wavelength: FloatArray | float, waves: FloatArray | float) -> FloatArray:
-    """Smallest f-number at which the neglected path is at most a number of waves."""
+    """Smallest f-number at which the path length that Fresnel neglects is at most a given number of waves."""
     return bounded_minimum_f_number(
         focal_length=element.focal_length,
         object_distance=element.object_distance,
@@ -121,9 +121,9 @@ def goodman_f_number(element: ElementPart, wavelength: FloatArray | float) -> Fl
 
 
 def southwell_f_number(element: ElementPart, wavelength: FloatArray, error: float) -> FloatArray:
-    """Smallest f-number at which a bare hole, lit by a plane wave, obeys Fresnel to an error at the image distance.
+    """Smallest f-number at which Fresnel holds to an error in the image plane of a bare hole lit by a plane wave.
 
-    The distance needed grows as the 4/3 power of the radius, so that one radius gives all others.
+    The required distance grows as the 4/3 power of the radius, so one radius gives all others.
     """
     radius = element.focal_length / 2  # f/1
     needed = collimated_minimum_distance(aperture_radius=radius, wavelength=wavelength, intensity_error=error)

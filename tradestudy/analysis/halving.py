@@ -1,4 +1,4 @@
-"""Bisection for where a condition ceases to hold between two values; works for jumps, where root finders fail."""
+"""Bisection for the value at which a condition ceases to hold; handles jumps, at which root finders fail."""
 
 from __future__ import annotations
 

@@ -27,8 +27,8 @@ from tradestudy.wording import listed
 _ROOT_TOLERANCE: Final = 1e-10
 _ROUNDING: Final = 1e-12
 _PLACES: Final = 9  # values tried between the ends of a question
-_AS_FAR_AGAIN: Final = 2.0  # lengths of the interval, on a logarithmic scale, by which a solution may lie beyond it
-_BEYOND_ALL: Final = 700.0  # represents the logarithm of the ratio to an unbounded width
+_EXTRAPOLATED: Final = 2.0  # lengths of the interval, on a logarithmic scale, by which a solution may lie beyond it
+_LOG_OF_UNBOUNDED: Final = 700.0  # represents the logarithm of the ratio to an unbounded width
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,9 +63,9 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
 
     The ratio of the uncertainties is computed at nine values between the declared ends. Wherever it passes one between
     two of them, Brent's method finds the crossing on a logarithmic scale, in each scramble of the draws. Two crossings
-    between neighbouring values are not seen. For a whole number, such as a number of views, the answer is the first one
-    on the certain side. If the question varies the target of a calibration, the calibration is planned in eight spreads
-    of the views, and the error is that of their mean.
+    between neighbouring values are not seen. For whole numbers, such as a number of views, the answer is the first that
+    is certain enough. If the question varies the target of a calibration, the calibration is planned for eight
+    arrangements of the views, and the error is that of their mean.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     found = [
         find((places[k], places[k + 1]))
         for k in range(len(places) - 1)
-        if means[k] * means[k + 1] <= 0.0 and (means[k] != 0.0 or k == 0)  # a root on a place counts once
+        if means[k] * means[k + 1] <= 0.0 and (means[k] != 0.0 or k == 0)  # a root at a tried value counts once
     ]
     if not found and np.isnan(means).any():  # a claim about all values would be unfounded
         return Solved(solutions=(), dimension=dimension, answer=_undecided(question))
@@ -130,11 +130,11 @@ class _Ratios:
         return len(self._plans)
 
     def mean(self, log_value: float) -> float:
-        """Over all scrambles, or all plans of a calibration."""
+        """Mean over all scrambles, or all plans of a calibration."""
         return float(np.mean(self._all(log_value)))
 
     def crossing(self, logs: tuple[float, float]) -> Solution:
-        """Where the mean ratio passes one between two values, by that of each scramble or plan."""
+        """Where the ratio passes one between two values: mean and standard error over the scrambles or plans."""
         count = max(len(self._all(log)) for log in logs)
         roots = np.exp([_root(partial(self._one, k), logs, self._question.says) for k in range(count)])
         return Solution(value=float(np.mean(roots)), error=_error_of_mean(roots))
@@ -148,7 +148,7 @@ class _Ratios:
 
     def _last_whole(self, log_ratio: Callable[[float], float], logs: tuple[float, float]) -> float:
         certain, other = (float(round(math.exp(log))) for log in logs)
-        if log_ratio(logs[0]) > 0.0 or log_ratio(logs[1]) <= 0.0:  # beyond an end that others have theirs within
+        if log_ratio(logs[0]) > 0.0 or log_ratio(logs[1]) <= 0.0:  # this scramble or plan crosses beyond an end
             return certain if log_ratio(logs[0]) > 0.0 else other
         possible = self._varying.possible
         return bracketed(certain, other, lambda one: log_ratio(math.log(one)) <= 0.0, possible=possible, close=0.0)[0]
@@ -184,11 +184,11 @@ def _root(log_ratio: Callable[[float], float], logs: tuple[float, float], says: 
     ends = [log_ratio(log) for log in logs]
     if ends[0] * ends[1] > 0.0:  # in this scramble the root lies beyond an end
         return logs[int(abs(ends[1]) < abs(ends[0]))]
-    from scipy.optimize import brentq  # half a second to load, for studies that solve alone
+    from scipy.optimize import brentq  # takes half a second to load, and only `solve` needs it
 
     root, report = brentq(log_ratio, *logs, xtol=_ROOT_TOLERANCE, full_output=True)
     if not report.converged:
-        raise NotConvergedError("no root found for an inverse question", value=says, remedy="narrow its ends")
+        raise NotConvergedError("no root found for an inverse question", value=says, remedy="narrow its range")
     return float(root)
 
 
@@ -200,9 +200,9 @@ def _log_ratios(definition: StudyDefinition, question: SolvePart) -> FloatArray:
     else:
         assert question.camera is not None  # the schema ensures it
         first, second = _widths(cameras[question.camera], question), np.array([question.goal])
-    with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
+    with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
         found = np.log(first) - np.log(second)
-    return np.asarray(np.clip(found, -_BEYOND_ALL, _BEYOND_ALL))
+    return np.asarray(np.clip(found, -_LOG_OF_UNBOUNDED, _LOG_OF_UNBOUNDED))
 
 
 def _widths(camera: DepthCamera, question: SolvePart) -> FloatArray:
@@ -212,7 +212,7 @@ def _widths(camera: DepthCamera, question: SolvePart) -> FloatArray:
 
 
 def _larger_noise(definition: StudyDefinition, question: SolvePart) -> str:
-    """The matching noise, if it exceeds what a question requires of the calibration: then noise limits the camera."""
+    """The matching noise, if it alone exceeds what a question requires of the calibration."""
     noise = question.model_copy(update={"errors": "noise"})
     width = float(np.mean(_widths(definition.case.cameras[question.camera or ""], noise)))
     return f"; matching noise alone is larger, {pretty(width, LENGTH)}" if width > question.goal else ""
@@ -222,7 +222,7 @@ def _undecided(question: SolvePart) -> str:
     """Why the ratio at an end of an inverse question is unknown."""
     where = pretty(question.place, LENGTH)
     if question.equal is not None:
-        return f"cannot be decided: at {where} both are unbounded, or one of them measures nothing"
+        return f"cannot be decided: at {where} both uncertainties are unbounded, or one camera measures nothing"
     return f"cannot be decided: at {where} nothing is measured"
 
 
@@ -245,7 +245,7 @@ def _nowhere(
         (np.all(steps < 0.0), ends[1], away[-1], -steps[-1]),
         (np.all(steps > 0.0), ends[0], away[0], steps[0]),
     ):
-        if approaches and left <= _AS_FAR_AGAIN * _PLACES * step:  # otherwise it levels off before reaching one
+        if approaches and left <= _EXTRAPOLATED * _PLACES * step:  # otherwise it levels off before reaching one
             factor = significant(math.exp(float(left)), 2)
             outcome += f"; a solution may lie beyond {pretty(end, dimension)}, where a factor of {factor} remains"
     return f"nowhere between {between}: {outcome}"
@@ -261,10 +261,10 @@ def _answer(definition: StudyDefinition, question: SolvePart, found: Sequence[So
     dimension = question_ends(question)[0]
     values = [pretty_with_error(one.value, one.error, dimension) for one in found]
     answer = listed(values) if len(values) == 1 else f"{len(values)} solutions: {listed(values)}"
-    return beside_declared(definition, question, answer)
+    return with_declared_value(definition, question, answer)
 
 
-def beside_declared(definition: StudyDefinition, question: SolvePart, answer: str) -> str:
+def with_declared_value(definition: StudyDefinition, question: SolvePart, answer: str) -> str:
     """An answer, followed by the declared value of the varied input if it has one."""
     path = question.paths[0]
     if definition.document.entry(path) is None:

@@ -16,7 +16,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.evaluation import depth_from_inverse
 from tradestudy.uncertainty.sources import Sources
 
-# Central differences over so many standard deviations: far above rounding, with a truncation error of a millionth of
+# Central differences over this many standard deviations: far above rounding, with a truncation error of a millionth of
 # the third-order term.
 _STEP: Final = 1e-3
 _LEAST_NOISE_PX: Final = 1e-3  # smallest step of the noise; a smaller one would be lost in rounding
@@ -52,7 +52,7 @@ class LinearisedDepth:
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
     def without(self, name: str) -> LinearisedDepth:
-        """The same without one parameter."""
+        """Leave one parameter out."""
         kept = [k for k, own in enumerate(self.parameters) if own != name]
         return LinearisedDepth(
             parameters=tuple(self.parameters[k] for k in kept),
@@ -63,7 +63,7 @@ class LinearisedDepth:
 
 @lru_cache(maxsize=128)
 def _covariance(camera: MeasuresDepth, error_source: str) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
-    """Names, means and covariance of what is drawn."""
+    """Names, means and covariance of the uncertain parameters."""
     sources = Sources(groups=uncertain_groups(camera, error_source))
     covariance = sources.covariance()
     if covariance is None:
@@ -80,7 +80,7 @@ def _covariance(camera: MeasuresDepth, error_source: str) -> tuple[tuple[str, ..
 
 @lru_cache(maxsize=128)
 def has_covariance(camera: MeasuresDepth) -> bool:
-    """Whether everything uncertain about a camera has a variance, so that a line can be drawn."""
+    """Whether every uncertain parameter of a camera has a variance, as a linear model needs."""
     return all(group.covariance is not None for group in camera.calibration.groups)
 
 
@@ -99,7 +99,7 @@ def linearised_depth(
 
 @lru_cache(maxsize=4)
 def _linearised(camera: MeasuresDepth, distances: bytes, field: float, error_source: str) -> LinearisedDepth:
-    """What noise alone, calibration alone and both have in common."""
+    """The linear model, cached because limits, ratios and tables of a camera request it repeatedly."""
     distance = np.frombuffer(distances)
     names, mean, covariance = _covariance(camera, error_source)
     deviation = np.sqrt(np.diag(covariance))
@@ -116,17 +116,17 @@ def _linearised(camera: MeasuresDepth, distances: bytes, field: float, error_sou
     if moving.size:
         read = read_draws(camera, values, distance, field, noise)
         sensitivity[moving] = (read[: moving.size] - read[moving.size :]) / (2.0 * step[moving])
-    sensitivity.setflags(write=False)  # it is kept
+    sensitivity.setflags(write=False)  # shared by the cache
     return LinearisedDepth(parameters=names, covariance=covariance, sensitivity=sensitivity)
 
 
 def linear_distribution(
     camera: MeasuresDepth, distance: FloatArray, field: float, error_source: str
 ) -> DepthDistribution:
-    """The distribution of depth where every error acts like a multiple of the noise's standard deviation.
+    """The distribution of depth, with all errors treated as additional noise.
 
     Inverse depth is linear in all errors. The ratio of its standard deviation to that from noise alone scales the
-    noise at which the ends of intervals are read, so that noise alone is treated exactly.
+    noise with which the ends of intervals are computed, so noise alone is treated exactly.
     """
     line = linearised_depth(camera, distance, field)
     noise = np.abs(line.sensitivity[line.parameters.index(PIXEL_NOISE)])
@@ -135,12 +135,12 @@ def linear_distribution(
 
 
 def noise_distribution(camera: MeasuresDepth, distance: FloatArray, field: float) -> DepthDistribution:
-    """The exact distribution of depth under noise alone: depth falls with disparity, so that quantiles map."""
+    """The exact distribution of depth under noise alone: quantiles of disparity map to quantiles of depth."""
     return scaled_noise(camera, distance, field, np.ones(distance.shape))
 
 
 def scaled_noise(camera: MeasuresDepth, distance: FloatArray, field: float, scale: FloatArray) -> DepthDistribution:
-    """The distribution of depth under noise that is larger by a scale (distances,)."""
+    """The distribution of depth under noise multiplied by a scale (distances,)."""
     from scipy.special import ndtr, ndtri
 
     probabilities = camera.propagation.probabilities
@@ -166,7 +166,7 @@ def _under_noise(camera: MeasuresDepth, distance: FloatArray, field: float, scor
 
 
 def _score_of_infinity(camera: MeasuresDepth, distance: FloatArray, field: float, reach: FloatArray) -> FloatArray:
-    """The score of the noise at which infinity is read, by division; ∓reach (distances,) where it lies beyond."""
+    """The score of the noise at which depth reads infinity, by subdivision; ∓reach (distances,) if it lies beyond."""
     beyond = _under_noise(camera, distance, field, np.stack([-reach, reach])) <= 0.0
     found = np.where(beyond[1], reach, -reach)
     open_ = np.flatnonzero(beyond[0] & ~beyond[1])
@@ -175,7 +175,7 @@ def _score_of_infinity(camera: MeasuresDepth, distance: FloatArray, field: float
     for _ in range(_ROUNDS if open_.size else 0):
         scores = low + shares * (high - low)
         inside = _under_noise(camera, distance[open_], field, scores[1:-1]) <= 0.0
-        # Infinity is read at low but not at high.
+        # Depth reads infinity at low but not at high.
         last = np.sum(np.logical_and.accumulate(inside, axis=0), axis=0)
         low, high = scores[last, columns], scores[last + 1, columns]
     found[open_] = 0.5 * (low + high)

@@ -35,7 +35,7 @@ def non_dominated(values: FloatArray, maximise: Sequence[bool]) -> BoolArray:
     found = np.zeros(len(costs), dtype=bool)
     if not known.any():
         return found
-    # In lexical order only earlier rows can dominate a row, and duplicates are removed.
+    # In lexicographic order only earlier rows can dominate a row, and duplicates are removed.
     rows, inverse = np.unique(costs[known] + 0.0, axis=0, return_inverse=True)
     on_front = np.zeros(len(rows), dtype=bool)
     for number, row in enumerate(rows):

@@ -1,4 +1,4 @@
-"""Calibrations by targets under values that a question tries: planned there, not sampled as in the run."""
+"""Calibrations by targets for the values that a question tries: planned for each, not sampled as in the run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.varying import Varying
 
 PLANS: Final = range(8)
-"""Arrangements of the views from which the scatter of an answer is estimated; the first is that of the run."""
+"""The arrangements of the views from which the scatter of an answer is estimated; the first is that of the run."""
 
 
 def planned(definition: StudyDefinition, plan: int = 0) -> StudyDefinition:
@@ -31,7 +31,7 @@ def planned(definition: StudyDefinition, plan: int = 0) -> StudyDefinition:
 
 
 def to_be_planned(definition: StudyDefinition, varying: Varying) -> StudyDefinition:
-    """The study without calibrations inferred from targets that a question varies, so that its values compare."""
+    """The study without calibrations inferred from targets that a question varies, to make its values comparable."""
     varied = varied_calibrations(definition, varying)
     kept = {key: posterior for key, posterior in definition.posteriors.items() if key not in varied}
     return replace(definition, posteriors=kept, before=definition)
@@ -45,7 +45,7 @@ def varied_calibrations(definition: StudyDefinition, varying: Varying) -> set[st
 
 
 def plans(definition: StudyDefinition) -> range:
-    """Arrangements of the views to try: one where nothing is left to plan, or every pose is given."""
+    """The arrangements of the views to try: only the first if nothing needs planning or every pose is given."""
     from tradestudy.calibration.target.camera_target import TargetToInfer
 
     asked = definition.calibrations_to_infer().values()

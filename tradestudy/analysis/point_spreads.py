@@ -45,7 +45,7 @@ class LensAndPoint:
     field_angle
         Direction of the point [rad].
     defocus_waves
-        W: the point is at 1/a' = 1/a + 2 W λ/R², so that its wave is W waves steeper at the rim of the pupil.
+        W: the point is at 1/a' = 1/a + 2 W λ/R², so its wave differs by W wavelengths at the rim of the pupil.
     """
 
     focal_length: float
@@ -117,7 +117,7 @@ def varied_values(part: PointSpreadPart) -> Mapping[str, tuple[float, ...]]:
     }
 
 
-def standing_values(part: PointSpreadPart, element: ElementPart) -> Mapping[str, float]:
+def base_values(part: PointSpreadPart, element: ElementPart) -> Mapping[str, float]:
     """The value of each parameter while another is varied."""
     return {
         "f_number": element.f_number,
@@ -128,8 +128,8 @@ def standing_values(part: PointSpreadPart, element: ElementPart) -> Mapping[str,
 
 
 def case_of(part: PointSpreadPart, element: ElementPart, changed: Mapping[str, float]) -> LensAndPoint:
-    """A lens at its standing values, with some of them changed."""
-    values = {**standing_values(part, element), **changed}
+    """A lens at its base values, with some of them changed."""
+    values = {**base_values(part, element), **changed}
     return LensAndPoint(
         focal_length=element.focal_length,
         object_distance=element.object_distance,
@@ -144,7 +144,7 @@ def case_of(part: PointSpreadPart, element: ElementPart, changed: Mapping[str, f
 def spread_measures(
     case: LensAndPoint, *, method: SpreadMethod, window: float, rms_radius: float, pixel_pitch: float, tolerance: float
 ) -> Mapping[str, tuple[float, float]]:
-    """Every measure with its numerical error; NaN if the window does not contain what it needs.
+    """Every measure with its numerical error; NaN if it needs more than the window contains.
 
     Parameters
     ----------

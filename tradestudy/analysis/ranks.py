@@ -76,7 +76,7 @@ def _model(camera: DepthCamera, prefix: str, groups: tuple[Group, ...], distance
         found = alone(own)
         if own:
             return found
-        draws = len(next(iter(values.values())))  # of the other camera alone: this one reads the same in every draw
+        draws = len(next(iter(values.values())))  # only the other camera has draws; this one reads the same in each
         return replace(found, values=np.repeat(found.values, draws, axis=0))
 
     return evaluate

@@ -26,7 +26,7 @@ from tradestudy.study.schema.scene_image import (
     StairsPart,
 )
 
-_SIDES: Final = (512, 4096)  # samples of a random texture before it repeats
+_SIDES: Final = (512, 4096)  # least and most samples of a random texture before it repeats
 _CORRELATION_LENGTHS: Final = 16  # minimum number within the texture
 _OVERLAP: Final = 1e-6  # share of its height by which a riser extends past its treads, so that no ray slips through
 
@@ -89,7 +89,7 @@ def plane_across(distance: float, pattern: RandomPattern) -> SceneSource:
 def pattern_of_scene(
     texture: Texture, exposures: Sequence[Exposure], extent: tuple[float, float], seed: int
 ) -> RandomPattern:
-    """A texture sampled twice as finely as any pixel blends on a surface, and about as wide as the visible scene."""
+    """A texture about as wide as the visible scene, with two samples across the smallest spot that a pixel averages."""
     finest, widest = math.inf, 0.0
     for exposure in exposures:
         sensor = exposure.sensor
@@ -110,7 +110,7 @@ def pattern_of_scene(
 
 
 def _plane(part: PlanePart, pattern: RandomPattern) -> Flat:
-    """A tilted plane; its first direction lies above x, its second above y but turned to be perpendicular to it."""
+    """A tilted plane; its first direction lies in the x–z plane, and its second is perpendicular to the first."""
     first = np.array([1.0, 0.0, math.tan(part.tilt_x)])
     second = np.array([0.0, 1.0, math.tan(part.tilt_y)])
     first /= np.linalg.norm(first)

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.halving import bracketed
-from tradestudy.analysis.inverse_questions import Solution, Solved, beside_declared
+from tradestudy.analysis.inverse_questions import Solution, Solved, with_declared_value
 from tradestudy.analysis.planned_calibrations import planned, to_be_planned
 from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.analysis.requirements import Judge
@@ -39,7 +39,7 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
     The requirement is evaluated at seventeen values between the declared ends and at the declared value. Where the
     answer changes between two of them, bisection locates the change, because the margin may jump where a camera ceases
     to be usable. Two changes between neighbouring values are not seen. The error combines the final bracket with the
-    error of the worst value over the slope of its margin.
+    error of the worst value divided by the slope of its margin.
 
     Raises
     ------
@@ -74,7 +74,9 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
         error = 0.0 if varying.is_counted else _error(known[ends[0]], abs(ends[1] - ends[0]), before, after)
         solutions.append(Solution(value=ends[0], error=error))
     answer = _answer(trials, solutions, dimension)
-    return Solved(solutions=tuple(solutions), dimension=dimension, answer=beside_declared(definition, question, answer))
+    return Solved(
+        solutions=tuple(solutions), dimension=dimension, answer=with_declared_value(definition, question, answer)
+    )
 
 
 def _error(answer: RequirementAnswer, bracket: float, before: _Trial, after: _Trial) -> float:
@@ -90,7 +92,7 @@ def _answer(trials: Sequence[_Trial], solutions: Sequence[Solution], dimension: 
     if not solutions:
         between = f"between {ends[0]} and {ends[1]}"
         return (
-            f"met anywhere {between}"
+            f"met everywhere {between}"
             if trials[0].answer.met
             else f"met nowhere {between}: {_nearest(trials, dimension)}"
         )

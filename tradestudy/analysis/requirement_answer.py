@@ -16,7 +16,7 @@ class RequirementAnswer:
     camera
         Name of the camera.
     met
-        Whether it is met at all distances, including its guard band; None if there is no value.
+        Whether the requirement is met at all distances, including its guard band; None if there is no value.
     value, bound
         The worst value and its bound, in the SI unit of the quantity.
     place
@@ -24,19 +24,19 @@ class RequirementAnswer:
     error
         Estimated error of the worst value.
     margin
-        The share by which the worst value could worsen and still meet the bound, negative if it misses the bound. If
+        The fraction by which the worst value could worsen and still meet the bound, negative if it misses the bound. If
         the camera is not usable everywhere, the margin is at most minus the unusable share of the distances.
     unusable
-        That share, on a logarithmic scale.
+        The unusable share of the distances, on a logarithmic scale.
     reason
         The reason, in words.
     limit
         Name of the limit of the usable range that decides the answer; empty if the value does.
     value_margin
-        The margin of the worst value alone, usable or not; None where `margin` is that.
+        The margin of the worst value, usable or not; None if `margin` is the same.
     end_shift
-        The least relative shift of ends of usable ranges that decides anew whether the camera is usable everywhere;
-        infinite where no end can.
+        The smallest relative shift of ends of usable ranges that changes whether the camera is usable everywhere;
+        infinite if no shift does.
     """
 
     camera: str
@@ -53,7 +53,7 @@ class RequirementAnswer:
     end_shift: float = math.inf
 
     def could_be_overturned(self, of_value: float, of_ends: float) -> bool:
-        """Whether such relative changes of the worst value and of ends of usable ranges could reverse the answer."""
+        """Whether relative changes of this size in the worst value and in the usable ends could reverse the answer."""
         margin = self.margin if self.value_margin is None else self.value_margin
         by_value, by_ends = abs(margin) <= of_value, self.end_shift <= of_ends
         if self.met or self.value_margin is None or self.unusable == 0.0:
@@ -79,7 +79,7 @@ class RequirementAnswer:
 
     @classmethod
     def unknown(cls, camera: str, bound: float, reason: str) -> RequirementAnswer:
-        """For a camera without a value: undecided."""
+        """An undecided answer, for a camera without a value."""
         nan = math.nan
         return cls(
             camera=camera,

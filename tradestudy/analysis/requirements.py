@@ -71,7 +71,7 @@ def _check_measured(
         return _MEASURED[requirement.quantity](camera, points) / _scale(required, points)
 
     def broken_by(points: FloatArray) -> FloatArray:
-        """Larger is worse; unknown values are worst."""
+        """Severity of the values; unknown ones are the worst."""
         values = measured(points)
         return np.where(np.isnan(values), np.inf, -values if above else values)
 
@@ -87,7 +87,7 @@ def _check_measured(
     margin = -1.0 if math.isnan(margin) else margin
     kept = value >= bound if above else value < bound
     guard = 0.0 if requirement.guard_band is None else requirement.guard_band.width * error
-    reason = f"worst {_unlike(bound, value, dimension)} at {pretty(place, LENGTH)}"
+    reason = f"worst {_distinguished(bound, value, dimension)} at {pretty(place, LENGTH)}"
     limit = _limit_of(intervals, gap, case, name) if unusable > 0.0 else ""
     if unusable > 0.0:
         reason = f"{_not_usable(gap, limit)}; {reason}"
@@ -109,7 +109,7 @@ def _check_measured(
 
 @dataclass(frozen=True, kw_only=True)
 class _Alone:
-    """A requirement on one camera, as the only one of a case, and its known usable intervals."""
+    """A requirement, a case with a single camera, and the known usable intervals of that camera."""
 
     requirement: RequirementPart
     case: Case
@@ -122,7 +122,7 @@ def _check_alone(point: _Alone) -> RequirementAnswer:
 
 
 class Judge:
-    """Answers requirements, and checks a camera that several designs share only once.
+    """Answers requirements; a camera that several designs share is checked only once.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ class Judge:
             return silent[0], found
         deciding = min if requirement.camera == ALL else max
         above = isinstance(requirement.required, ShareAbovePart)
-        return deciding(known, key=lambda one: _nearness(one, above=above)), found
+        return deciding(known, key=lambda one: _closeness(one, above=above)), found
 
     def _answer_of(self, requirement: RequirementPart, case: Case, name: str) -> RequirementAnswer:
         if not requirement.asks_for_depth:  # closed forms that depend on more than the camera
@@ -184,7 +184,7 @@ class Judge:
 
 
 def is_kept(requirement: RequirementPart, case: Case) -> bool:
-    """Whether a requirement is met, on a coarse grid of distances and without its guard band: for many draws."""
+    """Whether a requirement is met on a coarse grid of distances, without its guard band; fast enough for draws."""
     names, together = _names(requirement, case), all if requirement.camera == ALL else any
     if not requirement.asks_for_depth:
         return together(check_requirement(requirement, case, name).met is True for name in names)
@@ -210,13 +210,13 @@ def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: Flo
     return bool(is_usable(case, name, points).all())
 
 
-def _unlike(bound: float, value: float, dimension: Dimension) -> str:
+def _distinguished(bound: float, value: float, dimension: Dimension) -> str:
     """A value with the digits that distinguish it from its bound."""
     limit = pretty(bound, dimension, 6)
     return pretty(value, dimension, fewest_digits(lambda digits: pretty(value, dimension, digits) != limit))
 
 
-def _nearness(answer: RequirementAnswer, *, above: bool) -> tuple[bool, float, float]:
+def _closeness(answer: RequirementAnswer, *, above: bool) -> tuple[bool, float, float]:
     """Sort key, larger for better; among cameras that miss the same share of the range, the worst value decides."""
     value = -math.inf if math.isnan(answer.value) else answer.value if above else -answer.value
     return bool(answer.met), -math.inf if math.isnan(answer.margin) else answer.margin, value
@@ -275,10 +275,10 @@ def _unusable(intervals: Sequence[Interval], over: tuple[float, ...]) -> tuple[f
 
 
 def _shift_to_decide(intervals: Sequence[Interval], over: tuple[float, ...]) -> float:
-    """The least relative shift of ends of usable intervals that makes a gap in a range, or closes all that it has.
+    """The smallest relative shift of ends of usable intervals that opens a gap in a range, or closes all its gaps.
 
-    A gap between two intervals closes if its ends meet, or if one of them passes the range. The ends of the study move
-    nothing, and a split of an interval cannot be recognised from its ends.
+    A gap between two intervals closes if its ends meet, or if one of them leaves the range. The ends of the study are
+    fixed, and how close an interval is to splitting cannot be seen from its ends.
     """
     near, far = over
     closing = []
@@ -296,7 +296,7 @@ def _shift_to_decide(intervals: Sequence[Interval], over: tuple[float, ...]) -> 
 
 
 def _limit_of(intervals: Sequence[Interval], gap: tuple[float, float], case: Case, name: str) -> str:
-    """The limit at the nearest end of a usable interval; without any interval, the one broken in most of the gap."""
+    """The limit at the nearest end of a usable interval; without any interval, the one violated in most of the gap."""
     place = gap[0]
     limits = [one.far_limit for one in sorted(intervals, key=lambda one: -one.far) if one.far <= place]
     limits += [one.near_limit for one in sorted(intervals, key=lambda one: one.near) if one.near > place]
@@ -309,7 +309,7 @@ def _limit_of(intervals: Sequence[Interval], gap: tuple[float, float], case: Cas
 
 
 def _not_usable(gap: tuple[float, float], limit: str) -> str:
-    """The first gap, and the limit that the camera breaks in it."""
+    """The first gap, and the limit that the camera violates there."""
     why = f": {limit_words(limit)}" if limit else ""
     return f"not usable from {plain_span(*gap)}{why}"
 

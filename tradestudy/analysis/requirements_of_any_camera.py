@@ -58,7 +58,7 @@ def check_sharp(required: SharpPart, case: Case, name: str) -> RequirementAnswer
 
 
 def _check_range(found: SharpRange, over: tuple[float, float], name: str) -> RequirementAnswer:
-    """How far the sharp range extends beyond the required one, at its weaker end, or by how much it falls short."""
+    """How far the sharp range extends beyond the required one, at its tighter end, or by how much it falls short."""
     near, far = over
     around = [row for row in found.union.covered if row[0] <= near * _MORE and row[1] >= far * _LESS]
     if around:
@@ -66,7 +66,7 @@ def _check_range(found: SharpRange, over: tuple[float, float], name: str) -> Req
         beyond = {near: near / first - 1.0 if first > 0.0 else math.inf, far: last / far - 1.0}
         place = min(beyond, key=lambda end: beyond[end])
         reason = f"sharp from {pretty(first, LENGTH)} to {pretty(last, LENGTH)}"
-        # An end that coincides within rounding is met.
+        # Ends that coincide within rounding count as met.
         margin = max(beyond[place], 0.0)
         return _exact(name, kept=True, value=1.0, bound=1.0, margin=margin, reason=reason, place=place)
     clipped = np.clip(found.union.covered, near, far)

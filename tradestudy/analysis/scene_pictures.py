@@ -1,4 +1,4 @@
-"""The pictures of a study's scene to render: which surfaces, taken by which cameras, recorded how."""
+"""The pictures to render of a study's scene: its surfaces, the cameras that see them, and how sensors record them."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def declared_image(definition: StudyDefinition) -> tuple[SceneImagePart, Picture
 def set_up(
     definition: StudyDefinition, *, rig: Rig | None = None, texture_side: int | None = None
 ) -> tuple[SceneSource, list[Taken]]:
-    """The scene and the cameras that take it, with every mistake at its place; ``rig`` overrides the study's own.
+    """The scene and its cameras, with every mistake at its place; ``rig`` overrides that of the study.
 
     ``texture_side`` limits the samples before the texture repeats, which does not matter for a few patches.
     """
@@ -81,7 +81,7 @@ def set_up(
 def extent_and_cameras(
     definition: StudyDefinition, *, rig: Rig | None = None
 ) -> tuple[tuple[float, float], list[Taken]]:
-    """Nearest and farthest distance of the scene [m], and the cameras that take it, before textures are generated."""
+    """Nearest and farthest distance of the scene [m], and its cameras, before textures are generated."""
     image, picture = declared_image(definition)
     texture = texture_of(picture)
     flat = RandomPattern(texture=texture, sample=texture.correlation_length, side=2, seed=0)
@@ -99,7 +99,7 @@ def texture_of(picture: PicturePart) -> Texture:
 
 
 def recording_of(image: SceneImagePart, picture: PicturePart, sensor: Sensor) -> Recording:
-    """What a sensor does with light."""
+    """How a sensor records light."""
     settings = picture.settings(1.0, sensor)  # rays have no wavelength
     mosaic = image.mosaic
     return Recording(
@@ -115,7 +115,7 @@ def recording_of(image: SceneImagePart, picture: PicturePart, sensor: Sensor) ->
 def whole_pictures(
     definition: StudyDefinition, image: SceneImagePart, scene: SceneSource, taken: Taken, recording: Recording
 ) -> list[Tile]:
-    """Each picture of a camera, as one tile, by rays."""
+    """All pictures of a camera by rays, each as one tile."""
     return [
         Tile(
             camera=taken.name,

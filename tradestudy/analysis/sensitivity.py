@@ -11,7 +11,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.monte_carlo import Sampling
 from tradestudy.uncertainty.sensitivity import SobolIndices, Tornado, parameter_tornado, sobol_indices, tornado
 
-# Bars and shares are read to two digits.
+# Readers need bars and shares to two digits.
 _ACCURACY = 0.01
 _TORNADO_BUDGET = 2**14
 _SOBOL_DRAWS = 2**9

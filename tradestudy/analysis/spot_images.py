@@ -161,23 +161,23 @@ def spot_picture(
     done: Callable[[float], None] = lambda _share: None,
     steps: Steps | None = None,
 ) -> ChainImage:
-    """Image of the declared spot by any models; cached for all inputs that affect the image.
+    """Image of the declared spot by any models; cached by all inputs that affect it.
 
     Parameters
     ----------
     part, models
         The spot, and the models that compute its picture.
     done
-        Called with the fraction done, for pictures that take long enough.
+        Called with the fraction done, if the picture takes long.
     steps
-        How independent parts are computed; here one after another, if not given.
+        What computes independent parts; without it, they are computed here one after another.
     """
     return _spot_picture(without_comparison(part), models, _Surroundings(done=done, steps=steps))
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Surroundings:
-    """Receiver of a picture's progress, and what computes its parts; all are equal, since none affects the picture."""
+    """What receives a picture's progress and computes its parts; all compare equal, since none affects the picture."""
 
     done: Callable[[float], None] = field(compare=False)
     steps: Steps | None = field(compare=False)
@@ -219,7 +219,7 @@ def picture_of(
     done: Callable[[float], None] = lambda _share: None,
     compute: ComputeParts = in_turn,
 ) -> ChainImage:
-    """Image of any source on the declared light path in the declared light, not cached."""
+    """Image of any source on the declared light path in the declared light; not cached."""
     path = light_path(part)
     path = replace(path, pixels=replace(path.pixels, integrated=models.integrated))
     image_of = separate_image if models.separate else chain_image
@@ -250,12 +250,12 @@ def image_difference(image: FloatArray, reference: FloatArray) -> float:
 
 
 def lit_pixels(image: FloatArray, above: float) -> int:
-    """Number of pixels with more than a share of the brightest pixel's light."""
+    """Number of pixels with more than a given share of the brightest pixel's light."""
     return int(np.sum(image > above * image.max()))
 
 
 def light_benchmarks(part: LightSpotPart, seconds: MutableMapping[str, float]) -> dict[str, float]:
-    """Stated errors (relative L2) by name of the case; the seconds go to ``seconds`` under the same names."""
+    """Stated errors (relative L2) by name of the case; the computing times go to ``seconds`` under the same names."""
     errors: dict[str, float] = {}
     places = (("on axis", 0.0), (f"{_OFF_AXIS * 1e3:g} mm off axis", _OFF_AXIS))
     for phase, (where, x) in product(LENS_PHASES, places):
@@ -277,7 +277,7 @@ def light_benchmarks(part: LightSpotPart, seconds: MutableMapping[str, float]) -
 
 
 def _aperture(part: LightSpotPart, phase: LensPhase, x: float) -> tuple[float, float]:
-    """Seconds without the check, and the stated error, in the plane of the thin-lens image."""
+    """Computing time [s] without the error check, and the stated error, in the plane of the thin-lens image."""
     lens, distance = part.main_lens, part.spot.distance
     image = lens.focal_length * distance / (distance - lens.focal_length)
     field = aperture_field(

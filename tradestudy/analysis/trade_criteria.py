@@ -99,7 +99,7 @@ def _images(camera: Camera, relief: Relief) -> int:
     return camera.focus.images(relief.sharp, relief.near, relief.far)
 
 
-def _moving_parts(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001 - all criteria are called alike
+def _moving_parts(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001 - one signature for all
     declared = part.moving_parts
     count = camera.focus.mechanisms if declared is None else declared
     return Attribute(text=str(count), number=float(count), basis=DERIVED if declared is None else "")
@@ -197,7 +197,7 @@ CRITERIA: Final = (
     ),
     Criterion(
         name="images per scene",
-        says="exposures that the scene needs under the first blur criterion, and the sharp share if it is incomplete",
+        says="exposures to cover the scene under the first blur criterion, and the sharp share if they do not suffice",
         of=_images_per_scene,
     ),
     Criterion(name="time per scene", says="exposures and refocusing", of=_time_per_scene),
@@ -219,7 +219,7 @@ CRITERIA: Final = (
     ),
     Criterion(
         name="size",
-        says="declared, or at least: from the principal plane to the sensor × across lens, sensor and baseline",
+        says="declared, or a lower bound: principal plane to sensor × width over lens, sensor and baseline",
         of=_size,
         path="attributes.envelope",
     ),

@@ -28,7 +28,7 @@ LIMIT_NAMES: Final = (
     "relative_uncertainty",
 )
 _OF_DEPTH: Final = frozenset(("failed_fraction", "relative_uncertainty"))
-_OF_ERRORS: Final = _OF_DEPTH | {"saturation", "matching"}  # the others follow from geometry and are computed together
+_OF_ERRORS: Final = _OF_DEPTH | {"saturation", "matching"}  # the others follow from geometry and are computed jointly
 _REACH: Final = 1.2  # factor of a distance within which each scramble's root is sought
 _AROUND: Final = 33  # places
 END_OF_STUDY: Final = "range of the study"
@@ -63,10 +63,10 @@ class Boundary:
 def evaluate_limits(
     camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray, names: Collection[str] = LIMIT_NAMES
 ) -> Mapping[str, Limit]:
-    """Evaluate all limits that the study declares and the camera knows at distances [m]; none holds without an image.
+    """Evaluate, at distances [m], all declared limits that apply to the camera; none holds without an image.
 
     ``saturation`` and ``matching`` apply to a camera whose disparity error is derived: where the brightest pixels are
-    full, or no matcher reaches that error, its measurements have no known error.
+    saturated, or no matcher reaches that error, the error of its measurements is unknown.
 
     Only limits among the given ``names`` are evaluated.
     """
@@ -270,7 +270,7 @@ def _end_error(camera: DepthCamera, criteria: UsableCriteria, end: Boundary, nam
 
 
 def places_around(distance: float) -> FloatArray:
-    """Distances [m] around one at which its scrambles are evaluated."""
+    """Distances [m] around a root, at which each scramble is evaluated to find its own."""
     return np.asarray(distance * np.geomspace(1.0 / _REACH, _REACH, _AROUND))
 
 

@@ -35,14 +35,14 @@ def wave_claim_value(claim: WaveClaim, fresnel: FresnelValidityPart | None, spot
     """The value of a claim about light; the schema ensures that the part it refers to exists."""
     match claim:
         case PsfErrorClaim():
-            return _psf_error(claim, _there(fresnel), claim.f_number)
+            return _psf_error(claim, _present(fresnel), claim.f_number)
         case FresnelFNumberClaim():
-            asked = _there(fresnel)
+            asked = _present(fresnel)
             return limit_f_number(lambda f: _psf_error(claim, asked, f), listed(asked.f_numbers), claim.error)
         case CriterionFNumberClaim():
-            return _criterion(claim, _there(fresnel))
+            return _criterion(claim, _present(fresnel))
         case ImageDifferenceClaim() | LitPixelsClaim():
-            image, reference = (spot_image(_there(spot), name).pixels for name in (claim.method, claim.reference))
+            image, reference = (spot_image(_present(spot), name).pixels for name in (claim.method, claim.reference))
             if isinstance(claim, ImageDifferenceClaim):
                 return image_difference(image, reference)
             return lit_pixels(image, claim.above) / lit_pixels(reference, claim.above)
@@ -63,11 +63,11 @@ def wave_claim_words(claim: WaveClaim) -> str:
             pictures = f"{short_title(claim.method)} and by {short_title(claim.reference)}"
             return f"summed difference between the pictures by {pictures}, relative to the latter"
         case LitPixelsClaim():
-            pictures = f"by {short_title(claim.method)} relative to that by {short_title(claim.reference)}"
-            return f"number of pixels above {pretty(claim.above, FRACTION)} of the brightest, in the picture {pictures}"
+            pictures = f"by {short_title(claim.method)}, relative to that by {short_title(claim.reference)}"
+            return f"number of pixels above {pretty(claim.above, FRACTION)} of the brightest in the picture {pictures}"
 
 
-def _there(part: PartT | None) -> PartT:
+def _present(part: PartT | None) -> PartT:
     assert part is not None  # the schema ensures it
     return part
 

@@ -28,8 +28,9 @@ Offered = Mapping[SlotName, tuple[str, ...]]
 """The models of every effect in a problem, from the cheapest to the most complete."""
 
 _MOST_PLACES: Final = 9
-_TIGHTER: Final = (1.0, 0.3, 0.1, 0.03)  # tolerances of the draws, over that of the study
-_DRAWS: Final = ((2**13, 1.0), (2**16, 8.0), (2**20, 16.0))  # numbers of draws of references, and growth of their time
+_TIGHTER: Final = (1.0, 0.3, 0.1, 0.03)  # tolerances of the draws, relative to that of the study
+# Numbers of draws of references, and growth of their computing time.
+_DRAWS: Final = ((2**13, 1.0), (2**16, 8.0), (2**20, 16.0))
 _FEWEST: Final = 2  # candidates needed for a choice
 
 
@@ -54,7 +55,7 @@ def depth_problem(case: Case, name: str, title: str, chosen: Models, offered: Of
         None if there is only one way to compute the camera's depth uncertainty.
     """
     declared, taken = case.all_cameras[name], case.cameras[name]
-    assert isinstance(declared, DepthCamera)  # its depth is asked for
+    assert isinstance(declared, DepthCamera)  # the study requests its depth
     sets: dict[DepthCamera, str] = {}
     for models, tighter in _sets(declared, chosen, offered):
         camera = apply_models(declared, models)
@@ -91,7 +92,7 @@ def _complete(camera: DepthCamera, offered: Offered) -> Models:
 
 
 def _sets(camera: DepthCamera, chosen: Models, offered: Offered) -> Iterator[tuple[Models, float]]:
-    """Sets of models, with the tolerance of their draws over that of the study."""
+    """Sets of models, with the tolerance of their draws relative to that of the study."""
     complete = _complete(camera, offered)
     for propagation in _propagations(camera, offered):
         yield {**chosen, "calibration": propagation}, 1.0
@@ -137,7 +138,7 @@ def _references(camera: DepthCamera, places: FloatArray) -> Iterator[Reference]:
     for draws, growth in _DRAWS:
         drawn = replace(law, tolerance=0.0, max_draws=draws, seed=law.seed + 1, judged=tuple(places.tolist()))
         yield Reference(
-            words=f"every effect, {draws} draws of another seed",
+            words=f"every effect, {draws} draws from another seed",
             compute=partial(_with_error, replace(camera, propagation=drawn), places),
             growth=growth,
         )
@@ -146,8 +147,8 @@ def _references(camera: DepthCamera, places: FloatArray) -> Iterator[Reference]:
 def _with_error(camera: DepthCamera, places: FloatArray) -> tuple[FloatArray, float]:
     """Depth uncertainty [m] and its relative error, the largest over all places.
 
-    The error is that of the draws, from the t-interval of their scrambles, plus the change due to the numerical error δ
-    of the disparity error: √(1 + s ((1 + δ)² − 1)) − 1 with the share s of the noise in the variance.
+    The error is that of the draws, from the Student t interval over their scrambles, plus the change due to the
+    numerical error δ of the disparity error: √(1 + s ((1 + δ)² − 1)) − 1 with the share s of the noise in the variance.
     """
     found = distribution(camera, places, "both")
     share = np.nan_to_num(variance_shares(camera, places)["noise"], nan=1.0)

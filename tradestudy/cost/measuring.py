@@ -20,13 +20,13 @@ _REPEATS: Final = 3
 _SHORT: Final = 2.0  # seconds up to which a computation is timed more than once
 _SHARE_OF_REFERENCES: Final = 0.5  # of the time left, so that time remains for candidates to compare with the reference
 _TENTH: Final = 0.1 * (1.0 + 1e-12)  # allows for rounding
-# Modules whose caches contain no physics: the process's sources and libraries, its processor, this module.
+# Modules whose caches contain no computed physics.
 _KEPT: Final = ("tradestudy.provenance", "tradestudy.machine", "tradestudy.units", __name__)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """One set of models and settings that can answer.
+    """A set of models and settings that can solve a problem.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Candidate:
     chosen
         Whether a run of the study uses it.
     growth
-        Predicted time over that of the slowest candidate measured before it.
+        Predicted time relative to that of the slowest candidate measured before it.
     """
 
     models: str
@@ -48,7 +48,7 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """Values with their error to compare candidates with, about ``growth`` times as slow as the next coarser ones."""
+    """Values, with their error, to compare candidates with; they take ``growth`` times as long as coarser ones."""
 
     words: str
     compute: Callable[[], tuple[FloatArray, float]]
@@ -64,7 +64,7 @@ class CostProblem:
     name, title
         Name in the results, and title.
     difference
-        Relative error of values (first) against the reference's (second).
+        Relative error of values (first argument) against those of a reference (second).
     candidates
         From fast to slow, including the chosen one.
     references
@@ -124,7 +124,9 @@ def measure(problem: CostProblem, seconds: float) -> Measured:
     def take(candidate: Candidate) -> None:
         predicted = candidate.growth * max((took for _, _, took in found), default=0.0)
         if predicted >= left():
-            left_out.append(f"{candidate.models}: needs about {_words(predicted)}, {_words(max(left(), 0.0))} left")
+            left_out.append(
+                f"{candidate.models}: needs about {_words(predicted)}, more than the {_words(max(left(), 0.0))} left"
+            )
             return
         try:
             found.append((candidate, *_timed(candidate.compute, left)))

@@ -18,8 +18,9 @@ from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.units import FRACTION, pretty
 
 _COARSEST, _FINEST = 0.2, 1e-6  # possible tolerances of a picture
-_OF_RAYS: Final = 0.2  # time of a picture by rays over that of one by waves
-_REFERENCES: Final = ((0.5, 2.0), (0.15, 4.0), (0.05, 4.0))  # tolerance over that of the choice, and growth of the time
+_OF_RAYS: Final = 0.2  # time of a picture by rays relative to that of one by waves
+# Tolerance relative to that of the chosen models, and growth of the computing time.
+_REFERENCES: Final = ((0.5, 2.0), (0.15, 4.0), (0.05, 4.0))
 
 
 def spot_problem(part: LightSpotPart, name: str, chosen: SpotModels) -> CostProblem:
@@ -69,7 +70,7 @@ def spot_problem(part: LightSpotPart, name: str, chosen: SpotModels) -> CostProb
 
 
 def _sets(part: LightSpotPart, chosen: SpotModels) -> Iterator[tuple[SpotModels, float]]:
-    """Sets of models, each once, with their time over that of the sets before them."""
+    """Sets of models, each once, with their time relative to that of the sets before them."""
     sets = {chosen: 1.0}
     for method in (*part.methods, "kirchhoff"):
         models = replace(compared_models(part, method), tolerance=chosen.tolerance)

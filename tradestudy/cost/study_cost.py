@@ -54,7 +54,7 @@ def study_cost(plan: Plan, steps: Steps | None = None, *, budget: float = DEFAUL
     plan
         The study with its chosen models.
     steps
-        Where calibrations that are not known yet are inferred, and where progress is reported; None infers them here.
+        What infers calibrations that are not known yet, and reports progress; None infers them in this process.
     budget
         Wall time for all measurements [s]. What does not fit is left out and listed. Inference takes extra time.
 

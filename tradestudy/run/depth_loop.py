@@ -36,7 +36,7 @@ _DEVIATIONS: Final = 6.0  # predicted standard deviations that are always search
 _PILOT: Final = 200  # side [pixels] of the first picture, from which the number of windows is estimated
 _SPARE: Final = 1.1
 MOST_PICTURES: Final = 8
-"""Whole pictures, each with a texture and noise of its own, that are taken of a plane to find enough windows in it."""
+"""Most whole pictures of a plane, each with its own texture and noise, from which windows are collected."""
 _SEEDS_APART: Final = 1000  # more than there are distances
 _NOISE: Final = "shot+read+quantisation"
 _FARTHEST: Final = 100.0  # times the distance
@@ -57,9 +57,9 @@ class LoopPoint:
     distance
         Distance of the plane [m].
     windows, samples
-        How many windows without common pixels are measured, and the rays per pixel.
+        Number of windows without common pixels to measure, and rays per pixel.
     seed
-        Seed of texture and noise; further pictures of the plane add multiples of a number above all distances.
+        Seed of texture and noise; each further picture of the plane adds a constant.
     """
 
     name: str
@@ -114,7 +114,7 @@ def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[
     picture, light = scene.picture, scene.picture.light
     if light.electrons is None and not part.electrons:
         raise OutOfRangeError(
-            "light given in photons differs between the cameras of a depth loop",
+            "light given in photons yields different electrons in the cameras of a depth loop",
             remedy="give depth_loop.electrons, or scene.picture.light.electrons",
         )
     names = part.cameras or tuple(definition.case.cameras)
@@ -152,7 +152,7 @@ def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[
 def measure_loop(
     points: dict[tuple[str, float, float, float], LoopPoint], steps: Steps, seconds: Sequence[float] = ()
 ) -> dict[tuple[str, float, float, float], LoopFinding]:
-    """Measure every plane, on the workers; with the predicted seconds of each, progress counts these."""
+    """Measure every plane on the workers; ``seconds``, predicted for each plane, weigh the progress."""
     labels = [f"{name} at {distance:g} m" for name, distance, _, _ in points]
     return dict(zip(points, steps.map(STEP, measure_on_plane, list(points.values()), labels, seconds), strict=True))
 
@@ -211,7 +211,7 @@ def _enough(camera: DepthCamera, small: DepthCamera, point: LoopPoint) -> tuple[
 
 
 def _stacked(maps: Sequence[_Map]) -> _Map:
-    """Maps as one map with all their rows."""
+    """Maps stacked into one, with all their rows."""
     names = [one.name for one in fields(maps[0])]
     return replace(maps[0], **{name: np.concatenate([getattr(one, name) for one in maps]) for name in names})
 
@@ -266,9 +266,9 @@ def _depth(camera: DepthCamera, small: DepthCamera, point: LoopPoint) -> tuple[D
 
 
 def _cropped(camera: DepthCamera, distance: float, side_px: int) -> DepthCamera:
-    """The camera with the middle of its sensor, as large as a square of a plane with that side in all its pictures.
+    """The camera with only the middle of its sensor, so that all its pictures share a square of the plane.
 
-    Where only a narrower strip is in all of them, it is longer.
+    The square has the given side; if the pictures share only a narrower strip, the strip is longer, with the same area.
     """
     sensor = camera.sensor
     magnification = float(np.ravel(camera.picture_geometry(np.array([distance])).magnification)[0])
@@ -278,7 +278,7 @@ def _cropped(camera: DepthCamera, distance: float, side_px: int) -> DepthCamera:
     across = min(side_px, widest) if widest > 0 else side_px
     down = min(math.ceil(side_px**2 / across), sensor.rows)
     across = max(across, math.ceil(side_px**2 / down))
-    # The parity stays, so that pixels keep their positions.
+    # Parity is preserved, so that pixels keep their positions.
     columns = min(sensor.columns, across + 2 * shift + (sensor.columns - across) % 2)
     rows = min(sensor.rows, down + (sensor.rows - down) % 2)
     changes: dict[str, Any] = {"sensor": replace(sensor, columns=columns, rows=rows)}

@@ -59,14 +59,14 @@ class CameraReader:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PicturesToRead:
-    """Everything that one depth map is made from.
+    """All inputs of one depth map.
 
     Parameters
     ----------
     reader
-        The reader that makes it.
+        The reader that makes the map.
     recording
-        How light became values.
+        How the sensor recorded the light.
     values, depths
         Values of the pictures and their true depth [m], by name.
     waves
@@ -116,7 +116,7 @@ class MeasuredDepth:
 
 
 def set_up_readers(definition: StudyDefinition) -> list[CameraReader]:
-    """The readers that measure depth in the pictures of each camera that takes the scene.
+    """The depth readers of all cameras that take pictures of the scene.
 
     Parameters
     ----------
@@ -149,7 +149,9 @@ def set_up_readers(definition: StudyDefinition) -> list[CameraReader]:
 
 
 def reader_of(definition: StudyDefinition, taken: Taken, ends: tuple[float, float], window_px: float) -> CameraReader:
-    """The reader that measures depth between two distances [m] in a camera's pictures, by windows of a side [samples].
+    """The reader that measures depth between two distances [m] in a camera's pictures, with windows of this side.
+
+    ``window_px`` is in samples.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Export a camera of a study, declared or fitted, to file formats of other programs and as our own posterior."""
+"""Export a camera of a study, declared or fitted, to formats of other programs and to a posterior file of this one."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Export:
     texts
         Files of other programs by name.
     posterior
-        The uncertain parameters, for a file of our own; None if nothing is uncertain or it was not requested.
+        The uncertain parameters, for a file of this program; None if nothing is uncertain or it was not requested.
     left_out
         What the files do not contain, in words.
     """
@@ -106,7 +106,7 @@ def export(definition: StudyDefinition, name: str, words: Sequence[str], *, loss
         refused += [f"a posterior cannot contain {one}: this error arose after the calibration" for one in session]
         posterior = posterior or _declared(definition, camera, name)
         if posterior is None:
-            left_out.append("posterior: nothing about the camera is declared uncertain")
+            left_out.append("posterior: no parameter of the camera is declared uncertain")
     if refused and not lossy:
         raise ExportError(
             "\n".join(refused),

@@ -23,7 +23,7 @@ def infer_calibrations(
     Returns
     -------
     StudyDefinition
-        The study, its cameras with their inferred calibrations.
+        The study, with the inferred calibrations of its cameras.
     mapping of str to InferredCalibration
         Calibrations of the study as declared, by camera.
 

@@ -29,7 +29,7 @@ from tradestudy.study.schema.scene_image import SceneImagePart
 
 STEP: Final = "rendering"
 _BYTES_PER_PIXEL: Final = 16  # values and depth, in tiles and assembled
-_COMPRESSION: Final = 1  # of PNG files: noise hardly compresses, and more takes seven times as long
+_COMPRESSION: Final = 1  # level for PNG files: noise hardly compresses, and higher levels take seven times as long
 _BYTES_PER_SAMPLE: Final = 24  # of a texture while it is generated
 
 
@@ -49,7 +49,7 @@ class TakenPicture:
         Relative difference from a picture with 16 times the rays and, by waves, twice as many computed spreads.
     model_error
         By rays, the relative change that diffraction would make, from a trial; by waves, the share of the light that
-        is bent beyond the range that is followed.
+        diffraction sends beyond the range that is computed.
     tile
         The whole picture as one tile.
     """
@@ -113,7 +113,7 @@ def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
     labels = [f"{tile.camera} {tile.exposure.name}, row {tile.rows[0]}, column {tile.columns[0]}" for tile in flat]
     rendered = iter(steps.map(STEP, render_tile, flat, labels, efforts))
     pictures = [
-        put_together(one, [(tile, next(rendered)) for tile in some], error)
+        assemble(one, [(tile, next(rendered)) for tile in some], error)
         for one, some, error in zip(whole, tiles, errors, strict=True)
     ]
     return Rendering(definition=definition, image=image, scene=scene, cameras=cameras, pictures=pictures)
@@ -164,10 +164,10 @@ def _refuse_too_large(whole: Sequence[Tile], scene: SceneSource, *, workers: int
 
 def take_picture(whole: Tile) -> TakenPicture:
     """Render a picture by rays in this process, tile by tile."""
-    return put_together(whole, [(tile, render_tile(tile)) for tile in tiles_of(whole)], math.nan)
+    return assemble(whole, [(tile, render_tile(tile)) for tile in tiles_of(whole)], math.nan)
 
 
-def put_together(whole: Tile, parts: Sequence[tuple[Tile, Rendered]], model_error: float) -> TakenPicture:
+def assemble(whole: Tile, parts: Sequence[tuple[Tile, Rendered]], model_error: float) -> TakenPicture:
     """Assemble a picture from its tiles."""
     shape = (whole.rows[1], whole.columns[1])
     values = np.empty(shape, parts[0][1].values.dtype)
@@ -228,7 +228,7 @@ def _picture_facts(one: TakenPicture, path: Path, rendering: Rendering) -> dict[
 
 
 def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any]) -> dict[str, Any]:
-    """The record beside the pictures of a camera."""
+    """The content of ``camera.json``."""
     definition, image, sensor = rendering.definition, rendering.image, taken.camera.sensor
     recording = next(one.tile.recording for one in rendering.pictures if one.camera == taken.name)
     part = definition.file.cameras[taken.name]
@@ -245,7 +245,7 @@ def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any
         "study": definition.file.study,
         "units": "lengths in metres, angles in radians, light in electrons",
         "coordinates": "x to the right (columns), y down (rows), z into the scene; upright; positions on the sensor "
-        "start at its middle; a ray (x, y, z) of the camera is rotation × (x, y, z) + centre in the scene",
+        "are relative to its middle; a ray (x, y, z) of the camera is rotation × (x, y, z) + centre in the scene",
         "sensor": {"columns": sensor.columns, "rows": sensor.rows, "pixel_pitch": sensor.pixel_pitch},
         "values": {
             **values,
@@ -263,9 +263,9 @@ def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any
         },
         "scene": {"nearest": near, "farthest": far, "samples": image.samples or taken.camera.rays_per_pixel},
         "sampling_error": "relative difference (root mean square) from pictures with 16 times the samples, at places "
-        "across each picture, without noise; by waves, also from twice as many computed spreads along each axis",
+        "across each picture, without noise; by waves, also from pictures with twice as many spreads along each axis",
         "model_error": "by rays: relative change of pixel intensities (L2) that diffraction would make, from a trial; "
-        "by waves: share of the light that is bent beyond the range that is followed, and redistributed within it",
+        "by waves: share of the light that diffraction sends beyond the computed range, redistributed within it",
         "within_tolerance": "whether both errors, added in quadrature, meet accuracy.pixel_intensity of the study",
         "rig": image.rig,
         "errors": {name: value.tolist() for name, value in taken.errors.items()},

@@ -94,7 +94,7 @@ def compute(
 
 @dataclass(frozen=True, kw_only=True)
 class _Asked:
-    """The study being computed, its designs and readings, and how."""
+    """The study being computed, its designs and readings, and how to compute it."""
 
     plan: Plan
     definition: StudyDefinition
@@ -194,7 +194,7 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
 
 
 def _answers(asked: _Asked, tables: DepthTables, criteria: xr.Dataset | None) -> dict[str, xr.Dataset]:
-    """Claims, requirements and the trade-off, whose criteria join those that a relief derives."""
+    """Claims, requirements and the trade-off, whose criteria join those derived for a relief."""
     definition, file, progress = asked.definition, asked.definition.file, asked.steps.progress
     groups: dict[str, xr.Dataset] = {}
     if file.claims or file.requirements:

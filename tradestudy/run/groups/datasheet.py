@@ -63,7 +63,7 @@ def _repeating(camera: DepthCamera) -> DepthCamera:
 
 
 def fill_rate(camera: DepthCamera, distance: FloatArray) -> FloatArray:
-    """Share of the picture that has a depth: the part seen by both views or enough microlenses, less failures."""
+    """Share of the picture that has a depth: the part seen by both views or enough microlenses, minus failures."""
     limits = camera.limits(distance, UsableCriteria())
     shared = np.ones(distance.shape)
     for name in ("overlap", "availability"):
@@ -73,7 +73,7 @@ def fill_rate(camera: DepthCamera, distance: FloatArray) -> FloatArray:
 
 
 def _places(definition: StudyDefinition) -> FloatArray:
-    """Distances of the decision, filled up across the scene: at most five, and three or more if the scene has them."""
+    """Distances of the decision, with others added across the scene: three to five, fewer if the scene has fewer."""
     file, distance = definition.file, definition.case.distance
     asked = np.array(sorted(set(file.decision.at if file.decision is not None else ())))
     if asked.size < 3:

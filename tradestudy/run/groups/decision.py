@@ -173,7 +173,7 @@ def claims_group(
     for share, (key, name) in zip(shares, asked, strict=False):
         progress("claims", share)
         row, column, claim, dimension = rows.index(key), names.index(name), claims[key], claim_dimension(claims[key])
-        # A reading may also change what a claim asks, such as the blur that counts as sharp; never what it expects.
+        # A reading may also change what a claim asks, such as the blur that counts as sharp, but never what it expects.
         value[row, column] = claim_value(readings[name].file.claims[key], readings[name].case)
         text[row, column] = pretty(value[row, column], dimension)
         answers[key][name] = is_met(claim.expect, value[row, column], dimension)

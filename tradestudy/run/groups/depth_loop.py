@@ -60,7 +60,7 @@ def depth_loop_group(
 def _fit(findings: Sequence[LoopFinding]) -> MatcherFit | str:
     """The matcher of one camera, or why there is none.
 
-    Errors count from their median at each distance, as they do where the matcher is tested: a bias is not noise.
+    Errors are taken from their median at each distance, as in tests of the matcher, because a bias is not noise.
     """
     measured = [one for one in findings if one.errors_px.size]
     try:

@@ -12,7 +12,7 @@ from tradestudy.study.definition import StudyDefinition
 
 
 def depth_map_group(definition: StudyDefinition) -> xr.Dataset | None:
-    """Maps of all cameras that have one, as declared; None without any."""
+    """Maps of all cameras that have one, as declared; None if no camera has one."""
     distance = distances_without_decision(definition.case.distance)
     found = {name: depth_map(camera, distance) for name, camera in definition.case.cameras.items()}
     maps = {name: one for name, one in found.items() if one is not None}

@@ -23,7 +23,7 @@ _FILLED: Final = 0.8  # of the share of the largest blocks that contain a depth
 
 
 def score_values(scores: Sequence[DepthScore | None]) -> dict[str, list[float]]:
-    """Variables of `score_variables`, except the predicted availability; without a score NaN, and 0 for counts."""
+    """Variables of `score_variables`, except the predicted availability; NaN without a score, and 0 for counts."""
     found = {f"depth_{name}": [0.0 if one is None else float(getattr(one, name)) for one in scores] for name in COUNTS}
     for name in ESTIMATES:
         found[f"depth_{name}"] = [math.nan if one is None else float(getattr(one, name)) for one in scores]
@@ -81,7 +81,7 @@ def _reduced(one: MeasuredDepth, block: int) -> dict[str, FloatArray]:
 
 
 def _in_blocks(values: NDArray[Any], block: int) -> NDArray[Any]:
-    """Shape (rows, columns, pixels of a block); incomplete blocks at the last edges are left out."""
+    """Shape (rows, columns, pixels of a block); incomplete blocks at the right and bottom edges are left out."""
     rows, columns = (size // block for size in values.shape)
     inside = values[: rows * block, : columns * block].reshape(rows, block, columns, block)
     return np.moveaxis(inside, 1, 2).reshape(rows, columns, block * block)

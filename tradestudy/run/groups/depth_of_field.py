@@ -17,7 +17,7 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.criteria import criterion_dimension
 from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
 
-# Resolution in the scene is extreme at an end or where blur takes over from sampling; 401 points find that place.
+# The resolution in the scene has its extremes at an end, or where blur takes over from sampling; 401 points find them.
 _SCENE_POINTS: Final = 401
 
 

@@ -31,7 +31,7 @@ STEP: Final = "pictures"
 def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
     """/disparity_causes of the study as declared, without its sweep; None if no disparity error is derived.
 
-    Uses the most complete closed-form models, even where depth leaves effects out, because an omitted cause would
+    Uses the most complete closed-form models, even where depth omits effects, because an omitted cause would
     seem to have no effect; models that the study names take precedence.
     """
     forced = definition.file.effects.forced()
@@ -51,7 +51,7 @@ def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
     seen = [_electrons(camera, law, distance) for camera, law in derived.values()]
     electrons = np.stack([n for n, _ in seen])
     brightest = _brightest(electrons, np.stack([share for _, share in seen]))
-    lacked = [_light_lacked(electrons, k, brightest) for k in range(len(names))]
+    lacked = [_light_deficit(electrons, k, brightest) for k in range(len(names))]
     found = [
         error_causes(camera.picture_geometry(distance), law.settings, law.models, ratio)
         for (camera, law), ratio in zip(derived.values(), lacked, strict=True)
@@ -94,7 +94,7 @@ def _window(geometry: PictureGeometry, law: PictureDisparityError) -> FloatArray
 
 
 def _electrons(camera: DepthCamera, law: PictureDisparityError, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean electrons of a pixel, and the filled share of the brightest one; NaN where there is no picture."""
+    """Mean electrons per pixel, and how full the brightest one is (1: full well); NaN where there is no picture."""
     geometry = camera.picture_geometry(distance)
     imaged = np.isfinite(geometry.magnification)
     seen = (picture_electrons(geometry, law.settings, law.models), filled_share(geometry, law.settings, law.models))
@@ -109,7 +109,7 @@ def _brightest(electrons: FloatArray, filled: FloatArray) -> list[int]:
     return [int(k) for k in np.where(found, fit.argmax(axis=0), -1)]
 
 
-def _light_lacked(electrons: FloatArray, camera: int, brightest: list[int]) -> FloatArray:
+def _light_deficit(electrons: FloatArray, camera: int, brightest: list[int]) -> FloatArray:
     """Electrons of the brightest camera relative to this one; NaN where this one is the brightest."""
     return np.array(
         [

@@ -113,7 +113,7 @@ def _declared(elements: list[ElementPart]) -> Mapping[str, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Pair:
-    """Where both laws are computed."""
+    """The lens, light and f-number for which both laws are computed."""
 
     asked: FresnelValidityPart
     element: ElementPart
@@ -202,7 +202,7 @@ def _at_points(
 
 @dataclass(frozen=True, kw_only=True)
 class _LensInLight:
-    """One lens in light of one wavelength, and what is known of it at the f-numbers."""
+    """One lens in light of one wavelength, and the known differences at all f-numbers."""
 
     asked: FresnelValidityPart
     element: ElementPart

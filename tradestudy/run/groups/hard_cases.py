@@ -31,6 +31,6 @@ def hard_cases_group(asked: HardCasesPart, progress: Progress) -> xr.Dataset:
             "expected": [verdict.reference for verdict in verdicts],
             "outcome": [isinstance(case, OutcomeCase) for _, case in cases],
         },
-        # Names are unique within a family only.
+        # Names are unique only within a family.
         {"case": [f"{family.name}: {case.name}" for family, case in cases]},
     )

@@ -31,7 +31,7 @@ from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 LIT_ABOVE = 0.01
 
 
-def _told(progress: Progress, begin: float, end: float, share: float) -> None:
+def _report(progress: Progress, begin: float, end: float, share: float) -> None:
     progress(STEP, begin + share * (end - begin))
 
 
@@ -43,7 +43,7 @@ def images_group(
     Parameters
     ----------
     part
-        The spot, and the methods to compare at the tolerance of their own.
+        The spot, the methods to compare, and their tolerance.
     steps
         How parts of the pictures are computed.
     seconds
@@ -61,7 +61,7 @@ def images_group(
         progress(STEP, ends[0])
         name = f"image: {one.method}" if one in compared else "image: chosen"
         with timed(seconds, name):
-            pictures[one] = spot_picture(part, one, partial(_told, progress, *ends), steps)
+            pictures[one] = spot_picture(part, one, partial(_report, progress, *ends), steps)
     shown = compared or asked
     found = [pictures[one] for one in shown]
     progress(STEP, 1.0)

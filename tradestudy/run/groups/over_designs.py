@@ -1,4 +1,4 @@
-"""Results over the designs of a sweep, with the swept parameters as leading, described dimensions."""
+"""Results over the designs of a sweep, with the swept parameters as leading dimensions."""
 
 from __future__ import annotations
 

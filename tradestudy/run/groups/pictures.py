@@ -50,7 +50,7 @@ def _block(one: TakenPicture) -> int:
 
 
 def _reduced(one: TakenPicture) -> tuple[FloatArray, FloatArray]:
-    """Brightness and depth of blocks; incomplete blocks at the last edges are left out."""
+    """Brightness and depth of blocks; incomplete blocks at the right and bottom edges are left out."""
     side = _block(one)
     rows, columns = (size // side for size in one.values.shape)
     inside = one.values[: rows * side, : columns * side].astype(np.float64)

@@ -13,9 +13,9 @@ import xarray as xr
 from tradestudy.analysis.point_spreads import (
     MEASURES,
     SpreadMethod,
+    base_values,
     case_of,
     spread_measures,
-    standing_values,
     varied_values,
 )
 from tradestudy.effects.models import Models
@@ -83,7 +83,7 @@ def point_spread_group(part: PointSpreadPart, steps: Steps, seconds: Seconds, mo
             "airy_radius": [case_of(part, element, {}).airy_radius for element in elements],
             "value": [padded] * len(elements),
             "varied_units": [_UNITS[name] for name in varied],
-            "standing": [[standing_values(part, element)[name] for name in varied] for element in elements],
+            "standing": [[base_values(part, element)[name] for name in varied] for element in elements],
             **values,
             "chosen": [float(models["main_lens_diffraction"] == method) for method in METHODS],
         },

@@ -49,7 +49,7 @@ def rig_trust(inferred: Mapping[str, InferredCalibration]) -> dict[str, FloatArr
 
 
 def rig_lenses(inferred: Mapping[str, InferredCalibration]) -> tuple[dict[str, FloatArray], list[str]]:
-    """What other lens models would change, over calibrations and the models; NaN where none was compared."""
+    """Changes that other lens models would make, over calibrations and lens models; NaN where none was compared."""
     known = [one.trust.lenses if one.trust is not None else {} for one in inferred.values()]
     names = list(dict.fromkeys(name for lenses in known for name in lenses))
     if not names:
@@ -87,7 +87,7 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
         f"{pretty(fit.explained.left_rms_px, PIXELS)}, {pretty(fit.explained.right_rms_px, PIXELS)}",
     )
     yield "noise of one corner coordinate", pretty(fit.explained.noise_px, PIXELS)
-    yield "gain in log likelihood by this motion", significant(fit.explained.log_likelihood_gain)
+    yield "gain in log likelihood from this motion", significant(fit.explained.log_likelihood_gain)
     shared, covariance = fit.explained.shared, fit.covariance
     baseline = float(np.linalg.norm(shared[TRANSLATION]))
     direction = shared[TRANSLATION] / baseline

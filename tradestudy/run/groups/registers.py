@@ -47,7 +47,7 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
 
 
 def assumptions_group(definition: StudyDefinition) -> xr.Dataset:
-    """/assumptions: every value with its basis, listed once for all cameras that inherit it from one place.
+    """/assumptions: every value with its basis, listed once for all cameras that inherit it from the same place.
 
     Values set for this run are marked, with the values that they replace.
     """
@@ -91,7 +91,7 @@ def _declared(document: Document) -> Iterator[dict[str, str | None]]:
 
 
 def _defaults(definition: StudyDefinition) -> Iterator[dict[str, str | None]]:
-    """Defaults that no camera declares although its kind needs them, listed once for all cameras that rely on them."""
+    """Defaults of values that cameras need but do not declare, listed once for all cameras that rely on them."""
     left_out: dict[tuple[tuple[str, ...], str], list[str]] = {}
     for name, part in definition.file.cameras.items():
         for path, text in part.assumed():

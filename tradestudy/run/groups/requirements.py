@@ -28,7 +28,8 @@ from tradestudy.study.varying import Varying
 from tradestudy.wording import limit_words
 
 _BY_MATCHING: Final = ("depth_uncertainty", "usable", "failed_fraction")  # quantities that depend on the matcher
-_OF_ERRORS: Final = ("depth_uncertainty", "relative_uncertainty", "failed_fraction")  # quantities and limits
+# Quantities and limits that depend on errors.
+_OF_ERRORS: Final = ("depth_uncertainty", "relative_uncertainty", "failed_fraction")
 _ROOT_TO: Final = 0.1  # of the tolerance: relative accuracy of the ends of an interval
 
 
@@ -147,7 +148,7 @@ def _tolerance(definition: StudyDefinition, requirement: RequirementPart) -> flo
 
 
 def _near_its_bound(definition: StudyDefinition, answers: Sequence[RequirementAnswer]) -> list[float]:
-    """Whether what was left out could reverse each answer: 1 it could, 0 it could not."""
+    """1 for every answer that omitted effects could reverse, 0 for the others."""
     requirements = definition.file.requirements.values()
     of_ends = definition.file.accuracy.asked().tolerances["usable_range"]
     pairs = zip(answers, requirements, strict=True)
@@ -186,10 +187,10 @@ def _stretches(
         numbers = list(group)
         first, last = numbers[0], numbers[-1]
         (low, low_error), (high, high_error) = (
-            _root(definition, requirement, axis, (places[end], places[beside]), camera, judge)
-            if 0 <= beside < len(column)
+            _root(definition, requirement, axis, (places[end], places[neighbour]), camera, judge)
+            if 0 <= neighbour < len(column)
             else (places[end], 0.0)
-            for end, beside in ((first, first - 1), (last, last + 1))
+            for end, neighbour in ((first, first - 1), (last, last + 1))
         )
         found.append(_Stretch(low=low, high=high, error=max(low_error, high_error), camera=camera))
     return found
@@ -221,7 +222,7 @@ def _root(
     def holds(value: float) -> bool | None:
         try:
             case = planned(definition.with_values(varying.changes(value))).case
-        except StudyError:  # no study has a value between
+        except StudyError:  # no valid study lies between
             return None
         return _met_by(requirement, judge.answer(requirement, case)[0]) == camera
 

@@ -46,13 +46,13 @@ def sensitivity_group(definition: StudyDefinition, distance: FloatArray, steps: 
             ):
                 if alone is not None:
                     errors = np.stack([bar.half_width_error for bar in alone.bars])
-                    _lay(into[f"{kind}_uncertainty"][i, j], columns, alone.names, alone.half_width)
-                    _lay(into[f"{kind}_uncertainty_error"][i, j], columns, alone.names, errors)
+                    _fill(into[f"{kind}_uncertainty"][i, j], columns, alone.names, alone.half_width)
+                    _fill(into[f"{kind}_uncertainty_error"][i, j], columns, alone.names, errors)
             refused[i, j] = one.no_indices if one.indices is None else one.indices.refused
             if one.indices is not None:
                 for name, suffix in itertools.product(("first", "total"), ("", "_error")):
                     share = getattr(one.indices, name + suffix)
-                    _lay(by_source[f"{name}_index{suffix}"][i, j], sources, one.indices.names, share)
+                    _fill(by_source[f"{name}_index{suffix}"][i, j], sources, one.indices.names, share)
     values: dict[str, Any] = {
         **by_source,
         "source_class": [[c[s].error_class.value if s in c else "" for s in sources] for c in groups],
@@ -79,7 +79,7 @@ _SOURCE_VARIABLES = (
 _PARAMETER_VARIABLES = ("parameter_uncertainty", "parameter_uncertainty_error")
 
 
-def _lay(into: FloatArray, columns: list[str], names: tuple[str, ...], values: FloatArray) -> None:
+def _fill(into: FloatArray, columns: list[str], names: tuple[str, ...], values: FloatArray) -> None:
     """Write rows by name (names, distances) into columns (distances, columns)."""
     for name, row in zip(names, values, strict=True):
         into[:, columns.index(name)] = row

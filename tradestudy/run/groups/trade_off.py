@@ -110,7 +110,7 @@ def _ranks(found: Acceptability) -> dict[str, Any]:
 
 
 def _feasible(design: StudyDefinition, names: Sequence[str], judge: Judge) -> list[bool]:
-    """Whether each candidate meets all "must" requirements; one on any camera must be met by the candidate itself."""
+    """Whether each candidate itself meets all "must" requirements, including those that any camera may meet."""
     feasible = dict.fromkeys(names, True)
     for one in design.file.requirements.values():
         if one.priority != "must":

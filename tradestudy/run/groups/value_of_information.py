@@ -1,4 +1,4 @@
-"""/value_of_information: the worth of knowing each assumption, and how certain the best camera and requirements are."""
+"""/value_of_information: the worth of knowing each assumption, and how certain the best camera and the answers are."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def value_of_information_group(
     return dataset(
         NAME,
         {
-            "worth": [min(one.value, whole.value) for one in found],  # one is never worth more than all
+            "worth": [min(one.value, whole.value) for one in found],  # one assumption is never worth more than all
             "worth_error": [one.error for one in found],
             "worth_bias": [one.bias for one in found],
             "says": [one.says or (one.paths[0] if one.paths else name) for name, one in part.assumptions.items()],
@@ -118,7 +118,7 @@ def _outcome(
 
 
 def _loss(case: Case, name: str, places: FloatArray, unusable: float) -> FloatArray:
-    """Relative depth uncertainty over distance, capped at the study's loss for an unusable camera."""
+    """Relative depth uncertainty over distance, capped at the loss that the study assigns to an unusable camera."""
     relative = depth_uncertainty(case.cameras[name], places) / places
     counted = is_usable(case, name, places) & np.isfinite(relative)
     return np.where(counted, np.minimum(relative, unusable), unusable)
