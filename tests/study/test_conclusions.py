@@ -104,7 +104,7 @@ def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on
     assert shown
     assert float(shown[1]) == pytest.approx(100.0 * first["first"], abs=0.51)
     assert re.fullmatch(
-        r"Rests on, so measure first: yaw of Stereo head, 75 mm, assumed 0\.01 deg \(9\d % of the variance at 3 m\); "
+        r"Rests on \(measure first\): yaw of Stereo head, 75 mm, assumed 0\.01 deg \(9\d % of the variance at 3 m\); "
         r"matching noise of Raytrix R5.*",
         rests,
     )
@@ -153,7 +153,7 @@ def test_a_few_lines_are_enough_and_the_rest_is_counted(swept: Result) -> None:
     assert len(swept.lines()) == 5
     *_, more, rests = terminal_lines(swept.data, 3)
     assert re.search(r"\b3 more conclusions .*\b1 requirement not met", more)
-    assert rests.startswith("Rests on, so measure first")
+    assert rests.startswith("Rests on (measure first)")
 
 
 def test_answers_to_questions_come_before_a_second_requirement(swept: Result) -> None:

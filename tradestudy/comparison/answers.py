@@ -27,7 +27,7 @@ _WORST = "worst "
 
 @dataclass(frozen=True, kw_only=True)
 class Answers:
-    """The questions of one kind that are answered differently, and the number of those answered alike."""
+    """The questions of one kind that are answered differently, and the number of those answered the same."""
 
     changed: tuple[Difference, ...]
     unchanged: int
@@ -81,7 +81,7 @@ def _reasons(ones: Sequence[RequirementConclusion]) -> str:
 
 
 def _of_designs(what: str, ones: Sequence[RequirementConclusion]) -> Iterator[Difference]:
-    """The ranges of a single swept number in which the requirement is met; otherwise the number of designs."""
+    """The ranges of a single swept number in which the requirement is met; else the number of designs."""
     ranges = [one.met_ranges for one in ones if one.met_ranges is not None]
     parameters = {one.parameter for found in ranges for one in found}
     designs = [one.designs for one in ones if one.designs is not None]
@@ -119,7 +119,7 @@ def compare_ranks(runs: Sequence[Run]) -> Answers:
     if len({one.title for one in there}) == 1:
         return Answers(changed=(), unchanged=1)
     values = tuple(f"{one.title} (for {pretty(one.ranks[0], FRACTION, digits=2)} of the weights)" for one in there)
-    return Answers(changed=(Difference(what="By all criteria, first", values=values),), unchanged=0)
+    return Answers(changed=(Difference(what="Ranked first by all criteria", values=values),), unchanged=0)
 
 
 def compare_claims(runs: Sequence[Run]) -> Answers:
@@ -138,7 +138,7 @@ def compare_claims(runs: Sequence[Run]) -> Answers:
 
 
 def compare_questions(runs: Sequence[Run]) -> Answers:
-    """Compare answers to inverse questions that every run asks; only moves beyond their errors count as changes."""
+    """Compare answers to inverse questions that every run asks; only shifts beyond their errors count as changes."""
     if not all(has(run.tree, "decision", "solved_says", "solved_answer", "solved_value") for run in runs):
         return Answers(changed=(), unchanged=0)
     rows = [{str(row["solved_says"]): row for row in records(run.tree, "decision", "question")} for run in runs]

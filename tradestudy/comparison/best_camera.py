@@ -38,7 +38,7 @@ class BestBetween:
 
 @dataclass(frozen=True, kw_only=True)
 class Edge:
-    """A distance where the best camera switches [m], its error [m], and the best cameras nearer and farther."""
+    """A distance where the best camera switches [m], its error [m], and the best cameras before and beyond it."""
 
     place: float
     error: float
@@ -55,7 +55,7 @@ def best_is_compared(runs: Sequence[Run]) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Best:
-    """Where the runs name different best cameras, and whether errors of the switch distances explain other cases."""
+    """Where the runs name different best cameras, and whether errors of the switches explain further differences."""
 
     changed: tuple[Difference, ...]
     has_explained: bool
@@ -102,7 +102,7 @@ def _ranges(winners: Sequence[Sequence[Winner]], ends: tuple[float, float]) -> I
 
 
 def _best_at(found: Sequence[Winner], place: float) -> str:
-    """Of the range that contains the place, or of the nearest one where a sliver is not reported."""
+    """The best camera of the range that contains the place, or of the nearest one where a sliver is not reported."""
     return min(found, key=lambda one: max(one[0] - place, place - one[1]))[2]
 
 
@@ -121,7 +121,7 @@ def _is_same(one: float, other: float) -> bool:
 
 
 def _edges(tree: xr.DataTree, found: Sequence[Winner]) -> Iterator[Edge]:
-    """Where the best camera switches, with the error of the root there, else the gap between two distances."""
+    """Where the best camera switches; the error is that of the root or, without one, the gap between two distances."""
     depth = nominal(tree)
     every = np.asarray(depth["distance"].values, dtype=np.float64)
     is_declared = nominal_is_declared(tree)  # else the curves belong to another design than the decision
@@ -153,7 +153,7 @@ def _ends_of_use(tree: xr.DataTree, depth: xr.Dataset) -> Iterator[tuple[float, 
 
 
 def _moved_by_models(tree: xr.DataTree, depth: xr.Dataset, place: float, cameras: set[str]) -> float:
-    """How far the crossover of two curves moves [m] when each is off by what its models leave out."""
+    """How far the crossover of two curves moves [m] if each shifts by what its models leave out."""
     shares = [left_out_share(tree, camera, "depth_uncertainty") for camera in cameras]
     if len(cameras) != 2 or not any(shares):
         return 0.0

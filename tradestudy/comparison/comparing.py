@@ -90,7 +90,7 @@ def _conclusions(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], tuple[str
 
 
 def _notes(runs: Sequence[Run], results: Results) -> Iterator[str]:
-    """Sentences on what the runs do not share and is therefore not compared."""
+    """Sentences on what is not compared, because the runs do not share it."""
     checksums = {str(run.record.get(_CHECKSUM, run.name)) for run in runs}
     if len(checksums) == 1:
         yield "The results are identical, to the last bit."

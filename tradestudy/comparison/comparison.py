@@ -21,7 +21,7 @@ _RESULTS: Final = "Results that differ by more than their error"
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """What differs between runs, in the order of the runs, and how much does not.
+    """What differs between runs, each value in the order of the runs, and how much is the same.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Comparison:
     results
         Numbers that differ by more than their error, the largest difference first.
     same_results
-        Number of results that do not.
+        Number of results that do not differ.
     overlay
         The figure of the curves that changed; None if there is nothing to draw.
     without_overlay

@@ -42,7 +42,7 @@ class Difference:
 
     @property
     def change(self) -> str:
-        """The values one after the other, and where."""
+        """The values one after the other, and where they differ."""
         return " ".join(filter(None, (ARROW.join(self.values), self.where)))
 
     def __str__(self) -> str:

@@ -16,7 +16,7 @@ from tradestudy.results.views.groups import group, has
 from tradestudy.units import ANGLE, DURATION, ELECTRONS, FRACTION, LENGTH, PIXELS, UnitError, parse
 
 NOT_SET: Final = "not set"
-_ROUNDING: Final = 1e-12  # of what files of calibrations are converted to
+_ROUNDING: Final = 1e-12  # relative, of values converted from calibration files
 _NAMES: Final = ("study", "title", "question")
 _NUMBER: Final = re.compile(r"[+-]?\d+(\.\d*)?(e[+-]?\d+)?")
 _QUANTITY: Final = re.compile(r"([+-]?[\d.]+(?:e[+-]?\d+)?)\s*([^\W\d]+|%)")
@@ -26,8 +26,8 @@ _DIMENSIONS: Final = (LENGTH, ANGLE, FRACTION, PIXELS, ELECTRONS, DURATION)
 def differing_inputs(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], int]:
     """Declared values that differ, for cameras that every run has, and the number of compared values.
 
-    Values that read differently and mean the same, such as 50mm and 0.05 m, do not differ; nor do those that rounding
-    alone tells apart, such as a rotation that one file writes as a vector and another one as a matrix.
+    Values that are written differently but mean the same, such as 50mm and 0.05 m, count as equal; so do values that
+    differ only by rounding, such as a rotation that one file writes as a vector and another as a matrix.
     """
     shared = set(common_cameras(runs, "cameras"))
     every = [run.record.get("inputs", {}) for run in runs]
@@ -48,7 +48,7 @@ def differing_inputs(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], int]:
 
 
 def _are_alike(one: str, other: str) -> bool:
-    """Whether two values mean the same, up to the rounding of the largest number of a list, and of 1 rad of angles."""
+    """Whether two values mean the same, up to rounding relative to the largest number of a list or to 1 rad."""
     meanings = [[_meaning(part) for part in _parts(text)] for text in (one, other)]
     if [what for what, _ in meanings[0]] != [what for what, _ in meanings[1]]:
         return False

@@ -146,7 +146,7 @@ def _worst_value(runs: Sequence[Run], ones: Sequence[Mapping[str, Any]]) -> Chan
 
 
 def _variables(runs: Sequence[Run]) -> Iterator[tuple[str, str]]:
-    """Groups and variables that every run contains, with known errors, that nothing else covers."""
+    """Groups and variables with known errors that every run contains and nothing else covers."""
     for name in runs[0].tree.children:
         if name in _COVERED_ELSEWHERE or not all(name in run.tree.children for run in runs):
             continue
@@ -175,7 +175,7 @@ class _Aligned:
     errors: tuple[xr.DataArray, ...]
 
     def of(self, camera: str) -> _Aligned:
-        """The part for one camera; everything for results that belong to none."""
+        """The part that belongs to one camera; everything if the results belong to none."""
         if not camera:
             return self
         return _Aligned(
@@ -189,7 +189,7 @@ def _aligned(runs: Sequence[Run], name: str, variable: str) -> _Aligned | None:
     tables = []
     for run in runs:
         values, error = group(run.tree, name)[variable], stated_error(run.tree, name, variable)
-        assert error is not None  # only variables with known errors come here
+        assert error is not None  # callers pass only variables with known errors
         tables.append(xr.Dataset({"value": values.astype(float), "error": error.broadcast_like(values)}))
     first = tables[0]
     bare = [dim for dim in first["value"].dims if dim not in first.coords]

@@ -16,11 +16,11 @@ ROUNDING: Final = 1e-9
 """Relative change of a value that another machine or library may cause."""
 _CLOSED_FORM: Final = ("rounding", "exact")
 _FROM_DRAWS: Final = "standard error"
-_LINEAR_TOO: Final = "depth_uncertainty_error"
+_DRAWN_OR_LINEAR: Final = "depth_uncertainty_error"
 
 
 def error_name(data: xr.Dataset, name: str) -> str | None:
-    """The variable with the error of another; empty for rounding alone, None if no number states the error."""
+    """The variable that contains the error of another; empty for rounding alone, None if no number states the error."""
     if f"{name}_error" in data:
         return f"{name}_error"
     says = str(data[name].attrs.get("error", ""))
@@ -38,24 +38,24 @@ def stated_error(tree: xr.DataTree, name: str, variable: str) -> xr.DataArray | 
     counts as zero.
     """
     data = group(tree, name)
-    beside = error_name(data, variable)
-    if beside is None:
+    error_variable = error_name(data, variable)
+    if error_variable is None:
         return None
     values = abs(data[variable].astype(float))
     known = values.where(np.isfinite(values), 0.0)
     # Far below the largest value, numbers differ by rounding alone.
     error = ROUNDING * xr.ones_like(known) * (known.max() if known.size else 0.0)
-    if beside:
-        stored = data[beside].astype(float).fillna(0.0)
+    if error_variable:
+        stored = data[error_variable].astype(float).fillna(0.0)
         stored = stored.max([dim for dim in stored.dims if dim not in values.dims])  # if it has more dimensions
-        error = error + stored * _standard_errors(tree, data, beside)
+        error = error + stored * _standard_errors(tree, data, error_variable)
     return error + _left_out(tree, data, variable) * known
 
 
-def _standard_errors(tree: xr.DataTree, data: xr.Dataset, beside: str) -> xr.DataArray | float:
-    """Factor of a stored error; by camera where it depends on how the depth errors were propagated."""
-    says = str(data[beside].attrs.get("long_name", ""))
-    if beside != _LINEAR_TOO and _LINEAR_TOO not in says:
+def _standard_errors(tree: xr.DataTree, data: xr.Dataset, error_variable: str) -> xr.DataArray | float:
+    """Factor by which a stored error counts; by camera where it depends on how the depth errors were propagated."""
+    says = str(data[error_variable].attrs.get("long_name", ""))
+    if error_variable != _DRAWN_OR_LINEAR and _DRAWN_OR_LINEAR not in says:
         return SURE if _FROM_DRAWS in says else 1.0
     keys = data["camera"].values
     counts = [standard_errors(tree, str(key)) for key in keys]
@@ -63,7 +63,7 @@ def _standard_errors(tree: xr.DataTree, data: xr.Dataset, beside: str) -> xr.Dat
 
 
 def standard_errors(tree: xr.DataTree, camera: str) -> float:
-    """Factor of the error of a depth uncertainty: `SURE` for a standard error of draws, 1 for linear propagation."""
+    """Factor by which the error of a depth uncertainty counts: `SURE` if draws give it, 1 if a linear model does."""
     if not has(tree, "effects", "problem_of", "slot", "model", "chosen"):
         return SURE
     effects = group(tree, "effects")
@@ -93,7 +93,7 @@ def beyond(values: tuple[FloatArray, FloatArray], errors: tuple[FloatArray, Floa
     """Where two arrays differ by more than both errors; a value known in only one of them differs."""
     first, other = values
     alike = (first == other) | (np.isnan(first) & np.isnan(other))
-    with np.errstate(invalid="ignore"):  # infinity minus infinity, which counts as alike
+    with np.errstate(invalid="ignore"):  # ∞ − ∞, which counts as equal
         apart = np.abs(other - first) > np.hypot(*errors)
     known = np.isfinite(first) & np.isfinite(other)
     return np.asarray(~alike & np.where(known, apart, True))

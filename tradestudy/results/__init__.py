@@ -86,7 +86,7 @@ def dataset(
     attributes
         Attributes of the group.
     """
-    import xarray as xr  # not above: a plan uses words of the results but makes none
+    import xarray as xr  # here, because plans use only the words of the results
 
     declared = GROUPS[group]
     variables = {}

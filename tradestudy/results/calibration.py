@@ -21,7 +21,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_lengths": Variable(
         dims=("posterior",),
         units="1",
-        long_name="kept steps over the longest autocorrelation time",
+        long_name="kept steps divided by the longest autocorrelation time",
         symbol="N/τ",
     ),
     "posterior_acceptance": Variable(
@@ -30,7 +30,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_marginal_efficiency": Variable(
         dims=("posterior",),
         units="1",
-        long_name="effective fraction of draws after reweighting to poses fitted again at each draw",
+        long_name="effective fraction of draws after reweighting them with poses refitted at each draw",
     ),
     "posterior_evaluations": Variable(dims=("posterior",), units="1", long_name="evaluations of the log posterior"),
     "posterior_seconds": Variable(dims=("posterior",), units="s", long_name="time of sampling"),
@@ -75,7 +75,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
         dims=("posterior",),
         units="",
         long_name="lens model of both cameras, unless it is a pinhole with k1 and k2: its name, the coefficients "
-        "that are parameters, and what the fit started from",
+        "that are parameters, and the starting point of the fit",
     ),
     "posterior_pixels": Variable(
         dims=("posterior", "side"), units="px", long_name="columns and rows of the calibration pictures; 0 if none"
@@ -110,7 +110,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_lens_support": Variable(
         dims=("posterior", "lens_model"),
         units="1",
-        long_name="log likelihood of views left out in turn by another lens model, above that by the one in use; "
+        long_name="gain in log likelihood, for views left out in turn, of another lens model over the one in use; "
         "NaN where that was not compared",
         error="rig_lens_support_deviation",
     ),
@@ -123,7 +123,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_lens_change": Variable(
         dims=("posterior", "lens_model", "rig_distance"),
         units="m",
-        long_name="depth that another lens model reads in the same pictures, less that of the one in use",
+        long_name="change of the depth measured in the same pictures when another lens model replaces the one in use",
         error="rig_lens_change_deviation",
     ),
     "rig_lens_change_deviation": Variable(
@@ -140,7 +140,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_overconfidence": Variable(
         dims=("posterior", "parameter"),
         units="1",
-        long_name="standard deviation with the left–right term over that without it; NaN where there is no such term",
+        long_name="standard deviation with the left–right term relative to that without it; NaN without that term",
     ),
 }
 

@@ -39,7 +39,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="m",
         long_name="standard error of depth_uncertainty over scrambles of the draws; with linear propagation, its "
-        "measured departure from draws",
+        "measured difference from draws",
         error="an estimate of an error; NaN where the interval is not bounded",
     ),
     "depth_uncertainty_by_error_source": Variable(
@@ -68,7 +68,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_quantile": Variable(
         dims=("camera", "distance", "error_source", "quantile"),
         units="m",
-        long_name=f"quantile of one measured depth; infinite beyond the pole, {_UNSEEN}",
+        long_name=f"quantile of one measured depth; infinite where that is at or beyond infinity, {_UNSEEN}",
         symbol="a_p",
         error=SEE_ERROR,
     ),
@@ -76,8 +76,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance", "error_source"),
         units="1",
         long_name="fraction of measurements that fail: disparity beyond that of infinity, or a declared fraction of "
-        "false "
-        f"matches; {_UNSEEN}",
+        f"false matches; {_UNSEEN}",
         symbol="P(a = ∞)",
         error="failed_fraction_error",
     ),
@@ -90,8 +89,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "converged": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="whether the t-interval of every reported half width is within the tolerance; where an interval has "
-        "no far end, that of the failed fraction",
+        long_name="whether the Student t interval of every reported half width is within the tolerance; where an "
+        "interval has no far end, that of the failed fraction",
         error="a comparison",
     ),
     "equivalent_baseline": Variable(
@@ -104,7 +103,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "disparity_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="disparity over the estimator's baseline",
+        long_name="disparity across the estimator's baseline",
         symbol="Δσ",
         reference=_EIGHT,
         error=DEPTH_ROUNDING,
@@ -167,8 +166,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "usable_near_error": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="standard error over scrambles of the draws; 0 where none decide, infinite where not all have "
-        "the end, NaN where a camera has fewer intervals",
+        long_name="standard error over scrambles of the draws; 0 where no draws decide the end, infinite where not "
+        "every scramble has it, NaN where a camera has fewer intervals",
         error="an estimate of an error",
     ),
     "usable_far": Variable(
@@ -180,8 +179,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "usable_far_error": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="standard error over scrambles of the draws; 0 where none decide, infinite where not all have "
-        "the end, NaN where a camera has fewer intervals",
+        long_name="standard error over scrambles of the draws; 0 where no draws decide the end, infinite where not "
+        "every scramble has it, NaN where a camera has fewer intervals",
         error="an estimate of an error",
     ),
     "near_limit": Variable(dims=("camera", "interval"), units="", long_name="limit that sets the near end"),
@@ -196,23 +195,23 @@ _OF_FIELD: Final = (
 DEPTH_FIELD: Final[Mapping[str, Variable]] = {
     name: replace(DEPTH[name], dims=("camera", "field", *DEPTH[name].dims[1:])) for name in _OF_FIELD
 }
-"""/depth_field: the same variables off the axis, at declared places in the field."""
+"""/depth_field: the same variables off the axis, at the declared field positions."""
 
 DEPTH_MAP: Final[Mapping[str, Variable]] = {
     "depth_uncertainty": Variable(
         dims=("camera", "distance", "down", "across"),
         units="m",
         long_name="half the central 68.27 % interval of one measured depth over the picture, down and across as shares "
-        "of half the sensor from its middle: noise exactly, calibration as a line in inverse depth; infinite where the "
-        "interval has no far end, NaN where not both cameras see the point",
+        "of half the sensor from its middle, with noise exact and calibration linear in inverse depth; infinite where "
+        "the interval has no far end, NaN where only one camera sees the point, or neither",
         symbol="u(a)",
         error=SEE_ERROR,
     ),
     "depth_uncertainty_error": Variable(
         dims=("camera", "distance", "down", "across"),
         units="m",
-        long_name="of depth_uncertainty: the largest departure of the line that is measured at this distance on the "
-        "axis, half way to the corner and in the corner",
+        long_name="error of depth_uncertainty: the largest error of the linear model at this distance, measured on "
+        "the axis, halfway to the corner and in the corner",
         error="an estimate of an error; NaN where none is measured",
     ),
 }
@@ -222,9 +221,9 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "matched_window_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="side of the square matching window: the declared one, or the largest that the compared pictures "
-        "share of an object; for several pairs, that of a single pair with the same information; px as in "
-        "disparity_error_px; 0 where they share none, NaN where the camera forms no image",
+        long_name="side of the square matching window: the declared one, or the largest part of an object that the "
+        "compared pictures share; for several pairs, that of a single pair with the same information; px as in "
+        "disparity_error_px; 0 where they share nothing, NaN where the camera forms no image",
         symbol="W",
         error=ROUNDING + "; for least squares up to 8 % too small",
     ),
@@ -270,7 +269,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "matched_error_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="disparity_error_px plus what the declared matcher adds; NaN and infinite where that is",
+        long_name="disparity_error_px plus what the declared matcher adds; NaN or infinite where disparity_error_px is",
         symbol="σ_d",
         error="see matched_error_px_error",
     ),

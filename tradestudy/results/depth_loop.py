@@ -21,8 +21,8 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     "over_matcher": Variable(
         dims=_POINT,
         units="1",
-        long_name="standard deviation of the errors of true matches over the fitted matcher's prediction for their "
-        "windows",
+        long_name="standard deviation of the errors of true matches, relative to the fitted matcher's prediction for "
+        "their windows",
         error="see over_matcher_error",
     ),
     "over_matcher_error": Variable(
@@ -38,7 +38,7 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
         dims=_CAMERA, units="", long_name="fitted matcher, in the notation of study files, or why there is none"
     ),
     "matcher_factor": Variable(
-        dims=_CAMERA, units="1", long_name="matching noise over its bound", error="see matcher_factor_error"
+        dims=_CAMERA, units="1", long_name="matching noise relative to its bound", error="see matcher_factor_error"
     ),
     "matcher_factor_error": Variable(dims=_CAMERA, units="1", long_name="error of matcher_factor", error=_FIT),
     "matcher_floor": Variable(

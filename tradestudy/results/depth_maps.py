@@ -16,16 +16,17 @@ _ESTIMATES: Final = {
     "spread": ("m", "half the central 68.27 % interval of measured minus true depth"),
     "own": ("m", "median standard deviation of depth from noise, given each window's texture, to first order"),
     "predicted": ("m", "median of the camera's depth uncertainty at the true distances; NaN where none is predicted"),
-    "relative_bias": ("1", "median of the errors, each over the prediction at its distance"),
-    "relative_spread": ("1", "half the central 68.27 % interval of the errors, each over its prediction"),
+    "relative_bias": ("1", "median of the errors, each divided by the prediction at its distance"),
+    "relative_spread": ("1", "half the central 68.27 % interval of the errors, each divided by its prediction"),
     "within": ("1", "fraction of the errors within three predicted standard deviations"),
-    "filled": ("1", "fill rate: points with a depth over points that appear in two of the compared pictures"),
-    "available": ("1", "points that appear in two of the compared pictures over all points that show a surface"),
+    "filled": ("1", "fill rate: points with a depth, divided by points that appear in two of the compared pictures"),
+    "available": ("1", "points that appear in two of the compared pictures, divided by all points that show a surface"),
     "bias_px": ("px", "median error of the disparity"),
     "spread_px": ("px", "half the central 68.27 % interval of the errors of the disparity"),
     "over_bound": (
         "1",
-        "half the central 68.27 % interval of the errors, each over its prediction from noise and the window's texture",
+        "half the central 68.27 % interval of the errors, each divided by its prediction from noise and the window's "
+        "texture",
     ),
     "neighbour_correlation": ("1", "correlation of the errors of adjacent points"),
     "window_correlation": ("1", "correlation of the errors of points one matching window apart"),
@@ -34,7 +35,7 @@ ESTIMATES: Final = tuple(_ESTIMATES)
 _COUNTS: Final = {
     "points": "points that show a surface within the searched distances",
     "seen": "unoccluded points that appear in two of the compared pictures",
-    "measured": "those of these points that have a depth",
+    "measured": "unoccluded points that appear in two of the compared pictures and have a depth",
     "measured_unseen": "points with a depth that do not appear in two of the compared pictures",
     "windows": "non-overlapping matching windows that the measured points fill",
 }
@@ -89,8 +90,8 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "map_sharp": Variable(
         dims=_MAP,
         units="1",
-        long_name="all-in-focus picture that the camera computes from its depth, over that of a white scene; NaN where "
-        "it computes none",
+        long_name="all-in-focus picture that the camera computes from its depth, divided by that of a white scene; NaN "
+        "where it computes none",
         error="that of the depths used, and the noise of the picture",
     ),
     "class_distance": Variable(

@@ -26,7 +26,7 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "diffraction": Variable(
         dims=("sharp",),
         units="",
-        long_name="width of the diffraction spot that counts beside defocus: none, fwhm, airy-diameter",
+        long_name="width of the diffraction spot that counts in addition to defocus: none, fwhm, airy-diameter",
     ),
     "slice_name": Variable(
         dims=("camera", "sharp", "slice"),
@@ -39,21 +39,21 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
         "far limit of a slice; infinite from the hyperfocal distance on; NaN where nothing is sharp",
     ),
     "sharp_near": _length(
-        ("camera", "sharp", "stretch"), "near end of a range that some slice keeps sharp; NaN beyond the last one"
+        ("camera", "sharp", "stretch"), "near end of a range that is sharp in some slice; NaN beyond the last one"
     ),
     "sharp_far": _length(
         ("camera", "sharp", "stretch"),
-        "far end of a range that some slice keeps sharp; infinite where a far limit is; NaN beyond the last one",
+        "far end of a range that is sharp in some slice; infinite where a far limit is; NaN beyond the last one",
     ),
     "gap_near": _length(("camera", "sharp", "gap"), "near end of a gap between slices; NaN beyond the last one"),
     "gap_far": _length(("camera", "sharp", "gap"), "far end of a gap between slices; NaN beyond the last one"),
     "overlap_near": _length(
         ("camera", "sharp", "overlap"),
-        "near end of a range that two or more slices keep sharp; NaN beyond the last one",
+        "near end of a range that is sharp in two or more slices; NaN beyond the last one",
     ),
     "overlap_far": _length(
         ("camera", "sharp", "overlap"),
-        "far end of a range that two or more slices keep sharp; infinite where a far limit is; NaN beyond the last one",
+        "far end of a range that is sharp in two or more slices; infinite if a far limit is; NaN beyond the last one",
     ),
     "extent": _length(("camera", "sharp"), "total length of all sharp ranges; infinite where a far limit is"),
     "scene_share": Variable(
@@ -88,12 +88,12 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="mean number of microlenses that see a point; NaN for all but focused plenoptic cameras",
         symbol="π r²/cell",
-        reference=f"{PAPER}, section 2.2; area of the pupil's shadow over that of a cell",
+        reference=f"{PAPER}, section 2.2; area of the pupil's shadow divided by that of a cell",
         error=ROUNDING,
     ),
     "total_covering_plane": _length(
         ("camera",),
-        "distance where the absolute virtual depth is 2; NaN for all but focused plenoptic cameras, or where none is",
+        "distance where the absolute virtual depth is 2; NaN where there is none, or for other kinds of camera",
         reference="from there on, with matched f-numbers, two microlenses see every point",
     ),
     "resolved_near": _length(

@@ -9,7 +9,7 @@ from tradestudy.results.variable import Variable
 
 _DECISION, _CHANGE = ("decision",), ("decision", "quantity")
 _PROBLEM, _TOGETHER = ("problem",), ("problem", "quantity")
-_HOW = "computed, rule (a closed rule, with a margin) or trial (a more expensive model at a few places, with a margin)"
+_HOW = "computed, rule (a closed form, with a margin) or trial (a more expensive model at a few places, with a margin)"
 _KNOWN_AS = "see evidence: computed with a margin for places in between, a bound, or a trial with a margin"
 
 
@@ -28,21 +28,21 @@ EFFECTS: Final[Mapping[str, Variable]] = {
         dims=_CHANGE,
         units="1",
         long_name="relative change of a quantity due to this model alone, with the most complete models of all other "
-        "effects; NaN for quantities that it does not have, infinite where the change is unknown",
+        "effects; NaN for quantities that do not apply, infinite where the change is unknown",
         error=_KNOWN_AS,
     ),
     "evidence": _words(_CHANGE, f"how the change is known: {_HOW}"),
     "change_at": Variable(
         dims=_CHANGE,
         units="m",
-        long_name="distance at which the change is largest; NaN where the change has no distance",
+        long_name="distance at which the change is largest; NaN where no distance applies",
         error="one of the examined distances",
     ),
     "joint_change": Variable(
         dims=_TOGETHER,
         units="1",
         long_name="relative change of a quantity due to everything that the applied models leave out together; "
-        "NaN for quantities that it does not have, infinite where the change is unknown",
+        "NaN for quantities that do not apply, infinite where the change is unknown",
         error=_KNOWN_AS,
     ),
     "joint_evidence": _words(_TOGETHER, f"how the joint change is known: {_HOW}"),

@@ -15,13 +15,13 @@ PICTURES: Final[Mapping[str, Variable]] = {
     "brightness": Variable(
         dims=_WHOLE,
         units="1",
-        long_name="mean of each block of pixels over the brightest pixel; NaN beyond the picture",
+        long_name="mean of each block of pixels, relative to the brightest pixel; NaN beyond the picture",
         error=_SAMPLED,
     ),
     "detail": Variable(
         dims=("picture", "detail_row", "detail_column"),
         units="1",
-        long_name="pixels in the middle of the picture over the brightest pixel; NaN beyond the picture",
+        long_name="pixels in the middle of the picture, relative to the brightest pixel; NaN beyond the picture",
         error=_SAMPLED,
     ),
     "true_depth": Variable(
@@ -49,7 +49,7 @@ PICTURES: Final[Mapping[str, Variable]] = {
         dims=_OF,
         units="1",
         long_name="by rays, relative change (L2) due to leaving out diffraction; by waves, fraction of the light "
-        "that is diffracted farther than it is followed",
+        "that is diffracted beyond the computed range",
         error="an estimate of an error: by rays from places all over the picture, with a margin of 30 %",
     ),
 }

@@ -27,27 +27,27 @@ DECISION: Final[Mapping[str, Variable]] = {
     "uncertainty_ratio": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
-        long_name="depth uncertainty of the first camera of the main pair over that of the second; "
+        long_name="depth uncertainty of the first camera of the main pair relative to that of the second; "
         "infinite where only the first has no far end, NaN where both have none",
         error=SEE_ERROR,
     ),
     "within_tolerance": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
-        long_name="whether the uncertainties of the main pair differ by no more than the tolerance, so that the "
-        "omitted effects could reverse which is lower",
+        long_name="whether the uncertainties of the main pair differ by no more than the tolerance, so that "
+        "omitted effects could reverse their order",
         error="exact",
     ),
     "flips": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
-        long_name="whether the winner differs from the study's reading",
+        long_name="whether the winner differs from that under the study's reading",
     ),
     "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes"),
     "certainty_flips": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
-        long_name="whether the more certain camera, usable or not, differs from the study's reading",
+        long_name="whether the more certain camera, usable or not, differs from that under the study's reading",
     ),
     "change_distance": Variable(
         dims=("reading", "error_source", "change"),
@@ -63,10 +63,10 @@ DECISION: Final[Mapping[str, Variable]] = {
         error="an estimate of an error",
     ),
     "change_nearer": Variable(
-        dims=("reading", "error_source", "change"), units="", long_name="winner nearer than the switch"
+        dims=("reading", "error_source", "change"), units="", long_name="winner on the near side of the switch"
     ),
     "change_farther": Variable(
-        dims=("reading", "error_source", "change"), units="", long_name="winner beyond the switch"
+        dims=("reading", "error_source", "change"), units="", long_name="winner on the far side of the switch"
     ),
     "crossover_distance": Variable(
         dims=("reading", "error_source", "crossing"),
@@ -84,7 +84,7 @@ DECISION: Final[Mapping[str, Variable]] = {
     "crossover_nearer": Variable(
         dims=("reading", "error_source", "crossing"),
         units="",
-        long_name="more certain camera nearer than the crossover",
+        long_name="more certain camera on the near side of the crossover",
     ),
     "design_best_camera": Variable(
         dims=("design_place",),
@@ -92,7 +92,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         long_name="best_camera of each design of a sweep at a few distances, interpolated from its curves",
     ),
     "design_best_camera_along": Variable(
-        dims=("distance",), units="", long_name="best_camera of each design of a sweep along the distance"
+        dims=("distance",), units="", long_name="best_camera of each design of a sweep over distance"
     ),
     "design_crossover_distance": Variable(
         dims=("design_crossing",),
@@ -103,11 +103,11 @@ DECISION: Final[Mapping[str, Variable]] = {
     "design_crossover_error": Variable(
         dims=("design_crossing",),
         units="m",
-        long_name="error of the curves, including their curvature between two distances, over their slope",
+        long_name="error of the curves, including their curvature between two distances, divided by their slope",
         error="an estimate of an error",
     ),
     "design_crossover_nearer": Variable(
-        dims=("design_crossing",), units="", long_name="more certain camera nearer than that crossover"
+        dims=("design_crossing",), units="", long_name="more certain camera on the near side of that crossover"
     ),
     "cause": Variable(
         dims=("camera",),
@@ -118,7 +118,7 @@ DECISION: Final[Mapping[str, Variable]] = {
     "cause_share": Variable(
         dims=("camera",),
         units="1",
-        long_name="share of the variance that this input contributes, correlations included; linear in inverse depth",
+        long_name="share of the variance that this input contributes, correlations included; by linear propagation",
         error="that of the linearisation",
     ),
     "solution_count": Variable(
@@ -199,13 +199,13 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "margin_sigma": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="bound minus worst value, over the estimated error of that value; NaN where it has none",
+        long_name="bound minus worst value, divided by the estimated error of that value; NaN where there is none",
         error="as good as that estimate",
     ),
     "conformity": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="probability that the true worst value keeps the bound, for a normally distributed error",
+        long_name="probability that the true worst value meets the bound, for a normally distributed error",
         error="as good as the estimate of that error",
     ),
     "within_tolerance": Variable(
@@ -230,14 +230,14 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "rests_on_share": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="share of the variance that this input contributes, correlations included; linear in inverse depth; "
+        long_name="share of the variance that this input contributes, correlations included; by linear propagation; "
         "NaN where no input decides",
         error="that of the linearisation",
     ),
     "bound_alone_met": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="met, if matching reached its bound instead of the declared matcher's noise; −1 where undecided, or "
+        long_name="met if matching reached its bound instead of the declared matcher's noise; −1 where undecided, or "
         "where no matcher makes a difference",
     ),
     "bound_alone_camera": Variable(
@@ -277,7 +277,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     ),
     "design_margin_sigma": Variable(dims=_OF_REQUIREMENT, units="1", long_name="margin_sigma in this design"),
     "design_within_tolerance": Variable(
-        dims=_OF_REQUIREMENT, units="1", long_name="within_tolerance in this design: 1 it is, 0 it is not"
+        dims=_OF_REQUIREMENT, units="1", long_name="within_tolerance in this design: 1 yes, 0 no"
     ),
     "design_reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="reason in this design"),
     "design_limited_by": Variable(dims=_OF_REQUIREMENT, units="", long_name="limited_by in this design"),

@@ -15,7 +15,7 @@ CAMERAS: Final[Mapping[str, Variable]] = {
     "note": Variable(dims=("camera",), units="", long_name="what a reader should know about the camera"),
     "property_value": Variable(dims=("property",), units="", long_name="derived property, with its unit"),
     "perfect_calibration": Variable(
-        dims=("camera",), units="", long_name="1 where a camera that measures depth declares nothing uncertain"
+        dims=("camera",), units="", long_name="1 where a camera that measures depth declares no uncertain parameter"
     ),
     "property_camera": Variable(dims=("property",), units="", long_name="camera that has the property"),
     "property_name": Variable(dims=("property",), units="", long_name="name of the property"),
@@ -51,5 +51,5 @@ CRITERIA: Final[Mapping[str, Variable]] = {
         error="closed form of declared values; rounding only",
     ),
     "number_units": Variable(dims=("criterion",), units="", long_name="SI unit of the numbers of a criterion"),
-    "says": Variable(dims=("criterion",), units="", long_name="what the criterion is"),
+    "says": Variable(dims=("criterion",), units="", long_name="meaning of the criterion"),
 }

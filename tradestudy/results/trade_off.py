@@ -21,13 +21,13 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         dims=_BOTH, units="mixed", long_name="standard error of weighed_value", error="an estimate of an error"
     ),
     "weighed_units": Variable(dims=("weighed",), units="", long_name="SI unit of a criterion"),
-    "weighed_says": Variable(dims=("weighed",), units="", long_name="what the criterion is"),
+    "weighed_says": Variable(dims=("weighed",), units="", long_name="meaning of the criterion"),
     "worst": Variable(dims=("weighed",), units="mixed", long_name="value that scores 0", error="declared"),
     "best": Variable(dims=("weighed",), units="mixed", long_name="value that scores 1", error="declared"),
     "worth": Variable(
         dims=_BOTH,
         units="1",
-        long_name="worth of weighed_value, linear from worst to best and clipped beyond; 0 where weighed_value is NaN",
+        long_name="score of weighed_value, linear from 0 at worst to 1 at best, and clipped; 0 where that is NaN",
         error="that of weighed_value over best minus worst",
     ),
     "clipped": Variable(
@@ -38,7 +38,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "weight_order": Variable(
         dims=("weighed",),
         units="1",
-        long_name="place in the declared order of importance, from 1; 0 where there is none",
+        long_name="position in the declared order of importance, from 1; 0 where no order is declared",
         error="declared",
     ),
     "weight_mean": Variable(dims=("weighed",), units="1", long_name="mean of all possible weights", error="below 1e-3"),
@@ -47,7 +47,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         units="1",
         symbol="b_i^r",
         reference=_SMAA,
-        long_name="fraction of the possible weights and errors of the values that give a candidate a rank",
+        long_name="fraction of the possible weights and errors of the values that give a candidate this rank",
         error="rank_acceptability_error",
     ),
     "rank_acceptability_error": Variable(
@@ -82,7 +82,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "feasible": Variable(
         dims=("candidate",),
         units="1",
-        long_name="whether a design meets every 'must' requirement; where any camera may meet it, by this candidate",
+        long_name="whether this candidate meets every 'must' requirement, including those that any camera may meet",
         error="exact",
     ),
     "on_pareto_front": Variable(

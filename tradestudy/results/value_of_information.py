@@ -7,7 +7,7 @@ from typing import Final
 
 from tradestudy.results.variable import Variable
 
-_DRAWS: Final = "that of the draws, as of a fraction"
+_DRAWS: Final = "standard error of a fraction of draws"
 
 VALUE_OF_INFORMATION: Final[Mapping[str, Variable]] = {
     "worth": Variable(

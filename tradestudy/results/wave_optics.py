@@ -101,10 +101,12 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         "minimum f-number from which on the error on axis stays below the study's limit; 0 where it does over the "
         "whole compared range, infinite where it exceeds the limit at the end of the range",
         _MEASURED,
-        "root to 1e-4 relative; the error of psf_error over its slope",
+        "root to 1e-4 relative; the error of psf_error divided by its slope",
     ),
     "paper_eq27_f_number": _f_number(
-        (*_ELEMENT, "zero"), "criterion as printed, both zeros; not to be trusted, see condition", f"{PAPER}, eq. 27"
+        (*_ELEMENT, "zero"),
+        "both zeros of the criterion as printed; not to be trusted, see condition",
+        f"{PAPER}, eq. 27",
     ),
     "paper_eq27_condition": Variable(
         dims=_ELEMENT,
@@ -131,7 +133,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         _ELEMENT,
         "minimum f-number at which, for a plane wave behind an empty aperture of that size, the error on the axis at "
         "the image distance is at most the study's limit",
-        "the question of Southwell 1981",
+        "question of Southwell (1981)",
     ),
 }
 
@@ -158,7 +160,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "lit_pixels": Variable(
         dims=("propagator",),
         units="1",
-        long_name="pixels with more than a hundredth of the brightest pixel's light",
+        long_name="number of pixels with more than a hundredth of the brightest pixel's light",
         error="a count",
     ),
     "outside_geometric": Variable(
@@ -170,7 +172,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "difference": Variable(
         dims=("propagator", "against"),
         units="1",
-        long_name="sum over pixels of |difference| over the sum of the image that it is compared with",
+        long_name="sum over pixels of |difference|, divided by the sum of the image that it is compared with",
         error="at most the numerical errors of both images together; less where they share it",
     ),
     "difference_l2": Variable(
@@ -259,7 +261,7 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
         "energy_radius_80", "m", "radius that contains 80 % of the pupil's power; NaN where the window contains less"
     ),
     **_spread("rms_width", "m", "root-mean-square distance from the thin-lens image within the declared radius"),
-    **_spread("strehl_ratio", "1", "largest intensity over that of the same pupil without aberration"),
+    **_spread("strehl_ratio", "1", "largest intensity relative to that of the same pupil without aberration"),
     **_spread("transfer_half_nyquist", "1", "modulation transfer at half the Nyquist frequency of the pixels"),
     **_spread(
         "outside_geometric",

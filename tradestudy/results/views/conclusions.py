@@ -152,7 +152,7 @@ def measure_first(tree: xr.DataTree) -> str:
     if not clear:
         data = group(tree, "value_of_information")
         if data.sizes["candidate"] < _SEVERAL:
-            return "With one candidate only, no measurement changes the choice"
+            return "With only one candidate, no measurement changes the choice"
         whole = float(data.attrs["worth_of_all"])
         if whole <= 0.0:
             return "No assumption changes which camera is best"
@@ -207,7 +207,7 @@ def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
     lines += [*measured_words(tree), *wave_words(tree)]
     first = measure_first(tree)
     if rests and first == f"Measure first: {rests[0]}":
-        last = [f"Rests on, so measure first: {'; '.join(rests)}"]
+        last = [f"Rests on (measure first): {'; '.join(rests)}"]
     else:
         last = [f"Rests on: {'; '.join(rests)}"] * bool(rests) + [first] * bool(first)
     if perfect := perfectly_calibrated(tree):
@@ -217,8 +217,8 @@ def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
         hidden = lines[room - 1 :]
         missed = sum(one.startswith("Not met") for one in hidden)
         yield from lines[: room - 1]
-        beside = f", including {counted(missed, 'requirement')} not met" if missed else ""
-        yield f"and {counted(len(hidden), 'more conclusion')} in the report{beside}"
+        suffix = f", including {counted(missed, 'requirement')} not met" if missed else ""
+        yield f"and {counted(len(hidden), 'more conclusion')} in the report{suffix}"
     else:
         yield from lines
     yield from last

@@ -17,7 +17,7 @@ TIED = ", "
 """Separates the names of tied cameras, whose difference is below its stated error."""
 _BOTH = "both"  # noise and calibration together
 _SLIVER = 0.01  # of the study's range of distance
-_BRIEF = 0.03  # of that range, in logarithm
+_BRIEF = 0.03  # of that range, on a logarithmic scale
 
 
 def has_winners(tree: xr.DataTree) -> bool:
@@ -77,7 +77,7 @@ def reported_winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
 
 
 def worth_reporting(ranges: Sequence[tuple[float, float, str]]) -> Iterator[tuple[float, float, str]]:
-    """Those of some ranges of distance that are worth reporting.
+    """The ranges of distance that are worth reporting.
 
     Leaves out slivers: at most 1 % of the study's range, with ends that read the same in three digits. Where two
     cameras tie only briefly, because of the error of their crossover, the boundary is the middle of the tie.
@@ -88,12 +88,12 @@ def worth_reporting(ranges: Sequence[tuple[float, float, str]]) -> Iterator[tupl
 
 
 def _without_brief_ties(found: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
-    """Ranges of distance with every brief tie divided between its neighbours, where they are the tied cameras."""
+    """Ranges of distance with every brief tie divided between its neighbours, if these are the tied cameras."""
     longest = np.log(found[-1][1] / found[0][0]) * _BRIEF
     kept = list(found)
     for before, (start, end, names), after in zip(found, found[1:], found[2:], strict=False):
-        beside = {*tied(before[2]), *tied(after[2])}
-        between = len(tied(names)) > 1 and before[2] and after[2] and beside <= {*tied(names)}
+        neighbours = {*tied(before[2]), *tied(after[2])}
+        between = len(tied(names)) > 1 and before[2] and after[2] and neighbours <= {*tied(names)}
         if between and np.log(end / start) <= longest:
             kept.remove((start, end, names))
     ends = [found[0][0], *(float(np.sqrt(a[1] * b[0])) for a, b in itertools.pairwise(kept)), found[-1][1]]
@@ -127,9 +127,9 @@ class Flips:
     place
         Distance [m].
     more_certain, winner
-        The camera of lower uncertainty, and the better usable one, in the study as declared; names for `tied`.
+        The camera with lower uncertainty, and the better usable one, in the study as declared; names as for `tied`.
     ratio
-        Uncertainty of the pair's first camera over that of the second, in the study as declared.
+        Uncertainty of the pair's first camera relative to that of the second, in the study as declared.
     within_tolerance
         Whether the two differ by no more than the tolerance.
     alternatives

@@ -28,13 +28,13 @@ def nominal(tree: xr.DataTree) -> xr.Dataset:
 
 
 def nominal_is_declared(tree: xr.DataTree) -> bool:
-    """Whether :func:`nominal` returns the declared design, which ``/decision`` describes."""
+    """Whether `nominal` returns the declared design, which ``/decision`` describes."""
     depth = group(tree, "depth")
     return all(_declared_place(depth[name]) is not None for name in swept(depth))
 
 
 def _declared_place(coordinate: xr.DataArray) -> int | None:
-    """Index of the declared value (an attribute of the coordinate) among the swept values; None if it is not there."""
+    """Index of the declared value (an attribute of the coordinate) among the swept values; None if it is not one."""
     same = np.flatnonzero(coordinate.values == coordinate.attrs.get("declared"))
     return int(same[0]) if same.size else None
 
@@ -45,7 +45,7 @@ def of_camera(depth: xr.Dataset, variable: str, camera: str, **where: str) -> Fl
 
 
 def where_measured(depth: xr.Dataset) -> xr.Dataset:
-    """``/depth`` with NaN where a camera sees no point twice: it measures nothing there, though its law has a value."""
+    """``/depth`` with NaN where a camera sees no point twice: it measures nothing, although its formula has a value."""
     shares = depth["limit_value"].sel(limit=[name for name in _SEEN_TWICE if name in depth["limit"].values])
     seen = ~(shares <= 0.0).any("limit")
     return depth.assign({name: depth[name].where(seen) for name in _CURVES if name in depth})
@@ -57,7 +57,7 @@ def where_usable(depth: xr.Dataset, camera: str) -> tuple[tuple[float, float], .
 
 
 def field_words(field: float) -> str:
-    """Name a place in the field: 0 the axis, 1 the corner of the sensor."""
+    """A field position in words: 0 is the axis, 1 the corner of the sensor."""
     return f"{significant(100.0 * field)} % of the way to the corner" if field else "on the axis"
 
 
@@ -84,7 +84,7 @@ def sharp_ranges(one: xr.Dataset, name: str) -> tuple[tuple[float, float], ...]:
 
 
 def least_broken(broken: npt.NDArray[np.bool_]) -> int:
-    """The distances at which a camera breaks the fewest limits of its usable range; ``broken`` is (distance, limit)."""
+    """Index of the distance at which a camera violates the fewest limits; ``broken`` is (distance, limit)."""
     return int(np.argmin(broken.sum(axis=1)))
 
 

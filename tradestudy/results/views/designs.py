@@ -33,7 +33,7 @@ from tradestudy.units import (
 from tradestudy.wording import counted, distance, listed
 
 BY_UNIT: Final = {one.unit: one for one in (LENGTH, ANGLE, PIXELS, DURATION, MASS, POWER, DATA, SOLID_ANGLE)}
-_STRUCTURE: Final = frozenset(("lenses", "depth", "sensor"))  # parts of a path that people leave out
+_STRUCTURE: Final = frozenset(("lenses", "depth", "sensor"))  # parts of a path that its words leave out
 _MANY_TIMES: Final = 1.0
 _NEARLY_ONE: Final = 1.1  # a smaller factor reads better as a percentage
 _SAME: Final = 1e-3  # of a distance
@@ -61,14 +61,14 @@ class Design:
 
 @dataclass(frozen=True, kw_only=True)
 class Feasible:
-    """The feasible designs: those that meet every requirement that must hold; without any such, every requirement.
+    """The feasible designs: those that meet every requirement that must hold; if none must hold, every requirement.
 
     Parameters
     ----------
     count, designs
         Number of feasible designs, and of all designs.
     best
-        The feasible design with the largest smallest margin; where none is feasible, that of all designs.
+        The feasible design whose smallest margin is largest; if none is feasible, the one among all designs.
     tightest, tightest_reason
         The requirement with that margin, in the words of the study, and the worst value of that design.
     region
@@ -180,7 +180,7 @@ def _missed(says: npt.NDArray[Any], met: npt.NDArray[np.bool_]) -> tuple[tuple[s
 
 
 def must_hold(data: xr.Dataset) -> npt.NDArray[np.bool_]:
-    """Which requirements decide feasibility: those that must hold or, without any such, all."""
+    """Which requirements decide feasibility: those that must hold or, if there are none, all."""
     must = np.asarray(data["priority"].values == "must")
     return must if must.any() else ~must
 
@@ -213,7 +213,7 @@ def _joined(ranges: list[tuple[float, float, float]]) -> list[tuple[float, float
 def interval_words(low: float, high: float, values: FloatArray, dimension: Dimension) -> str:
     """A range of a swept parameter: "from 53.4 mm on" where it reaches the last value of the sweep.
 
-    Ends that were found are rounded into the range, so that the written value lies within the range.
+    Computed ends are rounded inwards, so that the written values lie within the range.
     """
     begins, ends = low <= values[0], high >= values[-1]
     first = pretty(low, dimension) if begins else rounded_up(low, dimension)
@@ -277,8 +277,8 @@ def feasible_words(tree: xr.DataTree) -> str:
     several = {2: "both"}.get(found.required, "several")
     overlap = sum(count for _, count in found.missed) > found.designs - found.count
     some = f" (some miss {several})" if overlap else ""
-    beside = f". Of the others, {listed(others)}{some}" if others else ""
-    return f"{which}: {found.region}{among}. {_largest(found, share)}{beside}"
+    suffix = f". Of the others, {listed(others)}{some}" if others else ""
+    return f"{which}: {found.region}{among}. {_largest(found, share)}{suffix}"
 
 
 def _largest(found: Feasible, share: str) -> str:
@@ -288,7 +288,7 @@ def _largest(found: Feasible, share: str) -> str:
 
 
 def margin_words(margin: float) -> str:
-    """By how much the worst value could worsen within its bound, or the factor by which it misses it."""
+    """By how much the worst value could worsen within its bound, or the factor by which it misses the bound."""
     if margin < 0.0:
         factor = 1.0 / (1.0 + margin)
         if factor < _NEARLY_ONE:
@@ -347,11 +347,11 @@ def crossover_words(tree: xr.DataTree) -> str:
     found = places[np.isfinite(places)]
     none = int(np.sum(~np.isfinite(places).any(axis=-1)))
     if not found.size:
-        return f"{first} and {second} are equally certain at no distance in any design"
+        return f"{first} and {second} are not equally certain at any distance in any design"
     least, most = (distance(float(end)) for end in (found.min(), found.max()))
     where = f"at {least}" if least == most else f"between {least} and {most}, depending on the design"
-    beside = f"; in {counted(none, 'design')} nowhere" if none else ""
-    return f"{first} and {second} are equally certain {where}{beside}"
+    suffix = f"; in {counted(none, 'design')} nowhere" if none else ""
+    return f"{first} and {second} are equally certain {where}{suffix}"
 
 
 def usable_span_words(tree: xr.DataTree) -> Iterator[str]:

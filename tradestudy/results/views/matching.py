@@ -32,7 +32,7 @@ def at_the_bound(tree: xr.DataTree) -> tuple[str, ...]:
 
 
 def best_of_any_matcher(titles: tuple[str, ...]) -> str:
-    """The caveat wherever errors at the bound are used; empty without such cameras."""
+    """The caveat on errors at the bound of matching; empty if no camera has such errors."""
     if not titles:
         return ""
     what = "disparity error of {} is" if len(titles) == 1 else "disparity errors of {} are"

@@ -35,7 +35,7 @@ def measured_words(tree: xr.DataTree) -> tuple[str, ...]:
 
 
 def _of_planes(tree: xr.DataTree) -> Iterator[str]:
-    """The range of measured over predicted spread of each camera, over its planes."""
+    """For each camera, the range over its planes of the ratio of measured to predicted spread."""
     if not has(tree, "depth_loop", "depth_spread"):
         return
     data, titles = group(tree, "depth_loop"), camera_titles(tree)
@@ -70,8 +70,8 @@ def _one(row: xr.Dataset, titles: Mapping[str, str]) -> str:
     )
     if not np.isfinite(spread):
         return f"{title} measured nothing"
-    beside = f" (predicted: ±{pretty(predicted, LENGTH, digits=2)})" if np.isfinite(predicted) else ""
+    suffix = f" (predicted: ±{pretty(predicted, LENGTH, digits=2)})" if np.isfinite(predicted) else ""
     return (
         f"{title} measured {pretty(filled, FRACTION, digits=2)} of the points visible in two pictures, to "
-        f"±{pretty(spread, LENGTH, digits=2)}{beside} with a bias of {pretty(bias, LENGTH, digits=2)}"
+        f"±{pretty(spread, LENGTH, digits=2)}{suffix} with a bias of {pretty(bias, LENGTH, digits=2)}"
     )

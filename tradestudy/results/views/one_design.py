@@ -1,7 +1,7 @@
-"""What answers say of one design: its best cameras with what explains them, and its requirements.
+"""The answers for one design: its best cameras, what explains them, and its requirements.
 
-The designs of a sweep are read together, as plain arrays: one after another, xarray would take most of the time of a
-report.
+The designs of a sweep are read together, as plain arrays; reading them one by one with xarray would take most of the
+time of a report.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class CameraDepth:
     parts
         The part with the largest share of its variance, if known.
     broken
-        Which limits of the usable range it breaks, shape (distance, limit).
+        Which limits of the usable range it violates, shape (distance, limit).
     usable
         Usable ranges, as (near, far) [m].
     """
@@ -62,17 +62,17 @@ class BestCameras:
     Parameters
     ----------
     ranges
-        As `winners` gives them.
+        As given by `winners`.
     titles
-        Of all cameras.
+        Titles of all cameras.
     candidates
-        As `candidates` gives them.
+        As given by `candidates`.
     distance
         The computed distances [m].
     limits
         Names of the limits of the usable range.
     cameras
-        Those that measure depth; none where the results contain no depth of the design that the ranges describe.
+        The cameras that measure depth; none where the results contain no depth of the design that the ranges describe.
     """
 
     ranges: Ranges
@@ -100,7 +100,7 @@ def best_cameras(tree: xr.DataTree) -> BestCameras:
 
 
 def best_cameras_of_designs(tree: xr.DataTree) -> Sequence[BestCameras | None]:
-    """The same in every design, the last parameter varying fastest; None where the run did not ask for it."""
+    """`best_cameras` of every design, the last parameter varying fastest; None where the run did not ask for it."""
     if not has(tree, "decision", "design_best_camera_along"):
         return [None for _ in design_places(tree)]
     depth, decision = group(tree, "depth"), group(tree, "decision")
@@ -150,7 +150,7 @@ def camera_depths(depth: xr.Dataset) -> list[dict[str, CameraDepth]]:
 
 
 def requirements_of_designs(tree: xr.DataTree) -> Sequence[Sequence[Mapping[str, Any]]]:
-    """The rows of ``/requirements`` of every design; what decides a worst value is known of the declared one alone."""
+    """The rows of ``/requirements`` of every design; what decides a worst value is known only for the declared one."""
     if not has(tree, "requirements", "design_reason"):
         return [[] for _ in design_places(tree)]
     depth, data = group(tree, "depth"), group(tree, "requirements")

@@ -78,11 +78,11 @@ class RequirementConclusion:
     camera
         Title of the camera with the largest margin; of a requirement on all cameras, the one with the smallest.
     margin
-        Fraction by which the worst value could worsen within its bound; negative where it breaks the bound.
+        Fraction by which the worst value could worsen within its bound; negative where it violates the bound.
     place
         Distance [m] of the worst value.
     conformity
-        Probability that the true worst value keeps the bound.
+        Probability that the true worst value meets the bound.
     reason
         The worst value and its distance, in words.
     limited_by
@@ -127,7 +127,7 @@ class RequirementConclusion:
 
 
 def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, ...]:
-    """The verdicts on all requirements: first those that must hold, each kind by rising margin."""
+    """The verdicts on all requirements: first those that must hold, each kind by increasing margin."""
     if not has(tree, "requirements"):
         return ()
     titles = camera_titles(tree)
@@ -157,7 +157,7 @@ def _in_order(found: Iterable[RequirementConclusion]) -> tuple[RequirementConclu
     return tuple(sorted(found, key=lambda one: (one.priority != "must", np.nan_to_num(one.margin, nan=-np.inf))))
 
 
-def _conclusion(row: Mapping[str, Any], titles: Mapping[str, str], **beside: Any) -> RequirementConclusion:
+def _conclusion(row: Mapping[str, Any], titles: Mapping[str, str], **further: Any) -> RequirementConclusion:
     met = int(row["met"])
     return RequirementConclusion(
         name=str(row["requirement"]),
@@ -173,7 +173,7 @@ def _conclusion(row: Mapping[str, Any], titles: Mapping[str, str], **beside: Any
         limited_by=str(row.get("limited_by", "")),  # earlier runs lack it
         rests_on=str(row["rests_on"]),
         rests_on_share=float(row["rests_on_share"]),
-        **beside,
+        **further,
     )
 
 

@@ -17,7 +17,7 @@ from tradestudy.wording import listed
 _ROUNDING: Final = 1e-9
 _NEARLY_ALL: Final = 0.99
 _ALWAYS: Final = 0.9995  # from here on, a share reads 100 %
-_NUMBERS: Final = 3  # swept numbers, from which on no figure shows the designs
+_NUMBERS: Final = 3  # swept numbers; with as many or more, no figure shows the designs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,8 +93,8 @@ def trade_off_conclusion(tree: xr.DataTree) -> str:
         return f"{listed(alike)} tie with these weights"
     of = "of the draws of uncertain values" if is_fixed else "of the possible weights"
     others = [f"{one.title} for {_share_words(one.ranks[0])}" for one in found[1:4] if one.ranks[0] > 1.0 - _ALWAYS]
-    beside = f"; {listed(others)}" if others else ""
-    return f"{best.title} ranks first for {_share_words(share)} {of}{beside}{outside}"
+    suffix = f"; {listed(others)}" if others else ""
+    return f"{best.title} ranks first for {_share_words(share)} {of}{suffix}{outside}"
 
 
 def _share_words(share: float) -> str:

@@ -16,7 +16,7 @@ from tradestudy.wording import listed
 
 
 def light_numbers(tree: xr.DataTree) -> list[dict[str, Any]]:
-    """Every picture of the light spot: its method, stated error, and difference from the reference (NaN for that)."""
+    """Method, stated error and difference from the reference (NaN for the reference) of every picture of the spot."""
     if not has(tree, "images", "image"):
         return []
     data = group(tree, "images")
@@ -58,7 +58,7 @@ def fresnel_numbers(tree: xr.DataTree) -> list[dict[str, Any]]:
 
 
 def hard_case_numbers(tree: xr.DataTree) -> dict[str, int]:
-    """Number of hard cases, and how many the program meets; empty if the study computed none."""
+    """Number of hard cases, and how many the program gets right; empty if the study computed none."""
     if not has(tree, "hard_cases", "met"):
         return {}
     met = group(tree, "hard_cases")["met"].values
@@ -66,11 +66,11 @@ def hard_case_numbers(tree: xr.DataTree) -> dict[str, int]:
 
 
 def wave_words(tree: xr.DataTree) -> Iterator[str]:
-    """One sentence each, without full stops, on what the study computed of these."""
+    """Sentences, without full stops, on the light spot, Fresnel's law and hard cases, if computed."""
     yield from _of_light(light_numbers(tree))
     yield from _of_fresnel(fresnel_numbers(tree))
     if found := hard_case_numbers(tree):
-        yield f"The program meets {found['met']} of {found['cases']} hard cases"
+        yield f"The program gets {found['met']} of {found['cases']} hard cases right"
 
 
 def _of_light(pictures: list[dict[str, Any]]) -> Iterator[str]:

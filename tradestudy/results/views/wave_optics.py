@@ -1,4 +1,4 @@
-"""Views of wave optics: the window, f-number and method that figures and sentences show for all the others."""
+"""Views of wave optics: the window, f-number and method that stand for the others in figures and sentences."""
 
 from __future__ import annotations
 
