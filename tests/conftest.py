@@ -42,7 +42,7 @@ def _figures_are_drawn_here() -> Iterator[None]:
     from tradestudy import api
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(api, "_drawer_meanwhile", nullcontext)
+        patch.setattr(api, "_background_drawer", nullcontext)
         yield
 
 

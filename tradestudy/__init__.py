@@ -35,9 +35,9 @@ _PACKAGES = ("optics", "uncertainty")
 
 
 def __getattr__(name: str) -> Any:
-    # The façade loads the study reader; whoever wants the physics alone does not pay for it.
+    # The study reader is loaded on demand, because those who need only the physics should not wait for it.
     if name == "__version__":
-        from importlib.metadata import version  # not above: most programs never ask
+        from importlib.metadata import version  # here, because few programs need it
 
         return version("tradestudy")
     if name in _PACKAGES:

@@ -133,7 +133,7 @@ class Study:
         return f"{self.name}: {words or 'no mistakes'}{ends}"
 
     def check(self) -> str:
-        """Refuse a study that no run could answer, as `plan` does; return in one line what the study will compute.
+        """Refuse a study that no run could answer, as `plan` does; return, in one line, what the study will compute.
 
         Models are chosen only if the study declares an accuracy or forces effects other than calibration, which every
         camera that measures depth has. The time of the run is not predicted.
@@ -209,8 +209,8 @@ class Study:
         progress
             Called with the step and the fraction of it that is done, 0 … 1.
         executor
-            Where independent points are computed: one of `tradestudy.execution`; None is serial. The results are
-            identical to the last bit.
+            Where independent points are computed: an executor of `tradestudy.execution`, or None for this process. The
+            results are the same to the last bit.
         checkpoints
             Where finished points are kept, so that an interrupted run can resume; None keeps nothing.
         planned
@@ -315,7 +315,7 @@ def run(
         require_prices(study.definition)  # before anything is computed
     with closing(Checkpoints(directory, fresh=fresh)) as checkpoints:
         if result is None or measuring:
-            with _drawer_meanwhile() as drawer:
+            with _background_drawer() as drawer:
                 if result is None:
                     result = study.run(
                         progress,
@@ -362,7 +362,7 @@ def render(
     progress: Progress = lambda _s, _p: None,
     executor: Executor | None = None,
 ) -> RenderedScene:
-    """Write only the pictures of the study's scene, their true depth and the cameras that took them.
+    """Write only the pictures of the study's scene, with the true depth and a description of each camera.
 
     Unless ``fresh``, an interrupted rendering resumes.
 
@@ -435,8 +435,8 @@ def export(
     return write_export(found, directory, camera), found.left_out
 
 
-def _drawer_meanwhile() -> AbstractContextManager[Drawer | None]:
-    """A process that draws figures on another core, if there is one; it loads its libraries until there are results."""
+def _background_drawer() -> AbstractContextManager[Drawer | None]:
+    """A process that draws figures on another core, if there is one; it loads libraries while results are computed."""
     from tradestudy.figures.drawn import drawer
 
     return drawer() if provenance.cores() > 1 and sys.executable else nullcontext()
@@ -461,11 +461,11 @@ def report(directory: str | Path, *, pdf: bool = True) -> None:
     Raises
     ------
     ResultsError
-        If the folder contains no readable run, or one of another version that lacks something.
+        If the folder contains no readable run, or one of another version that lacks data.
     """
     from tradestudy import report as renderer
 
-    with _drawer_meanwhile() as drawer:
+    with _background_drawer() as drawer:
         result = open_result(directory)
         drawing = None if drawer is None else drawer.begin(result.data)
         with shown({str(directory): result}):
@@ -510,7 +510,7 @@ def compare(directories: Sequence[str | Path]) -> Comparison:
     OutOfRangeError
         If there are fewer than two folders.
     ResultsError
-        If a folder contains no readable run, or one of another version that lacks something.
+        If a folder contains no readable run, or one of another version that lacks data.
     """
     from tradestudy.comparison import compare_runs
 

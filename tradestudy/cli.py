@@ -79,9 +79,9 @@ def _print_version(asked: bool) -> None:
 
 def main() -> None:
     """Run the command line; the exit status says how it ended."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # to end a run by SIGTERM works like Ctrl-C
-    gc.set_threshold(20_000, 20, 20)  # most of what a command loads and makes stays: seldom look for what does not
-    atexit.register(gc.freeze)  # nor once more at the end, which takes half a second
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that SIGTERM ends a run as Ctrl-C does
+    gc.set_threshold(20_000, 20, 20)  # most objects live until the end: collect garbage rarely
+    atexit.register(gc.freeze)  # and not at exit, where it takes half a second
     try:
         app()
     except KeyboardInterrupt:  # before a command has begun
@@ -121,7 +121,7 @@ def run(
     debug: DebugOption = False,
 ) -> None:
     """Compute a study, write its report and print its conclusions."""
-    with _answering(debug=debug):
+    with _reporting_errors(debug=debug):
         from tradestudy import api
 
         loaded = _warned(api.load(study, set_ or (), tolerance=tolerance), quiet=quiet)
@@ -161,7 +161,7 @@ def render(
     debug: DebugOption = False,
 ) -> None:
     """Write only the pictures of a study's scene, with the true depth and a description of each camera."""
-    with _answering(debug=debug):
+    with _reporting_errors(debug=debug):
         from tradestudy import api
 
         loaded = _warned(api.load(study, set_ or ()), quiet=quiet)
@@ -198,7 +198,7 @@ def export(
     debug: DebugOption = False,
 ) -> None:
     """Write a declared or fitted camera as calibration files of other programs and as a posterior."""
-    with _answering(debug=debug):
+    with _reporting_errors(debug=debug):
         from tradestudy import api
 
         loaded = _warned(api.load(study, set_ or ()))
@@ -221,7 +221,7 @@ def plan(
 ) -> None:
     """Say which effects a run will simulate, which it leaves out and why, and how long it will take."""
     _stay_on_one_core()
-    with _answering(debug=debug):
+    with _reporting_errors(debug=debug):
         from tradestudy import api
 
         typer.echo(_warned(api.load(study, set_ or (), tolerance=tolerance)).plan().text(verbose=verbose))
@@ -240,8 +240,8 @@ def cost(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Measure error against computing time for the models that can answer; write cost.json and cost.svg."""
-    with _answering(debug=debug):
+    """Measure error against computing time for all models that can answer a study; write cost.json and cost.svg."""
+    with _reporting_errors(debug=debug):
         from tradestudy import api
 
         loaded = _warned(api.load(study, set_ or (), tolerance=tolerance), quiet=quiet)
@@ -256,7 +256,7 @@ def cost(
 def check(study: StudyArgument, set_: SetOption = None, debug: DebugOption = False) -> None:
     """Check a study and report every mistake in it; compute nothing."""
     _stay_on_one_core()
-    with _answering(debug=debug):
+    with _reporting_errors(debug=debug):
         from tradestudy import api
 
         typer.echo(_warned(api.load(study, set_ or ())).check())
@@ -274,12 +274,14 @@ def new(
     ] = None,
     set_: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Value of that camera, such as length_unit=mm; repeatable."),
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Value of the imported camera, such as length_unit=mm; repeatable."
+        ),
     ] = None,
     debug: DebugOption = False,
 ) -> None:
     """Write a commented starter study, NAME.yaml: by default a plenoptic camera against a stereo rig."""
-    with _answering(debug=debug):
+    with _reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.study.starter import starter
 
@@ -289,7 +291,7 @@ def new(
         if kinds and from_:
             raise _InputError("the calibration files determine the kind of camera", value=kinds[0], remedy="omit it")
         if set_ and not from_:
-            raise _InputError("--set needs a camera that is imported with --from", remedy="give --from, too")
+            raise _InputError("--set applies to a camera imported with --from", remedy="give --from, too")
         said = [_line(one) for one in set_ or ()]
         kind = kinds[0].removeprefix("--") if len(kinds) == 1 else ""
         text = starter(name, kind, calibration_files=from_ or (), said=said)
@@ -315,7 +317,7 @@ def report(
     debug: DebugOption = False,
 ) -> None:
     """Render the report of a finished run again."""
-    with _answering(debug=debug):
+    with _reporting_errors(debug=debug):
         from tradestudy import api
 
         api.report(directory, pdf=not no_pdf)
@@ -334,7 +336,7 @@ def compare(
     debug: DebugOption = False,
 ) -> None:
     """Show runs side by side: changed conclusions, differing inputs, results that differ by more than their error."""
-    with _answering(debug=debug):
+    with _reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.results.storage import replace_file
 
@@ -349,7 +351,7 @@ def compare(
 @app.command()
 def schema(debug: DebugOption = False) -> None:
     """Print the JSON Schema of study files, for editors."""
-    with _answering(debug=debug):
+    with _reporting_errors(debug=debug):
         from tradestudy import api
 
         typer.echo(json.dumps(api.schema(), indent=1, ensure_ascii=False))
@@ -368,7 +370,7 @@ def _line(said: str) -> str:
 
 
 def _stay_on_one_core() -> None:
-    """Let OpenBLAS, which reads this once when NumPy loads it, start no threads: for small matrices they only wait."""
+    """Keep OpenBLAS from starting threads, which do not help with small matrices; it reads this when NumPy loads it."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
@@ -420,7 +422,7 @@ def _refuse_joined(files: Sequence[Path], further: Sequence[str]) -> None:
 
 
 def _not_written(path: Path, error: TradestudyError) -> str:
-    """Mistakes of an imported camera, those of the study itself without a place, since its file is not written."""
+    """Mistakes in an imported camera; those of the study itself lack a position, since its file is not written."""
     problems = error.problems if isinstance(error, StudyError) else ()
     causes = [f"{one.path}: {one.what}" if one.file == str(path) else str(one) for one in problems] or [str(error)]
     advice = (
@@ -437,8 +439,8 @@ class _InputError(TradestudyError):
 
 
 @contextmanager
-def _answering(*, debug: bool) -> Iterator[None]:
-    """Turn however a command ends into its exit status and, on failure, one line that helps the user."""
+def _reporting_errors(*, debug: bool) -> Iterator[None]:
+    """Map every outcome of a command to its exit status and, on failure, to one line that helps the user."""
     try:
         yield
     except KeyboardInterrupt:
@@ -468,7 +470,7 @@ def _answering(*, debug: bool) -> Iterator[None]:
 
 
 def _unexpected(error: Exception) -> typer.Exit:
-    """Report an unexpected error, and where its details are."""
+    """Report an unexpected error, and where to find its details."""
     text = " ".join(str(error).split())
     typer.echo(f"unexpected {type(error).__name__}{f': {text}' if text else ''}; {_logged()}", err=True)
     return typer.Exit(UNEXPECTED)

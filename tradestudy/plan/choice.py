@@ -45,7 +45,7 @@ class Chosen:
 
 def problems(definition: StudyDefinition, forced: Models) -> Iterator[SimulationProblem]:
     """Every problem of a study that needs models, in the order in which a run solves them."""
-    # Imported only where needed: `check` comes here too, and few studies simulate light.
+    # Imported only where needed, because `check` calls this, too, and few studies simulate light.
     file, case = definition.file, definition.case
     if case.cameras:
         from tradestudy.plan.problems.depth import depth_problems
@@ -73,7 +73,7 @@ def problems(definition: StudyDefinition, forced: Models) -> Iterator[Simulation
 
 
 def choose_models(definition: StudyDefinition) -> tuple[Chosen, ...]:
-    """Choose the cheapest models that keep every asked quantity within its tolerance, problem by problem.
+    """Choose the cheapest models that keep every requested quantity within its tolerance, problem by problem.
 
     The choice depends on the study alone, not on the machine or its load.
 
@@ -135,7 +135,7 @@ def _by_forcing(free: SimulationProblem | None, problem: SimulationProblem) -> C
 
 
 def _check_forced(definition: StudyDefinition, found: tuple[SimulationProblem, ...], forced: Models) -> None:
-    """Refuse a forced model that nothing in the study has: it would be ignored."""
+    """Refuse a forced model that applies to nothing in the study, because it would be ignored."""
     mistakes = []
     for effect, name in forced.items():
         slots = [slot for one in found for slot in one.slots if slot.name == effect]

@@ -26,7 +26,7 @@ from tradestudy.optics.propagation import PointSource
 from tradestudy.study.schema.light_spot import LightSpotPart
 
 _COARSE = 0.2  # tolerance of rays in a pilot
-_PASSES = 3  # over a point: one, one for its error estimate, and one by quadrature
+_PASSES = 3  # over a point: one for its light, one for the error estimate, and one by quadrature
 
 
 def predicted_picture_seconds(part: LightSpotPart, models: SpotModels) -> float:
@@ -76,7 +76,7 @@ def _seconds_of_rays(
 def _seconds_of_point(
     path: LightPath, point: PointSource, wavelength: float, laws: Legs, accuracy: ChainAccuracy, coherent_radius: float
 ) -> float:
-    """Time of one pass over all that the point lights, from one over a microlens, by their samples on the detector."""
+    """Time of one pass over all that the point lights, scaled from one microlens by the samples on the detector."""
     wave = point_wave(path, point, wavelength=wavelength, legs=laws, coherent_radius=coherent_radius)
     alone = replace(wave, path=_nearest(path, point))
     whole, one = (plan_point(each, laws.to_detector, accuracy).detector.transfer.count for each in (wave, alone))

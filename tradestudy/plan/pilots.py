@@ -1,4 +1,4 @@
-"""Pilots: time a small sample of every kind of work in a run; the predicted time scales it by its count."""
+"""Pilots: small samples of every kind of work in a run, which are timed and scaled by their counts."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def reading_seconds() -> float:
 
 
 def table_seconds(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray) -> float:
-    """Time for one camera's table over its distances [m], without draws; from a few where its error is derived."""
+    """Time for one camera's table over its distances [m], without draws; scaled from a few if its error is derived."""
     model = "off" if camera.propagation.model == "exact" else camera.propagation.model
     plain = _without_kirchhoff(replace(camera, propagation=replace(camera.propagation, model=model)))
 
@@ -71,7 +71,7 @@ def table_seconds(camera: DepthCamera, criteria: UsableCriteria, distance: Float
 
 
 def _without_kirchhoff(camera: DepthCamera) -> DepthCamera:
-    """The camera with Fresnel for Kirchhoff, whose corrections are computed once beforehand: `correction_seconds`."""
+    """The camera with Fresnel instead of Kirchhoff, whose corrections `correction_seconds` covers."""
     law = camera.disparity_error_px
     if not isinstance(law, PictureDisparityError):
         return camera
@@ -149,7 +149,7 @@ def pair_seconds(part: FresnelValidityPart, element: ElementPart, *, field_angle
 
 
 def spread_seconds(part: PointSpreadPart) -> float:
-    """Time to compute and measure one image of a point: the middle one of all those requested."""
+    """Time to compute and measure one image of a point, the middle one of those requested."""
     from tradestudy.analysis.point_spreads import every_case, spread_measures
 
     cases = every_case(part)

@@ -48,7 +48,7 @@ class Plan:
         return next(one.models for one in self.problems if one.name == problem)
 
     def parts(self, step: str) -> tuple[float, ...]:
-        """Predicted seconds of the parts of a step, in the order of computing; empty if they are equally long."""
+        """Predicted seconds of the parts of a step, in the order of computation; empty if they are equally long."""
         return next((one.parts for one in self.steps if one.name == step), ())
 
     def seconds_by_problem(self, step: str) -> Mapping[str, float]:
@@ -64,7 +64,7 @@ class Plan:
 
 
 def _settled(definition: StudyDefinition) -> Iterator[tuple[str, str]]:
-    """Questions that compare given models, so that none is left to choose: name, and how they are answered."""
+    """Questions that compare given models, which leaves no choice: their names, and how they are answered."""
     file = definition.file
     if (fresnel := file.fresnel_validity) is not None:
         error = pretty(fresnel.tolerance, FRACTION, digits=2)

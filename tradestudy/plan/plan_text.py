@@ -23,7 +23,7 @@ def plan_lines(
 ) -> Iterator[str]:
     """One line per problem, with all decisions if verbose, and one for the run, with all steps if verbose.
 
-    `settled` says by name how questions that leave no model open are answered.
+    `settled` states, by name, how questions that leave no choice of models are answered.
     """
     width = max(map(len, [*(one.name for one in problems), *settled, "run"]))
     seconds: dict[str, float] = {}
@@ -83,15 +83,15 @@ def _left_out(one: Chosen) -> str:
     _, quantity, _, decision = max(omitted, key=lambda found: found[0])
     change = one.choice.changes[quantity]  # due to all omissions; can be less than that due to one of them
     significant = {id(found[3]) for found in omitted if found[0] >= _SIGNIFICANT}
-    beside = " and smaller effects" if len(significant) > 1 else ""
+    suffix = " and smaller effects" if len(significant) > 1 else ""
     return (
-        f"leaving out {left_out(decision.slot, decision.model)}{beside} changes the {IN_WORDS[quantity]} by "
-        f"{_amount(change)} {_beside(quantity, change, one)}"
+        f"leaving out {left_out(decision.slot, decision.model)}{suffix} changes the {IN_WORDS[quantity]} by "
+        f"{_amount(change)} {_allowance(quantity, change, one)}"
     )
 
 
 def _first_refused(one: Chosen) -> str:
-    """The omission that comes closest to its tolerance without keeping it, which says why nothing is left out."""
+    """The omission that comes closest to its tolerance without meeting it, which explains why nothing is left out."""
     refused = [
         (max(change.relative / one.asked[quantity] for quantity, change in asked.items()), decision, asked)
         for decision in one.choice.decisions
@@ -109,11 +109,11 @@ def _first_refused(one: Chosen) -> str:
         return f", because leaving out {omission} could change the {IN_WORDS[quantity]} by more than {allowed}"
     return (
         f", because leaving out {omission} would change the {IN_WORDS[quantity]} by {_amount(change)} "
-        f"{_beside(quantity, change, one)}"
+        f"{_allowance(quantity, change, one)}"
     )
 
 
-def _beside(quantity: Quantity, change: Change, one: Chosen) -> str:
+def _allowance(quantity: Quantity, change: Change, one: Chosen) -> str:
     """The evidence of a change, if it is a trial, and the tolerance, in brackets."""
     how = f"{_tried(quantity)}; " if change.evidence == "trial" else ""
     return f"({how}{pretty(one.asked[quantity], FRACTION)} allowed)"

@@ -47,7 +47,7 @@ _TRIALS_OF_A_ROOT: Final = 12
 _TABLES_OF_A_DRAW: Final = 0.07
 _TABLES_OF_A_TRIAL: Final = 0.05
 _PAIRS_OF_A_ROOT: Final = 1.5  # on average: a limit is often below or beyond all f-numbers, whose pairs are cached
-# Drawing and typesetting cannot be piloted without their libraries, whose loading takes half of the time. Both are
+# Pilots of drawing and typesetting would need their libraries, whose loading takes half of the time. Both are
 # mixed interpreter work, like reading a study: these are the numbers of small studies read in the same time.
 _READINGS_OF_A_REPORT: Final = 80
 _READINGS_OF_A_FIGURE: Final = 25
@@ -88,7 +88,7 @@ class Stopwatch:
 
     @property
     def waiting(self) -> float:
-        """Wall over processor seconds since the watch was made; at least 1, which is also its value with threads."""
+        """Wall time divided by processor time since the watch was made; at least 1, even if threads made it less."""
         wall, processor = time.perf_counter() - self._began[0], time.process_time() - self._began[1]
         return max(1.0, wall / processor) if processor > 0.0 else 1.0
 
@@ -374,7 +374,7 @@ class _Prediction:
         return PredictedStep(name="hard cases", seconds=seconds, work=counted(cases, "case"))
 
     def _claims(self) -> PredictedStep:
-        """Every claim under each of its readings, with pictures of the spot that nothing before needed."""
+        """All claims under each of their readings, with the pictures of the spot that no earlier step needed."""
         file = self.definition.file
         readings = {"": self.definition, **self.definition.readings}
         asked = claims_in_order(file.claims, list(readings))
@@ -392,7 +392,7 @@ class _Prediction:
         )
 
     def _pictures_of_claims(self, asked: Sequence[tuple[ClaimPart, StudyDefinition]]) -> list[float]:
-        """Time for the pictures that each claim under its reading is the first to need [s]."""
+        """Time [s] for those pictures of each claim that no earlier claim has needed."""
         if (declared := self.definition.file.light_spot) is None:
             return [0.0] * len(asked)
         from tradestudy.analysis.spot_images import compared_models, without_comparison
@@ -451,7 +451,7 @@ class _Prediction:
 
 
 def _seconds_of_inference(asked: Sequence[TargetToInfer | CornersToInfer]) -> float:
-    """Of all calibrations; those of one camera, in a sweep, take as long as its first and its last on average."""
+    """Time of all calibrations [s]; in a sweep, the mean of a camera's first and last one stands for each of them."""
     seconds = 0.0
     for name in {one.name for one in asked}:
         own = [one for one in asked if one.name == name]

@@ -132,12 +132,12 @@ class SharedCameras:
     def camera(self, name: str, chain: tuple[str, ...]) -> Entry | None:
         """One assembled camera, or None after noting the mistake."""
         if name not in self.done:
-            self.done[name] = self.put_together(name, chain)
+            self.done[name] = self.assemble(name, chain)
             if self.done[name] is None:
                 self.broken.append(("cameras", name))
         return self.done[name]
 
-    def put_together(self, name: str, chain: tuple[str, ...]) -> Entry | None:
+    def assemble(self, name: str, chain: tuple[str, ...]) -> Entry | None:
         """Lay the study's own values of a camera over those it takes from a file or another camera."""
         own = self.written.members[name].entry
         if not isinstance(own, MappingEntry):

@@ -1,7 +1,7 @@
 """How a usable range limited by failed measurements changes if calibration errors are omitted or propagated linearly.
 
-All shares refer to the true matches: the number of false ones does not depend on the model, and would hide how the rest
-depends on distance.
+Shares refer to the true matches, because the number of false ones does not depend on the model and would hide how the
+others depend on distance.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from tradestudy.effects.models import OFF
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.applied_models import apply_models
 
-_BESIDE: Final = 1e-2  # of the distance of an end, for the slope there
-_AT_AN_END: Final = 0.05  # closer to an end than this share of its distance, a fraction counts as at its limit
+_SLOPE_STEP: Final = 1e-2  # of the distance of an end, for the slope there
+_AT_AN_END: Final = 0.05  # closer to an end than this share of its distance, a fraction counts as being at its limit
 
 
 def of_true_matches(camera: DepthCamera, failed: ArrayLike) -> FloatArray:
@@ -33,7 +33,7 @@ def failed_fraction(camera: DepthCamera, distance: FloatArray) -> FloatArray:
 
 
 def verdict_changed_without_calibration(camera: DepthCamera, bound: float, distance: FloatArray) -> BoolArray:
-    """Where noise alone keeps the limit on the failed fraction and all errors break it, or the reverse."""
+    """Where noise alone meets the limit on the failed fraction and all errors violate it, or vice versa."""
     without = failed_fraction(apply_models(camera, {"calibration": OFF}), distance)
     return np.asarray((without <= bound) != (failed_fraction(camera, distance) <= bound))
 
@@ -56,9 +56,9 @@ def shift_without_calibration(camera: DepthCamera, bound: float, ends: FloatArra
 def missed_by_the_line(
     camera: DepthCamera, bound: float, places: FloatArray, failed: FloatArray, ends: FloatArray
 ) -> float:
-    """The largest relative shift, by the error of linear propagation, of an end that the failed fraction sets.
+    """The largest relative shift that the error of linear propagation causes in an end set by the failed fraction.
 
-    Infinite where that error leaves open whether the limit is kept.
+    Infinite where that error leaves open whether the limit is met.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def missed_by_the_line(
 _TINY: Final = 1e-300
 _FAR: Final = 30.0
 _PLACES: Final = 9
-_NEAR: Final = 1.0  # in logarithm: an end is known to 1 %, over which a fraction can change severalfold
+_NEAR: Final = 1.0  # in the logarithm; an end is known to 1 %, within which a fraction can change severalfold
 
 
 def _near(own: FloatArray, bound: float) -> BoolArray:
@@ -107,7 +107,7 @@ def _error(camera: DepthCamera, distance: FloatArray) -> FloatArray:
 
 def _slope(camera: DepthCamera, ends: FloatArray) -> FloatArray:
     """Absolute slope d ln(failed fraction)/d ln(distance) at the ends; tiny where it is unknown or zero."""
-    above, below = (failed_fraction(camera, ends * (1.0 + sign * _BESIDE)) for sign in (1.0, -1.0))
+    above, below = (failed_fraction(camera, ends * (1.0 + sign * _SLOPE_STEP)) for sign in (1.0, -1.0))
     with np.errstate(divide="ignore", invalid="ignore"):
-        slope = np.abs(np.log(above / below)) / (2.0 * _BESIDE)
+        slope = np.abs(np.log(above / below)) / (2.0 * _SLOPE_STEP)
     return np.where(np.isfinite(slope) & (slope > 0.0), slope, _TINY)

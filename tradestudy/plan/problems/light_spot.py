@@ -22,7 +22,7 @@ from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 
 NAME: Final = "light-spot"
 TOLERANCES: Final = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
-# Rays beside waves are paraxial and for comparisons only.
+# Rays combined with waves are paraxial, and only for comparisons.
 METHODS: Final[Mapping[tuple[str, str], MethodName]] = {
     (OFF, OFF): "exact-rays",
     ("boundary_wave", "boundary_wave"): "boundary-wave",
@@ -35,23 +35,21 @@ METHODS: Final[Mapping[tuple[str, str], MethodName]] = {
     ("kirchhoff", "kirchhoff"): "kirchhoff",
 }
 # Margin on a trial, since a few points do not represent the whole picture. It was fixed beforehand and then checked on
-# twelve cases of seed 1 of `tests.campaigns.light_cases`, where trials of Fresnel's law to the array found at least
-# half of its change.
+# twelve cases of seed 1 of `tests.campaigns.light_cases`, where trials of Fresnel's law on the leg to the array found
+# at least half of its change.
 MARGIN: Final = 1.3
 # The mean of seven points is exact to fifth order in the radius of the disc they represent. Of 80 changes from 0.1 to
 # 16 % on light paths of seeds 302 and 303, trials found at least 90 %.
 _MARGIN_OF_EXTENT: Final = 1.12
 # Trials of three laws follow about forty points: for pictures of few points they cost more than they save.
 _WORTH_TRYING: Final = 120.0
-_LARGEST_BY_RULE: Final = 0.3  # a law of second order holds no further
-_NEVER_A_POINT: Final = (
-    100.0  # by the same rule: twelve cycles of the light's variation, and no trial is worth its time
-)
+_LARGEST_BY_RULE: Final = 0.3  # beyond this, the second-order rule fails
+_NEVER_A_POINT: Final = 100.0  # by the same rule; the light varies over twelve cycles, and no trial is worth its time
 _FREE: Final = 0.25  # of the change by models: a sampling error this small needs no finer nodes
 
 
 class LightSpotProblem(SimulationProblem):
-    """The picture of one spot; trials find the change by what its models leave out.
+    """The picture of one spot; trials find the change due to what its models leave out.
 
     The boundary wave costs more than Fresnel's law and saves nothing behind the array, so it is used only where the
     study prescribes it. Images of single microlenses, or light at pixel centres alone, cost as much as the complete
@@ -109,7 +107,7 @@ class LightSpotProblem(SimulationProblem):
         return tuple(model for model in models_of(leg, "spot") if model not in left_out)
 
     def changes(self, models: Models) -> Changes:
-        """Relative L2 change of the pixels by omissions, from a trial, and by the sampling, from its tolerance.
+        """Relative L2 change of the pixels due to omissions, from a trial, and to sampling, from its tolerance.
 
         The two are independent and add in quadrature.
         """
@@ -123,7 +121,7 @@ class LightSpotProblem(SimulationProblem):
             return {"pixel_intensity": Change(relative=math.inf, least=math.inf)}
         if whole not in self._found and whole == self._shrunk:
             relative = _with_sampling(self._extent, found) if self._extent < _LARGEST_BY_RULE else math.inf
-            least = math.hypot(TOLERANCE, found.tolerance)  # of what a trial can find
+            least = math.hypot(TOLERANCE, found.tolerance)  # the least that a trial can find
             return {"pixel_intensity": Change(relative=relative, least=min(relative, least), evidence="rule")}
         if whole not in self._found and whole.method != self._complete.method and self._is_quick(whole):
             return {"pixel_intensity": Change(relative=math.inf, least=math.inf)}
@@ -143,7 +141,7 @@ class LightSpotProblem(SimulationProblem):
 
     @cached_property
     def _extent(self) -> float:
-        """Change of the picture if the disc counts as a point, by a rule of second order; NaN for coherent discs."""
+        """Change of the picture if the disc counts as a point, by a second-order rule; NaN for coherent discs."""
         source = light_source(self._part)
         if not isinstance(source, DiscSource) or source.coherent:
             return math.nan
@@ -151,7 +149,7 @@ class LightSpotProblem(SimulationProblem):
 
     @property
     def _shrunk(self) -> SpotModels:
-        """The most complete models, but for a disc that counts as a point."""
+        """The most complete models, except that the disc counts as a point."""
         return replace(self._complete, point=True)
 
     def _is_quick(self, models: SpotModels) -> bool:
@@ -184,7 +182,7 @@ class LightSpotProblem(SimulationProblem):
         return True
 
     def _models(self, models: Models) -> SpotModels | None:
-        """None for models that cannot be combined; rays on one leg mean rays on both, unless a wave law is forced."""
+        """The spot's models, None if they conflict; rays on one leg mean rays on both, unless a wave law is forced."""
         rays = [leg for leg in LENSES if models[leg] == OFF]
         if rays and all(self._forced.get(leg, OFF) == OFF for leg in LENSES):
             models = {**models, **dict.fromkeys(LENSES, OFF)}
@@ -205,11 +203,11 @@ def _with_sampling(change: float, models: SpotModels) -> float:
 def extent_rule(path: LightPath, source: DiscSource, wavelength: float) -> float:
     """Relative L2 change of the pixels if an incoherent disc counts as a point.
 
-    A pixel's light that comes through a width D of the pupil varies with the place of the source by at most D/(λ z)
+    A pixel's light that comes through a width D of the pupil varies with the position of the source by at most D/(λ z)
     cycles per metre. The mean over a disc of diameter d lowers such a variation by 1 − 2 J₁(t)/t ≤ t²/8,
-    t = π d D/(λ z). Half of that is stated: twice the largest change over 222 light paths, apart from numerical errors.
-    A microlens w wide takes D = w a/|b| from the image of a point, a behind the main lens and |b| from the array,
-    widened by its Airy disc, 2.44 λ (a + b)/w.
+    t = π d D/(λ z). This rule states half of that, which is twice the largest change on 222 light paths, numerical
+    errors aside. For the image of a point, a behind the main lens and |b| from the array, a microlens of width w
+    accepts the width D = w a/|b|, widened by its Airy disc, 2.44 λ (a + b)/w.
 
     Parameters
     ----------
@@ -221,7 +219,7 @@ def extent_rule(path: LightPath, source: DiscSource, wavelength: float) -> float
     Returns
     -------
     float
-        Holds up to about 0.3; larger values only say that the change is large.
+        Valid up to about 0.3; larger values only say that the change is large.
     """
     width, array = path.microlenses.aperture_width, path.array_distance
     depth = path.image_at_array(source.centre)[2]

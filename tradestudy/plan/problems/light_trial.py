@@ -31,14 +31,14 @@ from tradestudy.optics.propagation import PointSource
 from tradestudy.study.schema.light_spot import LightSpotPart
 
 TOLERANCE: Final = 2e-3  # of the images of points
-# Neighbouring points of a disc share most of their numerical error: of their differences, these leave less than
-# `TOLERANCE` of the picture.
+# Neighbouring points of a disc share most of their numerical error; at these settings, the rest is below `TOLERANCE` of
+# the picture.
 _COARSE, _SPARSE = 5e-2, 0.5
 _RAYS: Final = 2**15  # per point; disc and pixels average out their errors
 _AROUND: Final = 6  # points that represent a disc with its centre: their mean is exact to fifth order in its radius
 _PARTS: Final = 3  # along a pixel; odd, so that one of them is at its centre
 _MOST_LINES: Final = 4
-_MET: Final = 0.5  # of the light that waves bring: less by rays means that they pass the microlenses by
+_MET: Final = 0.5  # of the light by waves; if rays bring less, they miss the microlenses
 _AZIMUTHS: Final = 16
 
 
@@ -171,8 +171,8 @@ class LightTrial:
     def squares(self, number: int, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
         """Squared L2 norms of the change of one probe's pixels by models, and of the pixels by the most complete ones.
 
-        The change is infinite where the models refuse to compute the image, and where a probe's rays pass the
-        microlenses by, which then see so little of the disc that its blurred image does not represent the picture.
+        The change is infinite where the models refuse to compute the image, and where a probe's rays miss the
+        microlenses, which then see so little of the disc that its blurred image does not represent the picture.
         """
         if self._shrinks(models, complete):
             return self._as_point(models, complete)
@@ -211,7 +211,7 @@ class LightTrial:
         return float(np.sum((centre - whole) ** 2)), float(np.sum(whole**2))
 
     def _followed(self, models: SpotModels, point: PointSource) -> FloatArray:
-        """Pixels of one point of the disc, followed as in its picture."""
+        """Pixels of one point of the disc, computed as in its picture."""
         key = models.method, models.integrated
         if key not in self._spots:
             self._spots[key] = _prepared(self._part, models)
@@ -242,9 +242,9 @@ class LightTrial:
 
 
 def _prepared(part: LightSpotPart, models: SpotModels) -> Spot:
-    """What all points of the disc share."""
+    """The inputs that all points of the disc share."""
     path, source = light_path(part), light_source(part)
-    assert isinstance(source, DiscSource)  # no point has points
+    assert isinstance(source, DiscSource)  # only a disc has points
     path = replace(path, pixels=replace(path.pixels, integrated=models.integrated))
     accuracy = ChainAccuracy(tolerance=_COARSE, source_sampling=_SPARSE)
     nodes = source_nodes(path, source, wavelength=part.mean_wavelength, density=source_density(accuracy))

@@ -17,7 +17,7 @@ from tradestudy.study.applied_models import in_closed_form, with_models
 
 
 def closed_form_of(law: PictureDisparityError, models: Models) -> PictureModels:
-    """A law's models with those of `models` in their slots: Fresnel's law at most, and only effects of its picture."""
+    """A law's models, overridden by the closed form of `models` for the effects of the law's picture."""
     own = with_models(law.models, in_closed_form(models))
     return own if law.settings.spectrum else replace(own, spectrum=OFF)  # other forms of the camera may have a spectrum
 
@@ -30,7 +30,7 @@ def moved_off_axis(reference: DepthCamera, places: FloatArray, fields: Sequence[
     reference
         The camera with the most complete models in closed form.
     places, fields
-        Distances [m] and places in the field.
+        Distances [m] and field positions.
     models
         Models that replace those of the reference.
     """
@@ -39,12 +39,12 @@ def moved_off_axis(reference: DepthCamera, places: FloatArray, fields: Sequence[
 
 def _moved(reference: DepthCamera, places: FloatArray, field: float, models: Models) -> float:
     noise = linearised_depth(reference, places, field, "noise").standard_deviation
-    known = has_covariance(reference)  # without a covariance: noise alone, which models move the most
+    known = has_covariance(reference)  # without a covariance, noise alone: it depends most on models
     both = linearised_depth(reference, places, field, "both").standard_deviation if known else noise
     moved = noise * _noise_changed(reference, places, field, models)
     with np.errstate(invalid="ignore", divide="ignore"):
-        beside = 0.0 if models.get("calibration") == OFF else np.maximum(both**2 - noise**2, 0.0)
-        change = np.abs(np.sqrt(moved**2 + beside) / both - 1.0)
+        by_calibration = 0.0 if models.get("calibration") == OFF else np.maximum(both**2 - noise**2, 0.0)
+        change = np.abs(np.sqrt(moved**2 + by_calibration) / both - 1.0)
     return float(np.nanmax(change, initial=0.0))
 
 

@@ -23,7 +23,7 @@ class PointSpreadProblem(SimulationProblem):
 
     def __init__(self, part: PointSpreadPart, forced: Models) -> None:
         self.name = NAME
-        self.title = "Spread of points"
+        self.title = "Point spreads"
         self.asked: tuple[Quantity, ...] = ("psf_width",)
         laws = models_of("main_lens_diffraction", "point")
         own = {slot: name for slot, name in forced.items() if name in laws}

@@ -24,7 +24,7 @@ from tradestudy.study.definition import StudyDefinition
 _PATCHES: Final = 3  # along each side of a picture; both models render them
 _SIDE: Final = 24  # pixels along a patch
 _SAMPLES: Final = 16  # enough that the models, and not the samples, make the difference
-_OFFSET_STEP: Final = 2.0  # twice that of pictures, which moves the change by rays by a hundredth of it
+_OFFSET_STEP: Final = 2.0  # twice that of pictures; alters the change found by a hundredth
 TRIAL_TEXTURE: Final = 1024
 """Samples after which the texture of a trial repeats; patches are too few to show the repetition."""
 _MARGIN: Final = 1.3  # on the trial, since a few patches do not represent the whole picture
@@ -125,7 +125,7 @@ class ScenePicturesProblem(SimulationProblem):
         return True
 
     def _by_waves(self, models: Models) -> bool | None:
-        """None for legs that cannot be combined; rays on one leg mean rays on both, unless waves are forced."""
+        """Whether waves are used, None if legs conflict; rays on one leg mean rays on both unless waves are forced."""
         if all(models[leg] != OFF for leg in self._legs):
             return True
         return None if any(model != OFF for model in self._forced.values()) else False

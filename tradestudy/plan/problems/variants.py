@@ -18,7 +18,7 @@ from tradestudy.study.varying import Varying
 # enough: changes are not monotonic where a design between them is in focus and they are not.
 _MOST_DESIGNS: Final = 48
 _ENDS: Final = 2
-# Values examined of the parameter that an inverse question varies, with its ends.
+# Number of values examined of the parameter that an inverse question varies, including its ends.
 _OF_QUESTIONS: Final = 5
 
 
