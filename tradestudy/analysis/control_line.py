@@ -1,4 +1,4 @@
-"""A linear control variate for inverse depth: its quantiles are known, so its sampling error corrects depth's."""
+"""A linear control variate for inverse depth: its quantiles are known, so its sampling error corrects that of depth."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
 
 
 def planning_work(definition: StudyDefinition, question: SolvePart) -> list[Callable[[], object]]:
-    """What one value costs in every plan of a calibration that the question varies; empty if it varies none."""
+    """Work for one value: a call per plan of a calibration that the question varies; empty if it varies none."""
     varying = Varying.of(definition, question)
     if not varied_calibrations(definition, varying):
         return []

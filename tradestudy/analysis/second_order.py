@@ -1,4 +1,4 @@
-"""How far a linear model of normal errors misses the exact distribution of depth, from the model's curvature."""
+"""How far a linear model of normal errors misses the exact distribution of depth, from the exact model's curvature."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _STEP: Final = 1e-2  # standard deviations, for the gradient
 _FARTHEST: Final = 9.0  # standard deviations; the probability beyond is below 1e-18
 _SECTIONS: Final = 16
 _ROUNDS: Final = 2  # to 0.07 standard deviations, with linear interpolation within these
-_UNCERTAIN: Final = 0.5  # of the changes of half widths by mean and variance across the steepest direction
+_UNCERTAIN: Final = 0.5  # of the changes of half widths due to mean and variance across the steepest direction
 _MEDIAN: Final = 1e-9  # largest score of a median, up to rounding
 
 Reader = Callable[[FloatArray], FloatArray]
@@ -48,7 +48,7 @@ class SecondOrder:
 def second_order(
     camera: DepthCamera, distance: FloatArray, field: float, error_source: str, *, any_shape: bool = False
 ) -> SecondOrder | None:
-    """Evaluate depth exactly along the direction of the errors that moves it most, and to second order across.
+    """Evaluate depth exactly along the direction in which errors change it most, and to second order across it.
 
     In standard deviations of independent normal errors, inverse depth is ``h(z) = h₀ + g·z + ½ zᵀKz``. Its quantiles
     are those along g (first-order reliability), each shifted by the curvature across g (second-order reliability).
@@ -64,8 +64,8 @@ def second_order(
     error_source
         The errors considered: ``noise``, ``calibration`` or ``both``.
     any_shape
-        Whether to treat errors of other shapes through their normal scores; the result then only distinguishes a large
-        error of the linear model from a small one.
+        Whether to treat non-normal errors through their normal scores; the result then only distinguishes a large error
+        of the linear model from a small one.
 
     Returns
     -------
@@ -130,7 +130,7 @@ def _read_together(read: Reader, *scores: FloatArray) -> list[FloatArray]:
 def _quantiles(
     camera: DepthCamera, read: Reader, steepest: FloatArray, length: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Quantiles of inverse depth [1/m] along the steepest direction, and the shifts by mean and variance across it.
+    """Quantiles of inverse depth [1/m] along the steepest direction; their shifts due to mean and variance across it.
 
     Where the other errors add the mean m(u) and the variance s²(u) at the score u along it, the quantile at u moves by
     ``m + (u s² − ds²/du)/(2 |g|)``. Curvature K across gives ``m = ½ tr K`` and ``s² = ½ ‖K‖² + Σ d²``, with the slopes
@@ -169,7 +169,7 @@ def _failed(read: Reader, steepest: FloatArray) -> FloatArray:
     for _ in range(_ROUNDS):
         searched = low + np.linspace(0.0, 1.0, _SECTIONS + 1)[:, np.newaxis] * (high - low)
         found = read(searched * steepest[:, np.newaxis])
-        # Inverse depth rises along the steepest direction, so failures lie below one score.
+        # Inverse depth rises along the steepest direction, so failures lie below a certain score.
         last = np.sum(~(found > 0.0), axis=0) - 1
         row = np.clip(last, 0, _SECTIONS - 1)
         low, high = searched[row, place], searched[row + 1, place]

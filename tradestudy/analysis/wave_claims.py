@@ -54,7 +54,7 @@ def wave_claim_words(claim: WaveClaim) -> str:
         case PsfErrorClaim():
             return f"{_measure(claim)} of the Fresnel law for the {claim.element} at f/{significant(claim.f_number)}"
         case FresnelFNumberClaim():
-            limit = f"{pretty(claim.error, FRACTION)} (0: at every f-number compared)"
+            limit = f"{pretty(claim.error, FRACTION)} (0 if it does at every f-number compared)"
             return f"smallest f-number above which the {_measure(claim)} for the {claim.element} stays below {limit}"
         case CriterionFNumberClaim():
             bound = f" of {significant(claim.path_error)} waves" if claim.path_error is not None else ""

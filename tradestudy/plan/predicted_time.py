@@ -296,7 +296,7 @@ class _Prediction:
             yield PredictedStep(name="ranks", seconds=seconds, work=counted(len(pairs), "pair"))
 
     def _seconds_of_question(self, name: str) -> float:
-        """Time for the values that the root of an inverse question takes [s], in every plan of a calibration."""
+        """Time for all values tried to answer an inverse question [s], in every plan of a calibration."""
         from tradestudy.analysis.inverse_questions import planning_work
 
         definition, question = self.definition.under(name), self.definition.file.solve[name]

@@ -225,7 +225,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         "compared pictures share; for several pairs, that of a single pair with the same information; px as in "
         "disparity_error_px; 0 where they share nothing, NaN where the camera forms no image",
         symbol="W",
-        error=ROUNDING + "; for least squares up to 8 % too small",
+        error=ROUNDING + "; up to 8 % too small for least squares",
     ),
     "electrons": Variable(
         dims=("camera", "distance"),

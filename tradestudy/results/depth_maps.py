@@ -97,7 +97,7 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "class_distance": Variable(
         dims=_CLASS,
         units="m",
-        long_name="middle of a class of true depths; all classes have equally many points",
+        long_name="middle of a class of true depths; all classes have the same number of points",
         error="half the width of the class",
     ),
     "class_bias": Variable(dims=_CLASS, units="m", long_name="median error of the class", error="see class_bias_error"),

@@ -98,7 +98,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "limit_f_number": _f_number(
         ("element", "lens_phase", "wavelength", "metric", "window"),
-        "minimum f-number from which on the error on axis stays below the study's limit; 0 where it does over the "
+        "smallest f-number above which the error on axis stays below the study's limit; 0 where it does over the "
         "whole compared range, infinite where it exceeds the limit at the end of the range",
         _MEASURED,
         "root to 1e-4 relative; the error of psf_error divided by its slope",
@@ -225,7 +225,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
 }
 
 _SPREAD = ("element", "propagator", "varied", "step")
-_SPREAD_ERROR = "see the variable of this name with _error"
+_SPREAD_ERROR = "see the variable of this name that ends in _error"
 
 
 def _spread(name: str, units: str, long_name: str, reference: str = "") -> Mapping[str, Variable]:

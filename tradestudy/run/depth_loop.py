@@ -36,7 +36,7 @@ _DEVIATIONS: Final = 6.0  # predicted standard deviations that are always search
 _PILOT: Final = 200  # side [pixels] of the first picture, from which the number of windows is estimated
 _SPARE: Final = 1.1
 MOST_PICTURES: Final = 8
-"""Most whole pictures of a plane, each with its own texture and noise, from which windows are collected."""
+"""Maximum number of whole pictures of a plane, each with its own texture and noise, to collect windows from."""
 _SEEDS_APART: Final = 1000  # more than there are distances
 _NOISE: Final = "shot+read+quantisation"
 _FARTHEST: Final = 100.0  # times the distance

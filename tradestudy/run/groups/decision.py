@@ -90,7 +90,10 @@ def decision_group(
 
 
 def questions_group(definition: StudyDefinition, progress: Progress, seconds: Sequence[float]) -> xr.Dataset:
-    """The part of /decision that answers inverse questions, for cameras of every kind; parameters as above."""
+    """The part of /decision that answers inverse questions, for cameras of every kind.
+
+    The predicted seconds of the questions set the shares of progress.
+    """
     questions = definition.file.solve
     solved, shares = [], shares_before(seconds, len(questions))
     for share, (name, question) in zip(shares, questions.items(), strict=False):

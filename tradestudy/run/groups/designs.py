@@ -1,4 +1,4 @@
-"""/decision for every design of a sweep: the best camera at a few distances, and where two cameras are equal."""
+"""/decision for every design of a sweep: the best camera at a few distances, and the crossovers of two cameras."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def rig_rows(inferred: Mapping[str, InferredCalibration]) -> dict[str, list[str]
 
 
 def rig_trust(inferred: Mapping[str, InferredCalibration]) -> dict[str, FloatArray]:
-    """Cross-checks by halves of the views, and residual maps; NaN for cameras without corners, empty without any."""
+    """Cross-checks by halves of the views, and residual maps; NaN for cameras without corners, empty if all are."""
     known = {name: one.trust for name, one in inferred.items() if one.trust is not None}
     if not known:
         return {}
