@@ -76,12 +76,12 @@ class _AtPlaces:
     def measured_depth(
         self,
         distance: FloatArray,
-        field: float,  # noqa: ARG002 - the places say where
+        field: float,  # noqa: ARG002 - the places replace it
         values: Mapping[str, FloatArray],
     ) -> MeasuredInverseDepth:
         """See `DepthCamera.measured_depth`."""
         known = self.calibration
-        # A camera that is mapped takes places.
+        # A camera that is mapped measures depth at places, too.
         read = known.measurement or cast(DepthMeasurement, self.camera.read)
         return read(distance, self.places, known.errors(values), known.environment)
 
