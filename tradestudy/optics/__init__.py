@@ -41,8 +41,9 @@ MTF at 200/mm: 0.308 ± 0.008 along x, 0.437 ± 0.008 along y
 >>> spot = optics.microlens_image(
 ...     camera, optics.PointSource(distance=0.5), wavelength=550e-9, tolerance=1e-2
 ... )
->>> print(f"{spot.pixels.sum():.2f} of the light on {spot.pixels.shape} pixels, within 1 %: {spot.within_tolerance}")
-0.97 of the light on (28, 28) pixels, within 1 %: True
+>>> share = spot.share_on_pixels
+>>> print(f"{share.value:.2f} of the light on {spot.pixels.shape} pixels, error below 0.01: {share.error < 0.01}")
+0.97 of the light on (28, 28) pixels, error below 0.01: True
 """
 
 from __future__ import annotations

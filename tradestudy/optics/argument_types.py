@@ -22,7 +22,11 @@ C = TypeVar("C")
 
 _NUMBER: Final = ("a number", "give one number, in SI units: 50 mm are 50e-3")
 _WHOLE: Final = ("a whole number", "give one whole number, such as 3")
-_REMEDIES: Final = {"PointSource": "give PointSource(distance=…) or PointSource.at_infinity()"}
+_REMEDIES: Final = {
+    "PointSource": "give PointSource(distance=…) or PointSource.at_infinity()",
+    "Pupil": "give Pupil.from_waves({8: 0.1}, wavelength=550e-9) for a tenth of a wave of coma",
+    "Legs": "give KIRCHHOFF, KIRCHHOFF_FRESNEL, FRESNEL, GEOMETRIC, EXACT_RAYS or Legs(…)",
+}
 _NUMBERS: Final = ("an array of numbers", "give a number, a list or an array of numbers in SI units")
 
 
@@ -100,6 +104,23 @@ def check_wavelength(wavelength: float) -> None:
         )
 
 
+def check_angle(angle: float) -> None:
+    """Refuse a direction [rad] of more than a full turn, such as one given in degrees.
+
+    Raises
+    ------
+    OutOfRangeError
+        With the remedy.
+    """
+    if not abs(angle) <= math.tau:
+        raise OutOfRangeError(
+            "angle",
+            value=f"{angle:g} rad",
+            limit="between −2π and 2π",
+            remedy="measure it from the x axis in radians: 90° are 1.5708",
+        )
+
+
 def _check_all(arguments: dict[str, Any], hints: Mapping[str, Any]) -> None:
     for name, value in arguments.items():
         if type(value) is not hints.get(name, object):
@@ -166,7 +187,7 @@ def _tuple(hints: Sequence[Any], value: Any) -> Any:
     if hints[-1] is Ellipsis:
         return value
     if not isinstance(value, (tuple, list, np.ndarray)) or len(value) != len(hints):
-        raise _UnfitError(f"{len(hints)} values", f"give {len(hints)} values in parentheses")
+        raise _UnfitError(f"{len(hints)} values", f"give them as ({', '.join('abcdef'[: len(hints)])})")
     return tuple(_taken(hint, one) for hint, one in zip(hints, value, strict=True))
 
 

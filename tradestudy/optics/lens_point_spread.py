@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.airy import FIRST_DARK_RING
-from tradestudy.optics.argument_types import checked
+from tradestudy.optics.argument_types import check_angle, checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.focal_lengths import FocalLengths, focal_length_for, reference_focal_length
 from tradestudy.optics.propagation.aperture import aperture_field, lens_wave
@@ -88,7 +88,10 @@ class LensPointSpread(PointSpread):
 
     @property
     def relative_intensity(self) -> FloatArray:
-        """Intensity relative to the peak without aberration; its maximum is the Strehl ratio."""
+        """Samples of the intensity relative to the peak without aberration [1], shape (len(y), len(x)).
+
+        The Strehl ratio is the peak between these samples: `strehl_ratio` computes it.
+        """
         return np.asarray(self.intensity / self.reference_peak)
 
     @checked
@@ -135,8 +138,10 @@ class LensPointSpread(PointSpread):
         Raises
         ------
         OutOfRangeError
-            A frequency is beyond what the samples resolve, which is well beyond the cutoff D/(λ b).
+            A frequency is beyond what the samples resolve, which is well beyond the cutoff D/(λ b); or the angle
+            exceeds a full turn.
         """
+        check_angle(angle)
         f = np.asarray(frequency, dtype=np.float64)
         resolved = 1 / (2 * self.spacing)
         if not np.all(np.abs(f) <= resolved):
@@ -282,7 +287,7 @@ def point_spread(
         focus_distance=focus if lens_phase == "stigmatic" else None,
         pupil=pupil,
     )
-    centre = -image / source.distance * source.x, -image / source.distance * source.y
+    centre = -image / source.distance * source.x + 0.0, -image / source.distance * source.y + 0.0  # never −0
     airy = FIRST_DARK_RING * wavelength * image / (2 * lens.radius)
     quarter = math.ceil(window * FIRST_DARK_RING * _SAMPLES_PER_PERIOD / 2)
     field = aperture_field(

@@ -64,8 +64,8 @@ class MicrolensCamera:
     Raises
     ------
     OutOfRangeError
-        If the f-number, the focal length, the distance of the array, the pitch or the number of types is impossible;
-        `light_path` checks the other lengths.
+        If the f-number, the focal length, a distance, a pitch or the number of microlens types is impossible;
+        `light_path` checks the apertures and focal lengths of the microlenses.
 
     Examples
     --------
@@ -109,24 +109,28 @@ class MicrolensCamera:
                 limit="> 0, finite",
                 remedy="divide focal length by pupil diameter",
             )
-        lengths = {"focal length": reference_focal_length(self.focal_length), "array distance": self.array_distance}
-        for name, length in lengths.items():
+        for name, length in (
+            ("focal length", reference_focal_length(self.focal_length)),
+            ("array distance", self.array_distance),
+            ("gap from array to detector", self.gap),
+        ):
             if not 0 < length < math.inf:
-                remedy = "give it in metres, such as 12.5e-3"
+                remedy = "give it in metres, such as 0.43e-3"
                 raise OutOfRangeError(name, value=f"{length:g} m", limit="> 0, finite", remedy=remedy)
         widest = self.array_distance / self.f_number
-        if not 0 < self.microlens_pitch <= widest:
-            raise OutOfRangeError(
-                "microlens pitch",
-                value=f"{self.microlens_pitch:g} m",
-                limit=f"> 0, and ≤ {widest:g} m, which the main lens lights (array_distance / f_number)",
-                remedy="give lengths in metres, such as 126.5e-6",
-            )
+        for name, pitch in (("microlens pitch", self.microlens_pitch), ("pixel pitch", self.pixel_pitch)):
+            if not 0 < pitch <= widest:
+                raise OutOfRangeError(
+                    name,
+                    value=f"{pitch:g} m",
+                    limit=f"> 0, and ≤ {widest:g} m, which the main lens lights (array_distance / f_number)",
+                    remedy="give lengths in metres, such as 5.5e-6",
+                )
         if len(self._types) not in ((1, 3) if self.layout == "hexagonal" else (1,)):
             raise OutOfRangeError(
-                f"types of microlenses of a {self.layout} array",
+                f"focal lengths of the microlenses of a {self.layout} array",
                 value=str(len(self._types)),
-                limit="1, or 3 in a hexagonal array",
+                limit="1 or 3" if self.layout == "hexagonal" else "1",
                 remedy="give one focal length, or three with layout='hexagonal'",
             )
 
@@ -249,7 +253,7 @@ class MicrolensCamera:
         """Whole pixels of the sensor behind these microlenses."""
         grown = 1 + self.gap / self.array_distance
         half = math.ceil(grown * reach / self.pixel_pitch)
-        centre = self.pixel_pitch * np.rint(grown * chief / self.pixel_pitch)
+        centre = self.pixel_pitch * np.rint(grown * chief / self.pixel_pitch) + 0.0  # never −0
         rows, columns = (2 * half + int(odd) for odd in self.odd_pixels)
         return PixelGrid(pitch=self.pixel_pitch, shape=(rows, columns), centre=(float(centre[0]), float(centre[1])))
 
@@ -287,7 +291,9 @@ def microlens_image(
     Returns
     -------
     ChainImage
-        Fraction of the pupil's power on each pixel, with a stated error within the tolerance.
+        Fraction of the pupil's power on each pixel, with a stated error within the tolerance. The pixels lie where
+        ``camera.light_path(source, wavelength=…).pixels`` says; light of several wavelengths falls on the widest of
+        their grids.
 
     Raises
     ------
@@ -318,6 +324,9 @@ def microlens_image(
     >>> image = optics.microlens_image(camera, optics.PointSource(distance=20e-3), wavelength=550e-9, tolerance=1e-2)
     >>> print(f"{image.pixels.sum():.2f} of the light on {image.pixels.shape}, within 1 %: {image.within_tolerance}")
     0.88 of the light on (22, 22), within 1 %: True
+    >>> grid = camera.light_path(optics.PointSource(distance=20e-3), wavelength=550e-9).pixels
+    >>> print(f"from x = {grid.edges_x[0] * 1e6:.0f} to {grid.edges_x[-1] * 1e6:.0f} µm")
+    from x = -44 to 44 µm
     """
     if seed < 0:
         raise OutOfRangeError("seed", value=str(seed), limit="≥ 0", remedy="give another")

@@ -305,6 +305,9 @@ class DiscMoments:
         self._means = _azimuthal_means(psf, centre, self._radii.ravel()).reshape(self._radii.shape)
         self._to_legendre = np.linalg.inv(np.polynomial.legendre.legvander(nodes, self._ORDER - 1))
 
+    def __repr__(self) -> str:
+        return f"DiscMoments(radii up to {self._edges[-1]:.3g} m)"
+
     def __call__(self, radius: float, power: int = 0) -> float:
         """Moment over the disc of this radius, at most the reach given."""
         half = self._edges[1] / 2

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.argument_types import checked
+from tradestudy.optics.argument_types import check_angle, checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.sampled_point_spread import Measured, PointSpread, measured, peak_position
 from tradestudy.optics.spread_fields import SpreadField, as_point_spread
@@ -29,7 +29,7 @@ def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
     field
         Sampled intensity, or a field on a regular grid.
     angle
-        Direction of the cut, measured from the x axis [rad].
+        Direction of the cut, measured from the x axis [rad], within ±2π.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
     Raises
     ------
     OutOfRangeError
-        If a side never falls to half the peak within the window.
+        If the angle exceeds a full turn, or the intensity never falls to half the peak on one side within the window.
 
     References
     ----------
@@ -53,10 +53,7 @@ def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
     >>> print(f"{width.value / (550e-9 * 8):.3f} λ N, error below 1e-5: {width.error < 1e-5 * width.value}")
     1.031 λ N, error below 1e-5: True
     """
-    if not np.isfinite(angle):
-        raise OutOfRangeError(
-            "angle", value=f"{angle:g} rad", limit="finite", remedy="measure it from the x axis in radians"
-        )
+    check_angle(angle)
     psf = as_point_spread(field)
     direction = (float(np.cos(angle)), float(np.sin(angle)))
 

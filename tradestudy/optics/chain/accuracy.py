@@ -10,6 +10,7 @@ import numpy as np
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.argument_types import checked_fields
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.sampled_point_spread import Measured
 
 _COARSER_TOLERANCE = 2.0
 _COARSER = 0.9
@@ -137,7 +138,8 @@ class ChainImage:
         mean square, for the field on the array and for the intensity on the detector. The latter is not integrated over
         pixels and so exceeds the error of the pixels.
     microlens_share
-        Fraction of the pupil's power that passes the microlens plane; NaN where it was not computed.
+        Fraction of the pupil's power that passes the microlens plane; NaN where it was not computed. It has no stated
+        error; `direct_check` shows how well the light on the array is known.
     effort
         Counts of nodes, samples and source points that the computation took.
     handed_over
@@ -195,6 +197,20 @@ class ChainImage:
             f"ChainImage({rows} × {columns} pixels, {self.pixels.sum():.3g} of the light, "
             f"relative error {self.numerical_error:.1g}, tolerance {self.tolerance:g})"
         )
+
+    @property
+    def pixel_error(self) -> float:
+        """Largest possible error of the fraction on a single pixel [1], if the whole stated error falls on it."""
+        return self.numerical_error * float(np.linalg.norm(self.pixels))
+
+    @property
+    def share_on_pixels(self) -> Measured:
+        """Fraction of the power through the main pupil that falls on all pixels together.
+
+        The error is √n `pixel_error` for n pixels, the most that their errors can add up to (Cauchy–Schwarz).
+        """
+        error = math.sqrt(self.pixels.size) * self.pixel_error
+        return Measured(value=np.asarray(self.pixels.sum()), error=np.asarray(error))
 
     @property
     def within_tolerance(self) -> bool:

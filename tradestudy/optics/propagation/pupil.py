@@ -22,7 +22,6 @@ _LEAST_SAMPLES = 6  # a side of a map, for a quintic spline
 _STEP = 1e-4  # of the radius, for the slope of a function: fourth-order differences are then accurate to 1e-12
 
 
-@checked
 def noll_order(index: int) -> tuple[int, int]:
     """Radial order n and azimuthal order m of Noll's Zernike polynomial; m < 0 denotes a sine.
 
@@ -56,9 +55,9 @@ def noll_order(index: int) -> tuple[int, int]:
     if not (isinstance(index, (int, np.integer)) and 1 <= index <= _LARGEST_INDEX):
         raise OutOfRangeError(
             "Noll index",
-            value=str(index),
+            value=repr(index),
             limit=f"a whole number from 1 to {_LARGEST_INDEX}",
-            remedy="4 is defocus, 7 and 8 are coma, 11 is spherical aberration",
+            remedy="give Noll's j instead of (n, m): 4 is defocus, 7 and 8 are coma, 11 is spherical aberration",
         )
     n = math.ceil((math.sqrt(8 * index + 1) - 3) / 2)
     place = index - n * (n + 1) // 2 - 1  # within its order
@@ -123,7 +122,7 @@ class Pupil:
             if not (isinstance(coefficient, numbers.Real) and math.isfinite(coefficient)):
                 raise OutOfRangeError(
                     f"Zernike coefficient {index}",
-                    value=f"{coefficient} m",
+                    value=repr(coefficient),
                     limit="a finite number",
                     remedy="give it in metres, or in waves to Pupil.from_waves",
                 )
@@ -172,14 +171,14 @@ class Pupil:
             The wavelength is not positive and finite; otherwise as for `Pupil`.
         """
         check_wavelength(wavelength)
-        wrong = [one for one in zernikes.values() if not isinstance(one, numbers.Real)]
-        if wrong:
-            raise OutOfRangeError(
-                "Zernike coefficients",
-                value=str(wrong[0]),
-                limit="numbers",
-                remedy="give waves rms by Noll's index, as in {8: 0.1}",
-            )
+        for index, waves in zernikes.items():
+            if not isinstance(waves, numbers.Real):
+                raise OutOfRangeError(
+                    f"Zernike coefficient {index}",
+                    value=repr(waves),
+                    limit="a number",
+                    remedy="give waves rms by Noll's index, as in {8: 0.1}",
+                )
         return cls(
             zernikes={index: wavelength * waves for index, waves in zernikes.items()},
             path=None if path is None else scaled(path, wavelength),
@@ -204,7 +203,21 @@ class Pupil:
         return even and self.path is None and self.amplitude is None
 
     def path_terms(self, radius: float) -> tuple[ZernikePath | MapPath, ...]:
-        """Terms of the path on an aperture of this radius [m]."""
+        """Terms of the path on an aperture of this radius [m].
+
+        Raises
+        ------
+        OutOfRangeError
+            A coefficient is as large as the radius: waves were given as metres, or the wavelength in another unit.
+        """
+        for index, coefficient in self.zernikes.items():
+            if not abs(coefficient) < radius:
+                raise OutOfRangeError(
+                    f"Zernike coefficient {index}",
+                    value=f"{coefficient:g} m",
+                    limit=f"smaller than the aperture's radius of {radius:g} m",
+                    remedy="give waves to Pupil.from_waves, with the wavelength in metres",
+                )
         terms: list[ZernikePath | MapPath] = []
         if any(self.zernikes.values()):
             terms.append(ZernikePath(zernikes=self.zernikes, radius=radius))
