@@ -1,4 +1,4 @@
-"""Refuse arguments of the wrong type, and impossible wavelengths, by name; lists of numbers become arrays."""
+"""Check arguments: wrong types, impossible wavelengths and angles are refused by name; lists become arrays."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _NUMBERS: Final = ("an array of numbers", "give a number, a list or an array of 
 
 
 class _UnfitError(Exception):
-    """A value is not of the type; says what is allowed, and the remedy."""
+    """A value does not fit its type annotation; carries what is allowed and the remedy."""
 
     def __init__(self, limit: str, remedy: str) -> None:
         self.limit, self.remedy = limit, remedy
@@ -43,7 +43,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     Raises
     ------
     OutOfRangeError
-        By the function returned: an argument is of the wrong type.
+        By the returned function, if an argument has the wrong type.
     """
     parameters = signature(function)
 
@@ -69,7 +69,7 @@ def checked_fields(cls: type[C]) -> type[C]:
     Raises
     ------
     OutOfRangeError
-        By the class: an argument is of the wrong type.
+        By the class, if an argument has the wrong type.
     """
     made = cls.__init__
 
@@ -93,7 +93,7 @@ def check_wavelength(wavelength: float) -> None:
     Raises
     ------
     OutOfRangeError
-        With the remedy.
+        If the wavelength is not positive and finite.
     """
     if not 0 < wavelength < math.inf:
         raise OutOfRangeError(
@@ -110,7 +110,7 @@ def check_angle(angle: float) -> None:
     Raises
     ------
     OutOfRangeError
-        With the remedy.
+        If the angle exceeds a full turn.
     """
     if not abs(angle) <= math.tau:
         raise OutOfRangeError(
@@ -135,7 +135,7 @@ def _shown(value: object) -> str:
 
 
 def _taken(hint: Any, value: Any) -> Any:
-    """Return the value in the type of the hint, or raise `_UnfitError`."""
+    """Return the value in the type of the annotation, or raise `_UnfitError`."""
     origin, parts = typing.get_origin(hint), typing.get_args(hint)
     if hint == npt.ArrayLike or origin is np.ndarray:
         return _array(value, parts[1] if origin is np.ndarray else None)
@@ -192,7 +192,7 @@ def _tuple(hints: Sequence[Any], value: Any) -> Any:
 
 
 def _array(value: Any, dtype: Any) -> Any:
-    """Array of the type; whole numbers become real ones, and real ones complex, but never the reverse."""
+    """Convert to an array; whole numbers become real ones, and real ones complex, but never the reverse."""
     (kind,) = typing.get_args(dtype) or (np.float64,)
     try:
         found = np.asarray(value)

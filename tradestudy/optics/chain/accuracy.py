@@ -28,7 +28,7 @@ _KNOBS = (
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class ChainAccuracy:
-    """Tolerance, and factors on the sampling derived from it: a factor of 2 samples twice as finely.
+    """Tolerance of an image, and factors on the sampling that it implies: a factor of 2 samples twice as finely.
 
     Parameters
     ----------
@@ -45,8 +45,8 @@ class ChainAccuracy:
     pixel_sampling
         Factor on the detector samples along a pixel.
     source_sampling
-        Factor on the phase that the nodes on an extended source resolve, and on the radii at which the main-lens
-        field is computed.
+        Factor on the phase that the nodes on an extended source resolve, and on the number of radii at which the
+        main-lens field is computed.
     memory_limit
         Memory that the arrays of one pass may take [bytes]; the error estimate needs a second pass at the same time.
 
@@ -77,7 +77,7 @@ class ChainAccuracy:
                 "tolerance of the chain",
                 value=f"{self.tolerance:g}",
                 limit="1e-6 … 0.2",
-                remedy="choose one in this range",
+                remedy="choose a tolerance in this range",
             )
         for name in (*_KNOBS, "memory_limit"):
             value = getattr(self, name)
@@ -88,18 +88,18 @@ class ChainAccuracy:
 
     @property
     def fresnel_lengths(self) -> float:
-        """Distance from where the rays land up to which diffracted light is followed, in Fresnel lengths √(λ z)."""
+        """How far from where rays land diffracted light is followed, in Fresnel lengths √(λ z)."""
         return 1.2 * math.pow(self.tolerance, -1 / 6) * self.diffraction_reach
 
     def compared(self) -> ChainAccuracy:
-        """Settings whose result is compared with that of these settings to estimate the error.
+        """Settings of the second computation, whose difference from the first gives the error.
 
-        They are coarser, with two exceptions. A factor below 1 is compared with 1: samples that alias would alias
-        alike if there were fewer of them. The reach is longer: the light beyond it comes from the edges of other
-        microlenses, in steps of their pitch, and a shorter reach could miss the same edges.
+        They are coarser, with two exceptions. A factor below 1 becomes 1: undersampled light would alias in the same
+        way on even fewer samples. The reach is longer: light beyond it comes from the edges of other microlenses, in
+        steps of their pitch, and a shorter reach could miss the same edges.
         """
         tolerance = min(_COARSER_TOLERANCE * self.tolerance, 0.2)
-        kept = math.pow(tolerance / self.tolerance, 1 / 6)  # against the shorter reach of the larger tolerance
+        kept = math.pow(tolerance / self.tolerance, 1 / 6)  # the larger tolerance alone would shorten the reach
         return replace(
             self,
             tolerance=tolerance,
@@ -112,7 +112,7 @@ class ChainAccuracy:
         )
 
     def unstarved(self) -> ChainAccuracy:
-        """Settings for the check of single points of a spot: a tenth of the tolerance and no factor below 1."""
+        """Settings for checking single points of a spot: a tenth of the tolerance, and no factor below 1."""
         return replace(
             self,
             tolerance=max(self.tolerance / 10, 1e-6),
@@ -219,7 +219,7 @@ class ChainImage:
 
 
 def relative_change(fine: FloatArray, other: FloatArray) -> float:
-    """L2 change between two computations over the smaller of both, as too few nodes invent light; 0 for no change."""
+    """L2 change between two computations, relative to the smaller, as too few nodes invent light; 0 for no change."""
     change = float(np.linalg.norm(fine - other))
     size = min(float(np.linalg.norm(one)) for one in (fine, other))
     return 0.0 if change == 0.0 else change / size if size > 0.0 else math.inf

@@ -1,4 +1,4 @@
-"""Rays in exact directions that sample a picture evenly, from all over the source or through all of pupil and array."""
+"""Rays in exact directions that sample a picture evenly, from all of the source or through all of pupil and array."""
 
 from __future__ import annotations
 
@@ -33,30 +33,31 @@ class Plane:
         return np.asarray(self.x**2 + self.y**2)
 
     def plus(self, other: Plane, times: FloatArray | float = 1.0) -> Plane:
-        """Sum with a multiple of other points."""
+        """Sum with a multiple of other coordinates."""
         return Plane(x=self.x + times * other.x, y=self.y + times * other.y)
 
     def scaled(self, times: FloatArray | float) -> Plane:
-        """Multiple."""
+        """Coordinates times a factor."""
         return Plane(x=times * self.x, y=times * self.y)
 
     def beside(self, x: float, y: float) -> Plane:
-        """Relative to a point."""
+        """Coordinates relative to a point."""
         return Plane(x=self.x - x, y=self.y - y)
 
     def over(self, shape: tuple[int, ...]) -> Plane:
-        """Repeated to fill a shape."""
+        """Coordinates repeated to fill a shape."""
         return Plane(x=np.broadcast_to(self.x, shape), y=np.broadcast_to(self.y, shape))
 
     def where(self, chosen: BoolArray) -> Plane:
-        """Only some."""
+        """Coordinates of the chosen points only."""
         return Plane(x=self.x[chosen], y=self.y[chosen])
 
 
 def turned(lens: CircularLens, at: Plane, slope: Plane, *, backward: bool) -> Plane:
-    """Slopes behind a thin lens of lines that reach it at points relative to its centre; or before it, of those behind.
+    """Slopes behind a thin lens of lines that reach it at given points; with `backward`, slopes in front of it.
 
-    The gradient of the lens's path adds to direction cosines; a perfect lens keeps t − r/f, which images sharply.
+    Points are relative to the centre of the lens. The gradient of its path adds to direction cosines; a perfect lens
+    keeps t − r/f, which images sharply.
     """
     f, sign = lens.focal_length, 1.0 if backward else -1.0
     if lens.lens_phase == "perfect":
@@ -69,19 +70,19 @@ def turned(lens: CircularLens, at: Plane, slope: Plane, *, backward: bool) -> Pl
         for a in (lens.focus_distance, finite_image_distance(lens.focus_distance, f)):
             cosines = cosines.plus(at, sign * math.copysign(1.0, a) / np.sqrt(at.squared + a**2))
     squared = cosines.squared
-    # Steeper than any line: so far aside that nothing lies there.
+    # Steeper than any real line: it misses everything.
     return cosines.scaled(np.where(squared < 1.0, 1.0 / np.sqrt(1.0 - np.minimum(squared, 1.0 - 1e-12)), _NOWHERE))
 
 
 def volume(lens: CircularLens, before: Plane, behind: Plane) -> FloatArray | float:
-    """Volume of slopes before a lens per volume behind it: cos⁴ behind over cos⁴ before, but for perfect lenses."""
+    """Volume of slopes before a lens per volume behind it: cos⁴ behind over cos⁴ before; 1 for perfect lenses."""
     if lens.lens_phase == "perfect":
         return 1.0
     return np.asarray(((1.0 + before.squared) / (1.0 + behind.squared)) ** 2)
 
 
 def power_of_points(path: LightPath, source: PointSource | DiscSource) -> tuple[FloatArray, FloatArray]:
-    """Squared distances from the axis of points of the source [m²], rising, and ∫ a²/r⁴ d²u over the pupil for each."""
+    """Squared distances of source points from the axis [m²], ascending, and ∫ a²/r⁴ d²u over the pupil for each."""
     centre = math.hypot(source.x, source.y)
     width = source.diameter if isinstance(source, DiscSource) else path.main_lens.radius
     nodes = disc_nodes(radius=path.main_lens.radius, radial_count=8, angular_count=24)
