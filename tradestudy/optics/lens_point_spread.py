@@ -42,7 +42,7 @@ from tradestudy.optics.spread_shares import modulation_transfer, window_share
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_LEAST_SHARE = 0.5  # of the light, in a window whose spot has a width
+_LEAST_SHARE = 0.5  # of the light in the window, for a spot that has a width
 _LEAST_WINDOW = 1.5  # Airy radii: fewer samples do not allow an estimate of the errors
 _SAMPLES_PER_PERIOD = 8.0  # of the shortest period λ N_w of an intensity
 _ON_AXIS_AT_INFINITY = PointSource.at_infinity()
@@ -96,9 +96,9 @@ class LensPointSpread(PointSpread):
 
     @checked
     def width(self, *, angle: float = 0.0) -> Measured:
-        """Full width at half maximum about the brightest point along a direction [m], by `full_width_at_half_maximum`.
+        """Full width at half maximum of a cut through the brightest point [m], by `full_width_at_half_maximum`.
 
-        Far out of focus that is one of many fringes: `radius_of` gives the size of the whole spot.
+        Far out of focus, that point is one of many fringes; `radius_of` then gives the size of the whole spot.
 
         Raises
         ------
@@ -116,21 +116,21 @@ class LensPointSpread(PointSpread):
 
     @checked
     def encircled_energy(self, radius: npt.ArrayLike) -> Measured:
-        """Fraction of the light within circles about the chief ray, by `encircled_energy`; radii in [m]."""
+        """Fraction of the light within circles about the chief ray, by `encircled_energy`."""
         return encircled_energy(self, centre=self.centre, radius=np.asarray(radius, dtype=np.float64))
 
     @checked
     def radius_of(self, share: float) -> Measured:
-        """Radius of the circle about the chief ray with a fraction of the light [m]: `encircled_energy_radius`."""
+        """Radius of the circle about the chief ray with a fraction of the light, by `encircled_energy_radius`."""
         return encircled_energy_radius(self, centre=self.centre, share=share)
 
     def strehl_ratio(self) -> Measured:
-        """Ratio of the peak to the peak without aberration, by `strehl_ratio`."""
+        """Ratio of the peak intensity to the peak without aberration, by `strehl_ratio`."""
         return strehl_ratio(self, reference_peak=self.reference_peak)
 
     @checked
     def modulation_transfer(self, frequency: npt.ArrayLike, *, angle: float = 0.0) -> Measured:
-        """MTF at frequencies [cycles/m] along a direction [rad], by `modulation_transfer`.
+        """MTF along a direction, by `modulation_transfer`.
 
         At frequency 0 the value is the fraction of the light in the window, which differs from 1 by less than its
         error.
@@ -177,7 +177,7 @@ class LensPointSpread(PointSpread):
                 "file of the plot",
                 value=str(file),
                 limit="a place that can be written",
-                remedy=f"choose another: {error.strerror}",
+                remedy=f"choose another place: {error.strerror}",
             ) from error
         return figure
 
@@ -205,28 +205,28 @@ def point_spread(
     focal_length
         f [m], > 0; or its table over field angle and wavelength (field curvature, axial colour).
     f_number
-        N = f/D; the pupil diameter is D = f/N.
+        N = f/D, so that the pupil diameter is D = f/N.
     wavelength
         λ [m], > 0 and less than the pupil's diameter.
     source
         Point at a finite position or `PointSource.at_infinity`. Default: on the axis at infinity.
     method
-        ``geometric``, ``boundary_wave``, ``fresnel`` or ``kirchhoff``, as in `aperture_field`. ``kirchhoff`` differs
-        from textbook results, which are paraxial, since the cone of light is finite: at f/2.8 and 550 nm its MTF is
-        0.003 to 0.009 lower over most frequencies. ``fresnel`` agrees with them.
+        ``geometric``, ``boundary_wave``, ``fresnel`` or ``kirchhoff``, as in `aperture_field`. ``fresnel`` agrees with
+        textbook results, which are paraxial; ``kirchhoff`` allows for the finite cone of light, and its MTF at f/2.8
+        and 550 nm is 0.003 to 0.009 lower over most frequencies.
     tolerance
         Relative L2 error allowed for the intensity over the window, in 1e-10 … 0.1.
     focus_distance
-        Object distance in focus [m]. Default: the source's. The image plane holds the image of the axial point at this
-        distance; with a table of focal lengths, at its reference wavelength.
+        Object distance in focus [m]. Default: the source's. The image plane is where an axial point at this distance is
+        imaged; with a table of focal lengths, at its reference wavelength.
     lens_phase
         ``perfect``: sends every source point exactly to its thin-lens image; ``stigmatic``: a fixed element exact for
         `focus_distance` on the axis, with coma off axis; ``parabolic``: the paper's lens, with spherical aberration.
     pupil
         Amplitude and aberrations. Default: a clear aperture without aberration.
     window
-        Half the side of the sampled square about the chief ray, in Airy radii; at least 1.5. The light outside enters
-        the error of the MTF: 0.8 % of the light for a window of 20, inversely proportional to the window.
+        Half the side of the sampled square about the chief ray, in Airy radii; at least 1.5. The light outside is part
+        of the error of the MTF: 0.8 % of the light for a window of 20, in inverse proportion to the window.
     obliquity
         Obliquity factor of Kirchhoff's integral, as in `aperture_field`.
     limits
@@ -341,7 +341,7 @@ def _of_field(
     obliquity: Obliquity,
     airy: float,
 ) -> LensPointSpread:
-    """Intensity as a share of the light through the pupil, with the data of the lens."""
+    """Intensity as a fraction of the light through the pupil, with the data of the lens."""
     samples = as_point_spread(field)
     flat = replace(lens, pupil=replace(lens.pupil, zernikes={}, path=None)) if lens.pupil else lens
     paraxial = field.method == "fresnel"

@@ -109,8 +109,8 @@ class PatchPlan:
 
     Attributes
     ----------
-    λ and length of the leg [m].
-        Of the leg [m].
+    wavelength, distance
+        λ and length of the leg [m].
     spacing
         Distance between samples [m].
     half

@@ -28,8 +28,8 @@ Gaps = Literal["opaque", "clear"]
 class Legs:
     """The law of propagation on each leg.
 
-    ``geometric``: paraxial rays. ``fresnel``, ``kirchhoff``: the integrals. ``boundary_wave``: rays and the wave from
-    the edge of the aperture instead of Kirchhoff's integral, which takes over where they are singular.
+    ``geometric``: paraxial rays. ``fresnel``, ``kirchhoff``: the integrals. ``boundary_wave``: Kirchhoff's integral as
+    rays and a wave from the edge of the aperture; where these are singular, the integral itself.
 
     Attributes
     ----------
@@ -259,7 +259,7 @@ class PixelGrid:
             raise OutOfRangeError(
                 "pixels",
                 value=f"{self.shape} of {self.pitch:g} m",
-                limit="≥ 1 × 1, > 0 m",
+                limit="at least 1 × 1 pixels of more than 0 m",
                 remedy="give rows, columns and the pitch in metres",
             )
 
