@@ -216,7 +216,7 @@ class MicrolensCamera:
             raise OutOfRangeError(
                 "field curvature over a disc",
                 value=f"focal lengths from {min(found):g} to {max(found):g} m",
-                limit="one",
+                limit="one focal length",
                 remedy="use point sources, or a table with a single field angle",
             )
         return found[0]
@@ -286,7 +286,7 @@ def microlens_image(
     tolerance
         Largest relative L2 error over the pixels, in 1e-6 … 0.2.
     seed
-        Seed that draws the check points: the same call gives the same digits.
+        Seed of the random check points: the same call gives the same digits.
 
     Returns
     -------

@@ -68,9 +68,9 @@ def disc_nodes(
 ) -> QuadratureNodes:
     """Place Gauss–Legendre rings (in the squared radius) of equally spaced angles on a disc.
 
-    The ring average of a smooth function is an even function of the radius, hence smooth in its square, the variable
-    in which the area element is constant: the rule is exact for polynomials x^i y^j with i + j < `angular_count` and
-    i + j ≤ 4 `radial_count` − 2, and converges faster than any power for smooth integrands.
+    The ring average of a smooth function is an even function of the radius. It is therefore smooth in the squared
+    radius, the variable in which the area element is constant. The rule is exact for polynomials x^i y^j with i + j <
+    `angular_count` and i + j ≤ 4 `radial_count` − 2, and converges faster than any power for smooth integrands.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def disc_nodes(
         Radius of the disc [m], > 0.
     radial_count, angular_count
         Number of rings, and of nodes on each ring, ≥ 1. An array of shape (radial_count,) gives each ring its own
-        number, from the innermost out: a smaller ring crosses fewer periods of a wave.
+        number, from the innermost outwards: a smaller ring crosses fewer periods of a wave.
     centre
         Centre of the disc [m].
 

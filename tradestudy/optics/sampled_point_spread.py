@@ -17,8 +17,8 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.argument_types import checked_fields
 from tradestudy.optics.arrays import FloatArray
 
-_LEAST_SAMPLES = 33  # a side; every fourth of them still carries a quintic spline
-_FEW_VALUES = 4  # that are written out
+_LEAST_SAMPLES = 33  # along a side; every fourth of them still supports a quintic spline
+_FEW_VALUES = 4  # up to which all are written out
 _BEST_REDUCTION = 1 / 16  # of the error when the spacing is halved; a quintic spline approaches 1/64
 
 
@@ -27,7 +27,7 @@ _BEST_REDUCTION = 1 / 16  # of the error when the spacing is halved; a quintic s
 class Measured:
     """A number or an array, with its numerical error (same shape, same unit).
 
-    `str` prints each value to the digits that its error supports.
+    `str` prints each value to the digits that its error supports; `repr` summarises large arrays.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Measured:
 
 
 def _with_error(value: float, error: float) -> str:
-    """Value to the digit at which its error starts, with the error."""
+    """Value, printed to the digit at which its error starts, and error."""
     digits = 6
     if error > 0 and value != 0 and np.isfinite(error) and np.isfinite(value):
         digits = int(np.clip(np.floor(np.log10(abs(value))) - np.floor(np.log10(error)) + 1, 1, 15))
@@ -133,7 +133,7 @@ class PointSpread:
                     f"number of samples along {name}",
                     value=str(axis.size),
                     limit=f"4 n + 1, at least {_LEAST_SAMPLES}",
-                    remedy="sample so that the error estimate can halve the samples twice within the same window",
+                    remedy="choose a number that the error estimate can halve twice within the same window",
                 )
             step = (axis[-1] - axis[0]) / (axis.size - 1)
             if not step > 0 or not np.allclose(np.diff(axis), step, rtol=1e-6, atol=0):
@@ -234,7 +234,7 @@ class PointSpread:
 
     @cached_property
     def _known_moments(self) -> dict[tuple[tuple[float, float], float], DiscMoments]:
-        """By centre and reach."""
+        """Moments that were computed before, by centre and reach."""
         return {}
 
 
@@ -249,7 +249,7 @@ def measured(
     """
     fine, middle, coarse = (np.asarray(metric(grid), dtype=np.float64) for grid in (psf, *psf.coarser))
     last, before = np.abs(fine - middle), np.abs(middle - coarse)
-    with np.errstate(divide="ignore", invalid="ignore"):  # no change before: the ratio is not needed
+    with np.errstate(divide="ignore", invalid="ignore"):  # without an earlier change, the ratio is not needed
         reduction = np.where(before > 0, last / before, 1.0)
     error = last * np.clip(reduction, _BEST_REDUCTION, 1.0) + 8 * np.finfo(float).eps * np.abs(fine) + carried
     return Measured(value=fine, error=error)

@@ -1,9 +1,9 @@
 """Metrics of a point-spread function: widths, encircled energy and Strehl ratio, with error bars.
 
-Shares refer to the power that passed the pupil. The light outside the sampled window is never guessed: a number that
+Fractions refer to the power that passed the pupil. The light outside the sampled window is never guessed: a number that
 depends on it is refused.
 
-An error is the sum of the error of sampling and a bound on the effect of the stated error of the samples. The latter
+An error is the sum of the sampling error and a bound on the effect of the stated error of the samples. The latter
 changes an integral ∫∫ w I dA by at most ‖w‖ ‖δI‖ (Cauchy–Schwarz), and a value at a point by at most the whole error
 concentrated in one sample.
 """
@@ -115,14 +115,14 @@ def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius:
     field
         Sampled intensity, or a field on a regular grid.
     centre
-        Centre of the circles (x, y) [m]: chief ray, peak or centroid, for example; state which with the result.
+        Centre of the circles (x, y) [m], for example chief ray, peak or centroid; state which one with the result.
     radius
         Radii [m], any shape.
 
     Returns
     -------
     Measured
-        Shares [1] in the shape of the radii, with the errors of sampling and of the samples.
+        Fractions [1] in the shape of the radii, with the errors of sampling and of the samples.
 
     Raises
     ------
@@ -168,7 +168,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
     centre
         Centre of the circle (x, y) [m].
     share
-        In (0, 1), for example 0.5 or 0.8.
+        Fraction of the power, in (0, 1), for example 0.5 or 0.8.
 
     Returns
     -------
@@ -194,7 +194,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
     """
     if not 0 < share < 1:
         raise OutOfRangeError(
-            "encircled share", value=f"{share:g}", limit="in (0, 1)", remedy="give a fraction: 80 % are 0.8"
+            "encircled share", value=f"{share:g}", limit="in (0, 1)", remedy="give a fraction: 80 % is 0.8"
         )
     psf = as_point_spread(field)
     largest = _largest_radius(psf, centre)
@@ -224,8 +224,8 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
 def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float) -> Measured:
     """Root-mean-square distance from the centre within a circle: √(∫ r² I dA / ∫ I dA) [m].
 
-    State the radius with the width: behind a hard aperture I falls as r⁻³, and the width grows without limit with the
-    radius.
+    State the radius with the width: behind a hard aperture I falls as r⁻³, and the width grows with the radius without
+    limit.
 
     Parameters
     ----------
@@ -317,7 +317,7 @@ def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:
             "reference peak",
             value=f"{reference_peak:g} W/m²",
             limit="> 0, finite",
-            remedy="compute it by diffraction_limited_peak",
+            remedy="compute it with diffraction_limited_peak",
         )
     psf = as_point_spread(field)
 
@@ -334,9 +334,9 @@ def diffraction_limited_peak(*, pupil_power: float, pupil_area: float, wavelengt
     Parameters
     ----------
     pupil_power
-        P [W].
+        P, power through the pupil [W].
     pupil_area
-        A [m²].
+        A, area of the pupil [m²].
     wavelength, distance
         λ and the distance z from the pupil to the image [m].
 
@@ -382,7 +382,7 @@ def _largest_radius(psf: PointSpread, centre: tuple[float, float]) -> float:
 
 
 def _require_inside(psf: PointSpread, centre: tuple[float, float], radius: float, *, zero: bool = False) -> None:
-    """Refuse a circle that leaves the window, and a radius of 0 unless it is allowed."""
+    """Refuse a circle that leaves the window, and a radius of 0 unless allowed."""
     largest = _largest_radius(psf, centre)
     if not 0 <= radius <= largest * (1 + 1e-12) or (radius == 0 and not zero):
         raise OutOfRangeError(

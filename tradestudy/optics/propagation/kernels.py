@@ -22,11 +22,11 @@ class KirchhoffKernel:
     * ``textbook``: (cos θ of the arriving wave + z/s)/2, the Fresnel–Kirchhoff obliquity.
     * ``rayleigh-sommerfeld-1``: z/s (1 + i/(k s)), exact for a known field in the plane.
 
-    The textbook law takes the direction of the wave behind the lens; only for it is the boundary-diffracted wave exact.
-    In focus behind an f/3.8 microlens, the intensity then differs from the paper's by 1e-5 (textbook) and 1e-7
-    (Rayleigh–Sommerfeld) in the L2 norm; a quarter of the distance farther, by 5e-4 and 2e-7. The phase of the
-    Rayleigh–Sommerfeld field differs by 1/(k s), 2e-4 there. With the direction before the lens, the textbook intensity
-    in focus would be 0.4 % above the paper's.
+    The textbook law uses the direction of the wave behind the lens; the boundary-diffracted wave is exact only for this
+    law. In focus behind an f/3.8 microlens, the intensity differs from the paper's by 1e-5 (textbook) and 1e-7
+    (Rayleigh–Sommerfeld) in the L2 norm; at a distance a quarter greater, by 5e-4 and 2e-7. The phase of the
+    Rayleigh–Sommerfeld field differs by 1/(k s), which is 2e-4 there. With the direction in front of the lens, the
+    textbook intensity in focus would be 0.4 % above the paper's.
 
     Parameters
     ----------

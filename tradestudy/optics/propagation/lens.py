@@ -31,7 +31,7 @@ def check_obliquity(obliquity: str) -> None:
     Raises
     ------
     OutOfRangeError
-        With the known ones.
+        If it is unknown; the limit lists the known ones.
     """
     if obliquity not in OBLIQUITIES:
         raise OutOfRangeError("obliquity", value=repr(obliquity), limit=" | ".join(OBLIQUITIES), remedy="choose one")
@@ -107,7 +107,7 @@ class PointSource:
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class CircularLens:
-    """A thin lens filling a circular aperture.
+    """A thin lens that fills a circular aperture.
 
     Parameters
     ----------
@@ -315,7 +315,7 @@ class LensWave:
         )
 
     def _arriving(self, x: Array, y: Array) -> Array:
-        """Amplitude before the pupil."""
+        """Amplitude in front of the pupil."""
         a = self.source.distance
         along_x, along_y = self.source.x - self.lens.centre[0], self.source.y - self.lens.centre[1]
         if self.paraxial:
@@ -354,5 +354,5 @@ class LensWave:
         return np.asarray(np.sqrt(1.0 - transverse))
 
     def _phasor(self, path: float) -> complex:
-        """exp(±i k path): a converging wave runs backwards to its centre."""
+        """exp(i k path), or exp(−i k path) for a converging wave, which runs towards its centre."""
         return complex(np.exp(1j * math.copysign(self.wavenumber * path, self.source.distance)))

@@ -2,7 +2,7 @@
 
 Every term is a path *difference* from the vertex of the plane, in a form that does not cancel:
 √(d² + |q − c|²) − √(d² + |c|²) = (|q|² − 2 q·c) / (their sum). The formulas are analytic, so that positions may be
-complex: the boundary-diffracted wave looks for poles beside the real edge.
+complex: the boundary-diffracted wave looks for poles near the real axis.
 """
 
 from __future__ import annotations
@@ -56,14 +56,15 @@ class PathTerm(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class SphericalPath:
-    """Path of a spherical wave from a point at (x, y), a signed distance before the plane.
+    """Path of a spherical wave from a point at (x, y), at a signed distance in front of the plane.
 
     Parameters
     ----------
     x, y
         Transverse position of the centre of the wave [m].
     distance
-        Distance from the centre to the plane [m]; > 0 diverging from before it, < 0 converging behind it.
+        Distance from the centre to the plane [m]; > 0 for light diverging from a point in front of the plane, < 0 for
+        light converging to one behind it.
     weight
         +1 to add the path, −1 to subtract it (a lens that cancels it).
     """

@@ -77,7 +77,7 @@ class Pupil:
     column j at x/R likewise. A quintic spline interpolates them, so they must continue smoothly beyond the rim.
     Functions must be smooth: with a step inside the aperture, quadrature converges slowly and may miss the tolerance.
     Model a dark centre as an `obscuration`, which costs no accuracy. Rays and boundary waves need derivatives
-    everywhere; they accept only Zernike coefficients.
+    everywhere, so they accept only Zernike coefficients.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class Pupil:
     amplitude
         t [1]: a function or an array, like the path. Default: 1.
     obscuration
-        Radius of a central dark disc over R, in [0, 1); for main lenses only.
+        Radius of a central dark disc relative to R, in [0, 1); for main lenses only.
 
     Raises
     ------

@@ -17,7 +17,7 @@ Method = Literal["geometric", "boundary_wave", "fresnel", "kirchhoff"]
 # An estimate from sixteen targets scatters, more so where errors are uneven. With a factor of 2, one case in twelve
 # exceeded the stated error, by up to a third; see tests/benchmarks/aperture_audit.py.
 _SAFETY = 4.0
-_CORNER_SHARE = 0.02  # of the targets, represented by the worst corner: aliasing grows towards the corners by powers
+_CORNER_SHARE = 0.02  # of the targets, represented by the worst corner: aliasing grows steeply towards the corners
 _BLOCK = 256  # targets summed at once to draw from them
 _UNIFORM_SHARE = 0.3  # of the draws; the others favour bright targets, whose errors count most in the intensity
 
@@ -188,7 +188,7 @@ class CheckTargets:
         return self._mean((2 * np.abs(field) * size + size**2) ** 2)
 
     def shares(self, finer: ComplexArray, field: ComplexArray) -> tuple[float, float]:
-        """Ratio of the finer field's size to the result's, and of their intensities' sizes, each at most 1."""
+        """Norm of the finer field relative to that of the result, and the same for the intensities, each at most 1."""
         sizes = []
         for one in (finer, field):
             intensity = squared_magnitude(one)[~self.corner]
@@ -239,7 +239,7 @@ def choose_check_targets(
 ) -> CheckTargets:
     """Draw targets, mostly in proportion to their intensity; take all if there are no more than `count`.
 
-    With `doubt`, the squared errors expected of the field up to a factor, in proportion to intensity times doubt.
+    With `doubt`, targets are drawn in proportion to intensity times doubt, the expected squared error of the field.
     """
     size = intensity.size
     if size <= count:

@@ -17,8 +17,8 @@ from tradestudy.optics.quadrature import gauss_legendre
 
 _BYTES_PER_NODE = 16 * 40  # complex terms of the largest low-rank factor, and the nodes themselves
 _BYTES_PER_TARGET = 16 * 40
-_WIDEST_MARGIN, _LEAST_MARGIN = 10.0, 3.0  # of `bessel_margin` at rounding errors, over the cube root, and apart
-_NEWTON_STEPS = 12  # from the cube root that leaves out the linear term, to rounding at any number of nodes
+_WIDEST_MARGIN, _LEAST_MARGIN = 10.0, 3.0  # of `bessel_margin` at rounding errors: per cube root, and constant
+_NEWTON_STEPS = 12  # from the cube root without the linear term down to rounding, for any number of nodes
 _PAIRS_PER_SECOND = 2.0e7  # node–target pairs of the direct check on a slow core
 _TERMS_PER_SECOND = 4.0e5  # (nodes + targets) × 10 terms of the fast path on a slow core
 
@@ -43,7 +43,7 @@ class TargetPoints:
 
     Examples
     --------
-    Points on the axis, before and behind a focus:
+    Points on the axis, in front of and behind a focus:
 
     >>> import numpy as np
     >>> from tradestudy import optics
@@ -101,8 +101,8 @@ class TargetPoints:
 class TargetGrid:
     """A regular grid of targets in one plane, for which propagation is fast.
 
-    Results have shape (y count, x count): row i lies at ``y_start + i * y_pitch``, column j at
-    ``x_start + j * x_pitch``; nothing is mirrored.
+    Results have shape (y count, x count): row i lies at ``y_start + i * y_pitch``, column j at ``x_start + j *
+    x_pitch``.
 
     Parameters
     ----------
@@ -226,11 +226,11 @@ class Limits:
     Parameters
     ----------
     nodes
-        Quadrature nodes on one aperture.
+        Largest number of quadrature nodes on one aperture.
     memory_bytes
-        Peak memory.
+        Peak memory [bytes].
     seconds
-        Wall time in total: set-up, computation, check and every refinement.
+        Wall time in total [s]: set-up, computation, check and every refinement.
 
     Raises
     ------
@@ -279,15 +279,15 @@ class NodeCounts:
 
     @property
     def total(self) -> int:
-        """Number of nodes at most."""
+        """Largest possible number of nodes."""
         return self.radial * self.angular
 
     @property
     def on_rings(self) -> IndexArray:
         """Nodes of every ring, from the innermost, shape (radial,).
 
-        Of those on the rim, `bessel_margin` is taken to be as much as the tightest tolerance makes it: the rest, which
-        is the phase that turns, shrinks faster with the radius.
+        The margin on the rim is taken to be that of the tightest tolerance (`bessel_margin`); the other nodes, which
+        resolve the turns of the phase, become fewer faster on smaller rings.
         """
         relative = np.sqrt(gauss_legendre(self.radial)[0])
         turns = _turns(self.angular)
@@ -300,7 +300,7 @@ class NodeCounts:
 
 
 def _turns(angular: int) -> float:
-    """Highest angular frequency t that so many nodes resolve: t + margin · t^⅓ and the least margin."""
+    """Highest angular frequency t that so many nodes resolve; they number t + margin · t^⅓ + least margin."""
     # The cubic in t^⅓ rises from below zero at 0 and is convex there: Newton's steps come down from above.
     spare = max(angular - _LEAST_MARGIN, 0.0)
     root = spare ** (1 / 3)
@@ -330,7 +330,7 @@ def needed_nodes(
     paths
         Path of the wave behind the aperture, in coordinates relative to its centre.
     kernel
-        Gives the path on to the targets, to second order or exactly.
+        Propagation law, which gives the path on to the targets, to second order or exactly.
     radius
         Radius of the aperture [m].
     x, y, z
@@ -405,7 +405,7 @@ def check_affordable(counts: NodeCounts, *, targets: int, check_targets: int, li
     Raises
     ------
     UnaffordableError
-        With the node count, the bytes, the seconds and the setting to change.
+        If they do not suffice; the message gives the nodes, bytes and seconds needed and the setting to change.
     """
     memory = _BYTES_PER_NODE * counts.total + _BYTES_PER_TARGET * targets
     seconds = (counts.total + targets) / _TERMS_PER_SECOND + 5.0 * counts.total * check_targets / _PAIRS_PER_SECOND
@@ -421,12 +421,12 @@ def check_affordable(counts: NodeCounts, *, targets: int, check_targets: int, li
 
 
 def check_time(*, spent: float, needed: float, limits: Limits) -> None:
-    """Refuse a refinement that would end beyond the time allowed.
+    """Refuse a refinement that would exceed the time allowed.
 
     Raises
     ------
     UnaffordableError
-        With the seconds spent and the seconds predicted for the next round from the last one.
+        If it would; the message gives the seconds spent, and those predicted for the next round from the last one.
     """
     if spent + needed > limits.seconds:
         raise UnaffordableError(
@@ -438,7 +438,7 @@ def check_time(*, spent: float, needed: float, limits: Limits) -> None:
 
 
 def refuse_near_zone(*, width: float, nearest: float, wavelength: float) -> None:
-    """Refuse apertures and targets that scalar diffraction does not describe.
+    """Refuse wavelengths and targets for which scalar diffraction does not hold.
 
     Parameters
     ----------
@@ -472,7 +472,7 @@ def refuse_near_zone(*, width: float, nearest: float, wavelength: float) -> None
 
 
 def bessel_margin(turns: float, tolerance: float) -> float:
-    """Orders beyond the argument until a Bessel function has fallen to the tolerance."""
+    """Number of orders beyond its argument until a Bessel function has fallen to the tolerance."""
     decay = math.log(1.0 / tolerance)
     airy = (1.5 * decay) ** (2.0 / 3.0) / 2.0 ** (1.0 / 3.0) * max(turns, 1.0) ** (1.0 / 3.0)
     return float(airy + 2.0)
