@@ -27,7 +27,8 @@ from tradestudy.optics.propagation.lens import (
 )
 from tradestudy.optics.propagation.pupil import Pupil
 from tradestudy.optics.propagation.result import ApertureField, Effort, Method
-from tradestudy.optics.propagation.sampling import Limits, TargetGrid
+from tradestudy.optics.propagation.sampling import Limits
+from tradestudy.optics.propagation.targets import TargetGrid
 from tradestudy.optics.propagation.wave_optics import FieldAccuracy
 from tradestudy.optics.sampled_point_spread import Measured, PointSpread
 from tradestudy.optics.spread_fields import as_point_spread

@@ -14,7 +14,8 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.arriving_light import blur_radius
 from tradestudy.optics.chain.image import chain_image, mean_image
-from tradestudy.optics.chain.scene import KIRCHHOFF, Gaps, Layout, Legs, LightPath, Microlenses, PixelGrid
+from tradestudy.optics.chain.microlenses import Gaps, Layout, Microlenses
+from tradestudy.optics.chain.scene import KIRCHHOFF, Legs, LightPath, PixelGrid
 from tradestudy.optics.chain.sources import DiscSource, spectral_shares
 from tradestudy.optics.focal_lengths import FocalLengths, focal_length_for, reference_focal_length
 from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSource

@@ -8,7 +8,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.argument_types import checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.result import ApertureField
-from tradestudy.optics.propagation.sampling import TargetGrid, Targets
+from tradestudy.optics.propagation.targets import TargetGrid, Targets
 from tradestudy.optics.sampled_point_spread import PointSpread
 
 SpreadField = PointSpread | ApertureField

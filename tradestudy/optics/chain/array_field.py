@@ -19,7 +19,8 @@ from tradestudy.optics.propagation.hybrid import unchecked_hybrid_field
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave, PointSource
 from tradestudy.optics.propagation.paths import Array
-from tradestudy.optics.propagation.sampling import Limits, TargetGrid, TargetPoints, net_phase, outline
+from tradestudy.optics.propagation.sampling import Limits, net_phase, outline
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
 
 _SHARE_OF_READING = 0.1  # fraction of a table's tolerance that its interpolation may use

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray, IndexArray
+from tradestudy.optics.chain.microlenses import Microlenses
 from tradestudy.optics.chain.regions import (
     Disc,
     Region,
@@ -18,7 +19,6 @@ from tradestudy.optics.chain.regions import (
     resolving,
     subintervals,
 )
-from tradestudy.optics.chain.scene import Microlenses
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes, gauss_legendre, rectangle_nodes
 
 

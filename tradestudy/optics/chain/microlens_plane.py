@@ -10,8 +10,9 @@ import numpy as np
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.arriving_light import RayReach
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes, lit_nodes, lit_share, padded
+from tradestudy.optics.chain.microlenses import Microlenses
 from tradestudy.optics.chain.regions import Disc
-from tradestudy.optics.chain.scene import LightPath, Microlenses
+from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.phasors import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.direct import ApertureSamples, direct_sum
 from tradestudy.optics.propagation.kernels import Kernel

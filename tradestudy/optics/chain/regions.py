@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
-from tradestudy.optics.chain.scene import Microlenses
+from tradestudy.optics.chain.microlenses import Microlenses
 from tradestudy.optics.quadrature import gauss_legendre
 
 _THINNEST = 1e-13  # of the largest segment: thinner ones count as empty

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.chain.scene import LightPath, Microlenses, PixelGrid
+from tradestudy.optics.chain.microlenses import Microlenses
+from tradestudy.optics.chain.scene import LightPath, PixelGrid
 from tradestudy.optics.chain.sources import DiscSource, lens_orbits, moved_image, symmetries
 from tradestudy.optics.propagation.lens import CircularLens, PointSource, finite_image_distance
 from tradestudy.optics.quadrature import disc_nodes

@@ -15,7 +15,8 @@ from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, Kirchho
 from tradestudy.optics.propagation.lens import CircularLens, LensWave, Obliquity, PointSource, check_obliquity
 from tradestudy.optics.propagation.rays import find_rays, land, one_ray_per_target, ray_fields
 from tradestudy.optics.propagation.result import ApertureField, Effort, Method, NumericalError, squared_magnitude
-from tradestudy.optics.propagation.sampling import Limits, NodeCounts, Targets, refuse_near_zone
+from tradestudy.optics.propagation.sampling import Limits, NodeCounts, refuse_near_zone
+from tradestudy.optics.propagation.targets import Targets
 from tradestudy.optics.propagation.wave_optics import FieldAccuracy, nodes_for, propagate_wave, sample_wave
 
 METHODS: tuple[Method, ...] = ("geometric", "boundary_wave", "fresnel", "kirchhoff")

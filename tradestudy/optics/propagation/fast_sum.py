@@ -23,7 +23,7 @@ from tradestudy.optics.propagation.direct import ApertureSamples, check_cosine, 
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.low_rank import SlowFactor, SumProblem, TooWide, slow_factor
 from tradestudy.optics.propagation.paths import Array
-from tradestudy.optics.propagation.sampling import TargetGrid, Targets
+from tradestudy.optics.propagation.targets import TargetGrid, Targets
 from tradestudy.optics.propagation.upsampling import (
     Upsampling,
     apply_along_rows,

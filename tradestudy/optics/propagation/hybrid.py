@@ -36,14 +36,12 @@ from tradestudy.optics.propagation.result import (
 from tradestudy.optics.propagation.sampling import (
     Limits,
     NodeCounts,
-    TargetGrid,
-    TargetPoints,
-    Targets,
     check_affordable,
     check_time,
     edge_node_count,
     outline,
 )
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
 from tradestudy.optics.propagation.upsampling import chebyshev_grid, polar_field
 from tradestudy.optics.propagation.wave_optics import (
     FieldAccuracy,

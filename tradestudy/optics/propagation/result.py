@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.phasors import ComplexArray
-from tradestudy.optics.propagation.sampling import TargetGrid, Targets
+from tradestudy.optics.propagation.targets import TargetGrid, Targets
 
 Method = Literal["geometric", "boundary_wave", "fresnel", "kirchhoff"]
 # An estimate from sixteen targets scatters, more so where errors are uneven. With a factor of 2, one case in twelve

@@ -15,7 +15,8 @@ import scipy.special
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.phasors import ComplexArray
-from tradestudy.optics.propagation.sampling import TargetGrid, bessel_margin
+from tradestudy.optics.propagation.sampling import bessel_margin
+from tradestudy.optics.propagation.targets import TargetGrid
 
 _UNTHREADED = 250_000  # multiplications in a product that BLAS still computes on one thread
 _LEAST_OVERSAMPLING = 1.7  # of the coarse samples; closer to 1 the window gets wide

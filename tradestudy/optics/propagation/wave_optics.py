@@ -29,13 +29,13 @@ from tradestudy.optics.propagation.result import (
 from tradestudy.optics.propagation.sampling import (
     Limits,
     NodeCounts,
-    Targets,
     check_affordable,
     check_time,
     needed_nodes,
     outline,
     refuse_near_zone,
 )
+from tradestudy.optics.propagation.targets import Targets
 from tradestudy.optics.quadrature import disc_nodes
 
 _MAX_ROUNDS = 5
