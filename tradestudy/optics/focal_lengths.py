@@ -101,7 +101,19 @@ class FocalLengths:
         return self.at(field_angle=0.0, wavelength=self.reference_wavelength)
 
     def at(self, *, field_angle: float, wavelength: float) -> float:
-        """Focal length for a field angle and a wavelength [m].
+        """Focal length for a field angle and a wavelength, linear between the entries of the table.
+
+        Parameters
+        ----------
+        field_angle
+            θ, angle of the source from the axis [rad].
+        wavelength
+            λ [m].
+
+        Returns
+        -------
+        float
+            f [m].
 
         Raises
         ------

@@ -53,12 +53,19 @@ _ON_AXIS_AT_INFINITY = PointSource.at_infinity()
 class LensPointSpread(PointSpread):
     """Result of `point_spread`: the samples of a `PointSpread` with the data of the lens.
 
-    The intensity is the fraction of the light through the pupil per area [1/m²], so `pupil_power` is 1. The methods
-    of this class return their numbers with errors. The inherited `at` returns interpolated intensities alone, of
-    samples whose errors are at most `sample_error`.
+    The methods of this class return their numbers with errors. The inherited `at` returns interpolated intensities
+    alone, of samples whose errors are at most `sample_error`.
 
     Attributes
     ----------
+    x, y
+        Sample positions [m].
+    intensity
+        Fraction of the light through the pupil per area [1/m²], shape (len(y), len(x)).
+    pupil_power
+        1, since the intensity is relative.
+    relative_error
+        Stated relative L2 error of the samples.
     centre
         Where the chief ray meets the image plane (x, y) [m].
     airy_radius
@@ -70,12 +77,23 @@ class LensPointSpread(PointSpread):
     effort
         Nodes and seconds that it took.
 
+    Raises
+    ------
+    OutOfRangeError
+        As for `PointSpread`.
+
     Examples
     --------
     >>> from tradestudy import optics
-    >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=4)
+    >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9)
     >>> print(f"{psf.width().value * 1e6:.3f} µm at half maximum; error below 1e-6: {psf.relative_error < 1e-6}")
     4.535 µm at half maximum; error below 1e-6: True
+    >>> half = psf.radius_of(0.5)
+    >>> print(f"{psf.encircled_energy(half.value).value:.4f} of the light within {half.value * 1e6:.3f} µm")
+    0.5000 of the light within 2.358 µm
+    >>> print(f"MTF at 100/mm: {psf.modulation_transfer(100e3)}; Strehl ratio {psf.strehl_ratio().value:.4f}")
+    MTF at 100/mm: 0.457 ± 0.008; Strehl ratio 1.0000
+    >>> figure = psf.plot()
     """
 
     centre: tuple[float, float]
@@ -97,14 +115,25 @@ class LensPointSpread(PointSpread):
 
     @checked
     def width(self, *, angle: float = 0.0) -> Measured:
-        """Full width at half maximum of a cut through the brightest point [m], by `full_width_at_half_maximum`.
+        """Full width at half maximum of a cut through the brightest point, by `full_width_at_half_maximum`.
 
         Far out of focus, that point is one of many fringes; `radius_of` then gives the size of the whole spot.
+
+        Parameters
+        ----------
+        angle
+            Direction of the cut, measured from the x axis [rad], within ±2π.
+
+        Returns
+        -------
+        Measured
+            Width [m], shape (), with the errors of sampling and of the samples.
 
         Raises
         ------
         OutOfRangeError
-            If the window contains less than half of the light: the spot is wider than the sampled window.
+            If the window contains less than half of the light: the spot is wider than the window. Otherwise as in
+            `full_width_at_half_maximum`.
         """
         if (held := window_share(self).value) < _LEAST_SHARE:
             raise OutOfRangeError(
@@ -117,16 +146,59 @@ class LensPointSpread(PointSpread):
 
     @checked
     def encircled_energy(self, radius: npt.ArrayLike) -> Measured:
-        """Fraction of the light within circles about the chief ray, by `encircled_energy`."""
+        """Fraction of the light within circles about the chief ray, by `encircled_energy`.
+
+        Parameters
+        ----------
+        radius
+            Radii [m], any shape.
+
+        Returns
+        -------
+        Measured
+            Fractions [1] in the shape of the radii, with the errors of sampling and of the samples.
+
+        Raises
+        ------
+        OutOfRangeError
+            If a circle leaves the window.
+        """
         return encircled_energy(self, centre=self.centre, radius=np.asarray(radius, dtype=np.float64))
 
     @checked
     def radius_of(self, share: float) -> Measured:
-        """Radius of the circle about the chief ray with a fraction of the light, by `encircled_energy_radius`."""
+        """Radius of the circle about the chief ray with a fraction of the light, by `encircled_energy_radius`.
+
+        Parameters
+        ----------
+        share
+            Fraction of the light [1], in (0, 1).
+
+        Returns
+        -------
+        Measured
+            Radius [m], shape (), with the errors of sampling and of the samples.
+
+        Raises
+        ------
+        OutOfRangeError
+            If the largest circle that fits into the window contains a smaller fraction.
+        """
         return encircled_energy_radius(self, centre=self.centre, share=share)
 
     def strehl_ratio(self) -> Measured:
-        """Ratio of the peak intensity to the peak without aberration, by `strehl_ratio`."""
+        """Ratio of the peak intensity to the peak without aberration, by `strehl_ratio`.
+
+        Returns
+        -------
+        Measured
+            Ratio [1], shape (), with the errors of sampling and of the samples.
+
+        Raises
+        ------
+        OutOfRangeError
+            If the peak lies on the rim of the window.
+        """
         return strehl_ratio(self, reference_peak=self.reference_peak)
 
     @checked
@@ -135,6 +207,18 @@ class LensPointSpread(PointSpread):
 
         At frequency 0 the value is the fraction of the light in the window, which differs from 1 by less than its
         error.
+
+        Parameters
+        ----------
+        frequency
+            Spatial frequencies [cycles/m], any shape.
+        angle
+            Direction along which the MTF is measured, from the x axis [rad], within ±2π.
+
+        Returns
+        -------
+        Measured
+            MTF [1] in the shape of the frequencies, with the errors of sampling, of the samples and of the window.
 
         Raises
         ------
@@ -155,7 +239,23 @@ class LensPointSpread(PointSpread):
         return modulation_transfer(self, frequency_x=f * math.cos(angle), frequency_y=f * math.sin(angle))
 
     def plot(self, file: str | Path | None = None) -> Figure:
-        """Plot the spot, its cuts, encircled energy and MTF with their errors; save the figure if a file is given."""
+        """Plot spot, cuts, encircled energy and MTF, with bands for the stated errors.
+
+        Parameters
+        ----------
+        file
+            Where to save the figure; the ending sets the format. Default: it is not saved.
+
+        Returns
+        -------
+        Figure
+            Figure of four panels, not attached to a window.
+
+        Raises
+        ------
+        OutOfRangeError
+            If the ending is unknown, or the file cannot be written.
+        """
         from tradestudy.optics.spread_plot import spread_figure
 
         figure = spread_figure(
@@ -206,7 +306,7 @@ def point_spread(
     focal_length
         f [m], > 0; or its table over field angle and wavelength (field curvature, axial colour).
     f_number
-        N = f/D, so that the pupil diameter is D = f/N.
+        N = f/D [1], so that the pupil diameter is D = f/N.
     wavelength
         λ [m], > 0 and less than the pupil's diameter.
     source
@@ -226,7 +326,7 @@ def point_spread(
     pupil
         Amplitude and aberrations. Default: a clear aperture without aberration.
     window
-        Half the side of the sampled square about the chief ray, in Airy radii; at least 1.5. The light outside is part
+        Half the side of the sampled square about the chief ray [Airy radii]; at least 1.5. The light outside is part
         of the error of the MTF: 0.8 % of the light for a window of 20, in inverse proportion to the window.
     obliquity
         Obliquity factor of Kirchhoff's integral, as in `aperture_field`.

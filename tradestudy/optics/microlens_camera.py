@@ -38,7 +38,7 @@ class MicrolensCamera:
     focal_length
         f of the main lens [m], or its table over field angle and wavelength.
     f_number
-        N of the main lens; its pupil diameter is f/N.
+        N of the main lens [1]; its pupil diameter is f/N.
     array_distance
         Distance from main lens to array, z [m].
     microlens_focal_lengths
@@ -148,6 +148,11 @@ class MicrolensCamera:
             Point or disc.
         wavelength
             Wavelength at which a table of focal lengths is read [m].
+
+        Returns
+        -------
+        LightPath
+            Main lens, these microlenses, and whole pixels of the sensor that contain their geometric light.
 
         Raises
         ------
@@ -281,7 +286,7 @@ def microlens_image(
     wavelength
         λ [m]; or several, shape (n,), whose images add as intensities.
     weights
-        Power in the pupil at each of several wavelengths. Default: equal.
+        Power in the pupil at each of several wavelengths [any unit], shape (n,). Default: equal.
     legs
         Law of propagation on each leg, as in `chain_image`.
     tolerance

@@ -30,11 +30,17 @@ class QuadratureNodes:
     half_extent
         Half the larger side of the box around the area [m].
 
+    Raises
+    ------
+    OutOfRangeError
+        If x, y and weights are not arrays of one length.
+
     Examples
     --------
     >>> from tradestudy import optics
-    >>> optics.disc_nodes(radius=1e-3, radial_count=3, angular_count=8).count
-    24
+    >>> nodes = optics.disc_nodes(radius=1e-3, radial_count=3, angular_count=8)
+    >>> print(f"{nodes.count} nodes, area {nodes.weights.sum() * 1e6:.6f} mm²")
+    24 nodes, area 3.141593 mm²
     """
 
     x: FloatArray

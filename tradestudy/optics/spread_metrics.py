@@ -168,7 +168,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
     centre
         Centre of the circle (x, y) [m].
     share
-        Fraction of the power, in (0, 1), for example 0.5 or 0.8.
+        Fraction of the power [1], in (0, 1), for example 0.5 or 0.8.
 
     Returns
     -------

@@ -58,8 +58,11 @@ class ChainAccuracy:
     Examples
     --------
     >>> from tradestudy import optics
-    >>> optics.ChainAccuracy(tolerance=1e-3).memory_limit
+    >>> accuracy = optics.ChainAccuracy(tolerance=1e-3)
+    >>> accuracy.memory_limit
     2000000000.0
+    >>> accuracy.compared().tolerance, accuracy.unstarved().tolerance
+    (0.002, 0.0001)
     """
 
     tolerance: float = 1e-4
@@ -88,7 +91,7 @@ class ChainAccuracy:
 
     @property
     def fresnel_lengths(self) -> float:
-        """How far from where rays land diffracted light is followed, in Fresnel lengths √(λ z)."""
+        """How far from where rays land diffracted light is followed [Fresnel lengths √(λ z)]."""
         return 1.2 * math.pow(self.tolerance, -1 / 6) * self.diffraction_reach
 
     def compared(self) -> ChainAccuracy:
@@ -145,7 +148,7 @@ class ChainImage:
     handed_over
         Fraction of the points that a boundary wave left to Kirchhoff's integral; 0 for the other methods.
     tolerance
-        Tolerance requested; infinite if none was.
+        Requested relative L2 error; infinite if none was.
 
     Examples
     --------

@@ -195,7 +195,7 @@ def spectral_image(
     wavelengths
         Wavelengths [m], shape (n,).
     weights
-        Power in the pupil at each wavelength, ≥ 0, not all zero; only the ratios matter.
+        Power in the pupil at each wavelength [any unit], ≥ 0, not all zero, shape (n,); only the ratios matter.
 
     Raises
     ------

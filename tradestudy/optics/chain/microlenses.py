@@ -65,8 +65,10 @@ class Microlenses:
     ...     pitch=26e-6,
     ...     layout="square", gaps="opaque", lens_phase="parabolic",
     ... )
-    >>> print(f"{lenses.fill_factor:.3f}")
-    0.669
+    >>> print(f"{lenses.fill_factor:.3f}, {lenses.only(0, 4).count} of {lenses.count} lenses")
+    0.669, 2 of 9 lenses
+    >>> print(f"aperture radius {lenses.lens(4).radius * 1e6:.1f} µm")
+    aperture radius 12.0 µm
     """
 
     centres: FloatArray
@@ -148,17 +150,39 @@ class Microlenses:
 
     @property
     def fill_factor(self) -> float:
-        """Fraction of a cell's area that the aperture fills."""
+        """Fraction of a cell's area that the aperture fills [1]."""
         area = self.aperture_width**2 * (math.pi / 4 if self.aperture == "circular" else 1.0)
         return area / (self.pitch**2 * (1.0 if self.layout == "square" else math.sqrt(3) / 2))
 
     def only(self, *indices: int) -> Microlenses:
-        """Return the array with some of its microlenses."""
+        """Return the array with some of its microlenses.
+
+        Parameters
+        ----------
+        indices
+            Indices of the microlenses to keep.
+
+        Returns
+        -------
+        Microlenses
+            These microlenses, in the given order.
+        """
         kept = list(indices)
         return replace(self, centres=self.centres[kept], focal_lengths=self.focal_lengths[kept])
 
     def lens(self, index: int) -> CircularLens:
-        """Return one microlens in its own coordinates; its radius reaches the farthest point of the aperture."""
+        """Return one microlens in its own coordinates.
+
+        Parameters
+        ----------
+        index
+            Index of the microlens.
+
+        Returns
+        -------
+        CircularLens
+            Lens centred on the origin; its radius reaches the farthest point of the aperture.
+        """
         return CircularLens(
             radius=self.reach,
             focal_length=float(self.focal_lengths[index]),

@@ -91,11 +91,17 @@ class PixelGrid:
     integrated
         Whether a pixel integrates over its square or multiplies the irradiance at its centre by its area.
 
+    Raises
+    ------
+    OutOfRangeError
+        If the pitch is not positive and finite, or there are no pixels.
+
     Examples
     --------
     >>> from tradestudy import optics
-    >>> print(f"{optics.PixelGrid(pitch=4e-6, shape=(9, 23)).edges_x[0]:.2g} m")
-    -4.6e-05 m
+    >>> grid = optics.PixelGrid(pitch=4e-6, shape=(9, 23))
+    >>> print(f"{grid.edges_x[0]:.2g} m, and {grid.part(slice(0, 9), slice(10, 13)).edges_x[0]:.2g} m for a part")
+    -4.6e-05 m, and -6e-06 m for a part
     """
 
     pitch: float
@@ -113,7 +119,18 @@ class PixelGrid:
             )
 
     def part(self, rows: slice, columns: slice) -> PixelGrid:
-        """Return the grid of a rectangle of pixels."""
+        """Return the grid of a rectangle of pixels.
+
+        Parameters
+        ----------
+        rows, columns
+            Slices with start and stop.
+
+        Returns
+        -------
+        PixelGrid
+            Grid of these pixels, in the same place.
+        """
         x, y = ((e[p.start] + e[p.stop]) / 2 for e, p in ((self.edges_x, columns), (self.edges_y, rows)))
         shape = (rows.stop - rows.start, columns.stop - columns.start)
         return replace(self, shape=shape, centre=(float(x), float(y)))
@@ -153,6 +170,11 @@ class LightPath:
     pixels
         The detector.
 
+    Raises
+    ------
+    OutOfRangeError
+        If a distance is not positive and finite, or the main lens is not centred on the axis.
+
     Examples
     --------
     >>> import numpy as np
@@ -172,8 +194,12 @@ class LightPath:
     ...     detector_distance=0.1e-3,
     ...     pixels=optics.PixelGrid(pitch=4e-6, shape=(21, 21)),
     ... )
-    >>> print("main image {2:.3g} m before the array".format(*path.image_at_array(optics.PointSource(distance=20e-3))))
-    main image 0.000278 m before the array
+    >>> source = optics.PointSource(x=1e-3, distance=20e-3)
+    >>> print("main image {2:.3g} m in front of the array".format(*path.image_at_array(source)))
+    main image 0.000278 m in front of the array
+    >>> middle = path.object_before(4, source)
+    >>> print(f"object at x = {middle.x * 1e6:.1f} µm; chief ray at x = {path.chief_point(source)[0] * 1e6:.1f} µm")
+    object at x = -111.1 µm; chief ray at x = -125.0 µm
     """
 
     main_lens: CircularLens
@@ -200,17 +226,62 @@ class LightPath:
         return tuple(one for one in (self.main_lens.pupil, self.microlenses.pupil) if one is not None)
 
     def image_at_array(self, source: PointSource) -> tuple[float, float, float]:
-        """Main lens's image of a source: x, y [m] and the signed distance in front of the array, a_L = z − b [m]."""
+        """Main lens's image of a source, relative to the array.
+
+        Parameters
+        ----------
+        source
+            Point source.
+
+        Returns
+        -------
+        tuple
+            x, y [m] and the signed distance in front of the array, a_L = z − b [m].
+
+        Raises
+        ------
+        OutOfRangeError
+            If the image lies at infinity.
+        """
         x, y, b = self.main_lens.image_of(source)
         return x, y, self.array_distance - b
 
     def object_before(self, index: int, source: PointSource) -> PointSource:
-        """Main lens's image of a source relative to the vertex of one microlens, as its object."""
+        """Main lens's image of a source relative to the vertex of one microlens, as its object.
+
+        Parameters
+        ----------
+        index
+            Index of the microlens.
+        source
+            Point source in front of the main lens.
+
+        Returns
+        -------
+        PointSource
+            Object of the microlens, at the distance a_L [m].
+
+        Raises
+        ------
+        OutOfRangeError
+            If the image lies at infinity or on the array.
+        """
         x, y, depth = self.image_at_array(source)
         centre_x, centre_y = self.microlenses.centres[index]
         return PointSource(x=float(x - centre_x), y=float(y - centre_y), distance=depth)
 
     def chief_point(self, source: PointSource) -> tuple[float, float]:
-        """Where the ray through the centre of the main lens meets the array [m]."""
+        """Where the ray through the centre of the main lens meets the array.
+
+        Parameters
+        ----------
+        source
+            Point source.
+
+        Returns
+        -------
+        tuple
+            (x, y) on the array [m].
+        """
         scale = -self.array_distance / source.distance
         return scale * source.x, scale * source.y

@@ -37,6 +37,11 @@ class DiscSource:
     coherent
         False: the points radiate independently and their intensities add. True: one wave, of one phase over the disc.
 
+    Raises
+    ------
+    OutOfRangeError
+        If the diameter or the distance is not positive, or a number is not finite.
+
     Examples
     --------
     >>> from tradestudy import optics

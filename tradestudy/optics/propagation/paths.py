@@ -21,7 +21,25 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True, kw_only=True)
 class Expansion:
-    """A path with its first and second derivatives at points."""
+    """A path with its first and second derivatives at points; arrays in the shape of the points.
+
+    Attributes
+    ----------
+    value
+        Path [m].
+    p_x, p_y
+        Its gradient [1].
+    xx, xy, yy
+        Its second derivatives [1/m].
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> (path,) = optics.Pupil(zernikes={4: 100e-9}).path_terms(1e-3)
+    >>> expansion = path.expansion(0.0, 0.0)
+    >>> print(f"{expansion.value * 1e9:.1f} nm, curvature {expansion.xx:.4f} 1/m")
+    -173.2 nm, curvature 0.6928 1/m
+    """
 
     value: Array
     p_x: Array

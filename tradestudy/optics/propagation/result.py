@@ -26,23 +26,39 @@ _UNIFORM_SHARE = 0.3  # of the draws; the others favour bright targets, whose er
 class NumericalError:
     """Stated numerical error: how far the result may be from the exact value of the same integral.
 
-    All entries are relative L2 norms over the targets, of the field unless stated otherwise. The two totals should
-    hold in at least 95 % of cases; the parts are measured or requested values.
+    All entries are L2 norms over the targets, relative to that of the field or the intensity [1]. The two totals should
+    hold in at least 95 % of cases; the parts, all of the field, are measured or requested values.
 
     Attributes
     ----------
     field
-        Stated error of the complex field.
+        Stated relative error of the complex field.
     intensity
-        Stated error of the intensity.
+        Stated relative error of the intensity.
     nodes
-        Measured at the check targets: the sum over the nodes against the sum over twice as many in each direction.
+        Relative error of the node counts, measured at the check targets: the sum over the nodes against the sum over
+        twice as many in each direction.
     low_rank
-        Measured on nodes and targets that the low-rank factor was not built from.
+        Relative error of the low-rank factor, measured on nodes and targets from which it was not built.
     nufft
-        Requested from the nonuniform Fourier transform.
+        Relative error requested from the nonuniform Fourier transform.
     check
-        Measured at the check targets: the result against direct quadrature with twice the nodes in each direction.
+        Relative error measured at the check targets: the result against direct quadrature with twice the nodes in each
+        direction.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> field = optics.aperture_field(
+    ...     source=optics.PointSource(distance=0.15),
+    ...     lens=optics.CircularLens(radius=1.5e-3, focal_length=12.5e-3, lens_phase="perfect"),
+    ...     targets=optics.TargetPoints(x=0.0, y=0.0, distance=13.64e-3),
+    ...     wavelength=550e-9,
+    ...     method="kirchhoff",
+    ...     accuracy=optics.FieldAccuracy(tolerance=1e-6),
+    ... )
+    >>> field.error.intensity < 1e-6, field.error.check < 1e-6
+    (True, True)
     """
 
     field: float
@@ -55,7 +71,7 @@ class NumericalError:
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """Effort that a result took.
+    """Nodes, rounds and time that a result took.
 
     Attributes
     ----------
@@ -70,11 +86,18 @@ class Effort:
     rounds
         Rounds of computation until the stated error met the tolerance; 1 without refinement.
     seconds
-        Wall time of the result, set-up included.
+        Wall time of the result, set-up included [s].
     check_seconds
-        Wall time of the check against direct quadrature, with the nodes that only it needs.
+        Wall time of the check against direct quadrature, with the nodes that only it needs [s].
     check_targets
         Number of check targets.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> effort = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=4).effort
+    >>> effort.rounds, effort.check_targets > 0, effort.seconds > 0
+    (1, True, True)
     """
 
     nodes: int
@@ -95,9 +118,10 @@ class ApertureField:
     Attributes
     ----------
     field
-        Complex field in the shape of the targets.
+        Complex field [1/m² for a unit point source], in the shape of the targets.
     intensity
-        Squared magnitude of the field; for ``geometric``, the sum over rays without interference.
+        Squared magnitude of the field [1/m⁴ for a unit point source]; for ``geometric``, the sum over rays without
+        interference.
     error
         Stated numerical error.
     effort
@@ -107,7 +131,7 @@ class ApertureField:
     targets
         Where the field was computed.
     pupil_power
-        ∫ |U|² over the aperture, in the unit of the intensity times m²; energies are fractions of it.
+        ∫ |U|² over the aperture [1/m² for a unit point source]; energies are fractions of it.
     handed_over
         Fraction of the targets that the boundary wave left to Kirchhoff's integral; 0 for the other methods.
 

@@ -61,15 +61,28 @@ class Limits:
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class NodeCounts:
-    """Rings of quadrature nodes on a disc, and nodes on its rim; at least one of each.
+    """Rings of quadrature nodes on a disc, and nodes on its rim.
 
     Inner rings have fewer nodes, because the phase completes fewer turns on them.
+
+    Parameters
+    ----------
+    radial
+        Number of rings, ≥ 1.
+    angular
+        Number of nodes on the outermost ring, ≥ 1.
+
+    Raises
+    ------
+    OutOfRangeError
+        If a count is below 1.
 
     Examples
     --------
     >>> from tradestudy import optics
-    >>> optics.NodeCounts(radial=20, angular=40).total
-    800
+    >>> counts = optics.NodeCounts(radial=20, angular=40)
+    >>> counts.total, counts.scaled(1.5)
+    (800, NodeCounts(radial=30, angular=60))
     """
 
     radial: int
@@ -99,7 +112,18 @@ class NodeCounts:
         return np.asarray(np.minimum(np.ceil(needed).astype(int), self.angular))
 
     def scaled(self, factor: float) -> NodeCounts:
-        """Both counts times a factor, rounded up."""
+        """Both counts times a factor, rounded up.
+
+        Parameters
+        ----------
+        factor
+            Factor [1], > 0.
+
+        Returns
+        -------
+        NodeCounts
+            At least one node of each kind.
+        """
         return NodeCounts(radial=math.ceil(self.radial * factor), angular=math.ceil(self.angular * factor))
 
 

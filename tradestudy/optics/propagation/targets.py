@@ -36,8 +36,11 @@ class TargetPoints:
 
     >>> import numpy as np
     >>> from tradestudy import optics
-    >>> optics.TargetPoints(x=0.0, y=0.0, distance=50e-3 + np.linspace(-50e-6, 50e-6, 11)).shape
-    (11,)
+    >>> points = optics.TargetPoints(x=0.0, y=0.0, distance=50e-3 + np.linspace(-50e-6, 50e-6, 11))
+    >>> points.shape, points.coordinates()[2].size, points.corners().size
+    ((11,), 11, 4)
+    >>> print(f"from {points.box()[2][0]:.5f} m; the last one at {points.at(np.array([10]))[2][0]:.5f} m")
+    from 0.04995 m; the last one at 0.05005 m
     """
 
     x: npt.ArrayLike
@@ -59,22 +62,33 @@ class TargetPoints:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of the results."""
+        """Shape of the results: that to which x, y and distance broadcast."""
         return np.broadcast_shapes(np.shape(self.x), np.shape(self.y), np.shape(self.distance))
 
     def coordinates(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Flat x, y, distance of every point."""
+        """Flat x, y and distance of every point [m]."""
         arrays = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (self.x, self.y, self.distance)))
         x, y, z = (np.ascontiguousarray(v).ravel() for v in arrays)
         return x, y, z
 
     def at(self, index: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """x, y, distance of some points, by their flat indices."""
+        """Positions of some points.
+
+        Parameters
+        ----------
+        index
+            Flat indices, shape (n,).
+
+        Returns
+        -------
+        tuple
+            x, y and distance [m], shape (n,) each.
+        """
         x, y, z = self.coordinates()
         return x[index], y[index], z[index]
 
     def box(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Least and largest x, y and distance."""
+        """Smallest and largest x, y and distance [m]."""
         x, y, z = (np.array([np.min(c), np.max(c)], dtype=float) for c in (self.x, self.y, self.distance))
         return x, y, z
 
@@ -115,6 +129,9 @@ class TargetGrid:
     >>> grid = optics.TargetGrid.centred(centre=(0.0, 0.0), pitch=0.5e-6, count=65, distance=50e-3)
     >>> grid.shape, f"{grid.x_axis[0]:.3g}"
     ((65, 65), '-1.6e-05')
+    >>> x, y, distance = grid.at(grid.corners())
+    >>> print(f"corners at x = {x * 1e6} µm, of {grid.coordinates()[0].size} points from y = {grid.box()[1][0]:.3g} m")
+    corners at x = [-16. -16.  16.  16.] µm, of 4225 points from y = -1.6e-05 m
     """
 
     x_start: float
@@ -145,7 +162,29 @@ class TargetGrid:
     @classmethod
     @checked
     def centred(cls, *, centre: tuple[float, float], pitch: float, count: int, distance: float) -> TargetGrid:
-        """Square grid of `count` × `count` points centred on `centre`, as pixel centres lie on a sensor."""
+        """Square grid of points about a centre, as pixel centres lie on a sensor.
+
+        Parameters
+        ----------
+        centre
+            Centre of the grid (x, y) [m].
+        pitch
+            Distance between neighbouring points [m], > 0.
+        count
+            Points along a side, ≥ 1.
+        distance
+            Distance behind the lens plane [m], > 0.
+
+        Returns
+        -------
+        TargetGrid
+            Grid of `count` × `count` points.
+
+        Raises
+        ------
+        OutOfRangeError
+            As for `TargetGrid`.
+        """
         half = pitch * (count - 1) / 2
         return cls(
             x_start=centre[0] - half,
@@ -173,17 +212,17 @@ class TargetGrid:
         return self.y_start + self.y_pitch * np.arange(self.y_count, dtype=float)
 
     def coordinates(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Flat x, y, distance of every point, row by row."""
+        """Flat x, y and distance of every point [m], row by row."""
         x = np.tile(self.x_axis, self.y_count)
         return x, np.repeat(self.y_axis, self.x_count), np.full(x.size, self.distance)
 
     def at(self, index: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """x, y, distance of some points, by their flat indices."""
+        """Positions of some points [m], as in `TargetPoints.at`."""
         row, column = np.divmod(index, self.x_count)
         return self.x_axis[column], self.y_axis[row], np.full(index.size, self.distance)
 
     def box(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Least and largest x, y and distance."""
+        """Smallest and largest x, y and distance [m]."""
         return self.x_axis[[0, -1]], self.y_axis[[0, -1]], np.array([self.distance, self.distance])
 
     def corners(self) -> IndexArray:
