@@ -33,7 +33,7 @@ def air_refractive_index(wavelength: float, temperature: ArrayLike, pressure: Ar
 
 
 def focal_length_change_with_medium(glass_index: float, index_before: ArrayLike, index_after: ArrayLike) -> FloatArray:
-    """Change in focal length of a thin lens when the medium around it changes: ``f'/f = (n_g/n − 1)/(n_g/n' − 1)``.
+    """Ratio of a thin lens's focal lengths after and before the medium changes: ``f'/f = (n_g/n − 1)/(n_g/n' − 1)``.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     Raises
     ------
     OutOfRangeError
-        By the returned function, if an argument has the wrong type.
+        Raised by the returned function, if an argument has the wrong type.
     """
     parameters = signature(function)
 
@@ -69,7 +69,7 @@ def checked_fields(cls: type[C]) -> type[C]:
     Raises
     ------
     OutOfRangeError
-        By the class, if an argument has the wrong type.
+        Raised by the class, if an argument has the wrong type.
     """
     made = cls.__init__
 

@@ -79,7 +79,7 @@ def edge_field(
     kernel
         Kernel whose obliquity is used; an obliquity other than the textbook one enters by its ratio to it on the edge.
     rays
-        The ray to every target from `find_rays`; one branch.
+        One ray to every target, from `find_rays`.
     x, y, z
         Targets relative to the centre of the lens [m], shape (m,).
     count
@@ -91,7 +91,7 @@ def edge_field(
     Returns
     -------
     EdgeField
-        To be added to the field of the rays that pass inside the aperture.
+        Wave to add to the field of the rays that pass inside the aperture.
     """
     # Two node sets, half a step apart: a target takes the one whose nodes stay away from its pole.
     bearing = np.arctan2(rays.v[0], rays.u[0])

@@ -150,7 +150,7 @@ def goodman_minimum_f_number(
     Raises
     ------
     OutOfRangeError
-        As `bounded_minimum_f_number`.
+        As in `bounded_minimum_f_number`.
 
     Notes
     -----

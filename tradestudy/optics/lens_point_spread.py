@@ -244,7 +244,7 @@ class LensPointSpread(PointSpread):
         Parameters
         ----------
         file
-            Where to save the figure; the ending sets the format. Default: it is not saved.
+            Where to save the figure; its extension sets the format. Default: it is not saved.
 
         Returns
         -------
@@ -254,7 +254,7 @@ class LensPointSpread(PointSpread):
         Raises
         ------
         OutOfRangeError
-            If the ending is unknown, or the file cannot be written.
+            If the extension is unknown, or the file cannot be written.
         """
         from tradestudy.optics.spread_plot import spread_figure
 

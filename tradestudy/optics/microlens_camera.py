@@ -297,9 +297,8 @@ def microlens_image(
     Returns
     -------
     ChainImage
-        Fraction of the pupil's power on each pixel, with a stated error within the tolerance. The pixels lie where
-        ``camera.light_path(source, wavelength=…).pixels`` says; light of several wavelengths falls on the widest of
-        their grids.
+        Fraction of the pupil's power on each pixel, with a stated error within the tolerance. The pixels are those of
+        ``camera.light_path(source, wavelength=…).pixels``; with several wavelengths, of the widest of these grids.
 
     Raises
     ------

@@ -39,8 +39,8 @@ class PaperEq27:
 def paper_eq27(*, focal_length: float, object_distance: float, wavelength: npt.ArrayLike) -> PaperEq27:
     """Minimal f-number for Fresnel as printed: F = γ/(2 R), R⁴ = (8 (α + β) − 2 l)/(1/α³ + 1/β³).
 
-    Lengths are in units of the wavelength, and l is an integer next to 4 (α + β). With s, the fractional part of 4 (α +
-    β), the first two zeros have the numerators 2 s and 2 s + 2.
+    Lengths are in units of the wavelength, and l is an integer next to 4 (α + β). With s, the fractional part of
+    4 (α + β), the first two zeros have the numerators 2 s and 2 s + 2.
 
     **Not to be trusted.** s repeats with every quarter wave of a + b, so that 0.01 nm of wavelength can move
     the first zero from 5.4 to 16.6. In terms of the dropped path the two zeros are the bounded criterion at
@@ -70,8 +70,8 @@ def paper_eq27(*, focal_length: float, object_distance: float, wavelength: npt.A
     Notes
     -----
     "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 27 and 28. The fractional
-    part is taken in exact rational arithmetic of the decimal numbers written by the inputs, because 4 (a +
-    b)/λ is of order 10⁶ and a wrong last digit of b already changes s; see ``condition_number`` for what the
+    part is taken in exact rational arithmetic of the decimal numbers written by the inputs, because
+    4 (a + b)/λ is of order 10⁶ and a wrong last digit of b already changes s; see ``condition_number`` for what the
     inputs themselves allow.
     """
     require_all_positive("focal length", focal_length)

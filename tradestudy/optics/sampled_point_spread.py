@@ -18,7 +18,7 @@ from tradestudy.optics.argument_types import checked_fields
 from tradestudy.optics.arrays import FloatArray
 
 _LEAST_SAMPLES = 33  # along a side; every fourth of them still supports a quintic spline
-_FEW_VALUES = 4  # up to which all are written out
+_FEW_VALUES = 4  # number of values up to which all are written out
 _BEST_REDUCTION = 1 / 16  # of the error when the spacing is halved; a quintic spline approaches 1/64
 
 

@@ -188,8 +188,8 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
     Returns
     -------
     Measured
-        Fractions [1], shape ``shape``, with the errors of sampling and of the samples; row i starts at y = corner_y + i
-        pitch.
+        Fractions [1], shape ``shape``, with the errors of sampling and of the samples; row i starts at
+        y = corner_y + i · pitch.
 
     Raises
     ------

@@ -155,8 +155,8 @@ def inverse_depth_on_ray(
     """Inverse depth of a point on a ray, from the slope at which a second camera sees it: the law of every stereo pair.
 
     With t from the second camera to the first, a point at depth Z on the first one's ray ``Z (a_x, a_y, a_z)`` appears
-    in the second one's picture at the slope ``r = (Z a_x + t_x)/(Z a_z + t_z)``, hence ``1/Z = (r a_z − a_x)/(t_x − r
-    t_z)``.
+    in the second one's picture at the slope ``r = (Z a_x + t_x)/(Z a_z + t_z)``, hence
+    ``1/Z = (r a_z − a_x)/(t_x − r t_z)``.
 
     Parameters
     ----------

@@ -6,9 +6,9 @@ object and β = mₛ Bₒ − Bₛ mₒ from the stop to the object, Collins's i
 
     U(x) ∝ ∬ dP dη exp{iπ/λ [mₛ η²/Bₛ − 2 η·P/Bₛ + g P² − 2 P·x/β]},    g = Bₒ/(Bₛ β),
 
-with positions relative to the ray through the middle of the lens. Without a stop, the lens takes its role: P = η, g =
-mₒ/Bₒ, β = Bₒ. By reciprocity, a point on a pixel gathers light of the object just as light from that point would spread
-over the object.
+with positions relative to the ray through the middle of the lens. Without a stop, the lens takes its role: P = η,
+g = mₒ/Bₒ, β = Bₒ. By reciprocity, a point on a pixel gathers light of the object just as light from that point would
+spread over the object.
 
 References
 ----------
@@ -37,7 +37,7 @@ _SHADOW: Final = 8.0  # extent of light on the stop beyond the lens's shadow, in
 _PAD: Final = 3.0  # width of the periodic grid over that of the aperture; 2 avoids overlap of the spread
 _MOST_SAMPLES: Final = 4096
 _NODES_OF_ARC: Final = 400
-_SHARP: Final = 50.0  # Fresnel number of a shadow with a sharp edge: a seventh of its radius wide, or less
+_SHARP: Final = 50.0  # Fresnel number from which on a shadow's edge counts as sharp: a seventh of its radius wide
 _STEPS_OF_SHARP: Final = 8.0
 
 
@@ -63,7 +63,7 @@ class Spread:
     """Density of light |U|² over the object, with sum 1, at evenly spaced positions that are the same along x and y.
 
     Few columns are ever requested, so each is transformed on demand; Parseval's theorem gives the sums without any
-    transform. The positions extend 16 over the radius of the lit part beyond the rays; light farther away is folded in.
+    transform. The positions extend beyond the rays by 16 over the lit part's radius; light farther away is folded in.
 
     Parameters
     ----------

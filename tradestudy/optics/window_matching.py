@@ -69,7 +69,7 @@ class Matches:
     deviation
         Standard deviation due to the noise of both pictures [steps], from the texture of the window itself and the
         noise of each of its pixels: ``√(Σ g² v)/|B′(d)|``, where v is the variance of the difference. For smoothed
-        pictures, one g is the `PairOfPictures.noise_gradient`.
+        pictures, one of the two factors g is `PairOfPictures.noise_gradient`.
     reason
         `Reason` for each window.
     """
@@ -125,8 +125,9 @@ class PairOfPictures:
         Function of a whole step: the second picture moved back by it minus the first, the variance of the noise of this
         difference, and where both are valid. For smoothed pictures, the variance is that of the noise before smoothing.
     noise_gradient
-        For smoothed pictures, the gradient convolved with the correlation c that smoothing leaves in white noise: the
-        variance of Σ g (h∗n) is Σ g (c∗g) v. None for pictures as taken.
+        For smoothed pictures, the gradient convolved with the correlation c that smoothing leaves in white noise: for
+        a smoothing kernel h and noise n of variance v, the variance of Σ g (h∗n) is Σ g (c∗g) v. None for pictures as
+        taken.
     """
 
     gradient: Samples

@@ -91,7 +91,7 @@ class ChainAccuracy:
 
     @property
     def fresnel_lengths(self) -> float:
-        """How far from where rays land diffracted light is followed [Fresnel lengths √(λ z)]."""
+        """Distance from where rays land within which diffracted light is followed [Fresnel lengths √(λ z)]."""
         return 1.2 * math.pow(self.tolerance, -1 / 6) * self.diffraction_reach
 
     def compared(self) -> ChainAccuracy:
@@ -133,7 +133,7 @@ class ChainImage:
         Fraction of the power through the main pupil that falls on each pixel, shape (rows, columns); an extended source
         is averaged over its area.
     numerical_error
-        Relative L2 error over the pixels: the change against a coarser computation, or the sum of `error_terms`.
+        Relative L2 error over the pixels: the change from a coarser computation, or the sum of `error_terms`.
     error_terms
         Contributions to the numerical error, each a relative L2 error.
     direct_check
@@ -210,7 +210,7 @@ class ChainImage:
     def share_on_pixels(self) -> Measured:
         """Fraction of the power through the main pupil that falls on all pixels together.
 
-        The error is √n `pixel_error` for n pixels, the most that their errors can add up to (Cauchy–Schwarz).
+        The error is √n times `pixel_error` for n pixels: the largest possible sum of their errors (Cauchy–Schwarz).
         """
         error = math.sqrt(self.pixels.size) * self.pixel_error
         return Measured(value=np.asarray(self.pixels.sum()), error=np.asarray(error))

@@ -26,7 +26,7 @@ from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
 _SHARE_OF_READING = 0.1  # fraction of a table's tolerance that its interpolation may use
 _SHARE_OF_FACTOR = 0.2  # the same for its low-rank factor; two computations share most of that error
 _OVERSAMPLING = 1.5  # of tables with a tolerance of 1e-3 or more …
-_FINER = 0.3  # … and its increase per decade below
+_FINER = 0.3  # … plus this much for each decade below
 _AROUND = 32  # points on the edge of a disc that represent all of it
 _LOOSER = 10.0  # a boundary wave's intensity errs by 1 % of its tolerance: a tenth of the image's
 
@@ -40,13 +40,13 @@ class PupilWave:
     path
         The camera.
     source
-        Point source before the main lens.
+        Point source in front of the main lens.
     wavelength
         λ [m].
     method
         Law of this leg; the boundary wave computes Kirchhoff's field in another way.
     coherent_radius
-        Radius about `source` of a coherent disc, of one phase in its plane [m]; 0 for a point.
+        Radius of a coherent disc about `source`, with one phase throughout its plane [m]; 0 for a point.
     """
 
     path: LightPath
@@ -302,7 +302,7 @@ def field_table(
 
 
 def _outline(x: FloatArray, y: FloatArray, *, only_disc: bool) -> tuple[FloatArray, FloatArray]:
-    """Middle and outermost points of the rectangle that positions along two axes span, or of the disc within it."""
+    """Middle and outermost points of the rectangle spanned by positions along two axes, or of the disc within it."""
     if not only_disc:
         corners_x, corners_y, _ = outline(x, y, np.zeros(1))
         return corners_x, corners_y

@@ -24,7 +24,7 @@ ArrayField = Callable[[FloatArray, FloatArray], ComplexArray]
 
 @dataclass(frozen=True, kw_only=True)
 class RayReach:
-    """Where the paraxial rays of one source point through the centre and the rim of every microlens land.
+    """Landing points of the paraxial rays of one source point through the centre and the rim of every microlens.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class RayReach:
     travel
         Largest distance between where a ray lands and where it passed the array [m], shape (lenses,).
     spread
-        Largest distance of a landing ray from ``image`` [m], shape (lenses,).
+        Largest distance between a landing point and ``image`` [m], shape (lenses,).
     """
 
     image: FloatArray

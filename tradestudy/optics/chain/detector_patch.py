@@ -1,6 +1,6 @@
 """Where the light of one source point is followed on the detector: on a patch behind each microlens, or everywhere.
 
-Patches are fast, but of the light beyond a patch only the amount is known. The whole detector misses nothing. It is
+Patches are fast, but only the amount of light beyond a patch is known. The whole detector misses nothing. It is
 used where it costs no more than patches. For tolerances that patches do not meet, it may cost more by the ratio of the
 two tolerances, if the source points computed side by side fit into memory.
 """
@@ -37,7 +37,7 @@ _UPSAMPLING = 4.0  # memory of a nonuniform FFT relative to that of its modes
 POINTS_AT_ONCE = 2  # source points followed side by side, with one thread each
 SINGLE_PRECISION_FROM = 1e-3  # tolerance from which on 32-bit floats add nothing to the error
 _NODE = 10.0  # cost of a microlens node, in detector samples
-_FEWEST_NODES = 6.0  # nodes of a microlens per squared number of cycles that they resolve
+_FEWEST_NODES = 6.0  # least number of nodes of a microlens, per square of the cycles that they resolve
 # Tolerance that patches meet: behind microlenses in focus, which interfere beyond the patches, points err by 5e-4 to
 # 7e-3. Below it, the whole detector may cost more by the ratio of the tolerances.
 _MET_BY_PATCHES = 1e-2
@@ -199,7 +199,7 @@ class DetectorPatch:
     Attributes
     ----------
     half_side
-        How far from its ray image the light of a microlens is followed along x and y [m].
+        Distance from its ray image within which the light of a microlens is followed, along x and y [m].
     side
         Samples along a side of the area that is followed, at most those of the detector.
     cycles
@@ -281,9 +281,10 @@ def detector_patch(
 def _plans(
     path: LightPath, reaches: Sequence[RayReach], wavelength: float, paraxial: bool, accuracy: ChainAccuracy
 ) -> list[tuple[DetectorPlan, float, float]]:
-    """Plans for the whole detector, each with the cycles that its nodes resolve and its least work; least work first.
+    """Plans for the whole detector, sorted by their least work, with it and the cycles that their nodes resolve.
 
-    Light is followed only to a margin where patches fall short: unlike theirs, the light lost there is not restored.
+    A plan that follows light only to a margin is tried only where patches do not meet the tolerance: the light that it
+    loses is not restored, unlike light beyond patches.
     """
     found = []
     for everywhere in (True, False) if accuracy.tolerance < _MET_BY_PATCHES else (True,):

@@ -56,7 +56,7 @@ class Transfer:
 
     @property
     def frequencies(self) -> FloatArray:
-        """Frequencies of one axis in the order of the FFT [1/m]."""
+        """Frequencies of one axis in FFT order [1/m]."""
         return np.asarray(scipy.fft.fftfreq(self.count, self.spacing))
 
     @property

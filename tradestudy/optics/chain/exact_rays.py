@@ -49,7 +49,7 @@ _MOST_REFINEMENTS = 2
 _TOLERANCE_OF_ONE = 2e-2  # tolerance that a density of 1 meets
 _WIDTH_OF_ONE = 2.0  # radius of an image where it does [pixels]
 _LEAST_DENSITY = 0.75  # compares three samples across a pixel with two
-_FEWEST_PIXELS = 2.0  # least radius of a disc's image that is traced from the detector
+_FEWEST_PIXELS = 2.0  # least radius of a disc's image that is traced from the detector [pixels]
 _PILOT_RAYS = 2**13
 _ORDER = 0.6  # errors of sampled rays fall about as this power of their number, or a little faster
 _WHERE_DARK = 2**20  # rays if none of the pilot's reaches a pixel
@@ -295,7 +295,7 @@ def _sampled(
 
 
 def _needed(path: LightPath, source: PointSource | DiscSource, accuracy: ChainAccuracy) -> int:
-    """Rays to trace, through each microlens if they start at the array: judged by the error of a few of them."""
+    """Number of rays to trace (per microlens, if they start at the array), from the error of a few of them."""
     if start_of_rays(path, source) == "array":
         path = _typical_microlens(path, source)
     trace = _tracer(path, source)

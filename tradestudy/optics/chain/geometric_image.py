@@ -131,7 +131,7 @@ def _point_cases(path: LightPath, point: PointSource) -> list[_Rays]:
 
 
 def _disc_cases(path: LightPath, source: DiscSource, density: float) -> list[_Rays]:
-    """One case per lens with all its nodes: for a fixed array point the disc is a region in the plane of u."""
+    """One case per lens with all its nodes: for a fixed array point, the disc is a region in the plane of u."""
     lenses, z, b = path.microlenses, path.array_distance, path.detector_distance
     shrink = z / source.distance
     chief = np.array(path.chief_point(source.centre))

@@ -250,7 +250,7 @@ def spectral_image(
 
 
 def mean_image(parts: Sequence[ChainImage], wavelengths: FloatArray, share: FloatArray) -> ChainImage:
-    """Mean of images at several wavelengths [m], weighted by shares that sum to 1; errors add up at worst."""
+    """Mean of images at several wavelengths [m], weighted by shares that sum to 1; their errors add up."""
     pixels = np.tensordot(share, [part.pixels for part in parts], axes=1)
     size = float(np.linalg.norm(pixels)) or 1.0  # no light: no error
     errors = [

@@ -37,7 +37,7 @@ _SAFETY = 2.5  # where rows of pixels graze the outline of a microlens, both com
 _CHECK_POINTS = 16
 _GROSS = 0.2  # discrepancy from direct quadrature that is refused at any tolerance
 _FOR_BENDING = 3  # extra nodes where an outline ends vertically
-_FINER = 1.5  # sampling of the field on the array, and of its irradiance, in the computation that is compared
+_FINER = 1.5  # factor on the sampling of field and irradiance on the array in the second computation
 _SMALLEST = 1e-12  # scale below which one plane is focused on the next
 
 

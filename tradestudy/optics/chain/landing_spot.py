@@ -1,4 +1,4 @@
-"""An incoherent disc by waves to the array and rays behind it.
+"""Image of an incoherent disc by waves to the array and rays behind it.
 
 A pixel's share is the integral of the irradiance over the source points s and array points x whose light lands on it.
 The landing point is linear in both. The inner integral is cut exactly along the edges of the pixels; it runs over the
@@ -44,7 +44,7 @@ from tradestudy.optics.propagation.lens import PointSource
 _SAFETY = 1.5  # the two computations share some of their error
 _FEWER = 0.7  # factor on source nodes and tables in the second computation
 _CHECK_POINTS = 16
-_CORNERS_BELOW = 3e-3  # tolerance below which pixels at the rim of the disc are cut at its corners too
+_CORNERS_BELOW = 3e-3  # tolerance below which columns are also cut where the disc's rim crosses the edge of a row
 _SHARE_OF_FRINGES = 0.1  # fraction resolved on a pixel's share of the disc; array nodes average the rest
 
 
@@ -117,7 +117,7 @@ class _Landed:
 
 
 def _landed(path: LightPath, source: DiscSource, wavelength: float, legs: Legs, accuracy: ChainAccuracy) -> _Landed:
-    """Integrate over both planes, with the one that moves the landing point farther inside."""
+    """Integrate over both planes; the inner integral is over the one that moves the landing point farther."""
     assert legs.to_array != "geometric"  # `geometric_image` computes those
     off, radius = math.hypot(source.x, source.y), source.diameter / 2
     rim = PointSource(x=source.x + radius, y=source.y, distance=source.distance)

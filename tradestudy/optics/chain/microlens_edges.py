@@ -166,7 +166,7 @@ def add_spheres(
     Returns
     -------
     float
-        Power of the spheres, less that of points where rays are singular: these are left to Kirchhoff's integral.
+        Power of the spheres, minus that of points where rays are singular: these are left to Kirchhoff's integral.
 
     Raises
     ------

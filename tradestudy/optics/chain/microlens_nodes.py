@@ -144,7 +144,7 @@ def _sectors(lenses: Microlenses, frequency: float) -> list[_Sector]:
 
 
 def _sector(lenses: Microlenses, frequency: float, step: float, start: float, stop: float) -> _Sector:
-    """Angles and boundaries; the cell's sides are a step apart."""
+    """Nodes of one sector in angle, and the boundaries there; sides of the cell are an angle `step` apart."""
     phase = 2 * math.pi * frequency * lenses.cell_reach * (stop - start) / 2
     t, w = gauss_legendre(plane_wave_degree(phase) // 2 + 6)
     angle = start + (stop - start) * t

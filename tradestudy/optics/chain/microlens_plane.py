@@ -119,7 +119,7 @@ def resolved_cycles(
 
 
 def shadowed(lenses: Microlenses, whole: CellNodes, lit: Disc, index: int, cycles: float) -> CellNodes:
-    """Nodes of one microlens in a shadow: all, those of the lit part, or none."""
+    """Nodes of one microlens beside a shadow: all, those of the lit part, or none."""
     if lit_share(lenses.only(index), lit)[0] == 1.0:
         return whole
     x, y = lenses.centres[index]

@@ -28,7 +28,7 @@ _MIDDLES = 5  # distances of a patch from its microlens that are tried
 
 @dataclass(frozen=True, kw_only=True)
 class FresnelReach:
-    """How much of Fresnel's field contributes to a patch, about where that law sends the middle of the patch.
+    """Part of Fresnel's field that contributes to a patch, centred where Fresnel's law sends the patch's middle.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ def fresnel_reach(
     node_reach
         Radius of the disc that contains the nodes [m].
     farthest
-        Largest distance of a patch's middle from that of its nodes [m].
+        Largest distance of a patch's middle from the middle of its nodes [m].
     tolerance
         Target for the relative error; it sets the length over which light fades out.
     """
@@ -74,7 +74,7 @@ def fresnel_reach(
     nodes = np.concatenate([np.zeros((1, 2)), node_reach * rim])
     across = half_side * np.arange(-1, 2)
     patch = np.stack(np.meshgrid(across, across), axis=-1).reshape(-1, 2)
-    # By symmetry an eighth of all directions stands for all.
+    # By symmetry, an eighth of all directions represents the others.
     middles = np.concatenate([share * farthest * rim[:3] for share in np.linspace(0.0, 1.0, _MIDDLES)])
     landing = middles[:, None, None] + patch[:, None]
     tangent = (landing - nodes) / distance
@@ -116,9 +116,9 @@ class PatchPlan:
     half
         Samples on either side of the middle one.
     reach
-        How much of Fresnel's field contributes; None if Fresnel's law is the one requested.
+        Part of Fresnel's field that contributes; None if Fresnel's law is requested.
     farthest
-        Largest distance of a patch's middle from that of its nodes [m].
+        Largest distance of a patch's middle from the middle of its nodes [m].
     """
 
     wavelength: float
@@ -219,7 +219,7 @@ def patch_fields(
     area, real = plan.wavelength * plan.distance, real_type(strengths)
     steps = np.zeros(middles.shape, dtype=int)
     origin = middles
-    if law.ratio is not None:  # where Fresnel's law sends the carrier, which Kirchhoff's sends to the middle
+    if law.ratio is not None:  # Fresnel's law sends the carrier here, and Kirchhoff's law to the middle
         steps = np.rint(_sine(middles / plan.distance) / (plan.wavelength * plan.frequency_step)).astype(int)
         origin = area * plan.frequency_step * steps
     bent = unit_phasor(math.pi / area * (x**2 + y**2))
@@ -281,7 +281,8 @@ def _corrected(
 def _multiply(spectrum: ComplexArray, ratio: ComplexArray, carrier: IndexArray) -> None:
     """Multiply a spectrum, in the order of the FFT, by a table about a carrier (x, y) in frequency steps."""
     middle, count = ratio.shape[0] // 2, spectrum.shape[0]
-    # In FFT order the frequencies from zero up come first, then the negative ones; about a carrier each are contiguous.
+    # In FFT order, frequencies from zero up come first, then the negative ones; about a carrier, each group is
+    # contiguous.
     lies = ((slice(0, -(-count // 2)), 0), (slice(-(-count // 2), count), -count))
     for rows, from_y in lies:
         for columns, from_x in lies:

@@ -40,7 +40,7 @@ def refuse_pixel_centres(grid: PixelGrid) -> None:
 
 
 def samples_per_pixel(grid: PixelGrid, needed: float) -> int:
-    """Samples along a pixel, at least three; an odd number if the pixel takes the one at its centre."""
+    """Samples along a pixel, at least three; an odd number if the pixel uses only the one at its centre."""
     count = max(3, math.ceil(needed))
     return count if grid.integrated else count + 1 - count % 2
 
@@ -143,8 +143,8 @@ def far_light(
 def _outside_square(half_side: float, radii: FloatArray) -> FloatArray:
     """∬ (r² + a²)/(r (r² − a²)²) dx dy outside a square of half side H [1/m].
 
-    Along a radius the integral of (r² + a²)/(r² − a²)² is −r/(r² − a²); around an eighth of the square what is left is
-    ∫ H ds/(H² − a² + a² s²) over the sine s of the azimuth, up to 1/√2.
+    Along a radius, the integral of (r² + a²)/(r² − a²)² is −r/(r² − a²); around an eighth of the square there remains ∫
+    H ds/(H² − a² + a² s²) over the sine s of the azimuth, up to 1/√2.
     """
     rest = half_side**2 - radii**2
     turn = radii / np.sqrt(2.0 * rest)

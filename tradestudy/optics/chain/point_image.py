@@ -151,7 +151,7 @@ def stated_point(
 
 
 def reference_law(to_detector: LegMethod) -> LegMethod:
-    """Law behind the array whose image shows the error of another: Kirchhoff's for a boundary wave, else the same."""
+    """Law behind the array for the comparison that gives the error: Kirchhoff's for a boundary wave, else the same."""
     return "kirchhoff" if to_detector == "boundary_wave" else to_detector
 
 

@@ -52,7 +52,7 @@ class Disc:
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """A square, or a hexagon with two sides along y: half heights over the corners, relative to the centre."""
+    """A square, or a hexagon with two sides along y, given by its half heights over the corners."""
 
     x: float
     y: float

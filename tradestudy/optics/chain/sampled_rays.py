@@ -113,7 +113,7 @@ def on_disc(radius: float, area: FloatArray, turn: FloatArray) -> Plane:
 
 
 def through_microlens(path: LightPath, index: int, offset: Plane, arriving: Plane, power: FloatArray) -> FloatArray:
-    """Trace rays that reach the plane of a microlens at points relative to its centre to the pixels where they land."""
+    """Light on the pixels from rays that reach the plane of a microlens at points relative to its centre."""
     lenses = path.microlenses
     in_lens = in_aperture(lenses, offset)
     parts = [(in_lens, True)]

@@ -111,7 +111,7 @@ def table_count(accuracy: ChainAccuracy) -> int:
 
 
 def farthest_read(path: LightPath, source: DiscSource, distance: float) -> float:
-    """Farthest point of the array from the chief ray of a source point this far from the axis [m]."""
+    """Largest distance between the array's points and the chief ray of a source point this far from the axis [m]."""
     lenses = path.microlenses
     farthest = float(np.max(np.linalg.norm(lenses.centres, axis=1))) + lenses.cell_reach
     return farthest + distance * path.array_distance / source.distance

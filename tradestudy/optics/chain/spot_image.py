@@ -42,7 +42,7 @@ _SHARE_OF_NODES = (
 )
 _MOST_DRAWN = 40
 _AT_ONCE = 8  # points between the rings in one part of the work
-_HARDLY_ANY = 0.1  # of the average light of a point
+_HARDLY_ANY = 0.1  # of the average light of a point: points with less count as dark
 
 
 def _turned_ring(asked: AskedSpot, nodes: SourceNodes, ring: int, group: list[Symmetry]) -> partial[FollowedPoints]:
@@ -101,7 +101,7 @@ def _along_radius(
 
 
 def _radial_error(nodes: SourceNodes, rings: FloatArray, squared: FloatArray, images: FloatArray) -> float:
-    """Error of the rule along the brightest azimuth, reduced as the mean over angles is smoother than the light there.
+    """Error of the rule along the brightest azimuth, reduced because the mean over angles is smoother.
 
     The rule is compared with the polynomial through its nodes and as many points between them. The highest Legendre
     coefficients that the rings resolve tell how much smoother the mean is.

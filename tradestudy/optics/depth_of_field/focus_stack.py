@@ -104,7 +104,7 @@ def focus_stack(
     Raises
     ------
     OutOfRangeError
-        As `depth_of_field`.
+        As in `depth_of_field`.
     """
     focus = np.atleast_1d(np.asarray(focus_distances, dtype=np.float64))
     blur = np.broadcast_to(np.asarray(blur_diameter, dtype=np.float64), focus.shape)
@@ -126,8 +126,8 @@ def images_needed(near: float, far: float, *, focal_length: float, pupil_diamete
     focal_length, pupil_diameter
         f and A [m].
     blur_diameter
-        c, geometric blur that counts as sharp, on the sensor, 0 < c [m]. With diffraction, the allowance at
-        ``near``, where the spot is largest, is safe for all images.
+        c > 0, geometric blur that counts as sharp, on the sensor [m]. With diffraction, the allowance at ``near``,
+        where the spot is largest, is safe for all images.
 
     Returns
     -------

@@ -243,7 +243,7 @@ def view_pupil_diameter(
     Parameters
     ----------
     focus_distance, focal_length
-        a₀ > f, where the scene is in focus on the array, and f of the main lens [m].
+        a₀ > f, the distance in focus on the array, and f of the main lens [m].
     pixel_pitch, microlens_focal_length
         p_px and f_L > 0 [m].
 
@@ -282,7 +282,7 @@ def refocus_distance(
         α, shift between views of neighbouring pixels [microlenses], any real number; positive refocuses
         nearer.
     focus_distance, focal_length
-        a₀ > f, where the array is in focus, and f [m].
+        a₀ > f, the distance in focus on the array, and f [m].
     view_pupil_diameter
         B, from `view_pupil_diameter` [m].
     microlens_pitch
@@ -301,7 +301,7 @@ def refocus_distance(
     Raises
     ------
     OutOfRangeError
-        As `view_pupil_diameter`.
+        As in `view_pupil_diameter`.
     """
     shifts, a0, f, B, p = as_floats(shift, focus_distance, focal_length, view_pupil_diameter, microlens_pitch)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
@@ -329,7 +329,7 @@ def refocused_depth_of_field(
     refocused_distance
         Distance a_α on which the image is refocused, > f [m]; ∞ is allowed.
     focus_distance
-        a₀ > f: where the array is in focus [m].
+        a₀ > f, the distance in focus on the array [m].
     focal_length, pupil_diameter
         f and A of the main lens [m].
     blur_diameter
@@ -344,7 +344,7 @@ def refocused_depth_of_field(
     Raises
     ------
     OutOfRangeError
-        As `depth_of_field`.
+        As in `depth_of_field`.
     """
     a0, a_refocused, f, c = as_floats(focus_distance, refocused_distance, focal_length, blur_diameter)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
@@ -380,6 +380,6 @@ def view_depth_of_field(
     Raises
     ------
     OutOfRangeError
-        As `depth_of_field`.
+        As in `depth_of_field`.
     """
     return depth_of_field(focus_distance, focal_length, view_pupil_diameter, blur_diameter)

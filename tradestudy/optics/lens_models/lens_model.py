@@ -29,7 +29,7 @@ _ROUNDING: Final = 1e-12  # rad
 class LensModel(ABC):
     """A law that maps directions to positions in the normalised picture.
 
-    Pixel positions are these times the focal lengths, from the principal point. Coefficients are dimensionless (angles
+    Pixel positions from the principal point are these times the focal lengths. Coefficients are dimensionless (angles
     in rad). Each is a number, or an array that broadcasts with the coordinates: draws from a calibration.
     """
 

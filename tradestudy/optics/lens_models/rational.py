@@ -21,7 +21,7 @@ _WIDE: Final = 1.5  # rad; beyond, slopes grow so fast that their logarithms are
 
 @dataclass(frozen=True, kw_only=True)
 class Rational(LensModel):
-    """``g = (1 + k₁r² + k₂r⁴ + k₃r⁶)/(1 + k₄r² + k₅r⁴ + k₆r⁶)`` x = X/Z, y = Y/Z, r² = x² + y².
+    """``g = (1 + k₁r² + k₂r⁴ + k₃r⁶)/(1 + k₄r² + k₅r⁴ + k₆r⁶)``, x = X/Z, y = Y/Z, r² = x² + y².
 
     ``x' = x g + 2p₁xy + p₂(r² + 2x²) + s₁r² + s₂r⁴``, ``y' = y g + p₁(r² + 2y²) + 2p₂xy + s₃r² + s₄r⁴``; a sensor
     tilted by τ_x, then τ_y, then sees ``(u, v, 1) ∝ [[R₃₃, 0, −R₁₃], [0, R₃₃, −R₂₃], [0, 0, 1]] R (x', y', 1)``.
@@ -173,7 +173,7 @@ class Rational(LensModel):
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:
-        """Radii, and these after radial distortion alone, over the part of the field in which they rise."""
+        """Radii before and after radial distortion alone, over the part of the field where both rise."""
         end = float(replace(self, **dict.fromkeys(_NOT_RADIAL, 0.0)).valid_field)
         radius = np.tan(np.linspace(0.0, min(end, _WIDE), _TABLE))
         if end > _WIDE:

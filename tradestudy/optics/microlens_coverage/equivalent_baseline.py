@@ -4,9 +4,10 @@ All depth estimators are put on one scale. For a baseline B in the plane of the 
 
     σ_v = √2 v² σ_u / B,    with B and σ_u (error of one micro-image coordinate) in the same unit.
 
-An adjacent pair has B = p. Least squares over all lenses, with both coordinates of each, has σ_v = v² σ_u/√(Σ|x −
-x̄|²), so B = √(2 Σ|x − x̄|²); for two lenses, both rules give their distance. Which lenses see a point depends on its
-position, so B is defined by the mean square error: 1/B² is the mean of 1/B(x)² over the positions with a pair.
+An adjacent pair has B = p. Least squares over all lenses, with both coordinates of each, has
+σ_v = v² σ_u/√(Σ|x − x̄|²), so B = √(2 Σ|x − x̄|²); for two lenses, both rules give their distance. Which lenses see a
+point depends on its position, so B is defined by the mean square error: 1/B² is the mean of 1/B(x)² over the positions
+with a pair.
 
 Consider points along a ray from one lens at angle φ, each with the disc around it that just reaches back to that lens.
 The lens at g enters the disc at the distance s_g(φ) = |g|/(2 cos(φ − φ_g)), so the set of lenses only grows along the
@@ -69,7 +70,7 @@ def widest_pair_baseline(
     types: int = 1,
     counting: PairCounting = "all_lenses",
 ) -> EquivalentBaseline:
-    """Length of the longest pair of lenses that see a point, effective in the mean square error: σ_v = √2 v² σ_u/B.
+    """Effective length of the longest pair of lenses that see a point: σ_v = √2 v² σ_u/B in the mean square.
 
     Parameters
     ----------
@@ -107,8 +108,8 @@ def least_squares_baseline(
 ) -> EquivalentBaseline:
     """Baseline of the pair that is as good as all lenses together, with both coordinates: B = √(2 Σ|x − x̄|²).
 
-    Parameters and errors as in `widest_pair_baseline`. With matched f-numbers, σ_v/(σ_u/p) = √2 v²/(B/p) falls to 4
-    √(2A/π) = 2.97 for a hexagonal array (where A is the area of a cell over p²), independent of v; B → r² √(π/A).
+    Parameters and errors as in `widest_pair_baseline`. With matched f-numbers, σ_v/(σ_u/p) = √2 v²/(B/p) falls to
+    4 √(2A/π) = 2.97 for a hexagonal array (where A is the area of a cell over p²), independent of v; B → r² √(π/A).
     Beyond six pitches of a type's lattice, the deficit from that law is extrapolated as r⁻², and half of it is the
     error. This assumes that all counted lenses form sharp images.
     """
@@ -198,7 +199,7 @@ def _sums(layout: Layout, estimator: _Estimator, nodes: int) -> tuple[FloatArray
     """Squared radii, and at each the mean of 1/B² (0 without a pair) and the fraction of positions with a pair."""
     positions, squared_reach, weight = _rays(layout, nodes)
     gain = estimator.gain(positions)
-    has_pair = np.zeros_like(gain)  # only the second lens to enter makes a position one with a pair
+    has_pair = np.zeros_like(gain)  # the lens at the origin completes a pair only where there is one other
     has_pair[:, 0] = 1.0
     return _integrate(squared_reach, weight, gain, has_pair)
 

@@ -103,8 +103,8 @@ def covering_microlens_object_distance(
     """Signed a_L at which the disc of light has a given radius: a_L = ±2 r z / (A ± 2 r), the total covering plane.
 
     The inverse of `projected_radius_over_pitch` for one sign of the relay. With the radius from
-    `covering_radius_over_pitch`, it is the plane from which on the required number of lenses sees every point: for
-    images farther in front of the array with a Keplerian relay, and farther behind it with a Galilean one.
+    `covering_radius_over_pitch`, it is the plane beyond which the required number of lenses sees every point: images
+    farther in front of the array for a Keplerian relay, farther behind it for a Galilean one.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def seen_count_probability(
 def covering_radius_over_pitch(
     *, at_least: int, layout: Layout = "hexagonal", types: int = 1, counting: Counting = "all_lenses"
 ) -> float:
-    """Smallest radius over pitch from which on at least a given number of microlenses sees every point.
+    """Smallest radius over pitch from which on every point is seen by at least a given number of microlenses.
 
     On a hexagonal array, for a pair: 1 for any lenses (|v| = 2 with matched f-numbers), 2/√3 for some type of
     three, √3 for each type. Parameters, exactness and errors as in `seen_count_probability`.

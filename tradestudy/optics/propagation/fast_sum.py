@@ -158,7 +158,7 @@ def _direct(problem: SumProblem, x: FloatArray, y: FloatArray, z: FloatArray) ->
 
 
 def _grid(problem: SumProblem, grid: TargetGrid) -> FastField:
-    """One grid: NUFFT of type 1, from nodes to regular targets, on a pitch no finer than the field needs."""
+    """Sum over one grid: NUFFT of type 1, from nodes to regular targets, on a pitch no finer than the field needs."""
     if grid.x_count * grid.y_count * problem.samples.nodes.count <= _DIRECT_PAIRS:
         return _direct(problem, *grid.coordinates())
     centre = problem.samples.nodes.centre
@@ -198,7 +198,7 @@ def _common_paths(
 def _axis_plans(
     problem: SumProblem, grid: TargetGrid, middle: tuple[Array, Array]
 ) -> tuple[Upsampling | None, Upsampling | None]:
-    """Sampling along x and y of the field without the common paths, oversampled."""
+    """Oversampled axes along x and y for the field without the common paths."""
     kernel, centre = problem.kernel, problem.samples.nodes.centre
     u, v, _ = problem.samples.local()
     here, z = np.zeros(1), grid.distance
@@ -250,7 +250,7 @@ def _grid_without_common_phase(
 
 
 def _points(problem: SumProblem, x: FloatArray, y: FloatArray, z: FloatArray) -> FastField:
-    """Scattered points: NUFFT of type 3, from nodes to nonuniform targets."""
+    """Sum over scattered points: NUFFT of type 3, from nodes to nonuniform targets."""
     if x.size * problem.samples.nodes.count <= _DIRECT_PAIRS:
         return _direct(problem, x, y, z)
     centre = problem.samples.nodes.centre

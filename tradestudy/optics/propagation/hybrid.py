@@ -259,7 +259,7 @@ def _reference(
 
 
 def _doubt(result: _Evaluation) -> FloatArray | None:
-    """Weights of the errors suspected at the targets that are not handed over: they grow as Fresnel zones get fewer."""
+    """Squared errors to suspect at the targets that are not handed over, up to a factor: larger for fewer zones."""
     if not result.singular.any():
         return None
     return np.asarray(np.where(result.singular, 0.0, 1 / np.maximum(result.zones, _LEAST_DOUBTED) ** 2))
@@ -317,7 +317,7 @@ def _evaluate(
 def _interpolated(
     wave: LensWave, kernel: KirchhoffKernel, grid: TargetGrid, edge: int, tolerance: float
 ) -> ComplexArray | None:
-    """Field on a grid without the path from the centre, from fewer points; None if none are saved or one is singular.
+    """Field on a grid without the path from the centre, from fewer points; None if that saves none or one is singular.
 
     About the chief ray, the field changes little with the angle, so a few points on rings determine it. Elsewhere, and
     for fine grids, Chebyshev points of the rectangle do.

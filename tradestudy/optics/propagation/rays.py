@@ -119,9 +119,10 @@ def one_ray_per_target(wave: LensWave, z: FloatArray) -> bool:
 
 
 def fewest_zones(wave: LensWave, z: float) -> float:
-    """Fewest Fresnel zones across the aperture for the targets in a plane that its rays meet: 0 at a focus or caustic.
+    """Smallest number of Fresnel zones across the aperture, of all targets that rays meet in a plane; 0 at a caustic.
 
-    R² √|det|/λ with the second derivatives of the path; for a spherical wave the Fresnel number R² |1/z − 1/b|/λ.
+    It is R² √|det|/λ, from the determinant of the path's second derivatives: for a spherical wave, the Fresnel number
+    R² |1/z − 1/b|/λ.
     """
     u, v = _aperture_mesh(wave.lens.radius)
     x, y = land(wave, u, v, np.asarray(z))

@@ -203,11 +203,11 @@ class CheckTargets:
     z: FloatArray
 
     def norm(self, error: ComplexArray) -> float:
-        """Root mean squared magnitude over all targets, estimated from these."""
+        """Root-mean-square magnitude of an error over all targets, estimated from these."""
         return self._mean(squared_magnitude(error))
 
     def intensity_norm(self, error: ComplexArray, field: ComplexArray) -> float:
-        """Root mean squared error of the intensity, at most 2 |U| e + e² for an error e of the field U."""
+        """Root-mean-square error of the intensity, at most 2 |U| e + e² for an error e of the field U."""
         size = np.abs(error)
         return self._mean((2 * np.abs(field) * size + size**2) ** 2)
 
@@ -223,7 +223,7 @@ class CheckTargets:
         return float(shares[0]), float(shares[1])
 
     def _mean(self, squared: FloatArray) -> float:
-        """Root of the weighted mean over the drawn targets plus the share that the worst corner represents."""
+        """Root of the weighted mean over the drawn targets plus the part that the worst corner represents."""
         drawn = float(np.mean((self.weight * squared)[~self.corner]))
         corners = float(np.max(squared[self.corner], initial=0.0))
         return math.sqrt(drawn + _CORNER_SHARE * corners)
@@ -307,7 +307,7 @@ def _bright(favour: FloatArray, count: int) -> npt.NDArray[np.intp]:
 def _draw(favour: FloatArray, favoured: float, uniform: float, at: FloatArray) -> npt.NDArray[np.intp]:
     """Indices drawn with probability favoured · favour + uniform, where `at` lies between the sums up to them.
 
-    First a block of targets, then one in it: the sums up to every target would take longer than a sum.
+    A block of targets is drawn first, then one target in it: cumulative sums over all targets would take longer.
     """
     starts = np.arange(0, favour.size, _BLOCK)
     lengths = np.minimum(_BLOCK, favour.size - starts)

@@ -103,8 +103,8 @@ class NodeCounts:
     def on_rings(self) -> IndexArray:
         """Nodes of every ring, from the innermost, shape (radial,).
 
-        The margin on the rim is taken to be that of the tightest tolerance (`bessel_margin`); the other nodes, which
-        resolve the turns of the phase, become fewer faster on smaller rings.
+        The margin on the rim is taken to be that of the tightest tolerance (`bessel_margin`). The other nodes resolve
+        the turns of the phase; on smaller rings, their number falls faster than the margin.
         """
         relative = np.sqrt(gauss_legendre(self.radial)[0])
         turns = _turns(self.angular)
@@ -233,7 +233,7 @@ def check_affordable(counts: NodeCounts, *, targets: int, check_targets: int, li
     Raises
     ------
     UnaffordableError
-        If they do not suffice; the message gives the nodes, bytes and seconds needed and the setting to change.
+        If the limits do not suffice; the message gives the nodes, bytes and seconds needed and the setting to change.
     """
     memory = _BYTES_PER_NODE * counts.total + _BYTES_PER_TARGET * targets
     seconds = (counts.total + targets) / _TERMS_PER_SECOND + 5.0 * counts.total * check_targets / _PAIRS_PER_SECOND
@@ -254,7 +254,7 @@ def check_time(*, spent: float, needed: float, limits: Limits) -> None:
     Raises
     ------
     UnaffordableError
-        If it would; the message gives the seconds spent, and those predicted for the next round from the last one.
+        If the limit would be exceeded; the message gives the seconds spent, and those predicted for the next round.
     """
     if spent + needed > limits.seconds:
         raise UnaffordableError(
@@ -300,7 +300,7 @@ def refuse_near_zone(*, width: float, nearest: float, wavelength: float) -> None
 
 
 def bessel_margin(turns: float, tolerance: float) -> float:
-    """Number of orders beyond its argument until a Bessel function has fallen to the tolerance."""
+    """Number of orders beyond the argument at which a Bessel function has fallen to the tolerance."""
     decay = math.log(1.0 / tolerance)
     airy = (1.5 * decay) ** (2.0 / 3.0) / 2.0 ** (1.0 / 3.0) * max(turns, 1.0) ** (1.0 / 3.0)
     return float(airy + 2.0)

@@ -104,8 +104,8 @@ class TargetPoints:
 class TargetGrid:
     """A regular grid of targets in one plane, for which propagation is fast.
 
-    Results have shape (y count, x count): row i lies at ``y_start + i * y_pitch``, column j at ``x_start + j *
-    x_pitch``.
+    Results have shape (y count, x count): row i lies at ``y_start + i * y_pitch``, and column j at
+    ``x_start + j * x_pitch``.
 
     Parameters
     ----------
