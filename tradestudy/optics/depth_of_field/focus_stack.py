@@ -157,9 +157,9 @@ def plan_focus_stack(
 ) -> FocusStack:
     """Spread the focus of a given number of images evenly over a range.
 
-    The range is cut into as many stretches of equal ratio of image distance as there are images, and each image is
-    focused so that the middle of its depth of field (in that ratio) is the middle of its stretch. With `images_needed`
-    images or more, the range is covered with equal overlaps; with fewer, equal gaps remain and are reported.
+    The range is cut into one stretch for each image, all with the same ratio of image distances. Each image is focused
+    so that the middle of its depth of field, in that ratio, is the middle of its stretch. With `images_needed` images
+    or more, the range is covered with equal overlaps; with fewer, equal gaps remain and are reported.
 
     Parameters
     ----------

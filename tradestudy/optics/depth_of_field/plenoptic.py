@@ -374,8 +374,8 @@ def view_depth_of_field(
 
     Returns
     -------
-    The limits [m], broadcast; in inverse image distance, they are as many times farther apart than without refocusing
-    as there are views across the pupil.
+    The limits [m], broadcast. Refocusing multiplies the range of inverse image distances by the number of views across
+    the pupil.
 
     Raises
     ------

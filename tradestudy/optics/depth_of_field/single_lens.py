@@ -284,7 +284,7 @@ def object_distance_of_magnification(focal_length: ArrayLike, magnification: Arr
     """Distance from object to principal plane: a = f (1 + 1/m).
 
     A data sheet counts its working distance from the front of the lens, which is not the principal plane. The
-    magnification m, pixel pitch over the size of a pixel on the object, gives a reliably.
+    magnification m, pixel pitch over the size of a pixel on the object, gives the distance a reliably.
 
     Parameters
     ----------

@@ -221,7 +221,7 @@ def _axis_plans(
 def _grid_without_common_phase(
     problem: SumProblem, grid: TargetGrid, middle: tuple[Array, Array]
 ) -> tuple[ComplexArray, int, float]:
-    """Field on a grid without the phase of the common paths; rank; error of the factor."""
+    """Field on a grid without the phase of the common paths, the rank, and the error of the factor."""
     centre = problem.samples.nodes.centre
     x, y = grid.x_axis - centre[0], grid.y_axis - centre[1]
     z = np.asarray([grid.distance])
