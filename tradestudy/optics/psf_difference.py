@@ -92,7 +92,7 @@ def fresnel_psf_difference(
     wavelength
         λ [m].
     lens_phases
-        Lens phases for each of which Kirchhoff's is computed; a stigmatic lens is exact for ``object_distance``.
+        Lens phases; Kirchhoff's pattern is computed for each. A stigmatic lens is exact for ``object_distance``.
     windows
         Radii about the thin-lens image, in Airy radii, increasing.
     tolerance

@@ -59,8 +59,8 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
     >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=20)
     >>> half_cutoff = np.array(0.5 / (550e-9 * 8))
     >>> mtf = optics.modulation_transfer(psf, frequency_x=half_cutoff, frequency_y=np.array(0.0))
-    >>> print(f"{mtf.value:.2f}, to {mtf.error:.3f}, of which {1 - optics.window_share(psf).value:.3f} for the window")
-    0.39, to 0.008, of which 0.008 for the window
+    >>> print(f"{mtf.value:.2f}, error {mtf.error:.3f}; outside the window {1 - optics.window_share(psf).value:.3f}")
+    0.39, error 0.008; outside the window 0.008
     """
     psf = as_point_spread(field)
     try:

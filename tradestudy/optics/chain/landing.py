@@ -124,7 +124,7 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
 def compared_settings(accuracy: ChainAccuracy) -> ChainAccuracy:
     """Settings of the second computation: those of `ChainAccuracy.compared`, but with a finer field on the array.
 
-    Rays carry every ripple of the field to a pixel, and a field that is sampled hardly more finely than needed has the
+    Rays carry every ripple of the field to a pixel, and a field sampled only just finely enough has the
     same ripples on a coarser grid.
     """
     return replace(accuracy.compared(), field_sampling=_FINER * max(accuracy.field_sampling, 1.0))

@@ -157,7 +157,7 @@ def add_spheres(
     reach
         Where rays land.
     half_patch
-        How far from there light is followed, along x and y [m].
+        Distance from there within which light is followed, along x and y [m].
     spacing
         Distance between samples [m]; the grid extends `MARGIN` samples beyond the pixels on every side.
     accuracy

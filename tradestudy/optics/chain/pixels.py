@@ -34,7 +34,7 @@ def refuse_pixel_centres(grid: PixelGrid) -> None:
         raise OutOfRangeError(
             "rays at the centre of a pixel",
             value="rays behind the microlenses",
-            limit="pixels that integrate over their area",
+            limit="integrals over whole pixels",
             remedy="integrate over pixels, or use waves",
         )
 

@@ -350,7 +350,7 @@ def _ranked(reached: FloatArray, among: NDArray[np.bool_], rank: int) -> Integer
 
 
 def _outermost(depth: FloatArray, candidates: list[Integers]) -> Integers:
-    """Of several lenses per row, the one with the greatest depth; the origin only where there is no other."""
+    """The lens with the greatest depth among several, per row; the origin only where there is no other."""
     rows = np.arange(len(depth))
     depths = np.stack([np.where(lens == _ORIGIN, -np.inf, depth[rows, lens]) for lens in candidates])
     return np.asarray(np.stack(candidates)[np.argmax(depths, axis=0), rows])

@@ -128,7 +128,7 @@ class NodeCounts:
 
 
 def _turns(angular: int) -> float:
-    """Highest angular frequency t that so many nodes resolve; they number t + margin · t^⅓ + least margin."""
+    """Highest angular frequency t that this many nodes resolve: t + margin · t^⅓ + least margin of them."""
     # The cubic in t^⅓ rises from below zero at 0 and is convex there: Newton's steps come down from above.
     spare = max(angular - _LEAST_MARGIN, 0.0)
     root = spare ** (1 / 3)

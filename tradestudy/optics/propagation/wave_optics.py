@@ -310,7 +310,7 @@ def _refined(
             "the intensity does not reach its tolerance",
             value=f"stated relative L2 error {error.intensity:.2g} with {counts.total} nodes",
             limit=f"{accuracy.tolerance:g}",
-            remedy="raise the tolerance, or include targets that receive more light",
+            remedy="raise the tolerance, or include targets that are not dark",
         )
     return ApertureField(
         field=fast.field.reshape(targets.shape),
