@@ -90,7 +90,7 @@ class LensModel(ABC):
         if not {"k1", "k2"} <= {*self.coefficient_names()}:
             raise OutOfRangeError(
                 "errors of radial distortion",
-                value=f"a lens of the model {self.name}, which has neither k1 nor k2",
+                value=f"a lens of the model {self.name}, which has no k1 and k2",
                 remedy="leave them out, or declare the lens by a model that has them",
             )
         changed = {name: np.asarray(getattr(self, name)) + by for name, by in (("k1", k1), ("k2", k2))}

@@ -62,7 +62,7 @@ class TargetPoints:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of the results: that to which x, y and distance broadcast."""
+        """Shape of the results, to which x, y and distance broadcast."""
         return np.broadcast_shapes(np.shape(self.x), np.shape(self.y), np.shape(self.distance))
 
     def coordinates(self) -> tuple[FloatArray, FloatArray, FloatArray]:
