@@ -121,9 +121,9 @@ def described(one: Documented) -> dict[str, str]:
     """Description of each argument; "As in `name`" adds the description found there."""
     other = referred(one)
     own = one.entries("Parameters", "Attributes") or (other.entries("Parameters") if other else {})
-    elsewhere = {key: re.search(r"As in `(\w+)`", text) for key, text in own.items()}
+    references = {key: re.search(r"As in `(\w+)`", text) for key, text in own.items()}
     return {
-        key: text + (ALL[where[1]].entries("Parameters").get(key, "") if (where := elsewhere[key]) else "")
+        key: text + (ALL[where[1]].entries("Parameters").get(key, "") if (where := references[key]) else "")
         for key, text in own.items()
     }
 
@@ -141,8 +141,8 @@ def test_its_example_runs(name: str) -> None:
 
 @pytest.mark.parametrize("name", [name for name, one in ALL.items() if one.kind == "function"])
 def test_a_function_gives_law_arguments_result_errors_source_and_example(name: str) -> None:
-    wanted = ("Parameters", "Returns", "Raises", "References", "Examples")
-    assert [title for title in wanted if not ALL[name].section(title).strip()] == []
+    required = ("Parameters", "Returns", "Raises", "References", "Examples")
+    assert [title for title in required if not ALL[name].section(title).strip()] == []
 
 
 def test_it_reaches_results_and_their_members() -> None:
