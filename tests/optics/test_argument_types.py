@@ -39,6 +39,30 @@ def test_a_wrong_type_is_refused_by_name(name: str, call: Callable[..., Any], ar
     assert "" not in (refused.value.value, refused.value.limit, refused.value.remedy)
 
 
+@pytest.mark.parametrize(
+    ("call", "remedy"),
+    [
+        (lambda: optics.point_spread(**LENS, pupil={8: 0.1}), "Pupil.from_waves"),  # type: ignore[arg-type]
+        (lambda: optics.point_spread(**LENS, pupil=optics.Pupil(zernikes={8: 0.1})), "Pupil.from_waves"),  # type: ignore[arg-type]
+        (lambda: optics.noll_order((3, 1)), "Noll's j instead of (n, m)"),  # type: ignore[arg-type]
+        (lambda: optics.MicrolensCamera(**CAMERA | {"odd_pixels": True}), "(a, b)"),  # type: ignore[arg-type]
+        (
+            lambda: optics.microlens_image(
+                optics.MicrolensCamera(**CAMERA),  # type: ignore[arg-type]
+                optics.PointSource(distance=0.5),
+                wavelength=550e-9,
+                legs="kirchhoff",  # type: ignore[arg-type]
+            ),
+            "KIRCHHOFF, ",
+        ),
+    ],
+)
+def test_a_remedy_says_what_to_give_instead(call: Callable[[], object], remedy: str) -> None:
+    with pytest.raises(OutOfRangeError) as refused:
+        call()
+    assert remedy in refused.value.remedy
+
+
 def test_lists_become_arrays() -> None:
     table = optics.FocalLengths(
         field_angles=[0.0],  # type: ignore[arg-type]
@@ -54,6 +78,15 @@ def test_python_names_a_missing_argument() -> None:
         optics.point_spread(focal_length=50e-3, wavelength=550e-9)  # type: ignore[call-arg]
 
 
+CAMERA = {
+    "focal_length": 2e-3,
+    "f_number": 8,
+    "array_distance": 2.5e-3,
+    "microlens_focal_lengths": 76e-6,
+    "microlens_pitch": 26e-6,
+    "gap": 0.1e-3,
+    "pixel_pitch": 4e-6,
+}
 SPOT = optics.PointSpread(
     x=np.linspace(-4.0, 4.0, 33), y=np.linspace(-4.0, 4.0, 33), intensity=np.ones((33, 33)), pupil_power=64.0
 )
@@ -65,6 +98,12 @@ IMPOSSIBLE: dict[str, Callable[[], object]] = {
     "negative pitch": lambda: optics.pixel_shares(SPOT, pitch=-1.0, corner=(0.0, 0.0), shape=(1, 1)),
     "pitch that is not a number": lambda: optics.pixel_shares(SPOT, pitch=np.nan, corner=(0.0, 0.0), shape=(1, 1)),
     "too many pixels": lambda: optics.pixel_shares(SPOT, pitch=1e-9, corner=(0.0, 0.0), shape=(10**7, 10**7)),
+    "angle in degrees": lambda: optics.full_width_at_half_maximum(SPOT, angle=90.0),
+    "waves as metres": lambda: optics.point_spread(**LENS, pupil=optics.Pupil(zernikes={8: 0.1})),  # type: ignore[arg-type]
+    "radial and azimuthal order as Noll's index": lambda: optics.noll_order((3, 1)),  # type: ignore[arg-type]
+    "waves in words": lambda: optics.Pupil.from_waves({8: "0.1"}, wavelength=550e-9),  # type: ignore[dict-item]
+    "gap behind the array": lambda: optics.MicrolensCamera(**CAMERA | {"gap": -0.1e-3}),  # type: ignore[arg-type]
+    "pixel pitch in micrometres": lambda: optics.MicrolensCamera(**CAMERA | {"pixel_pitch": 4}),  # type: ignore[arg-type]
     "infinite angle": lambda: optics.full_width_at_half_maximum(SPOT, angle=np.inf),
     "unequal frequencies": lambda: optics.modulation_transfer(SPOT, frequency_x=np.zeros(3), frequency_y=np.zeros(2)),
     "no wavelength": lambda: optics.FresnelKernel(wavelength=0.0),

@@ -30,7 +30,7 @@ from tradestudy.optics.chain.regions import Disc
 from tradestudy.optics.chain.sources import moved, moved_image
 from tradestudy.optics.propagation import aperture_field
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
-from tradestudy.optics.propagation.sampling import TargetPoints
+from tradestudy.optics.propagation.targets import TargetPoints
 from tradestudy.optics.propagation.wave_optics import FieldAccuracy
 
 IMAGE = 24e-3 * 2e-3 / 22e-3  # thin lens, of every source below

@@ -66,6 +66,17 @@ def test_one_call_equals_the_chain_assembled_from_parts() -> None:
     assert edge == pytest.approx(np.rint(edge), abs=1e-6)  # whole pixels of the sensor
 
 
+def test_errors_of_single_pixels_and_of_their_sum_cover_what_a_finer_image_changes() -> None:
+    coarse, fine = (
+        module.microlens_image(CAMERA, POINT, wavelength=WAVELENGTH, tolerance=tolerance) for tolerance in (2e-2, 1e-4)
+    )
+    assert 0 < np.abs(coarse.pixels - fine.pixels).max() <= coarse.pixel_error <= 2e-2
+    total = coarse.share_on_pixels
+    assert abs(total.value - fine.pixels.sum()) <= total.error < 0.1
+    single = replace(coarse, pixels=coarse.pixels[:1, :1])
+    assert single.share_on_pixels.error == pytest.approx(single.numerical_error * single.pixels[0, 0], rel=1e-12)
+
+
 def test_an_image_that_misses_its_tolerance_is_refined_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     coma = replace(CAMERA, pupil=optics.Pupil.from_waves({8: 0.25}, wavelength=WAVELENGTH))
     good = module.microlens_image(coma, POINT, wavelength=WAVELENGTH, tolerance=1e-4)

@@ -2,18 +2,18 @@
 
 Start here:
 
-* `point_spread`: from focal length, f-number and wavelength to the point-spread function, its width, encircled energy,
-  Strehl ratio, MTF and a plot. `Pupil` gives the lens aberrations (Zernike coefficients) or any amplitude and path,
-  `FocalLengths` its field curvature and axial colour.
-* `aperture_field`: complex field and intensity of a point behind a lens at any points. Metrics such as
-  `encircled_energy` and `modulation_transfer` take what either of them returns.
-* `microlens_image`: a point or a disc through main lens and microlens array onto the pixels, from the numbers of a
-  `MicrolensCamera`. `chain_image` does the same for any `LightPath`.
+* `point_spread` computes the point-spread function of a lens from focal length, f-number and wavelength. Its result has
+  methods for width, encircled energy, Strehl ratio, MTF and a plot. `Pupil` describes the aberrations of the lens
+  (Zernike coefficients) or any amplitude and path, `FocalLengths` its field curvature and axial colour.
+* `aperture_field` computes the complex field and the intensity of a point source at any points behind a lens. Metrics
+  such as `encircled_energy` and `modulation_transfer` accept its result and that of `point_spread`.
+* `microlens_image` computes the image of a point or a disc on the pixels behind main lens and microlens array, from the
+  numbers in a `MicrolensCamera`. `chain_image` does the same for any `LightPath`.
 
-Lengths are in metres, angles in radians. Positions of sources, apertures and targets share axes; nothing is mirrored.
-Every result states its error. A result that misses its tolerance is refused, with two exceptions: an image of a
-`LightPath` is returned and says so in `within_tolerance`, and `aperture_field` with your own node counts states the
-error that they leave.
+Lengths are in metres, angles in radians. Sources, apertures and targets share one set of axes: a source at x > 0 has
+its real image at x < 0. Every computed field, image and metric states its error. A result that misses its tolerance is
+refused, with two exceptions: the image of a `LightPath` is returned with `within_tolerance` False, and `aperture_field`
+with your own node counts states the error that they leave.
 
 Examples
 --------
@@ -41,8 +41,9 @@ MTF at 200/mm: 0.308 ± 0.008 along x, 0.437 ± 0.008 along y
 >>> spot = optics.microlens_image(
 ...     camera, optics.PointSource(distance=0.5), wavelength=550e-9, tolerance=1e-2
 ... )
->>> print(f"{spot.pixels.sum():.2f} of the light on {spot.pixels.shape} pixels, within 1 %: {spot.within_tolerance}")
-0.97 of the light on (28, 28) pixels, within 1 %: True
+>>> share = spot.share_on_pixels
+>>> print(f"{share.value:.2f} of the light on {spot.pixels.shape} pixels, error below 0.01: {share.error < 0.01}")
+0.97 of the light on (28, 28) pixels, error below 0.01: True
 """
 
 from __future__ import annotations

@@ -12,14 +12,14 @@ STANDARD_PRESSURE = 101_325.0  # Pa
 
 
 def air_refractive_index(wavelength: float, temperature: ArrayLike, pressure: ArrayLike) -> FloatArray:
-    """``n − 1 = (n_s − 1) (p/p_s)(T_s/T)``, with n_s of dry air at 15 °C and 101 325 Pa by Edlén's formula.
+    """``n − 1 = (n_s − 1) (p/p_s)(T_s/T)``, with n_s for dry air at 15 °C and 101 325 Pa by Edlén's formula.
 
     Parameters
     ----------
     wavelength
         Vacuum wavelength [m], 0.2 to 2 µm.
     temperature, pressure
-        T [K] and p [Pa]; p = 0 is vacuum, with n = 1. They broadcast.
+        T [K] and p [Pa], broadcast against each other; p = 0 is vacuum, with n = 1.
 
     Notes
     -----
@@ -33,19 +33,19 @@ def air_refractive_index(wavelength: float, temperature: ArrayLike, pressure: Ar
 
 
 def focal_length_change_with_medium(glass_index: float, index_before: ArrayLike, index_after: ArrayLike) -> FloatArray:
-    """``f'/f = (n_g/n − 1) / (n_g/n' − 1)``: a thin lens of one glass when the medium around it changes.
+    """Ratio of a thin lens's focal lengths after and before the medium changes: ``f'/f = (n_g/n − 1)/(n_g/n' − 1)``.
 
     Parameters
     ----------
     glass_index
         n_g of the glass against vacuum.
     index_before, index_after
-        n and n' of the medium.
+        n and n' of the medium, before and after the change.
 
     Notes
     -----
-    The lensmaker's equation with the index of the glass relative to the medium. From air to vacuum a lens of
-    n_g = 1.52 shortens by 0.08 %.
+    The lensmaker's equation, with the index of the glass relative to the medium. In vacuum, the focal length
+    of a lens of n_g = 1.52 is 0.08 % shorter than in air.
     """
     before = glass_index / np.asarray(index_before) - 1.0
     return np.asarray(before / (glass_index / np.asarray(index_after) - 1.0))

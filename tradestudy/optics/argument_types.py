@@ -1,4 +1,4 @@
-"""Refuse arguments of the wrong type, and impossible wavelengths, by name; lists of numbers become arrays."""
+"""Check arguments: wrong types, impossible wavelengths and angles are refused by name; lists become arrays."""
 
 from __future__ import annotations
 
@@ -22,12 +22,16 @@ C = TypeVar("C")
 
 _NUMBER: Final = ("a number", "give one number, in SI units: 50 mm are 50e-3")
 _WHOLE: Final = ("a whole number", "give one whole number, such as 3")
-_REMEDIES: Final = {"PointSource": "give PointSource(distance=…) or PointSource.at_infinity()"}
+_REMEDIES: Final = {
+    "PointSource": "give PointSource(distance=…) or PointSource.at_infinity()",
+    "Pupil": "give Pupil.from_waves({8: 0.1}, wavelength=550e-9) for a tenth of a wave of coma",
+    "Legs": "give KIRCHHOFF, KIRCHHOFF_FRESNEL, FRESNEL, GEOMETRIC, EXACT_RAYS or Legs(…)",
+}
 _NUMBERS: Final = ("an array of numbers", "give a number, a list or an array of numbers in SI units")
 
 
 class _UnfitError(Exception):
-    """A value is not of the type; says what is allowed, and the remedy."""
+    """A value does not fit its type annotation; carries what is allowed and the remedy."""
 
     def __init__(self, limit: str, remedy: str) -> None:
         self.limit, self.remedy = limit, remedy
@@ -39,7 +43,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     Raises
     ------
     OutOfRangeError
-        By the function returned: an argument is of the wrong type.
+        Raised by the returned function, if an argument has the wrong type.
     """
     parameters = signature(function)
 
@@ -65,7 +69,7 @@ def checked_fields(cls: type[C]) -> type[C]:
     Raises
     ------
     OutOfRangeError
-        By the class: an argument is of the wrong type.
+        Raised by the class, if an argument has the wrong type.
     """
     made = cls.__init__
 
@@ -89,7 +93,7 @@ def check_wavelength(wavelength: float) -> None:
     Raises
     ------
     OutOfRangeError
-        With the remedy.
+        If the wavelength is not positive and finite.
     """
     if not 0 < wavelength < math.inf:
         raise OutOfRangeError(
@@ -97,6 +101,23 @@ def check_wavelength(wavelength: float) -> None:
             value=f"{wavelength:g} m",
             limit="> 0, finite",
             remedy="give it in metres: 550 nm are 550e-9",
+        )
+
+
+def check_angle(angle: float) -> None:
+    """Refuse a direction [rad] of more than a full turn, such as one given in degrees.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the angle exceeds a full turn.
+    """
+    if not abs(angle) <= math.tau:
+        raise OutOfRangeError(
+            "angle",
+            value=f"{angle:g} rad",
+            limit="between −2π and 2π",
+            remedy="measure it from the x axis in radians: 90° are 1.5708",
         )
 
 
@@ -114,7 +135,7 @@ def _shown(value: object) -> str:
 
 
 def _taken(hint: Any, value: Any) -> Any:
-    """Return the value in the type of the hint, or raise `_UnfitError`."""
+    """Return the value in the type of the annotation, or raise `_UnfitError`."""
     origin, parts = typing.get_origin(hint), typing.get_args(hint)
     if hint == npt.ArrayLike or origin is np.ndarray:
         return _array(value, parts[1] if origin is np.ndarray else None)
@@ -166,12 +187,12 @@ def _tuple(hints: Sequence[Any], value: Any) -> Any:
     if hints[-1] is Ellipsis:
         return value
     if not isinstance(value, (tuple, list, np.ndarray)) or len(value) != len(hints):
-        raise _UnfitError(f"{len(hints)} values", f"give {len(hints)} values in parentheses")
+        raise _UnfitError(f"{len(hints)} values", f"give them as ({', '.join('abcdef'[: len(hints)])})")
     return tuple(_taken(hint, one) for hint, one in zip(hints, value, strict=True))
 
 
 def _array(value: Any, dtype: Any) -> Any:
-    """Array of the type; whole numbers become real ones, and real ones complex, but never the reverse."""
+    """Convert to an array; whole numbers become real ones, and real ones complex, but never the reverse."""
     (kind,) = typing.get_args(dtype) or (np.float64,)
     try:
         found = np.asarray(value)

@@ -1,4 +1,4 @@
-"""Light of a point on the axis of a circular lens: Kirchhoff's integral and Fresnel's, over the radius alone."""
+"""Light of an on-axis point behind a circular lens: Kirchhoff's and Fresnel's integrals over the radius alone."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:  # propagation loads the NUFFT, which is not needed here
     from tradestudy.optics.propagation import LensPhase
 
 _BLOCK = 128  # radii that share a rule: inner ones need fewer nodes, and a block stays in the processor's cache
-_CHECKED = 32  # of each block, every 32nd radius and so the first
-_STEP = 32  # between numbers of nodes, so that few rules serve all spots
+_CHECKED = 32  # in each block, every 32nd radius, beginning with the first
+_STEP = 32  # between node counts, so that a few rules serve all spots
 _MOST_NODES = 2**13
 _ANGLES = np.linspace(0.0, np.pi / 2.0, 33)  # α of ρ = R sin α, in which Gauss's nodes are evenly spaced
 
@@ -60,8 +60,8 @@ def axial_kirchhoff_spot(
     -------
     tuple
         Intensity [1/m²], shape (n,), and its relative error (L2): the change with more nodes at some of the radii, plus
-        the term in η⁴. η is at most a quarter of the sine of the rim's angle, which keeps this term below 1e-4 from f/4
-        on; faster lenses exceed that only where r is not small compared with b.
+        the term in η⁴. η is at most a quarter of the sine of the rim's angle, which keeps this term below 1e-4 at f/4
+        and slower; for faster lenses it exceeds 1e-4 only where r is not small compared with b.
 
     Raises
     ------
@@ -113,9 +113,9 @@ def axial_kirchhoff_spot(
 def axial_fresnel_spot(
     radius: FloatArray, *, wavelength: float, aperture_diameter: float, plane_distance: float, defocus_waves: float
 ) -> FloatArray:
-    """Fresnel's intensity of the same point over the power in the pupil [1/m²], shape (n,), to 10 digits.
+    """Fresnel's intensity of the same point, divided by the power in the pupil [1/m²], shape (n,), to 10 digits.
 
-    ``(π/4) (A/λb)² |∫₀¹ exp(2πi W t) J₀(π A r √t / λb) dt|²``, W waves of defocus at the rim; `radius` ascends.
+    ``(π/4) (A/λb)² |∫₀¹ exp(2πi W t) J₀(π A r √t / λb) dt|²``, for W waves of defocus at the rim; `radius` ascends.
     """
     from scipy.special import j0
 
@@ -136,7 +136,7 @@ def _summed(weight: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def _mean_around_ring(x: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Real and imaginary part of the mean over θ in `axial_kirchhoff_spot`, for x = kX and q = 1/2km.
+    """Real and imaginary parts of the mean over θ in `axial_kirchhoff_spot`, for x = kX and q = 1/(2km).
 
     ``1 + 3ηc + η²(7c² + 1/2) + η³(15c³ + 5c/2)``, with η = q x; the omitted terms are at most 40 η⁴. The means of
     exp(−ixc) times 1, c, c², c³ are J₀, −iJ₁, J₀ − J₁/x and −i(J₁ + J₀/x − 2J₁/x²).
@@ -166,13 +166,13 @@ def _blocks(radius: FloatArray) -> list[FloatArray]:
 
 
 def _node_count(steepest: float) -> int:
-    """Number of nodes of Gauss's rule in t = sin² α for a phase of that many radians per radian of α."""
+    """Number of Gauss nodes in t = sin² α for a phase that changes by at most this many radians per radian of α."""
     count = _STEP * math.ceil((steepest / 2.0 + 8.0) / _STEP)
     if count > _MOST_NODES:
         raise UnaffordableError(
             "nodes of the spot of a point on the axis",
             value=str(count),
             limit=f"at most {_MOST_NODES}",
-            remedy="use rays: blur or aberration is thousands of wavelengths",
+            remedy="use rays: blur or aberration amounts to thousands of wavelengths",
         )
     return count

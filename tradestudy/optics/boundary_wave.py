@@ -5,9 +5,9 @@ A wave behind an aperture is the light of geometrical optics plus a wave from th
     U_B(P) = (1/4π) ∮ A exp(i k (path + s))/s · (p × ŝ)·dl / (1 − p·ŝ),
 
 with p the direction of the arriving wave, ŝ the direction to the target, and the edge traversed from x to y.
-Both parts jump where P crosses the shadow of the edge; their sum does not. There the integrand has a pair of
-poles near the real edge; the trapezoidal rule over the angle, corrected by their residues, keeps its fast
-convergence right up to the shadow.
+Both parts jump where P crosses the shadow of the edge; their sum does not. Near the shadow, the integrand has a pair of
+poles close to the real axis of the angle. The trapezoidal rule over the angle, corrected by the residues of these
+poles, converges fast right up to the shadow.
 
 The formula is exact for a spherical wave with the textbook obliquity (and its 1/(k r) terms); for other waves and
 obliquities it is the leading term for many Fresnel zones across the aperture.
@@ -77,21 +77,21 @@ def edge_field(
     wave
         Wave behind the lens, with exact paths.
     kernel
-        Obliquity; the others enter by their ratio to the textbook one on the edge.
+        Kernel whose obliquity is used; an obliquity other than the textbook one enters by its ratio to it on the edge.
     rays
-        The ray to every target, one branch, from `find_rays`.
+        One ray to every target, from `find_rays`.
     x, y, z
         Targets relative to the centre of the lens [m], shape (m,).
     count
         Nodes on the edge.
     tolerance
-        Poles whose effect stays below this share of the geometric light are left uncorrected; from 1e-5 up, sines are
+        Fraction of the geometric light below which the effect of a pole is left uncorrected; from 1e-5 up, sines are
         computed in single precision.
 
     Returns
     -------
     EdgeField
-        To be added to the field of the rays inside the aperture.
+        Wave to add to the field of the rays that pass inside the aperture.
     """
     # Two node sets, half a step apart: a target takes the one whose nodes stay away from its pole.
     bearing = np.arctan2(rays.v[0], rays.u[0])
@@ -109,14 +109,14 @@ def edge_field(
 
 
 def pole_reach(count: int, tolerance: float) -> float:
-    """Distance of a pole from the edge, |ln(ray radius/aperture radius)|, from which it needs no correction."""
+    """Distance of a pole from the edge, |ln(ray radius/aperture radius)|, beyond which it needs no correction."""
     return -1.2 * math.log(tolerance) / count
 
 
 def _trapezoid(
     wave: LensWave, kernel: KirchhoffKernel, angle: FloatArray, x: Array, y: Array, z: Array, tolerance: float
 ) -> ComplexArray:
-    """Sum over the nodes of the edge, every target against every node."""
+    """Sum over the nodes of the edge, for every target."""
     if x.size == 0:
         return np.zeros(0, dtype=np.complex128)
     k, radius = wave.wavenumber, wave.lens.radius
@@ -149,7 +149,7 @@ def _trapezoid(
 
 
 def _turned(weight: Array, path: FloatArray, k: float, tolerance: float) -> ComplexArray:
-    """weight · exp(i k path); where 1e-7 is enough, by sines in single precision after the full turns are off."""
+    """weight · exp(i k path); where 1e-7 is enough, full turns are removed and sines computed in single precision."""
     if tolerance < 1e-5:
         phase = k * path
         cos, sin = np.cos(phase), np.sin(phase)
@@ -190,7 +190,7 @@ class _EdgePoint:
     path: Array  # along the wave and on to the target
     across: Array  # (p × S)·t
     denominator: Array  # s − p·S
-    slope: Array  # its derivative by the angle
+    slope: Array  # its derivative with respect to the angle
 
     def conjugate(self) -> _EdgePoint:
         return _EdgePoint(**{f.name: np.conj(getattr(self, f.name)) for f in fields(self)})

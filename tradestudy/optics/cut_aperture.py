@@ -12,19 +12,19 @@ _NODES = 64
 
 
 def centroid_of_common_part(apart: ArrayLike, radius: float, other_radius: float) -> FloatArray:
-    """Distance of the centroid of two discs' overlap from the centre of the first, towards the second [m].
+    """Distance [m] from the centre of the first of two discs to the centroid of their overlap, towards the second.
 
     Parameters
     ----------
     apart
-        Distance of the centres [m], any shape.
+        Distance between the centres [m], any shape.
     radius, other_radius
         Radii of the discs [m].
 
     Returns
     -------
     FloatArray
-        0 where the first lies within the second; NaN where they do not overlap.
+        Distance; 0 where the first disc lies within the second, NaN where they do not overlap.
     """
     s = np.asarray(apart, dtype=np.float64)[..., np.newaxis]
     low, high = np.maximum(-radius, s - other_radius), np.minimum(radius, s + other_radius)
@@ -33,7 +33,7 @@ def centroid_of_common_part(apart: ArrayLike, radius: float, other_radius: float
     x = low + (high - low) * np.square(np.sin(0.5 * np.pi * t))
     height = np.minimum(radius**2 - np.square(x), other_radius**2 - np.square(x - s))
     area = weight * np.sin(np.pi * t) * np.sqrt(np.maximum(height, 0.0))
-    with np.errstate(invalid="ignore"):  # nothing shared
+    with np.errstate(invalid="ignore"):  # no overlap
         return np.asarray(
             np.where(high > low, (area * x).sum(-1, keepdims=True) / area.sum(-1, keepdims=True), np.nan)
         )[..., 0]

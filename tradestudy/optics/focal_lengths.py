@@ -24,7 +24,8 @@ class FocalLengths:
     Parameters
     ----------
     field_angles
-        θ of the source from the axis [rad], increasing from 0, shape (n,). A single angle means no field curvature.
+        θ, angle of the source from the axis [rad], increasing from 0, shape (n,). A single angle means no field
+        curvature.
     wavelengths
         λ [m], increasing, shape (m,). A single wavelength means no axial colour.
     focal_lengths
@@ -35,7 +36,7 @@ class FocalLengths:
     Raises
     ------
     OutOfRangeError
-        If shapes or order differ from the above, or focal lengths are zero, not finite or of both signs.
+        If shapes or order differ from the above, or a focal length is zero or not finite, or their signs differ.
 
     References
     ----------
@@ -90,7 +91,7 @@ class FocalLengths:
                 "focal lengths",
                 value=f"{self.focal_lengths.min():g} to {self.focal_lengths.max():g} m",
                 limit="finite, ≠ 0, of one sign",
-                remedy="describe a lens that converges, or diverges, at every angle and wavelength",
+                remedy="describe a lens that converges at every angle and wavelength, or diverges at every one",
             )
         self.reference  # noqa: B018  (refuses a reference wavelength beyond the table)
 
@@ -100,7 +101,19 @@ class FocalLengths:
         return self.at(field_angle=0.0, wavelength=self.reference_wavelength)
 
     def at(self, *, field_angle: float, wavelength: float) -> float:
-        """Focal length for a field angle and a wavelength [m].
+        """Focal length for a field angle and a wavelength, linear between the entries of the table.
+
+        Parameters
+        ----------
+        field_angle
+            θ, angle of the source from the axis [rad].
+        wavelength
+            λ [m].
+
+        Returns
+        -------
+        float
+            f [m].
 
         Raises
         ------

@@ -1,9 +1,9 @@
 """Smallest f-numbers for which the Fresnel approximation holds, in closed form.
 
-A lens turns the paths object → aperture → image into a difference whose quadratic part cancels. What the
-Fresnel approximation drops is, to lowest order, ``W(r) = (r⁴/8) (1/a³ + 1/b³)`` at the aperture radius r.
-Every criterion here bounds that path in its own way; all of them are necessary conditions on one point source
-on axis, and none replaces the measured difference of two point-spread functions.
+A lens turns the paths object → aperture → image into a difference whose quadratic part cancels. What the Fresnel
+approximation drops is, to lowest order, ``W(r) = (r⁴/8) (1/a³ + 1/b³)`` at the aperture radius r. Every criterion here
+bounds that path in its own way. All are necessary conditions for a single point source on the axis; none replaces the
+measured difference of two point-spread functions.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from tradestudy.optics.arrays import FloatArray
 def dropped_path(
     *, aperture_radius: npt.ArrayLike, object_distance: npt.ArrayLike, image_distance: npt.ArrayLike
 ) -> FloatArray:
-    """Path that Fresnel drops at the rim: W = Σ [ρ²/(d + √(d² + ρ²)) − ρ²/(2 d)] over both legs d = a, b.
+    """Path that Fresnel drops at the rim: W = Σ [ρ²/(d + √(d² + ρ²)) − ρ²/(2 d)], d = a, b.
 
-    Exact, beyond the quartic term −(ρ⁴/8)(1/a³ + 1/b³), and free of the cancellation in √(d² + ρ²) − d.
+    Exact beyond the quartic term −(ρ⁴/8)(1/a³ + 1/b³), and free of the cancellation in √(d² + ρ²) − d.
 
     Parameters
     ----------
     aperture_radius
-        ρ ≥ 0 [m], broadcasts.
+        ρ ≥ 0 [m].
     object_distance, image_distance
-        Legs a and b [m], broadcast; a < 0 is a virtual object, infinity is a plane wave.
+        Legs a and b [m]; a < 0 for a virtual object, infinite for a plane wave. All arguments broadcast.
 
     Returns
     -------
@@ -55,20 +55,20 @@ def bounded_minimum_f_number(
 ) -> FloatArray:
     """Smallest f-number with at most ε waves of dropped path: F = (f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼.
 
-    Follows from |W| = (r⁴/8)|1/a³ + 1/b³| ≤ ε λ at the rim r = f/(2F). Unlike the printed criterion it is
-    monotone and smooth in every argument. Legs may be signed (a < 0: virtual object); where the two cancel
-    the answer is 0.
+    This follows from |W| = (r⁴/8)|1/a³ + 1/b³| ≤ ε λ at the rim r = f/(2F). Unlike the criterion printed in the paper,
+    it is monotone and smooth in every argument. Legs may be signed (a < 0: virtual object); where the two cancel, the
+    answer is 0.
 
     Parameters
     ----------
     focal_length
         f > 0 [m].
     object_distance, image_distance
-        a and b [m], non-zero; infinity is a plane wave.
+        a and b [m], non-zero; infinite for a plane wave.
     wavelength
         λ > 0 [m].
     path_error_waves
-        ε ≥ 0; Rayleigh's quarter wave is 0.25; 0 gives infinity.
+        ε ≥ 0 [waves]: 0.25 for Rayleigh's quarter wave; 0 gives an infinite f-number.
 
     Returns
     -------
@@ -82,8 +82,8 @@ def bounded_minimum_f_number(
 
     Notes
     -----
-    Validity: W's quartic term; the next is smaller by r²/(2 b²), 1 % at F = 3.8. Rayleigh's quarter-wave
-    rule: M. Born and E. Wolf, *Principles of Optics*, 7th ed., section 9.1.
+    Validity: only W's quartic term is used; the next one is smaller by r²/(2 b²), 1 % at F = 3.8. Rayleigh's
+    quarter-wave rule: M. Born and E. Wolf, *Principles of Optics*, 7th ed., section 9.1.
     """
     require_all_positive("focal length", focal_length)
     require_all_positive("wavelength", wavelength)
@@ -92,14 +92,14 @@ def bounded_minimum_f_number(
         raise OutOfRangeError("path error", value=f"{np.min(eps):g} waves", limit="≥ 0 waves")
     f = np.asarray(focal_length, dtype=np.float64)
     curvature = np.abs(_inverse_cube(object_distance) + _inverse_cube(image_distance))
-    with np.errstate(divide="ignore"):  # ε = 0 asks for the exact path: no finite f-number gives it
+    with np.errstate(divide="ignore"):  # no finite f-number gives the exact path, ε = 0
         return np.asarray(f / 2 * (curvature / (8 * np.asarray(wavelength) * eps)) ** 0.25)
 
 
 def goodman_minimum_distance(*, wavelength: npt.ArrayLike, largest_offset: npt.ArrayLike) -> FloatArray:
     """Distance at which the dropped phase is one radian: z³ = (π/4λ) [(x − ξ)² + (y − η)²]²_max.
 
-    Goodman asks for z *much larger* than this, and calls it sufficient, not necessary.
+    Goodman requires z to be *much larger* than this, and calls the condition sufficient, not necessary.
 
     Parameters
     ----------
@@ -137,9 +137,9 @@ def goodman_minimum_f_number(
     image_distance: npt.ArrayLike,
     wavelength: npt.ArrayLike,
 ) -> FloatArray:
-    """Smallest f-number at which each leg alone drops at most 1 rad: F = (f/2) [π/(4 λ d³)]^¼, d the shorter.
+    """Smallest f-number at which each leg alone drops at most 1 rad: F = (f/2) [π/(4 λ d³)]^¼, d = min(a, b).
 
-    Goodman's condition does not include a lens, so each leg is judged alone; the shorter one decides. One radian is
+    Goodman's condition does not include a lens. So each leg is judged alone, and the shorter one decides. One radian is
     1/(2π) waves.
 
     Parameters
@@ -150,7 +150,7 @@ def goodman_minimum_f_number(
     Raises
     ------
     OutOfRangeError
-        As `bounded_minimum_f_number`.
+        As in `bounded_minimum_f_number`.
 
     Notes
     -----
@@ -168,7 +168,7 @@ def collimated_axis_intensity(
 ) -> tuple[FloatArray, FloatArray]:
     """Axial intensity behind a circular hole in a plane wave: (Rayleigh–Sommerfeld I, Fresnel).
 
-    |1 − (z/ρ) e^{ik(ρ − z)}|² with ρ = √(z² + R²), against 4 sin²(π R²/(2 λ z)). The incident intensity is 1.
+    |1 − (z/ρ) e^{ik(ρ − z)}|² with ρ = √(z² + R²), and 4 sin²(π R²/(2 λ z)), for an incident intensity of 1.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def collimated_axis_intensity(
     Returns
     -------
     tuple of ndarray
-        Exact and Fresnel intensity, broadcast.
+        Rayleigh–Sommerfeld and Fresnel intensity, broadcast.
 
     Raises
     ------
@@ -208,10 +208,10 @@ def collimated_axis_intensity(
 def collimated_minimum_distance(
     *, aperture_radius: npt.ArrayLike, wavelength: npt.ArrayLike, intensity_error: npt.ArrayLike
 ) -> FloatArray:
-    """Distance behind a plane-wave hole beyond which Fresnel's axial phase errs by at most δ of the peak.
+    """Distance behind a hole in a plane wave beyond which Fresnel's axial intensity errs by at most δ of its peak.
 
-    z = R (π R/(8 λ δ))^⅓: the dropped path R⁴/(8 z³) turns the axial intensity 4 sin² by at most π R⁴/(8 λ
-    z³) of its peak.
+    z = R (π R/(8 λ δ))^⅓: the dropped path R⁴/(8 z³) changes the axial intensity 4 sin² by at most π R⁴/(8 λ z³) of its
+    peak.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ def collimated_minimum_distance(
     wavelength
         λ > 0 [m].
     intensity_error
-        δ in (0, 1): error of the axial intensity over its peak value 4.
+        δ in (0, 1): error of the axial intensity, relative to its peak value of 4.
 
     Raises
     ------
@@ -229,10 +229,10 @@ def collimated_minimum_distance(
 
     Notes
     -----
-    The problem is that of W. H. Southwell, "Validity of the Fresnel approximation in the near field", J.
-    Opt. Soc. Am. 71, 7–14 (1981): a uniformly lit circular aperture, exact against Fresnel. The law and its
-    constant are derived here from the closed forms of `collimated_axis_intensity`; no threshold is quoted
-    from that article. The amplitude factor z/ρ adds at most R²/(4 z²).
+    The problem is that of W. H. Southwell, "Validity of the Fresnel approximation in the near field", J. Opt. Soc. Am.
+    71, 7–14 (1981): a uniformly lit circular aperture, exact law against Fresnel's. The criterion and its constant are
+    derived here from the closed forms of `collimated_axis_intensity`; they are not that article's. The amplitude factor
+    z/ρ adds at most R²/(4 z²).
     """
     require_all_positive("aperture radius", aperture_radius)
     require_all_positive("wavelength", wavelength)

@@ -9,7 +9,7 @@ from tradestudy.optics.arrays import FloatArray
 
 
 def cubic_weights(fraction: ArrayLike) -> FloatArray:
-    """Weights of the samples at −1, 0, 1 and 2 for a place t from 0 to 1, shape (…, 4); exact for cubics.
+    """Weights of the samples at −1, 0, 1 and 2 for a position t from 0 to 1, shape (…, 4); exact for cubics.
 
     They are Lagrange's polynomials: each is 1 at its own sample and 0 at the other three.
     """

@@ -1,9 +1,9 @@
 """Lateral resolution of a camera on the object over distance, and the range in which it resolves a given size.
 
-One rule for every camera: a detail is resolved when neither the lateral sample nor the geometric blur, both
-projected to the object, is larger. The resolution is therefore the larger of the two, and the depth of field *at
-equal resolution* is the range where it does not exceed a given size. Diffraction is judged by
-`depth_of_field.diffraction_allowance`.
+One rule for every camera: a detail is resolved when neither the lateral sample nor the geometric blur, both projected
+to the object, is larger. The resolution is therefore the larger of the two, and the depth of field *at equal
+resolution* is the range in which it does not exceed a given size. `depth_of_field.diffraction_allowance` judges
+diffraction.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def lateral_resolution(
     pupil_diameter: ArrayLike,
     sample_pitch: ArrayLike,
 ) -> FloatArray:
-    """Lateral resolution on the object with samples in the image plane of a lens: max(p a/b₀, A |a − a₀|/a₀).
+    """Lateral resolution on the object for samples in the image plane of a lens: max(p a/b₀, A |a − a₀|/a₀).
 
     Parameters
     ----------
@@ -39,8 +39,8 @@ def lateral_resolution(
 
     Returns
     -------
-    Size on the object [m], broadcast. For a₀ = ∞ the blur is A at every distance, the width of the beam that
-    focuses at infinity.
+    Size on the object [m], broadcast. For a₀ = ∞ the blur is A at every distance: the width of the beam that comes from
+    infinity.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def depth_of_field_at_resolution(
     pupil_diameter: ArrayLike,
     sample_pitch: ArrayLike,
 ) -> DepthOfField:
-    """Where `lateral_resolution` is no larger than r: a₀ (1 − r/A) to the nearer of a₀ (1 + r/A) and r b₀/p.
+    """Where `lateral_resolution` is at most r: from a₀ (1 − r/A) to the smaller of a₀ (1 + r/A) and r b₀/p.
 
     Parameters
     ----------
@@ -72,13 +72,13 @@ def depth_of_field_at_resolution(
 
     Returns
     -------
-    The limits, broadcast; the near one at the lens (0) for r ≥ A. There is none where the samples are too
+    The limits [m], broadcast; the near one is at the lens (0) for r ≥ A. There are none where the samples are too
     coarse even at the near limit, or for a focus at infinity with r < A; the reason says so.
 
     Raises
     ------
     OutOfRangeError
-        As `lateral_resolution`, and for a resolution that is not positive.
+        As in `lateral_resolution`, and for a resolution that is not positive.
     """
     r, a0, f, A, p = as_floats(resolution, focus_distance, focal_length, pupil_diameter, sample_pitch)
     _require_lengths(resolution=r, focal_length=f, pupil_diameter=A, sample_pitch=p)
@@ -102,7 +102,7 @@ def focused_plenoptic_lateral_resolution(
     microlens_aperture: ArrayLike,
     pixel_pitch: ArrayLike,
 ) -> FloatArray:
-    """Lateral resolution on the object with one type of microlens: max(p |v|, D |1 − v/v₀|) f/s.
+    """Lateral resolution on the object for one type of microlens: max(p |v|, D |1 − v/v₀|) f/s.
 
     Parameters
     ----------
@@ -111,15 +111,14 @@ def focused_plenoptic_lateral_resolution(
     mla_distance, microlens_gap, focal_length
         z, b_L and f of the main lens [m].
     inverse_focus_virtual_depth
-        1/v₀ of the type [1], signed; the best of several types is the smallest along their axis.
+        1/v₀ of the type [1], signed. For several types, take the minimum of the result along their axis.
     microlens_aperture, pixel_pitch
         D and p [m].
 
     Returns
     -------
-    Size on the object [m], broadcast. A micro-image is |v| times smaller than the main lens's image; the blur
-    D |1/v − 1/v₀| is projected back with it. For an image on the array itself a lens sees nothing but its own
-    aperture, D.
+    Size on the object [m], broadcast. A micro-image is |v| times smaller than the main lens's image; the blur D |1/v −
+    1/v₀| is projected back with it. For an image on the array itself, a microlens resolves only its own aperture, D.
 
     Raises
     ------
@@ -152,7 +151,7 @@ def focused_plenoptic_depth_of_field_at_resolution(
     pixel_pitch: ArrayLike,
     keplerian: bool,
 ) -> DepthOfField:
-    """Where `focused_plenoptic_lateral_resolution` is no larger than r, on one side of the array.
+    """Where `focused_plenoptic_lateral_resolution` is at most r, on one side of the array.
 
     Both conditions are linear in the focus shift s: p f |z − f − s| ≤ r b_L s and D f |1 − (z − f − s)/(b_L
     v₀)| ≤ r s.
@@ -164,11 +163,11 @@ def focused_plenoptic_depth_of_field_at_resolution(
     mla_distance, microlens_gap, focal_length, inverse_focus_virtual_depth, microlens_aperture, pixel_pitch
         As in `focused_plenoptic_lateral_resolution`.
     keplerian
-        Which side of the array the main lens's image is used on.
+        Whether the main lens's image is used in front of the array.
 
     Returns
     -------
-    The limits, broadcast. There is none where the two conditions do not meet on that side, and the reason
+    The limits [m], broadcast. There are none where the two conditions have no common range on that side; the reason
     says so.
 
     Raises
@@ -191,7 +190,7 @@ def focused_plenoptic_depth_of_field_at_resolution(
     array_shift, side = z - f, 1.0 if keplerian else -1.0
     slope, offset, allowed = w0, array_shift * w0 - b_L, r * b_L / f
     low, high = _solve(
-        (1 + allowed / p, array_shift),  # the sample, where the image lies before the array
+        (1 + allowed / p, array_shift),  # the sample, where the image lies in front of the array
         (allowed / p - 1, -array_shift),  # and behind it
         (allowed / D + slope, offset),  # the blur
         (allowed / D - slope, -offset),
@@ -210,7 +209,7 @@ def focused_plenoptic_depth_of_field_at_resolution(
 
 
 def _solve(*conditions: tuple[ArrayLike, ArrayLike]) -> tuple[FloatArray, FloatArray]:
-    """Smallest and largest s that satisfy every c s ≥ d; the smallest exceeds the largest where none does."""
+    """Smallest and largest s that satisfy every c s ≥ d; the smallest exceeds the largest if none does."""
     low, high = np.asarray(-np.inf), np.asarray(np.inf)
     for coefficient, constant in conditions:
         c, d = np.broadcast_arrays(*as_floats(coefficient, constant))

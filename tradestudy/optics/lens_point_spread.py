@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.airy import FIRST_DARK_RING
-from tradestudy.optics.argument_types import checked
+from tradestudy.optics.argument_types import check_angle, checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.focal_lengths import FocalLengths, focal_length_for, reference_focal_length
 from tradestudy.optics.propagation.aperture import aperture_field, lens_wave
@@ -27,7 +27,8 @@ from tradestudy.optics.propagation.lens import (
 )
 from tradestudy.optics.propagation.pupil import Pupil
 from tradestudy.optics.propagation.result import ApertureField, Effort, Method
-from tradestudy.optics.propagation.sampling import Limits, TargetGrid
+from tradestudy.optics.propagation.sampling import Limits
+from tradestudy.optics.propagation.targets import TargetGrid
 from tradestudy.optics.propagation.wave_optics import FieldAccuracy
 from tradestudy.optics.sampled_point_spread import Measured, PointSpread
 from tradestudy.optics.spread_fields import as_point_spread
@@ -42,7 +43,7 @@ from tradestudy.optics.spread_shares import modulation_transfer, window_share
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_LEAST_SHARE = 0.5  # of the light, in a window whose spot has a width
+_LEAST_SHARE = 0.5  # of the light in the window, for a spot that has a width
 _LEAST_WINDOW = 1.5  # Airy radii: fewer samples do not allow an estimate of the errors
 _SAMPLES_PER_PERIOD = 8.0  # of the shortest period λ N_w of an intensity
 _ON_AXIS_AT_INFINITY = PointSource.at_infinity()
@@ -52,12 +53,19 @@ _ON_AXIS_AT_INFINITY = PointSource.at_infinity()
 class LensPointSpread(PointSpread):
     """Result of `point_spread`: the samples of a `PointSpread` with the data of the lens.
 
-    The intensity is the fraction of the light through the pupil per area [1/m²], so `pupil_power` is 1. The methods
-    of this class return their numbers with errors. The inherited `at` returns interpolated intensities alone, of
-    samples whose errors are at most `sample_error`.
+    The methods of this class return their numbers with errors. The inherited `at` returns interpolated intensities
+    alone, of samples whose errors are at most `sample_error`.
 
     Attributes
     ----------
+    x, y
+        Sample positions [m].
+    intensity
+        Fraction of the light through the pupil per area [1/m²], shape (len(y), len(x)).
+    pupil_power
+        1, since the intensity is relative.
+    relative_error
+        Stated relative L2 error of the samples.
     centre
         Where the chief ray meets the image plane (x, y) [m].
     airy_radius
@@ -69,12 +77,23 @@ class LensPointSpread(PointSpread):
     effort
         Nodes and seconds that it took.
 
+    Raises
+    ------
+    OutOfRangeError
+        As for `PointSpread`.
+
     Examples
     --------
     >>> from tradestudy import optics
-    >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=4)
+    >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9)
     >>> print(f"{psf.width().value * 1e6:.3f} µm at half maximum; error below 1e-6: {psf.relative_error < 1e-6}")
     4.535 µm at half maximum; error below 1e-6: True
+    >>> half = psf.radius_of(0.5)
+    >>> print(f"{psf.encircled_energy(half.value).value:.4f} of the light within {half.value * 1e6:.3f} µm")
+    0.5000 of the light within 2.358 µm
+    >>> print(f"MTF at 100/mm: {psf.modulation_transfer(100e3)}; Strehl ratio {psf.strehl_ratio().value:.4f}")
+    MTF at 100/mm: 0.457 ± 0.008; Strehl ratio 1.0000
+    >>> figure = psf.plot()
     """
 
     centre: tuple[float, float]
@@ -88,19 +107,33 @@ class LensPointSpread(PointSpread):
 
     @property
     def relative_intensity(self) -> FloatArray:
-        """Intensity relative to the peak without aberration; its maximum is the Strehl ratio."""
+        """Samples of the intensity relative to the peak without aberration [1], shape (len(y), len(x)).
+
+        The Strehl ratio is the peak between these samples: `strehl_ratio` computes it.
+        """
         return np.asarray(self.intensity / self.reference_peak)
 
     @checked
     def width(self, *, angle: float = 0.0) -> Measured:
-        """Full width at half maximum about the brightest point along a direction [m], by `full_width_at_half_maximum`.
+        """Full width at half maximum of a cut through the brightest point, by `full_width_at_half_maximum`.
 
-        Far out of focus that is one of many fringes: `radius_of` gives the size of the whole spot.
+        Far out of focus, that point is one of many fringes; `radius_of` then gives the size of the whole spot.
+
+        Parameters
+        ----------
+        angle
+            Direction of the cut, measured from the x axis [rad], within ±2π.
+
+        Returns
+        -------
+        Measured
+            Width [m], shape (), with the errors of sampling and of the samples.
 
         Raises
         ------
         OutOfRangeError
-            If the window contains less than half of the light: the spot is wider than the sampled window.
+            If the window contains less than half of the light: the spot is wider than the window. Otherwise as in
+            `full_width_at_half_maximum`.
         """
         if (held := window_share(self).value) < _LEAST_SHARE:
             raise OutOfRangeError(
@@ -113,30 +146,87 @@ class LensPointSpread(PointSpread):
 
     @checked
     def encircled_energy(self, radius: npt.ArrayLike) -> Measured:
-        """Fraction of the light within circles about the chief ray, by `encircled_energy`; radii in [m]."""
-        return encircled_energy(self, centre=self.centre, radius=np.asarray(radius, dtype=np.float64))
+        """Fraction of the light within circles about the chief ray, by `encircled_energy`.
 
-    @checked
-    def radius_of(self, share: float) -> Measured:
-        """Radius of the circle about the chief ray with a fraction of the light [m]: `encircled_energy_radius`."""
-        return encircled_energy_radius(self, centre=self.centre, share=share)
+        Parameters
+        ----------
+        radius
+            Radii [m], any shape.
 
-    def strehl_ratio(self) -> Measured:
-        """Ratio of the peak to the peak without aberration, by `strehl_ratio`."""
-        return strehl_ratio(self, reference_peak=self.reference_peak)
-
-    @checked
-    def modulation_transfer(self, frequency: npt.ArrayLike, *, angle: float = 0.0) -> Measured:
-        """MTF at frequencies [cycles/m] along a direction [rad], by `modulation_transfer`.
-
-        At frequency 0 the value is the fraction of the light in the window, which differs from 1 by less than its
-        error.
+        Returns
+        -------
+        Measured
+            Fractions [1] in the shape of the radii, with the errors of sampling and of the samples.
 
         Raises
         ------
         OutOfRangeError
-            A frequency is beyond what the samples resolve, which is well beyond the cutoff D/(λ b).
+            If a circle leaves the window.
         """
+        return encircled_energy(self, centre=self.centre, radius=np.asarray(radius, dtype=np.float64))
+
+    @checked
+    def radius_of(self, share: float) -> Measured:
+        """Radius of the circle about the chief ray with a fraction of the light, by `encircled_energy_radius`.
+
+        Parameters
+        ----------
+        share
+            Fraction of the light [1], in (0, 1).
+
+        Returns
+        -------
+        Measured
+            Radius [m], shape (), with the errors of sampling and of the samples.
+
+        Raises
+        ------
+        OutOfRangeError
+            If the largest circle that fits into the window contains a smaller fraction.
+        """
+        return encircled_energy_radius(self, centre=self.centre, share=share)
+
+    def strehl_ratio(self) -> Measured:
+        """Ratio of the peak intensity to the peak without aberration, by `strehl_ratio`.
+
+        Returns
+        -------
+        Measured
+            Ratio [1], shape (), with the errors of sampling and of the samples.
+
+        Raises
+        ------
+        OutOfRangeError
+            If the peak lies on the rim of the window.
+        """
+        return strehl_ratio(self, reference_peak=self.reference_peak)
+
+    @checked
+    def modulation_transfer(self, frequency: npt.ArrayLike, *, angle: float = 0.0) -> Measured:
+        """MTF along a direction, by `modulation_transfer`.
+
+        At frequency 0 the value is the fraction of the light in the window, which differs from 1 by less than its
+        error.
+
+        Parameters
+        ----------
+        frequency
+            Spatial frequencies [cycles/m], any shape.
+        angle
+            Direction along which the MTF is measured, from the x axis [rad], within ±2π.
+
+        Returns
+        -------
+        Measured
+            MTF [1] in the shape of the frequencies, with the errors of sampling, of the samples and of the window.
+
+        Raises
+        ------
+        OutOfRangeError
+            A frequency is beyond what the samples resolve, which is well beyond the cutoff D/(λ b); or the angle
+            exceeds a full turn.
+        """
+        check_angle(angle)
         f = np.asarray(frequency, dtype=np.float64)
         resolved = 1 / (2 * self.spacing)
         if not np.all(np.abs(f) <= resolved):
@@ -149,7 +239,23 @@ class LensPointSpread(PointSpread):
         return modulation_transfer(self, frequency_x=f * math.cos(angle), frequency_y=f * math.sin(angle))
 
     def plot(self, file: str | Path | None = None) -> Figure:
-        """Plot the spot, its cuts, encircled energy and MTF with their errors; save the figure if a file is given."""
+        """Plot spot, cuts, encircled energy and MTF, with bands for the stated errors.
+
+        Parameters
+        ----------
+        file
+            Where to save the figure; its extension sets the format. Default: it is not saved.
+
+        Returns
+        -------
+        Figure
+            Figure of four panels, not attached to a window.
+
+        Raises
+        ------
+        OutOfRangeError
+            If the extension is unknown, or the file cannot be written.
+        """
         from tradestudy.optics.spread_plot import spread_figure
 
         figure = spread_figure(
@@ -172,7 +278,7 @@ class LensPointSpread(PointSpread):
                 "file of the plot",
                 value=str(file),
                 limit="a place that can be written",
-                remedy=f"choose another: {error.strerror}",
+                remedy=f"choose another place: {error.strerror}",
             ) from error
         return figure
 
@@ -200,28 +306,28 @@ def point_spread(
     focal_length
         f [m], > 0; or its table over field angle and wavelength (field curvature, axial colour).
     f_number
-        N = f/D; the pupil diameter is D = f/N.
+        N = f/D [1], so that the pupil diameter is D = f/N.
     wavelength
         λ [m], > 0 and less than the pupil's diameter.
     source
         Point at a finite position or `PointSource.at_infinity`. Default: on the axis at infinity.
     method
-        ``geometric``, ``boundary_wave``, ``fresnel`` or ``kirchhoff``, as in `aperture_field`. ``kirchhoff`` differs
-        from textbook results, which are paraxial, since the cone of light is finite: at f/2.8 and 550 nm its MTF is
-        0.003 to 0.009 lower over most frequencies. ``fresnel`` agrees with them.
+        ``geometric``, ``boundary_wave``, ``fresnel`` or ``kirchhoff``, as in `aperture_field`. ``fresnel`` agrees with
+        textbook results, which are paraxial; ``kirchhoff`` allows for the finite cone of light, and its MTF at f/2.8
+        and 550 nm is 0.003 to 0.009 lower over most frequencies.
     tolerance
         Relative L2 error allowed for the intensity over the window, in 1e-10 … 0.1.
     focus_distance
-        Object distance in focus [m]. Default: the source's. The image plane holds the image of the axial point at this
-        distance; with a table of focal lengths, at its reference wavelength.
+        Object distance in focus [m]. Default: the source's. The image plane is where an axial point at this distance is
+        imaged; with a table of focal lengths, at its reference wavelength.
     lens_phase
         ``perfect``: sends every source point exactly to its thin-lens image; ``stigmatic``: a fixed element exact for
         `focus_distance` on the axis, with coma off axis; ``parabolic``: the paper's lens, with spherical aberration.
     pupil
         Amplitude and aberrations. Default: a clear aperture without aberration.
     window
-        Half the side of the sampled square about the chief ray, in Airy radii; at least 1.5. The light outside enters
-        the error of the MTF: 0.8 % of the light for a window of 20, inversely proportional to the window.
+        Half the side of the sampled square about the chief ray [Airy radii]; at least 1.5. The light outside is part
+        of the error of the MTF: 0.8 % of the light for a window of 20, in inverse proportion to the window.
     obliquity
         Obliquity factor of Kirchhoff's integral, as in `aperture_field`.
     limits
@@ -282,7 +388,7 @@ def point_spread(
         focus_distance=focus if lens_phase == "stigmatic" else None,
         pupil=pupil,
     )
-    centre = -image / source.distance * source.x, -image / source.distance * source.y
+    centre = -image / source.distance * source.x + 0.0, -image / source.distance * source.y + 0.0  # never −0
     airy = FIRST_DARK_RING * wavelength * image / (2 * lens.radius)
     quarter = math.ceil(window * FIRST_DARK_RING * _SAMPLES_PER_PERIOD / 2)
     field = aperture_field(
@@ -336,7 +442,7 @@ def _of_field(
     obliquity: Obliquity,
     airy: float,
 ) -> LensPointSpread:
-    """Intensity as a share of the light through the pupil, with the data of the lens."""
+    """Intensity as a fraction of the light through the pupil, with the data of the lens."""
     samples = as_point_spread(field)
     flat = replace(lens, pupil=replace(lens.pupil, zernikes={}, path=None)) if lens.pupil else lens
     paraxial = field.method == "fresnel"

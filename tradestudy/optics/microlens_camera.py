@@ -14,7 +14,8 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.arriving_light import blur_radius
 from tradestudy.optics.chain.image import chain_image, mean_image
-from tradestudy.optics.chain.scene import KIRCHHOFF, Gaps, Layout, Legs, LightPath, Microlenses, PixelGrid
+from tradestudy.optics.chain.microlenses import Gaps, Layout, Microlenses
+from tradestudy.optics.chain.scene import KIRCHHOFF, Legs, LightPath, PixelGrid
 from tradestudy.optics.chain.sources import DiscSource, spectral_shares
 from tradestudy.optics.focal_lengths import FocalLengths, focal_length_for, reference_focal_length
 from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSource
@@ -37,7 +38,7 @@ class MicrolensCamera:
     focal_length
         f of the main lens [m], or its table over field angle and wavelength.
     f_number
-        N of the main lens; its pupil diameter is f/N.
+        N of the main lens [1]; its pupil diameter is f/N.
     array_distance
         Distance from main lens to array, z [m].
     microlens_focal_lengths
@@ -64,8 +65,8 @@ class MicrolensCamera:
     Raises
     ------
     OutOfRangeError
-        If the f-number, the focal length, the distance of the array, the pitch or the number of types is impossible;
-        `light_path` checks the other lengths.
+        If the f-number, the focal length, a distance, a pitch or the number of microlens types is impossible;
+        `light_path` checks the apertures and focal lengths of the microlenses.
 
     Examples
     --------
@@ -109,24 +110,28 @@ class MicrolensCamera:
                 limit="> 0, finite",
                 remedy="divide focal length by pupil diameter",
             )
-        lengths = {"focal length": reference_focal_length(self.focal_length), "array distance": self.array_distance}
-        for name, length in lengths.items():
+        for name, length in (
+            ("focal length", reference_focal_length(self.focal_length)),
+            ("array distance", self.array_distance),
+            ("gap from array to detector", self.gap),
+        ):
             if not 0 < length < math.inf:
-                remedy = "give it in metres, such as 12.5e-3"
+                remedy = "give it in metres, such as 0.43e-3"
                 raise OutOfRangeError(name, value=f"{length:g} m", limit="> 0, finite", remedy=remedy)
         widest = self.array_distance / self.f_number
-        if not 0 < self.microlens_pitch <= widest:
-            raise OutOfRangeError(
-                "microlens pitch",
-                value=f"{self.microlens_pitch:g} m",
-                limit=f"> 0, and ≤ {widest:g} m, which the main lens lights (array_distance / f_number)",
-                remedy="give lengths in metres, such as 126.5e-6",
-            )
+        for name, pitch in (("microlens pitch", self.microlens_pitch), ("pixel pitch", self.pixel_pitch)):
+            if not 0 < pitch <= widest:
+                raise OutOfRangeError(
+                    name,
+                    value=f"{pitch:g} m",
+                    limit=f"> 0, and ≤ {widest:g} m, which the main lens lights (array_distance / f_number)",
+                    remedy="give lengths in metres, such as 5.5e-6",
+                )
         if len(self._types) not in ((1, 3) if self.layout == "hexagonal" else (1,)):
             raise OutOfRangeError(
-                f"types of microlenses of a {self.layout} array",
+                f"focal lengths of the microlenses of a {self.layout} array",
                 value=str(len(self._types)),
-                limit="1, or 3 in a hexagonal array",
+                limit="1 or 3" if self.layout == "hexagonal" else "1",
                 remedy="give one focal length, or three with layout='hexagonal'",
             )
 
@@ -143,6 +148,11 @@ class MicrolensCamera:
             Point or disc.
         wavelength
             Wavelength at which a table of focal lengths is read [m].
+
+        Returns
+        -------
+        LightPath
+            Main lens, these microlenses, and whole pixels of the sensor that contain their geometric light.
 
         Raises
         ------
@@ -212,7 +222,7 @@ class MicrolensCamera:
             raise OutOfRangeError(
                 "field curvature over a disc",
                 value=f"focal lengths from {min(found):g} to {max(found):g} m",
-                limit="one",
+                limit="one focal length",
                 remedy="use point sources, or a table with a single field angle",
             )
         return found[0]
@@ -249,7 +259,7 @@ class MicrolensCamera:
         """Whole pixels of the sensor behind these microlenses."""
         grown = 1 + self.gap / self.array_distance
         half = math.ceil(grown * reach / self.pixel_pitch)
-        centre = self.pixel_pitch * np.rint(grown * chief / self.pixel_pitch)
+        centre = self.pixel_pitch * np.rint(grown * chief / self.pixel_pitch) + 0.0  # never −0
         rows, columns = (2 * half + int(odd) for odd in self.odd_pixels)
         return PixelGrid(pitch=self.pixel_pitch, shape=(rows, columns), centre=(float(centre[0]), float(centre[1])))
 
@@ -276,18 +286,19 @@ def microlens_image(
     wavelength
         λ [m]; or several, shape (n,), whose images add as intensities.
     weights
-        Power in the pupil at each of several wavelengths. Default: equal.
+        Power in the pupil at each of several wavelengths [any unit], shape (n,). Default: equal.
     legs
         Law of propagation on each leg, as in `chain_image`.
     tolerance
         Largest relative L2 error over the pixels, in 1e-6 … 0.2.
     seed
-        Seed that draws the check points: the same call gives the same digits.
+        Seed of the random check points: the same call gives the same digits.
 
     Returns
     -------
     ChainImage
-        Fraction of the pupil's power on each pixel, with a stated error within the tolerance.
+        Fraction of the pupil's power on each pixel, with a stated error within the tolerance. The pixels are those of
+        ``camera.light_path(source, wavelength=…).pixels``; with several wavelengths, of the widest of these grids.
 
     Raises
     ------
@@ -318,6 +329,9 @@ def microlens_image(
     >>> image = optics.microlens_image(camera, optics.PointSource(distance=20e-3), wavelength=550e-9, tolerance=1e-2)
     >>> print(f"{image.pixels.sum():.2f} of the light on {image.pixels.shape}, within 1 %: {image.within_tolerance}")
     0.88 of the light on (22, 22), within 1 %: True
+    >>> grid = camera.light_path(optics.PointSource(distance=20e-3), wavelength=550e-9).pixels
+    >>> print(f"from x = {grid.edges_x[0] * 1e6:.0f} to {grid.edges_x[-1] * 1e6:.0f} µm")
+    from x = -44 to 44 µm
     """
     if seed < 0:
         raise OutOfRangeError("seed", value=str(seed), limit="≥ 0", remedy="give another")

@@ -35,7 +35,7 @@ def main_lens_image_coordinate(
 def microlens_object_distance(
     object_distance: ArrayLike, mla_distance: ArrayLike, focal_length: ArrayLike
 ) -> FloatArray:
-    """``a_L = z − b_M = (z − f) − s`` [m], signed: positive Keplerian (image before the array), negative Galilean.
+    """``a_L = z − b_M = (z − f) − s`` [m], signed: positive Keplerian (image in front), negative Galilean.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def microlens_object_distance(
 def virtual_depth(
     object_distance: ArrayLike, mla_distance: ArrayLike, microlens_gap: ArrayLike, focal_length: ArrayLike
 ) -> FloatArray:
-    """``v = a_L / b_L``, signed like a_L: how many times a point is repeated per axis over the micro-images."""
+    """``v = a_L / b_L``, signed like a_L: how many micro-images per axis show a point."""
     return np.asarray(
         microlens_object_distance(object_distance, mla_distance, focal_length)
         / np.asarray(microlens_gap, dtype=np.float64)
@@ -64,7 +64,7 @@ def virtual_depth(
 def object_distance_of_virtual_depth(
     virtual_depth: ArrayLike, mla_distance: ArrayLike, microlens_gap: ArrayLike, focal_length: ArrayLike
 ) -> FloatArray:
-    """The object distance a_M [m] at which the relay works at virtual depth v: ``s = (z − f) − v b_L``, then Newton.
+    """Object distance a_M [m] whose image has the virtual depth v: Newton's law with ``s = (z − f) − v b_L``.
 
     Returns
     -------

@@ -23,15 +23,14 @@ def hidden_strip_width(
     step_height
         Height h ≥ 0 of the upper surface over the lower one [m], along the viewing direction.
     edge_distance
-        Distance Z > 0 of the edge, on the upper surface, from the views [m]. Counted from the lower surface
-        at Z' the strip is h B/(Z' − h).
+        Distance Z > 0 of the edge, on the upper surface, from the views [m]. In terms of the distance Z' of the lower
+        surface, the strip is h B/(Z' − h).
     baseline
         Distance B ≥ 0 between the views across the edge [m]: between the lenses of a stereo rig, or for a single
         camera the part of its pupil that it uses (at most the whole pupil).
     obstacle_width
-        Width of the upper surface [m]: both sides of a narrow one uncover the lower surface, so the strip
-        beside one edge is at most what the obstacle hides from a single view, w (1 + h/Z). Infinite for a
-        step.
+        Width w of the upper surface [m]. If it is narrow, both its sides uncover the lower surface, so the strip beside
+        one edge is at most what the obstacle hides from a single view, w (1 + h/Z). Infinite for a step.
 
     Returns
     -------
@@ -41,7 +40,7 @@ def hidden_strip_width(
     Raises
     ------
     OutOfRangeError
-        For a distance that is not positive, a negative height, baseline or width.
+        For a distance that is not positive, or a negative height, baseline or width.
 
     Notes
     -----
@@ -62,9 +61,9 @@ def foreshortening_ratio(
 ) -> FloatArray:
     """Width of a small surface patch in one view over its width in the other, the smaller over the larger.
 
-    In a view at x_c the image of a patch at (x, Z) with tilt θ is f (cos θ − sin θ (x − x_c)/Z)/Z long per
-    length of surface, so the ratio is (1 − tan θ (x ± B/2)/Z)/(1 − tan θ (x ∓ B/2)/Z). Matching windows that
-    suppose equal images fail as it falls.
+    In a view at x_c, the image of a patch at (x, Z) with tilt θ has the length f (cos θ − sin θ (x − x_c)/Z)/Z per
+    length of surface, so the ratio is (1 − tan θ (x ± B/2)/Z)/(1 − tan θ (x ∓ B/2)/Z). Matching windows assume equal
+    images, and fail as the ratio falls.
 
     Parameters
     ----------
@@ -80,18 +79,18 @@ def foreshortening_ratio(
 
     Returns
     -------
-    Ratio between 0 and 1, broadcast: 1 for a patch across the viewing direction, or without a baseline, 0
-    where a view sees the patch edge-on or from behind, so not at all.
+    Ratio between 0 and 1, broadcast: 1 for a patch across the viewing direction or without a baseline, 0 where a view
+    sees the patch edge-on or only from behind.
 
     Raises
     ------
     OutOfRangeError
-        For a tilt of π/2 and more, a distance that is not positive, a negative baseline.
+        For a tilt of π/2 or more, a distance that is not positive, or a negative baseline.
     """
     tilt, Z, B, x = (
         np.asarray(value, dtype=np.float64) for value in (surface_tilt, distance, baseline, lateral_position)
     )
-    _require(np.abs(tilt) < np.pi / 2, "tilt of the surface", tilt, limit="below π/2 in size", unit="rad")
+    _require(np.abs(tilt) < np.pi / 2, "tilt of the surface", tilt, limit="below π/2 in magnitude", unit="rad")
     _require(Z > 0, "distance", Z, limit="> 0 m")
     _require(B >= 0, "baseline", B, limit="≥ 0 m")
     left, right = (1 - np.tan(tilt) * ((x + side * B / 2) / Z) for side in (1, -1))

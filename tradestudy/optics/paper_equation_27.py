@@ -26,9 +26,8 @@ class PaperEq27:
     second_zero_f_number
         f-number from the zero with numerator 2 s + 2, "the bigger one" of the text.
     condition_number
-        |d ln s / d ln λ| = 4 (a + b)/(λ s): a relative change of any length is magnified by it in s, by a
-        quarter of it in ``first_zero_f_number``, and by a quarter of it times s/(s + 1) in
-        ``second_zero_f_number``.
+        |d ln s/d ln λ| = 4 (a + b)/(λ s): s magnifies a relative change of any length by this factor,
+        ``first_zero_f_number`` by a quarter of it, and ``second_zero_f_number`` by a quarter of it times s/(s + 1).
     """
 
     fractional_part: FloatArray
@@ -40,8 +39,8 @@ class PaperEq27:
 def paper_eq27(*, focal_length: float, object_distance: float, wavelength: npt.ArrayLike) -> PaperEq27:
     """Minimal f-number for Fresnel as printed: F = γ/(2 R), R⁴ = (8 (α + β) − 2 l)/(1/α³ + 1/β³).
 
-    Lengths are in units of the wavelength and l is an integer next to 4 (α + β). With s the fractional part
-    of 4 (α + β) the first two zeros have the numerators 2 s and 2 s + 2.
+    Lengths are in units of the wavelength, and l is an integer next to 4 (α + β). With s, the fractional part of
+    4 (α + β), the first two zeros have the numerators 2 s and 2 s + 2.
 
     **Not to be trusted.** s repeats with every quarter wave of a + b, so that 0.01 nm of wavelength can move
     the first zero from 5.4 to 16.6. In terms of the dropped path the two zeros are the bounded criterion at
@@ -71,8 +70,8 @@ def paper_eq27(*, focal_length: float, object_distance: float, wavelength: npt.A
     Notes
     -----
     "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 27 and 28. The fractional
-    part is taken in exact rational arithmetic of the decimal numbers written by the inputs, because 4 (a +
-    b)/λ is of order 10⁶ and a wrong last digit of b already changes s; see ``condition_number`` for what the
+    part is taken in exact rational arithmetic of the decimal numbers written by the inputs, because
+    4 (a + b)/λ is of order 10⁶ and a wrong last digit of b already changes s; see ``condition_number`` for what the
     inputs themselves allow.
     """
     require_all_positive("focal length", focal_length)
@@ -133,22 +132,22 @@ def paper_eq27_sweep(
 ) -> PaperEq27Sweep:
     """Both zeros of the printed criterion while a + b grows by one quarter wave.
 
-    The first value belongs to s = 0 (a + b a whole number of quarter waves), so the sweep shows the full
-    excursion whatever the nominal fractional part is: the first zero falls from infinity to the second zero's
-    start, the second one by a factor 2^(1/4) = 1.19. A change of a + b by less than λ/4 leaves 1/a³ + 1/b³
-    alone to 10⁻⁵.
+    The first value belongs to s = 0 (a + b a whole number of quarter waves), so the sweep shows the full excursion
+    whatever the nominal fractional part is: the first zero falls from infinity to the start of the second zero, and the
+    second one falls by a factor of 2^(1/4) = 1.19. Changing a + b by less than λ/4 changes 1/a³ + 1/b³ by less than
+    10⁻⁵.
 
     Parameters
     ----------
     focal_length, object_distance, wavelength
         As in `paper_eq27` [m], scalars.
     points
-        Number of samples, at least 2; equally spaced, the end of the period excluded.
+        Number of samples, at least 2; equally spaced, without the end of the period.
 
     Raises
     ------
     OutOfRangeError
-        As `paper_eq27`, or if ``points`` < 2.
+        As in `paper_eq27`, or if ``points`` < 2.
     """
     if points < 2:
         raise OutOfRangeError("too few points for a sweep", value=str(points), limit="≥ 2")

@@ -1,4 +1,4 @@
-"""Phase factors exp(i phase), by one tangent each."""
+"""Phase factors exp(i phase), from one tangent each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ComplexArray = npt.NDArray[np.complex128]
 
 
 def phasor_sum(phase: FloatArray, size: npt.NDArray[Any], strength: ComplexArray) -> ComplexArray:
-    """Σ_j size_ij exp(i phase_ij) strength_j; real sizes are summed by parts, without a complex array of pairs."""
+    """Σ_j size_ij exp(i phase_ij) strength_j; for real sizes, real and imaginary parts are summed separately."""
     if np.iscomplexobj(size):
         return np.asarray(np.einsum("ij,j->i", scaled_phasor(phase, size), strength))
     cosine, sine = _parts(phase, size)
@@ -23,7 +23,7 @@ def phasor_sum(phase: FloatArray, size: npt.NDArray[Any], strength: ComplexArray
 
 
 def scaled_phasor(phase: FloatArray, size: npt.NDArray[Any]) -> ComplexArray:
-    """Size times exp(i phase); quickest for real sizes."""
+    """Size times exp(i phase); fastest for real sizes."""
     if np.iscomplexobj(size):
         return np.asarray(unit_phasor(phase) * size)
     return _joined(*_parts(phase, size))
@@ -37,8 +37,8 @@ def unit_phasor(phase: FloatArray) -> ComplexArray:
 def _parts(phase: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Size times cosine and sine of the phase, from t = tan(phase/2): 2/(1 + t²) − 1 and 2 t/(1 + t²).
 
-    One tangent takes a third to an eighth of the time of cosine and sine. No float is an odd multiple of π/2, so that t
-    stays finite: at most 1e16 or so.
+    One tangent takes between an eighth and a third of the time of cosine and sine. No float is an odd multiple of π/2,
+    so t stays finite: at most about 1e16.
     """
     t = np.asarray(np.tan(0.5 * phase))
     twice = np.asarray(t * t)

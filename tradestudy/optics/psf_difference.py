@@ -1,8 +1,8 @@
 """Difference between Fresnel's and Kirchhoff's point-spread functions, measured on the two intensities.
 
-Both are computed in the plane of the thin-lens image on rings about it, out to the largest window. In between they
-are band-limited, so Chebyshev interpolation in radius and Fourier interpolation in angle are exact to rounding,
-and the kinks of the absolute difference can be sampled as finely as they need.
+Both are computed in the plane of the thin-lens image, on rings about it, out to the largest window. Between the rings
+they are band-limited, so Chebyshev interpolation in radius and Fourier interpolation in angle are exact to rounding,
+and the kinks of the absolute difference can be sampled as finely as necessary.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from tradestudy.optics.propagation import (
 )
 from tradestudy.optics.quadrature import gauss_legendre
 
-_INTERVALS = 16  # of a panel at most one Airy radius long; its 1.2 periods then are resolved to 1e-9
+_INTERVALS = 16  # of a panel at most one Airy radius long; they resolve its 1.2 periods to 1e-9
 _FINE_POINTS = 64  # Gauss nodes in a panel for the kinked absolute difference
-_ANGLE_MARGIN = 1.2  # angles over the least that resolve the outermost ring
+_ANGLE_MARGIN = 1.2  # angles relative to the smallest number that resolves the outermost ring
 _ANGLE_REFINEMENT = 4
 
 
 @dataclass(frozen=True, kw_only=True)
 class PsfDifference:
-    """Fresnel against Kirchhoff, each measure over windows of several radii.
+    """Difference between Fresnel's and Kirchhoff's patterns, each measure over windows of several radii.
 
     Attributes
     ----------
@@ -49,8 +49,8 @@ class PsfDifference:
     largest
         max|I_F − I_K| / max I_K over the window.
     peak_error, l1_error, largest_error
-        Numerical errors of these: the propagated stated errors of both intensities, plus the change when every second
-        ring and half the points in between are left out.
+        Numerical errors of these measures: the propagated stated errors of both intensities, plus the change when every
+        second ring and half the points in between are left out.
     """
 
     peak: FloatArray
@@ -77,14 +77,14 @@ def fresnel_psf_difference(
     windows: Sequence[float],
     tolerance: float,
 ) -> Mapping[LensPhase, PsfDifference]:
-    """Measure Fresnel's in-focus point-spread function against Kirchhoff's for several lens phases.
+    """Compare Fresnel's in-focus point-spread function with Kirchhoff's, for several lens phases.
 
-    Fresnel's is the same for all of them: to second order every lens phase is the parabola.
+    Fresnel's is the same for all of them: to second order, every lens phase is the parabola.
 
     Parameters
     ----------
     focal_length, object_distance
-        f and a > f [m]; the image plane lies at b = a f/(a − f).
+        f > 0 and a > f [m]; the image plane lies at b = a f/(a − f).
     f_number
         N > 0; the pupil diameter is f/N.
     field_angle
@@ -92,7 +92,7 @@ def fresnel_psf_difference(
     wavelength
         λ [m].
     lens_phases
-        Kirchhoff is computed for each; a stigmatic lens is exact for ``object_distance``.
+        Lens phases; Kirchhoff's pattern is computed for each. A stigmatic lens is exact for ``object_distance``.
     windows
         Radii about the thin-lens image, in Airy radii, increasing.
     tolerance
@@ -103,7 +103,7 @@ def fresnel_psf_difference(
     OutOfRangeError
         Windows are not positive and increasing, or an argument is outside the laws of `aperture_field`.
     UnaffordableError, NotConvergedError
-        As `aperture_field`.
+        As in `aperture_field`.
 
     Notes
     -----
@@ -141,9 +141,9 @@ def fresnel_psf_difference(
 
 @dataclass(frozen=True, kw_only=True)
 class _Annulus:
-    """Rings of targets in panels of radius, in Airy radii; a symmetric pattern needs one angle only.
+    """Rings of targets in panels of radius, in Airy radii; a symmetric pattern needs only one angle.
 
-    Arrays of the rings have shape (radii, angles), the angles over half a turn: the other half mirrors it.
+    Arrays on the rings have shape (radii, angles). The angles cover half a turn; the other half mirrors it.
     """
 
     edges: FloatArray
@@ -155,7 +155,7 @@ class _Annulus:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Radii and angles."""
+        """Numbers of radii and angles."""
         return (self.edges.size - 1) * _INTERVALS + 1, 1 if self.angles == 1 else self.angles // 2 + 1
 
     def positions(self, airy: float) -> tuple[FloatArray, FloatArray]:
@@ -167,7 +167,7 @@ class _Annulus:
         return (radius * np.cos(angle)).ravel(), (radius * np.sin(angle)).ravel()
 
     def refined(self, values: FloatArray, *, coarse: bool) -> FloatArray:
-        """Values in between, shape (panels, points, angles)."""
+        """Values at the points between the rings, shape (panels, points, angles)."""
         step = 2 if coarse else 1
         nodes, t = self._lobatto[::step], _gauss(coarse=coarse)[0]
         degree = nodes.size - 1
@@ -178,7 +178,7 @@ class _Annulus:
         return np.asarray(interpolation @ self._around(values, coarse=coarse)[starts])
 
     def weights(self, *, coarse: bool) -> FloatArray:
-        """Weights r dr dθ of the values in between, shape (panels, points, 1)."""
+        """Weights r dr dθ of the values between the rings, shape (panels, points, 1)."""
         t, w = _gauss(coarse=coarse)
         half = np.diff(self.edges)[:, None] / 2
         radius = (self.edges[1:] + self.edges[:-1])[:, None] / 2 + half * t
@@ -186,7 +186,7 @@ class _Annulus:
         return np.asarray((radius * half * w * (2 * math.pi / angles))[:, :, None])
 
     def _around(self, values: FloatArray, *, coarse: bool) -> FloatArray:
-        """Whole turns from half turns, interpolated to more angles."""
+        """Full turns from half turns, interpolated to more angles."""
         if self.angles == 1:
             return values
         turn = np.concatenate([values, values[:, -2:0:-1]], axis=1)
@@ -204,7 +204,7 @@ def _refinement(*, coarse: bool) -> int:
 
 
 def target_count(windows: Sequence[float], *, symmetric: bool) -> int:
-    """Points at which each pattern is computed: some on each ring where it is ``symmetric``, many where it is not."""
+    """Points at which each pattern is computed: few on each ring if it is ``symmetric``, otherwise many."""
     return sum(math.prod(one.shape) for one in _annuli(windows, symmetric=symmetric))
 
 
@@ -212,7 +212,7 @@ def _annuli(windows: Sequence[float], *, symmetric: bool) -> list[_Annulus]:
     """One annulus for each window, starting at the previous window."""
     found = []
     for inner, outer in itertools.pairwise((0.0, *windows)):
-        # An intensity contains no period shorter than λ N_w: so many go around the outermost ring, two angles for each.
+        # An intensity contains no period shorter than λ N_w; the outermost ring gets two angles for each such period.
         periods = 2 * math.pi * FIRST_DARK_RING * outer
         found.append(
             _Annulus(
@@ -242,7 +242,7 @@ class _Sums:
             intensity = annulus.refined(exact.reshape(annulus.shape), coarse=coarse)
             parts.append((np.sum(difference * weights), np.sum(intensity * weights), difference.max(), intensity.max()))
         absolute, power, largest, brightest = np.array(parts).T
-        # The image point itself lies between no two rings.
+        # The image point itself does not lie between two rings.
         return cls(
             absolute=np.cumsum(absolute),
             power=np.cumsum(power),
@@ -257,7 +257,7 @@ class _Sums:
 
 
 def _compared(annuli: list[_Annulus], fresnel: ApertureField, kirchhoff: ApertureField) -> PsfDifference:
-    """All measures from the fine grid; their errors from the coarse one and the stated errors."""
+    """All measures from the fine grid, with errors from the coarse one and the stated errors."""
     exact, other = kirchhoff.intensity, fresnel.intensity
     fine, coarse = (_Sums.of(annuli, other, exact, coarse=coarse) for coarse in (False, True))
     (l1, largest), (l1_change, largest_change) = fine.measures, np.abs(fine.measures - coarse.measures)

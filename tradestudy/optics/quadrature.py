@@ -30,11 +30,17 @@ class QuadratureNodes:
     half_extent
         Half the larger side of the box around the area [m].
 
+    Raises
+    ------
+    OutOfRangeError
+        If x, y and weights are not arrays of one length.
+
     Examples
     --------
     >>> from tradestudy import optics
-    >>> optics.disc_nodes(radius=1e-3, radial_count=3, angular_count=8).count
-    24
+    >>> nodes = optics.disc_nodes(radius=1e-3, radial_count=3, angular_count=8)
+    >>> print(f"{nodes.count} nodes, area {nodes.weights.sum() * 1e6:.6f} mm²")
+    24 nodes, area 3.141593 mm²
     """
 
     x: FloatArray
@@ -68,9 +74,9 @@ def disc_nodes(
 ) -> QuadratureNodes:
     """Place Gauss–Legendre rings (in the squared radius) of equally spaced angles on a disc.
 
-    The ring average of a smooth function is an even function of the radius, hence smooth in its square, the variable
-    in which the area element is constant: the rule is exact for polynomials x^i y^j with i + j < `angular_count` and
-    i + j ≤ 4 `radial_count` − 2, and converges faster than any power for smooth integrands.
+    The ring average of a smooth function is an even function of the radius. It is therefore smooth in the squared
+    radius, the variable in which the area element is constant. The rule is exact for polynomials x^i y^j with i + j <
+    `angular_count` and i + j ≤ 4 `radial_count` − 2, and converges faster than any power for smooth integrands.
 
     Parameters
     ----------
@@ -78,7 +84,7 @@ def disc_nodes(
         Radius of the disc [m], > 0.
     radial_count, angular_count
         Number of rings, and of nodes on each ring, ≥ 1. An array of shape (radial_count,) gives each ring its own
-        number, from the innermost out: a smaller ring crosses fewer periods of a wave.
+        number, from the innermost outwards: a smaller ring crosses fewer periods of a wave.
     centre
         Centre of the disc [m].
 

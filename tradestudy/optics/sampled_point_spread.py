@@ -17,8 +17,8 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.argument_types import checked_fields
 from tradestudy.optics.arrays import FloatArray
 
-_LEAST_SAMPLES = 33  # a side; every fourth of them still carries a quintic spline
-_FEW_VALUES = 4  # that are written out
+_LEAST_SAMPLES = 33  # along a side; every fourth of them still supports a quintic spline
+_FEW_VALUES = 4  # number of values up to which all are written out
 _BEST_REDUCTION = 1 / 16  # of the error when the spacing is halved; a quintic spline approaches 1/64
 
 
@@ -27,12 +27,12 @@ _BEST_REDUCTION = 1 / 16  # of the error when the spacing is halved; a quintic s
 class Measured:
     """A number or an array, with its numerical error (same shape, same unit).
 
-    `str` prints each value to the digits that its error supports.
+    `str` prints each value to the digits that its error supports; `repr` summarises large arrays.
 
     Attributes
     ----------
     value, error
-        Arrays of the same shape; shape () for a single number.
+        Arrays of the same shape and unit [that of the quantity]; shape () for a single number.
 
     Raises
     ------
@@ -70,7 +70,7 @@ class Measured:
 
 
 def _with_error(value: float, error: float) -> str:
-    """Value to the digit at which its error starts, with the error."""
+    """Value, printed to the digit at which its error starts, and error."""
     digits = 6
     if error > 0 and value != 0 and np.isfinite(error) and np.isfinite(value):
         digits = int(np.clip(np.floor(np.log10(abs(value))) - np.floor(np.log10(error)) + 1, 1, 15))
@@ -101,7 +101,7 @@ class PointSpread:
 
     Examples
     --------
-    A Gaussian spot, and the width of its cut along x:
+    A Gaussian spot, the width of its cut along x, and the interpolated intensity at a radius of σ:
 
     >>> import numpy as np
     >>> from tradestudy import optics
@@ -111,6 +111,8 @@ class PointSpread:
     >>> width = optics.full_width_at_half_maximum(psf, angle=0.0)
     >>> print(f"{width.value:.4e} m, numerical error below 1e-12 m: {width.error < 1e-12}")
     4.7096e-06 m, numerical error below 1e-12 m: True
+    >>> print(f"{psf.at(2e-6, 0.0):.5f} W/m², {psf.moments((0.0, 0.0), 5e-6)}")
+    0.60653 W/m², DiscMoments(radii up to 5e-06 m)
     """
 
     x: FloatArray
@@ -133,7 +135,7 @@ class PointSpread:
                     f"number of samples along {name}",
                     value=str(axis.size),
                     limit=f"4 n + 1, at least {_LEAST_SAMPLES}",
-                    remedy="sample so that the error estimate can halve the samples twice within the same window",
+                    remedy="choose a number that the error estimate can halve twice within the same window",
                 )
             step = (axis[-1] - axis[0]) / (axis.size - 1)
             if not step > 0 or not np.allclose(np.diff(axis), step, rtol=1e-6, atol=0):
@@ -201,16 +203,30 @@ class PointSpread:
 
     @cached_property
     def spline(self) -> RectBivariateSpline:
-        """Quintic interpolant of the samples, called as spline(y, x)."""
+        """Quintic interpolant of the samples [W/m²], called as spline(y, x)."""
         return RectBivariateSpline(self.y, self.x, self.intensity, kx=5, ky=5)
 
     def at(self, x: FloatArray | float, y: FloatArray | float, *, order: tuple[int, int] = (0, 0)) -> FloatArray:
-        """Interpolated intensity, or its derivative of the given orders along (x, y)."""
+        """Interpolated intensity, or one of its derivatives.
+
+        Parameters
+        ----------
+        x, y
+            Positions within the window [m], broadcast against each other.
+        order
+            Orders of the derivatives along (x, y), from 0 to 4 each.
+
+        Returns
+        -------
+        ndarray
+            Intensity [W/m²] or its derivative [W/m² per mⁿ] by the quintic spline, in the shape of the positions. Each
+            sample errs by at most `sample_error`; interpolation adds an error that this method does not state.
+        """
         return np.asarray(self.spline(np.asarray(y), np.asarray(x), dx=order[1], dy=order[0], grid=False))
 
     @cached_property
     def coarser(self) -> tuple[PointSpread, PointSpread]:
-        """The same window from every second and from every fourth sample."""
+        """Samples of the same window, every second and every fourth."""
         grids = []
         for step in (2, 4):
             grid = object.__new__(PointSpread)  # coarser grids may fall below the least number of samples
@@ -226,7 +242,20 @@ class PointSpread:
         return grids[0], grids[1]
 
     def moments(self, centre: tuple[float, float], reach: float) -> DiscMoments:
-        """Moments over discs about a centre; one evaluation of the spline serves every metric that needs them."""
+        """Moments over discs about a centre; one evaluation of the spline serves every metric that needs them.
+
+        Parameters
+        ----------
+        centre
+            Centre of the discs (x, y) [m].
+        reach
+            Radius of the largest disc [m].
+
+        Returns
+        -------
+        DiscMoments
+            Function of the radius and the power n of r in the moment.
+        """
         known = self._known_moments
         if (centre, reach) not in known:
             known[centre, reach] = DiscMoments(self, centre, reach)
@@ -234,7 +263,7 @@ class PointSpread:
 
     @cached_property
     def _known_moments(self) -> dict[tuple[tuple[float, float], float], DiscMoments]:
-        """By centre and reach."""
+        """Moments that were computed before, by centre and reach."""
         return {}
 
 
@@ -249,7 +278,7 @@ def measured(
     """
     fine, middle, coarse = (np.asarray(metric(grid), dtype=np.float64) for grid in (psf, *psf.coarser))
     last, before = np.abs(fine - middle), np.abs(middle - coarse)
-    with np.errstate(divide="ignore", invalid="ignore"):  # no change before: the ratio is not needed
+    with np.errstate(divide="ignore", invalid="ignore"):  # without an earlier change, the ratio is not needed
         reduction = np.where(before > 0, last / before, 1.0)
     error = last * np.clip(reduction, _BEST_REDUCTION, 1.0) + 8 * np.finfo(float).eps * np.abs(fine) + carried
     return Measured(value=fine, error=error)
@@ -293,6 +322,26 @@ class DiscMoments:
 
     The azimuthal means are computed once. Where a disc ends inside a panel, the polynomial through the panel's nodes is
     integrated.
+
+    Parameters
+    ----------
+    psf
+        Samples to integrate.
+    centre
+        Centre of the discs (x, y) [m].
+    reach
+        Radius of the largest disc [m].
+
+    Examples
+    --------
+    The power of a uniform intensity of 1 W/m² on a disc of a metre:
+
+    >>> import numpy as np
+    >>> from tradestudy import optics
+    >>> axis = np.linspace(-2.0, 2.0, 33)
+    >>> psf = optics.PointSpread(x=axis, y=axis, intensity=np.ones((33, 33)), pupil_power=16.0)
+    >>> print(f"{psf.moments((0.0, 0.0), 1.0)(1.0):.6f} W")
+    3.141593 W
     """
 
     _ORDER = 6
@@ -305,8 +354,24 @@ class DiscMoments:
         self._means = _azimuthal_means(psf, centre, self._radii.ravel()).reshape(self._radii.shape)
         self._to_legendre = np.linalg.inv(np.polynomial.legendre.legvander(nodes, self._ORDER - 1))
 
+    def __repr__(self) -> str:
+        return f"DiscMoments(radii up to {self._edges[-1]:.3g} m)"
+
     def __call__(self, radius: float, power: int = 0) -> float:
-        """Moment over the disc of this radius, at most the reach given."""
+        """∫ rⁿ I dA over a disc.
+
+        Parameters
+        ----------
+        radius
+            Radius of the disc [m], at most the reach given.
+        power
+            n ≥ 0; 0 gives the power in the disc.
+
+        Returns
+        -------
+        float
+            Moment [W mⁿ]; its error is found by comparison with coarser samples.
+        """
         half = self._edges[1] / 2
         coefficients = (2 * np.pi * self._means * self._radii ** (power + 1)) @ self._to_legendre.T
         panel = min(int(np.searchsorted(self._edges, radius, side="right")) - 1, self._radii.shape[0] - 1)

@@ -1,4 +1,4 @@
-"""Conversion of fields on regular grids to the samples that every metric takes."""
+"""Conversion of fields on regular grids to the samples that every metric accepts."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.argument_types import checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.result import ApertureField
-from tradestudy.optics.propagation.sampling import TargetGrid, Targets
+from tradestudy.optics.propagation.targets import TargetGrid, Targets
 from tradestudy.optics.sampled_point_spread import PointSpread
 
 SpreadField = PointSpread | ApertureField
@@ -16,9 +16,9 @@ SpreadField = PointSpread | ApertureField
 
 @checked
 def as_point_spread(field: SpreadField) -> PointSpread:
-    """Samples of a field with its pupil power and stated error.
+    """Samples of a field, with its pupil power and stated error.
 
-    The errors of metrics need 4 n + 1 rows and columns. From any other number, up to three at the far side are dropped.
+    Metrics with errors need 4 n + 1 rows and columns; from any other number, up to three at the far side are dropped.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def as_point_spread(field: SpreadField) -> PointSpread:
 
     References
     ----------
-    The samples themselves; nothing is interpolated.
+    The samples themselves: nothing is interpolated.
 
     Examples
     --------
@@ -67,7 +67,7 @@ def as_point_spread(field: SpreadField) -> PointSpread:
 
 
 def _axes(targets: Targets) -> tuple[FloatArray, FloatArray]:
-    """Positions of columns and rows."""
+    """Positions of columns and rows [m]."""
     if isinstance(targets, TargetGrid):
         return targets.x_axis, targets.y_axis
     if len(targets.shape) == 2:

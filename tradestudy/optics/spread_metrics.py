@@ -1,9 +1,9 @@
 """Metrics of a point-spread function: widths, encircled energy and Strehl ratio, with error bars.
 
-Shares refer to the power that passed the pupil. The light outside the sampled window is never guessed: a number that
+Fractions refer to the power that passed the pupil. The light outside the sampled window is never guessed: a number that
 depends on it is refused.
 
-An error is the sum of the error of sampling and a bound on the effect of the stated error of the samples. The latter
+An error is the sum of the sampling error and a bound on the effect of the stated error of the samples. The latter
 changes an integral ∫∫ w I dA by at most ‖w‖ ‖δI‖ (Cauchy–Schwarz), and a value at a point by at most the whole error
 concentrated in one sample.
 """
@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.argument_types import checked
+from tradestudy.optics.argument_types import check_angle, checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.sampled_point_spread import Measured, PointSpread, measured, peak_position
 from tradestudy.optics.spread_fields import SpreadField, as_point_spread
@@ -29,7 +29,7 @@ def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
     field
         Sampled intensity, or a field on a regular grid.
     angle
-        Direction of the cut, measured from the x axis [rad].
+        Direction of the cut, measured from the x axis [rad], within ±2π.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
     Raises
     ------
     OutOfRangeError
-        If a side never falls to half the peak within the window.
+        If the angle exceeds a full turn, or the intensity never falls to half the peak on one side within the window.
 
     References
     ----------
@@ -53,10 +53,7 @@ def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
     >>> print(f"{width.value / (550e-9 * 8):.3f} λ N, error below 1e-5: {width.error < 1e-5 * width.value}")
     1.031 λ N, error below 1e-5: True
     """
-    if not np.isfinite(angle):
-        raise OutOfRangeError(
-            "angle", value=f"{angle:g} rad", limit="finite", remedy="measure it from the x axis in radians"
-        )
+    check_angle(angle)
     psf = as_point_spread(field)
     direction = (float(np.cos(angle)), float(np.sin(angle)))
 
@@ -118,14 +115,14 @@ def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius:
     field
         Sampled intensity, or a field on a regular grid.
     centre
-        Centre of the circles (x, y) [m]: chief ray, peak or centroid, for example; state which with the result.
+        Centre of the circles (x, y) [m], for example chief ray, peak or centroid; state which one with the result.
     radius
         Radii [m], any shape.
 
     Returns
     -------
     Measured
-        Shares [1] in the shape of the radii, with the errors of sampling and of the samples.
+        Fractions [1] in the shape of the radii, with the errors of sampling and of the samples.
 
     Raises
     ------
@@ -171,7 +168,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
     centre
         Centre of the circle (x, y) [m].
     share
-        In (0, 1), for example 0.5 or 0.8.
+        Fraction of the power [1], in (0, 1), for example 0.5 or 0.8.
 
     Returns
     -------
@@ -197,7 +194,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
     """
     if not 0 < share < 1:
         raise OutOfRangeError(
-            "encircled share", value=f"{share:g}", limit="in (0, 1)", remedy="give a fraction: 80 % are 0.8"
+            "encircled share", value=f"{share:g}", limit="in (0, 1)", remedy="give a fraction: 80 % is 0.8"
         )
     psf = as_point_spread(field)
     largest = _largest_radius(psf, centre)
@@ -227,8 +224,8 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
 def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float) -> Measured:
     """Root-mean-square distance from the centre within a circle: √(∫ r² I dA / ∫ I dA) [m].
 
-    State the radius with the width: behind a hard aperture I falls as r⁻³, and the width grows without limit with the
-    radius.
+    State the radius with the width: behind a hard aperture I falls as r⁻³, and the width grows with the radius without
+    limit.
 
     Parameters
     ----------
@@ -320,7 +317,7 @@ def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:
             "reference peak",
             value=f"{reference_peak:g} W/m²",
             limit="> 0, finite",
-            remedy="compute it by diffraction_limited_peak",
+            remedy="compute it with diffraction_limited_peak",
         )
     psf = as_point_spread(field)
 
@@ -337,9 +334,9 @@ def diffraction_limited_peak(*, pupil_power: float, pupil_area: float, wavelengt
     Parameters
     ----------
     pupil_power
-        P [W].
+        P, power through the pupil [W].
     pupil_area
-        A [m²].
+        A, area of the pupil [m²].
     wavelength, distance
         λ and the distance z from the pupil to the image [m].
 
@@ -385,7 +382,7 @@ def _largest_radius(psf: PointSpread, centre: tuple[float, float]) -> float:
 
 
 def _require_inside(psf: PointSpread, centre: tuple[float, float], radius: float, *, zero: bool = False) -> None:
-    """Refuse a circle that leaves the window, and a radius of 0 unless it is allowed."""
+    """Refuse a circle that leaves the window, and a radius of 0 unless allowed."""
     largest = _largest_radius(psf, centre)
     if not 0 <= radius <= largest * (1 + 1e-12) or (radius == 0 and not zero):
         raise OutOfRangeError(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _POINTS = 60
 _RADII = 200
-_SHOWN = 6.0  # Airy radii to every side
+_SHOWN = 6.0  # Airy radii on every side
 _PERCENT = 100.0
 
 
@@ -36,7 +36,7 @@ def spread_figure(
     airy_radius
         Radius of the first dark ring [m].
     reference_peak
-        Peak without aberration, to which intensities are relative.
+        Peak without aberration, relative to which intensities are plotted [W/m²].
 
     Returns
     -------
@@ -83,6 +83,6 @@ def _spot(axes: Axes, psf: PointSpread, centre: tuple[float, float], reach: floa
 
 
 def _band(axes: Axes, at: FloatArray, value: FloatArray, error: FloatArray, label: str) -> None:
-    """A line with its error band."""
+    """Plot a line with its error band."""
     axes.fill_between(at, value - error, value + error, alpha=0.3, linewidth=0)
     axes.plot(at, value, label=label)

@@ -1,6 +1,6 @@
-"""MTF, and the shares of a point's light in the window, outside a disc and on pixels, with error bars.
+"""MTF, and the fractions of a point's light in the window, outside a disc and on pixels, with error bars.
 
-Shares refer to the power that passed the pupil; errors are composed as in `spread_metrics`.
+Fractions refer to the power that passed the pupil; errors are composed as in `spread_metrics`.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
     """MTF: |∫∫ I e^{−2πi (f_x x + f_y y)} dx dy| / P.
 
     P is the power that passed the pupil. The light outside the window is missing from the integral; this missing
-    fraction is part of the error. At frequency 0, where the MTF is 1 by definition, the value is therefore the
-    fraction inside, such as 0.992 ± 0.008. It is not divided by that fraction: light far from the centre varies
+    fraction is part of the error. At frequency 0, where the MTF is 1 by definition, the value is therefore the fraction
+    inside, such as 0.992 ± 0.008. The integral is not divided by that fraction: light far from the centre varies
     slowly, so it is missing only at the lowest frequencies, and dividing would raise the MTF at all others.
 
     Parameters
@@ -59,8 +59,8 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
     >>> psf = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=20)
     >>> half_cutoff = np.array(0.5 / (550e-9 * 8))
     >>> mtf = optics.modulation_transfer(psf, frequency_x=half_cutoff, frequency_y=np.array(0.0))
-    >>> print(f"{mtf.value:.2f}, to {mtf.error:.3f}, of which {1 - optics.window_share(psf).value:.3f} for the window")
-    0.39, to 0.008, of which 0.008 for the window
+    >>> print(f"{mtf.value:.2f}, error {mtf.error:.3f}; outside the window {1 - optics.window_share(psf).value:.3f}")
+    0.39, error 0.008; outside the window 0.008
     """
     psf = as_point_spread(field)
     try:
@@ -105,7 +105,7 @@ def window_share(field: SpreadField) -> Measured:
     Returns
     -------
     Measured
-        Share [1], shape (), with the errors of sampling and of the samples.
+        Fraction [1], shape (), with the errors of sampling and of the samples.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def share_outside_disc(field: SpreadField, *, centre: tuple[float, float], radiu
     Returns
     -------
     Measured
-        Share [1], shape (), with the error of `encircled_energy`.
+        Fraction [1], shape (), with the error of `encircled_energy`.
 
     Raises
     ------
@@ -188,8 +188,8 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
     Returns
     -------
     Measured
-        Shares [1], shape ``shape``, with the errors of sampling and of the samples; row i starts at
-        y = corner_y + i pitch.
+        Fractions [1], shape ``shape``, with the errors of sampling and of the samples; row i starts at
+        y = corner_y + i · pitch.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
 
     References
     ----------
-    The definition; the spline through the samples is integrated over each square.
+    The definition: the spline through the samples is integrated over each square.
 
     Examples
     --------
@@ -247,7 +247,7 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
 
 @checked
 def share_on_neighbouring_pixels(field: SpreadField, *, pitch: float, centre: tuple[float, float]) -> Measured:
-    """Fraction of the pupil's power on the eight neighbours of the pixel centred at a point.
+    """Fraction of the pupil's power on the eight neighbours of a pixel.
 
     Parameters
     ----------
@@ -261,7 +261,7 @@ def share_on_neighbouring_pixels(field: SpreadField, *, pitch: float, centre: tu
     Returns
     -------
     Measured
-        Share [1], shape (), with the sum of the errors of `pixel_shares`.
+        Fraction [1], shape (), with the sum of the errors of `pixel_shares`.
 
     Raises
     ------

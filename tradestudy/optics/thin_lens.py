@@ -19,7 +19,7 @@ def focus_shift(object_distance: ArrayLike, focal_length: ArrayLike) -> FloatArr
     Parameters
     ----------
     object_distance
-        Object to lens, a [m], any shape; infinity is allowed.
+        Distance a from object to lens [m], any shape; infinity is allowed.
     focal_length
         f [m], broadcast against it.
 
@@ -40,7 +40,7 @@ def focus_shift(object_distance: ArrayLike, focal_length: ArrayLike) -> FloatArr
 
 
 def object_distance(focus_shift: ArrayLike, focal_length: ArrayLike) -> FloatArray:
-    """Newton's law backwards: ``a = f + f² / s``.
+    """Newton's law, inverted: ``a = f + f² / s``.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def object_distance(focus_shift: ArrayLike, focal_length: ArrayLike) -> FloatArr
     -------
     FloatArray
         a [m]; +infinity at s = 0. For a negative shift the law still applies: −f < s < 0 gives a point behind the
-        camera (a < 0), s < −f the object of a virtual image (0 < a < f); callers must interpret these.
+        camera (a < 0), s < −f the object of a virtual image (0 < a < f); the caller must interpret these.
     """
     s, f = np.asarray(focus_shift, dtype=np.float64), np.asarray(focal_length, dtype=np.float64)
     with np.errstate(divide="ignore"):  # an image in the focal plane comes from infinity
@@ -63,17 +63,17 @@ def object_distance(focus_shift: ArrayLike, focal_length: ArrayLike) -> FloatArr
 def image_distance(object_distance: ArrayLike, focal_length: ArrayLike) -> FloatArray:
     """The lens equation: ``b = f a / (a − f)`` [m]; see `focus_shift` for arguments and limits.
 
-    Accurate to rounding also for an object close to the lens, where ``f + s`` would cancel.
+    Accurate to rounding even for an object close to the lens, where ``f + s`` would cancel.
     """
     a, f = np.asarray(object_distance, dtype=np.float64), np.asarray(focal_length, dtype=np.float64)
-    with np.errstate(divide="ignore", invalid="ignore"):  # infinity over infinity is one, put in below
+    with np.errstate(divide="ignore", invalid="ignore"):  # infinity over infinity is 1, inserted below
         return np.asarray(np.where(np.isinf(a), f, f * (a / (a - f))))
 
 
 def blur_diameter(
     object_distance: ArrayLike, focus_distance: ArrayLike, focal_length: ArrayLike, pupil_diameter: ArrayLike
 ) -> FloatArray:
-    """The blur circle of a lens focused elsewhere: ``c = A f |a − a₀| / (a (a₀ − f))``.
+    """Blur circle of a lens focused elsewhere: ``c = A f |a − a₀| / (a (a₀ − f))``.
 
     Parameters
     ----------
@@ -85,15 +85,16 @@ def blur_diameter(
     Returns
     -------
     FloatArray
-        c [m] on the sensor. With the sensor at S = f + s₀ it is ``A S |1/a − 1/a₀|``, by similar triangles behind
-        the lens. It has no pole, even for an object in the front focal plane or nearer, whose rays leave the lens
+        c [m] on the sensor. With the sensor at S = f + s₀, it is ``A S |1/a − 1/a₀|``, by similar triangles behind the
+        lens. It has no pole, not even for an object in the front focal plane or nearer, whose rays leave the lens
         parallel or diverging.
     """
     a, a0, f, pupil = (
         np.asarray(value, dtype=np.float64) for value in (object_distance, focus_distance, focal_length, pupil_diameter)
     )
     sensor = f + focus_shift(a0, f)
-    # (a − a₀)/(a a₀) keeps digits that 1/a − 1/a₀ loses near the focus; an infinite distance leaves the other's 1/a.
+    # (a − a₀)/(a a₀) keeps digits that 1/a − 1/a₀ loses near the focus; if one distance is infinite, 1/a of the other
+    # remains.
     with np.errstate(invalid="ignore"):  # infinity minus infinity, replaced below
         difference = np.where(np.isinf(a0), 1.0 / a, np.where(np.isinf(a), 1.0 / a0, (a - a0) / a / a0))
     both = np.isinf(a) & np.isinf(a0)

@@ -28,7 +28,7 @@ def plenoptic_disparity(
     object_distance
         a_M [m].
     microlens_baseline
-        Δx = x_off,1 − x_off,2 [m], the distance of the two microlens centres.
+        Δx = x_off,1 − x_off,2 [m], the distance between the two microlens centres.
     mla_distance, microlens_gap, focal_length
         z, b_L and f_M [m].
 
@@ -52,9 +52,9 @@ def plenoptic_focus_shift(
 ) -> FloatArray:
     """The focus shift behind a disparity: ``s = (z − f_M) − b_L Δx / Δσ`` [m], the denominator of eq. 8.
 
-    It is an inverse depth up to the factor f²: 0 at infinity, negative beyond. Arguments as in `plenoptic_depth`.
+    An inverse depth up to the factor f²: 0 at infinity, negative beyond. Arguments as in `plenoptic_depth`.
     """
-    with np.errstate(divide="ignore", over="ignore"):  # zero disparity, and the least above it, is a_L = ±infinity
+    with np.errstate(divide="ignore", over="ignore"):  # a disparity of zero, or barely more, means a_L = ±infinity
         v = np.asarray(microlens_baseline, dtype=np.float64) / np.asarray(disparity, dtype=np.float64)
     f = np.asarray(focal_length, dtype=np.float64)
     return np.asarray(
@@ -77,15 +77,16 @@ def plenoptic_depth(
     disparity
         Δσ [m], difference of two local image coordinates, signed.
     microlens_baseline
-        Δx [m], difference of the two microlens centres, same order.
+        Δx [m], difference of the two microlens centres, in the same order.
     mla_distance, microlens_gap, focal_length
         z, b_L and f_M [m].
 
     Returns
     -------
     FloatArray
-        a_M [m]; +infinity where s ≤ 0: a disparity that no point in front of the camera gives ranks beyond the farthest
-        point, so that quantiles of noisy depths stay right. The relative error is `plenoptic_depth_condition` × 2⁻⁵².
+        a_M [m]; +infinity where s ≤ 0: a disparity that no point in front of the camera causes ranks beyond the
+        farthest point, so that quantiles of noisy depths stay right. The relative error is `plenoptic_depth_condition`
+        × 2⁻⁵².
     """
     f = np.asarray(focal_length, dtype=np.float64)
     s = plenoptic_focus_shift(
@@ -101,8 +102,8 @@ def plenoptic_depth_condition(
 ) -> FloatArray:
     """The condition number of eq. 8: the relative change of depth per relative change of its inputs, summed.
 
-    ``Σ |∂ ln a / ∂ ln p|`` over p = Δσ, Δx, b_L (each ``b_L |v| (f/s)² / a``), z and f. It grows as a/f for far points
-    and bounds the digits that any program loses to rounding.
+    ``Σ |∂ ln a / ∂ ln p|`` over p = Δσ, Δx, b_L (each contributes ``b_L |v| (f/s)² / a``), z and f. It grows as a/f for
+    distant points and limits the digits that any program can retain after rounding.
 
     Parameters
     ----------
@@ -130,7 +131,7 @@ def stereo_disparity(
     object_distance
         Z [m] from the baseline, on the line midway between the cameras; infinity is allowed.
     baseline, focal_length
-        B and f [m], f as the principal distance.
+        B and f [m]; f is the principal distance.
     convergence_angle
         θ [rad], the angle between the two optical axes, positive when they meet in front; 0 for a parallel rig, where
         the law is ``d = f B / Z`` exactly.
@@ -141,7 +142,7 @@ def stereo_disparity(
 
 
 def depth_of_inverse(inverse_depth: ArrayLike) -> FloatArray:
-    """Depth [m] of an inverse depth [1/m]: +infinity where that is zero or negative, NaN where it is NaN."""
+    """Depth [m] from an inverse depth [1/m]: +infinity where it is zero or negative, NaN where it is NaN."""
     inverse = np.asarray(inverse_depth, dtype=np.float64)
     with np.errstate(over="ignore"):  # overflow counts as infinitely far
         depth = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), np.inf)
@@ -151,26 +152,26 @@ def depth_of_inverse(inverse_depth: ArrayLike) -> FloatArray:
 def inverse_depth_on_ray(
     ray_x: ArrayLike, ray_z: ArrayLike, slope: ArrayLike, moved_x: ArrayLike, moved_z: ArrayLike
 ) -> FloatArray:
-    """Inverse depth of a point on a ray by the slope at which a second camera sees it: the law of every stereo pair.
+    """Inverse depth of a point on a ray, from the slope at which a second camera sees it: the law of every stereo pair.
 
-    With t from the second camera to the first, a point at depth Z on the first one's ray ``Z (a_x, a_y, a_z)`` lies in
-    the second one's picture at the slope ``r = (Z a_x + t_x)/(Z a_z + t_z)``, hence
+    With t from the second camera to the first, a point at depth Z on the first one's ray ``Z (a_x, a_y, a_z)`` appears
+    in the second one's picture at the slope ``r = (Z a_x + t_x)/(Z a_z + t_z)``, hence
     ``1/Z = (r a_z − a_x)/(t_x − r t_z)``.
 
     Parameters
     ----------
     ray_x, ray_z
-        Components of the ray along the baseline and along the axis, in a frame of the axes of the second camera; Z
-        counts in the length of (a_x, a_y, a_z) per unit depth, so that a_z = 1 makes it the depth in that frame.
+        Components of the ray along the baseline and along the axis, in a frame along the axes of the second camera. Z
+        is measured in lengths of (a_x, a_y, a_z) per unit depth, so it is the depth in that frame if a_z = 1.
     slope
-        r, x over z of the second ray in the same frame.
+        r, the ratio x/z of the second ray in the same frame.
     moved_x, moved_z
         Components of t [m], from the second camera to the first.
 
     Returns
     -------
     FloatArray
-        [1/m]; zero at infinity and negative for rays that diverge.
+        Inverse depth [1/m]; zero at infinity, and negative for rays that diverge.
     """
     r, a_x, a_z, t_x, t_z = (np.asarray(value, dtype=np.float64) for value in (slope, ray_x, ray_z, moved_x, moved_z))
     return np.asarray((r * a_z - a_x) / (t_x - r * t_z))
@@ -189,7 +190,7 @@ def stereo_inverse_depth(
     """
     half = np.asarray(disparity, dtype=np.float64) / (2.0 * np.asarray(focal_length, dtype=np.float64))
     t = np.tan(np.asarray(convergence_angle, dtype=np.float64) / 2.0)
-    slope = (half + t) / (1.0 - half * t)  # of the left ray; the right one mirrors it
+    slope = (half + t) / (1.0 - half * t)  # of the left ray; that of the right one is its mirror image
     return inverse_depth_on_ray(slope, 1.0, -slope, -np.asarray(baseline, dtype=np.float64), 0.0)
 
 
@@ -215,14 +216,14 @@ def stereo_depth(
 def midpoint_depth(
     left_direction: FloatArray, right_direction: FloatArray, left_centre: FloatArray, right_centre: FloatArray
 ) -> FloatArray:
-    """The midpoint rule: the z coordinate of the middle of the shortest segment between two lines of sight.
+    """Midpoint rule: the z coordinate of the middle of the shortest segment between two lines of sight.
 
     Parameters
     ----------
     left_direction, right_direction
-        Directions of the two rays, shape (..., 3), of any length, z along the rig's depth axis.
+        Directions of the two rays, shape (..., 3), of any length; z lies along the rig's depth axis.
     left_centre, right_centre
-        The centres of projection [m], shape (..., 3).
+        Centres of projection [m], shape (..., 3).
 
     Returns
     -------
@@ -230,7 +231,7 @@ def midpoint_depth(
         Depth [m], shape (...); +infinity where the rays are parallel or meet behind the cameras.
     """
     offset = right_centre - left_centre
-    # The closest points by cross products, which do not cancel where the rays are nearly parallel.
+    # The closest points from cross products, which do not cancel where the rays are nearly parallel.
     normal = np.cross(left_direction, right_direction)
     square = np.sum(normal * normal, axis=-1)
     safe = np.where(square > 0.0, square, 1.0)

@@ -1,14 +1,14 @@
 """How waves spread the light of a point behind a lens and a stop: what the stop passes, and where the rest goes.
 
-Between any two planes paraxial light is known by two numbers: a ray through the place η of the lens meets the other
-plane at x = m η, and a kink by an angle κ at the lens moves it by B κ. With (mₛ, Bₛ) at the stop, (mₒ, Bₒ) on the
+Between any two planes, two numbers describe paraxial light: a ray through the position η of the lens meets the other
+plane at x = m η, and a deflection by an angle κ at the lens moves it by B κ. With (mₛ, Bₛ) at the stop, (mₒ, Bₒ) on the
 object and β = mₛ Bₒ − Bₛ mₒ from the stop to the object, Collins's integral over both apertures reads
 
     U(x) ∝ ∬ dP dη exp{iπ/λ [mₛ η²/Bₛ − 2 η·P/Bₛ + g P² − 2 P·x/β]},    g = Bₒ/(Bₛ β),
 
-places counted from the ray through the middle of the lens. Without a stop, the lens takes its role: P = η,
-g = mₒ/Bₒ, β = Bₒ. By reciprocity, a place on a pixel gathers light of the object in just the way in which light of its
-own would spread over it.
+with positions relative to the ray through the middle of the lens. Without a stop, the lens takes its role: P = η,
+g = mₒ/Bₒ, β = Bₒ. By reciprocity, a point on a pixel gathers light of the object just as light from that point would
+spread over the object.
 
 References
 ----------
@@ -32,12 +32,12 @@ from tradestudy.optics.quadrature import gauss_legendre
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-_TAIL: Final = 16.0  # of a spread beyond its rays, over the radius of what limits it: 32 λN
-_SHADOW: Final = 8.0  # of light on the stop beyond the shadow of the lens, in radii of the diffraction there
-_PAD: Final = 3.0  # width of the periodic grid over that of the aperture: 2 leaves the spread without overlap
+_TAIL: Final = 16.0  # extent of a spread beyond its rays, over the radius of what limits it: 32 λN
+_SHADOW: Final = 8.0  # extent of light on the stop beyond the lens's shadow, in radii of its diffraction
+_PAD: Final = 3.0  # width of the periodic grid over that of the aperture; 2 avoids overlap of the spread
 _MOST_SAMPLES: Final = 4096
 _NODES_OF_ARC: Final = 400
-_SHARP: Final = 50.0  # Fresnel number of the shadow from which on its edge is sharp: a seventh of its radius wide
+_SHARP: Final = 50.0  # Fresnel number from which on a shadow's edge counts as sharp: a seventh of its radius wide
 _STEPS_OF_SHARP: Final = 8.0
 
 
@@ -50,7 +50,7 @@ class Stop:
     scale, reach
         mₛ and Bₛ [m], ≠ 0.
     radius
-        [m].
+        Radius of the stop [m].
     """
 
     scale: float
@@ -60,19 +60,19 @@ class Stop:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spread:
-    """Density of light |U|² over the object, of sum 1, on even places that are the same along x and y.
+    """Density of light |U|² over the object, with sum 1, at evenly spaced positions that are the same along x and y.
 
-    Few of its columns are ever asked for, so each is transformed on demand; the sums follow from Parseval's theorem
-    without any. The places reach 16 over the radius of the lit part beyond the rays; what lies farther is folded in.
+    Few columns are ever requested, so each is transformed on demand; Parseval's theorem gives the sums without any
+    transform. The positions extend beyond the rays by 16 over the lit part's radius; light farther away is folded in.
 
     Parameters
     ----------
     light
-        Light in the plane of the aperture, y ≥ 0 along the rows; the other half is its mirror image.
+        Light in the plane of the aperture, y ≥ 0 along the rows; the other half is the mirror image.
     step
-        Distance of its samples [m].
+        Distance between its samples [m].
     count
-        Number n of places along each axis, which is even.
+        Number n of positions along each axis, which is even.
     """
 
     light: NDArray[np.complex64]
@@ -81,12 +81,12 @@ class Spread:
 
     @cached_property
     def place(self) -> FloatArray:
-        """Places x/(λβ) along either axis [1/m], shape (n,)."""
+        """Positions x/(λβ) along either axis [1/m], shape (n,)."""
         return np.asarray((np.arange(self.count) - self.count // 2) / (self.count * self.step))
 
     @cached_property
     def sums(self) -> FloatArray:
-        """Sums of the density over y, by place along x, and over x, by place along y; shape (2, n)."""
+        """Sums of the density over y at each position along x, and over x at each position along y; shape (2, n)."""
         from scipy import fft
 
         twice = np.full(len(self.light), 2.0)
@@ -96,7 +96,7 @@ class Spread:
         return np.stack([fft.fftshift(one / one.sum()) for one in (over_y, over_x)])
 
     def columns(self, numbers: NDArray[np.intp]) -> FloatArray:
-        """The density along y in some columns, over a common factor; shape (columns, n)."""
+        """Density along y in some columns, up to a common factor; shape (columns, n)."""
         from scipy import fft
 
         half = self.count // 2
@@ -105,7 +105,7 @@ class Spread:
 
     @cached_property
     def _by_row(self) -> NDArray[np.complex64]:
-        """The rows transformed along x."""
+        """Rows, transformed along x."""
         from scipy import fft
 
         return np.asarray(fft.fft(self.light, n=self.count, axis=1))
@@ -120,16 +120,16 @@ def _square(field: NDArray[np.complex64]) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class TwoApertures:
-    """A lens that a point lights evenly, and perhaps a stop behind it; scalar, paraxial, of one wavelength.
+    """A lens that a point lights evenly, with or without a stop behind it; scalar, paraxial, of one wavelength.
 
     Parameters
     ----------
     wavelength
         λ [m].
     radius
-        Of the lens [m].
+        Radius of the lens [m].
     stop
-        None: the lens alone.
+        Stop behind the lens; None for the lens alone.
     """
 
     wavelength: float
@@ -138,22 +138,22 @@ class TwoApertures:
 
     @cached_property
     def _airy(self) -> float:
-        """λ Bₛ/2r: by how much diffraction at the lens widens its shadow on the stop [m]."""
+        """λ Bₛ/2r [m]: the amount by which diffraction at the lens widens its shadow on the stop."""
         return 0.0 if self.stop is None else self.wavelength * abs(self.stop.reach) / (2.0 * self.radius)
 
     @cached_property
     def is_sharp(self) -> bool:
-        """Whether the shadow of the lens on the stop is that of rays: ``|mₛ| r²/λ|Bₛ|`` of 50 or more.
+        """Whether the shadow of the lens on the stop is that of rays alone: ``|mₛ| r²/λ|Bₛ|`` of 50 or more.
 
-        Both apertures still spread light over the object, and only what the edge of the lens does to the light on the
-        stop is left out.
+        Both apertures still spread light over the object; only the effect of the lens's edge on the light in the stop
+        is left out.
         """
         stop = self.stop
         return stop is not None and abs(stop.scale) * self.radius**2 >= _SHARP * self.wavelength * abs(stop.reach)
 
     @cached_property
     def lit_radius(self) -> float:
-        """Approximate reach of the light from the centre of the aperture before the object [m]."""
+        """Approximate radius of the light in the last aperture in front of the object, from its centre [m]."""
         if self.stop is None:
             return self.radius
         return min(self.stop.radius, abs(self.stop.scale) * self.radius + self._airy)
@@ -162,7 +162,8 @@ class TwoApertures:
     def blur(self) -> float:
         """Width of the edge of the lens's shadow on the stop [m]: of a Fresnel zone, or of the Airy disc.
 
-        A sharp shadow has an eighth of its radius, for as much changes what the stop leaves of it.
+        A sharp shadow has an edge of an eighth of its radius: moving the shadow by this much changes what the stop
+        passes.
         """
         if self.stop is None:
             return 0.0
@@ -175,16 +176,16 @@ class TwoApertures:
         """g of the object that is in focus [1/m]."""
         if (stop := self.stop) is None:
             return 0.0
-        least = self._airy / self.radius  # as of a Gaussian beam, where the shadow itself is in focus
+        least = self._airy / self.radius  # as for a Gaussian beam, where the shadow itself is in focus
         return stop.scale / (stop.reach * (stop.scale**2 + least**2))
 
     @property
     def waves_per_curvature(self) -> float:
-        """Path error [waves] at the edge of the lit part for each 1/m of g away from that in focus [m]."""
+        """Path error at the edge of the lit part [waves] per 1/m of g away from focus [m]."""
         return self.lit_radius**2 / (2.0 * self.wavelength)
 
     def curvature(self, defocus_waves: FloatArray) -> FloatArray:
-        """g [1/m] of objects so many waves out of focus."""
+        """g [1/m] of objects that are this many waves out of focus."""
         return np.asarray(self.focused_curvature + defocus_waves / self.waves_per_curvature)
 
     def rays_slope(self, curvature: float) -> float:
@@ -196,8 +197,8 @@ class TwoApertures:
     def amplitude(self, distance: FloatArray) -> FloatArray:
         """Complex light in the plane of the stop at distances [m] from the middle of the shadow [1/m].
 
-        ``V = 2π ∫₀^r exp(iπ mₛ η²/λBₛ) J₀(2π η P/λBₛ) η dη / (√π r λ Bₛ)``: its square has the integral 1. Without a
-        stop, even light on the lens. Gauss–Legendre in η² with nodes for the largest phase.
+        ``V = 2π ∫₀^r exp(iπ mₛ η²/λBₛ) J₀(2π η P/λBₛ) η dη / (√π r λ Bₛ)``: its square integrates to 1. Without a stop,
+        it is uniform light on the lens. Gauss–Legendre rule in η², with nodes for the largest phase.
         """
         from scipy.special import j0
 
@@ -212,16 +213,17 @@ class TwoApertures:
         return np.asarray(math.sqrt(math.pi) * r / reach * (bessel @ (weight * np.exp(1j * phase * t))))
 
     def passed_share(self, offset: FloatArray) -> FloatArray:
-        """Share of the light of the lens that the stop passes, its centre so far from that of the shadow [m]."""
+        """Fraction of the light of the lens that the stop passes, for centres of stop and shadow this far apart [m]."""
         if (stop := self.stop) is None:
             return np.ones_like(offset)
         t, weight = gauss_legendre(_NODES_OF_ARC)
         first, last = np.maximum(offset - stop.radius, 0.0), offset + stop.radius
-        # Rings about the shadow; those that the stop does not cut are taken apart, so that no rule meets a corner.
+        # Rings about the shadow. Those that the stop does not cut are summed separately, so that no rule meets a
+        # corner.
         whole = np.maximum(stop.radius - offset, 0.0)
         total = np.zeros_like(offset, dtype=np.float64)
         for low, high, cut in ((np.zeros_like(offset), whole, False), (np.maximum(first, whole), last, True)):
-            # The arc begins and ends upright: t → sin² makes the rule smooth there.
+            # The arc begins and ends vertically; the substitution t → sin² makes the rule smooth there.
             ring = low[:, None] + (high - low)[:, None] * np.square(np.sin(0.5 * math.pi * t))
             step = (high - low)[:, None] * (0.5 * math.pi * np.sin(math.pi * t)) * weight
             half = np.full_like(ring, math.pi)
@@ -241,12 +243,12 @@ class TwoApertures:
             bend = -math.pi / (self.wavelength * stop.reach * stop.scale)
             height = 1.0 / (math.sqrt(math.pi) * edge)
             return np.asarray(np.where(distance <= edge, height, 0.0) * np.exp(1j * bend * np.square(distance)))
-        far = float(self._amplitudes.x[-1])  # farther away there is next to nothing
+        far = float(self._amplitudes.x[-1])  # farther away there is almost no light
         return np.where(distance <= far, self._amplitudes(np.minimum(distance, far)), 0.0)
 
     @cached_property
     def _amplitudes(self) -> CubicSpline:
-        """Cubic between amplitudes, eight to each period of their band."""
+        """Cubic spline through amplitudes, eight to each period of their band."""
         from scipy.interpolate import CubicSpline
 
         assert self.stop is not None
@@ -255,21 +257,21 @@ class TwoApertures:
         return CubicSpline(radii, self.amplitude(radii))
 
     def spread(self, offset: float, curvature: float) -> Spread:
-        """Light over the object, the stop's centre lying so far along x from the middle of the shadow [m].
+        """Light over the object, for a stop whose centre lies at an offset along x from the middle of the shadow.
 
         Parameters
         ----------
         offset
-            [m]; 0 without a stop.
+            Offset [m]; 0 without a stop.
         curvature
-            g [1/m].
+            g [1/m], as in the integral above.
 
         Raises
         ------
         OutOfRangeError
-            Where no light passes.
+            If no light passes the stop.
         UnaffordableError
-            For a defocus that takes more than 4096 samples along an axis.
+            If the defocus takes more than 4096 samples along an axis.
         """
         low, high, half = self._window(offset)
         farthest = self.radius * abs(self.rays_slope(curvature)) / self.wavelength
@@ -278,7 +280,7 @@ class TwoApertures:
         count = _even_size(_PAD * 2.0 * max(half, (high - low) / 2.0) / step)
         columns, rows = math.ceil((high - low) / step) + 3, math.ceil(half / step) + 2
         p_x = (low + high) / 2.0 + step * (np.arange(columns) - (columns - 1) / 2.0)
-        p_y = step * np.arange(rows)  # on one side of the middle row; the other is its mirror image
+        p_y = step * np.arange(rows)  # on one side of the middle row; the other side mirrors it
         distance = np.sqrt(np.square(p_x) + np.square(p_y)[:, None])
         if self.stop is None:
             light = _edge(self.radius - distance, step).astype(np.complex128)
@@ -291,11 +293,11 @@ class TwoApertures:
         bend = 1j * math.pi * curvature / self.wavelength
         light *= np.exp(bend * np.square(p_x))
         light *= np.exp(bend * np.square(p_y))[:, None]
-        # Single precision is finer than the edges are.
+        # Single precision resolves more than the edges do.
         return Spread(light=light.astype(np.complex64), step=step, count=count)
 
     def _window(self, offset: float) -> tuple[float, float, float]:
-        """Along x from where to where light passes, and half of it along y [m]."""
+        """Range along x in which light passes, and half the range along y [m]."""
         if self.stop is None:
             return -self.radius, self.radius, self.radius
         half = self._half_window
@@ -304,13 +306,13 @@ class TwoApertures:
             raise OutOfRangeError(
                 "from the middle of a lens's shadow to that of the stop",
                 value=f"{offset:g} m",
-                limit=f"less than {half + self.stop.radius:g} m, for no light passes there",
+                limit=f"less than {half + self.stop.radius:g} m, beyond which no light passes",
             )
         return low, high, min(half, self.stop.radius)
 
     @cached_property
     def _half_window(self) -> float:
-        """How far from the middle of the shadow light is followed [m]."""
+        """Distance from the middle of the shadow up to which light is followed [m]."""
         assert self.stop is not None
         if self.is_sharp:
             return abs(self.stop.scale) * self.radius
@@ -318,7 +320,7 @@ class TwoApertures:
 
 
 def _edge(inside: FloatArray, step: float) -> FloatArray:
-    """About the share of a sample's square within an edge, by how far its middle lies in."""
+    """Approximate fraction of a sample's square that lies within an edge, by the distance of its centre inside."""
     return np.clip(inside / step + 0.5, 0.0, 1.0)
 
 
@@ -331,6 +333,6 @@ def _even_size(least: float) -> int:
             "samples along an axis of the spread of a point by waves",
             value=str(count),
             limit=f"at most {_MOST_SAMPLES}",
-            remedy="use rays: blur of hundreds of wavelengths leaves nothing for diffraction to change",
+            remedy="use rays: with hundreds of wavelengths of defocus, diffraction changes nothing",
         )
     return count

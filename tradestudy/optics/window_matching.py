@@ -2,12 +2,12 @@
 
 The least-squares shift of a window solves ``B(d) = Σ g (O(d) − R) = 0``: R is the window of the reference, O(d) the
 other picture moved by d, and g the gradient of the reference along the direction of the disparity. That is the normal
-equation of Lucas and Kanade in its inverse-compositional form. Because B is linear in O, moving the other picture by a
-fraction of a step and summing is the same as summing at whole steps and interpolating B; so B is computed once for
-every whole step, and the Newton steps for all windows cost a few operations each.
+equation of Lucas and Kanade in its inverse-compositional form. B is linear in O, so moving the other picture by a
+fraction of a step and summing is the same as summing at whole steps and interpolating B. Therefore B is computed once
+for every whole step, and the Newton steps for all windows cost a few operations each.
 
-g and the noise of O are independent, and g is an odd difference of R, so that neither the noise of the interpolated
-picture nor that of the reference shifts the root: there is no pixel locking by noise.
+g and the noise of O are independent, and g is an odd difference of R. So neither the noise of the interpolated picture
+nor that of the reference shifts the root: there is no pixel locking by noise.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from tradestudy.optics.arrays import BoolArray, Samples
 
 _NEWTON_STEPS: Final = 4
 _DOUBT: Final = 3.0  # standard deviations by which the best step must beat every other
-_MISFIT: Final = 4.0  # standard deviations that the residual may lie above that of noise alone
-_SLACK: Final = 1.0  # share of the squared gradient that the fraction of a step may add to the residual
+_MISFIT: Final = 4.0  # standard deviations by which the residual may exceed that of noise alone
+_SLACK: Final = 1.0  # fraction of the squared gradient that the fraction of a step may add to the residual
 _BEYOND: Final = 0.01  # of a step by which a root may miss its bracket
 _LEAST_RISE: Final = 0.1  # of the slope of B over the squared gradient, which is 1 without noise
 
@@ -60,18 +60,18 @@ REASONS: Final = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matches:
-    """Disparities of all windows; arrays in the shape of the reference.
+    """Disparities of all windows; all arrays have the shape of the reference.
 
     Parameters
     ----------
     disparity
-        [steps]; NaN where none was measured.
+        Disparity [steps]; NaN where none was measured.
     deviation
         Standard deviation due to the noise of both pictures [steps], from the texture of the window itself and the
-        noise of each of its pixels: ``√(Σ g² v)/|B′(d)|``, v the variance of the difference; of smoothed pictures,
-        one g is the `PairOfPictures.noise_gradient`.
+        noise of each of its pixels: ``√(Σ g² v)/|B′(d)|``, where v is the variance of the difference. For smoothed
+        pictures, one of the two factors g is `PairOfPictures.noise_gradient`.
     reason
-        `Reason` of each.
+        `Reason` for each window.
     """
 
     disparity: Samples
@@ -92,7 +92,7 @@ def gradient_along(picture: Samples, direction: tuple[float, float]) -> Samples:
 
 
 def window_sum(values: Samples, window: int) -> Samples:
-    """Sum over a square window around every pixel, over the last two axes; nothing lies beyond the edges."""
+    """Sum over a square window around every pixel, over the last two axes; nothing is added beyond the edges."""
     from scipy.ndimage import uniform_filter1d
 
     for axis in (-1, -2):
@@ -101,7 +101,7 @@ def window_sum(values: Samples, window: int) -> Samples:
 
 
 def odd_window(window_px: float) -> int:
-    """The odd number of pixels nearest to a declared window, 3 or more.
+    """Odd number of pixels nearest to a declared window, at least 3.
 
     Raises
     ------
@@ -120,13 +120,14 @@ class PairOfPictures:
     Parameters
     ----------
     gradient
-        Gradient of a picture of the same place per step of disparity, shape (…, rows, columns); NaN where undefined.
+        Gradient of a picture at the same place per step of disparity, shape (…, rows, columns); NaN where undefined.
     difference
-        For a whole step: the second picture moved back by it minus the first, the variance of the noise of that, and
-        where both are valid. For pictures that were smoothed, the variance is that of the noise before it.
+        Function of a whole step: the second picture moved back by it minus the first, the variance of the noise of this
+        difference, and where both are valid. For smoothed pictures, the variance is that of the noise before smoothing.
     noise_gradient
-        For pictures that were smoothed, the gradient convolved with the correlation c that this leaves in white noise:
-        the variance of Σ g (h∗n) is Σ g (c∗g) v. None for pictures as they were taken.
+        For smoothed pictures, the gradient convolved with the correlation c that smoothing leaves in white noise: for
+        a smoothing kernel h and noise n of variance v, the variance of Σ g (h∗n) is Σ g (c∗g) v. None for pictures as
+        taken.
     """
 
     gradient: Samples
@@ -152,13 +153,13 @@ def match_windows(
     steps
         Six or more consecutive whole steps; disparities between the second and the last but one can be measured.
     window
-        Side of the windows [px], odd. Where only part of a window is in both pictures, that part is used.
+        Side of the windows [px], odd. Where only part of a window lies in both pictures, that part is used.
     least_share
-        Smallest share of a window's pixels that must be valid.
+        Smallest fraction of a window's pixels that must be valid.
     largest_deviation
         Standard deviation above which a window counts as textureless [steps].
     start
-        Whole steps known in advance, which replace the search; NaN where none is known.
+        Whole steps known in advance, which replace the search; NaN where unknown.
     """
     misfit, error, size, noises, count, middle = _sums(pairs, steps, window)
     enough = count >= max(1.0, least_share * window * window * len(pairs))
@@ -203,9 +204,10 @@ def match_windows(
 def _sums(
     pairs: Sequence[PairOfPictures], steps: Sequence[int], window: int
 ) -> tuple[Samples, Samples, Samples, Samples, Samples, BoolArray]:
-    """Over windows, at every step: squared difference, B over Σ g², Σ g² itself, Σ g² times the variance, and pixels.
+    """Window sums at every step: squared difference, B over Σ g², Σ g² itself, Σ g² times the variance, and pixels.
 
-    Last, where both pictures see the pixel in the middle of the window: elsewhere, depth would be a guess.
+    The last item tells where both pictures see the pixel in the middle of the window: elsewhere, depth would be a
+    guess.
     """
     shape, kind = pairs[0].gradient.shape, pairs[0].gradient.dtype
     misfit, moment, size, noise, count = (np.zeros((len(steps), *shape), kind) for _ in range(5))
@@ -233,7 +235,7 @@ def _at(cube: Samples, index: NDArray[np.intp]) -> Samples:
 
 
 def _root(corner: Samples) -> tuple[Samples, Samples]:
-    """Where the cubic through four values at −1, 0, 1, 2 is zero between 0 and 1, and its slope there.
+    """Where the cubic through four values at −1, 0, 1, 2 is zero between 0 and 1, and its slope at that point.
 
     A missing value is extrapolated linearly from its two neighbours.
     """

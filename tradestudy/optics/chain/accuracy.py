@@ -10,6 +10,7 @@ import numpy as np
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.argument_types import checked_fields
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.sampled_point_spread import Measured
 
 _COARSER_TOLERANCE = 2.0
 _COARSER = 0.9
@@ -27,7 +28,7 @@ _KNOBS = (
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class ChainAccuracy:
-    """Tolerance, and factors on the sampling derived from it: a factor of 2 samples twice as finely.
+    """Tolerance of an image, and factors on the sampling that it implies: a factor of 2 samples twice as finely.
 
     Parameters
     ----------
@@ -44,8 +45,8 @@ class ChainAccuracy:
     pixel_sampling
         Factor on the detector samples along a pixel.
     source_sampling
-        Factor on the phase that the nodes on an extended source resolve, and on the radii at which the main-lens
-        field is computed.
+        Factor on the phase that the nodes on an extended source resolve, and on the number of radii at which the
+        main-lens field is computed.
     memory_limit
         Memory that the arrays of one pass may take [bytes]; the error estimate needs a second pass at the same time.
 
@@ -57,8 +58,11 @@ class ChainAccuracy:
     Examples
     --------
     >>> from tradestudy import optics
-    >>> optics.ChainAccuracy(tolerance=1e-3).memory_limit
+    >>> accuracy = optics.ChainAccuracy(tolerance=1e-3)
+    >>> accuracy.memory_limit
     2000000000.0
+    >>> accuracy.compared().tolerance, accuracy.unstarved().tolerance
+    (0.002, 0.0001)
     """
 
     tolerance: float = 1e-4
@@ -76,7 +80,7 @@ class ChainAccuracy:
                 "tolerance of the chain",
                 value=f"{self.tolerance:g}",
                 limit="1e-6 … 0.2",
-                remedy="choose one in this range",
+                remedy="choose a tolerance in this range",
             )
         for name in (*_KNOBS, "memory_limit"):
             value = getattr(self, name)
@@ -87,18 +91,18 @@ class ChainAccuracy:
 
     @property
     def fresnel_lengths(self) -> float:
-        """Distance from where the rays land up to which diffracted light is followed, in Fresnel lengths √(λ z)."""
+        """Distance from where rays land within which diffracted light is followed [Fresnel lengths √(λ z)]."""
         return 1.2 * math.pow(self.tolerance, -1 / 6) * self.diffraction_reach
 
     def compared(self) -> ChainAccuracy:
-        """Settings whose result is compared with that of these settings to estimate the error.
+        """Settings of the second computation, whose difference from the first gives the error.
 
-        They are coarser, with two exceptions. A factor below 1 is compared with 1: samples that alias would alias
-        alike if there were fewer of them. The reach is longer: the light beyond it comes from the edges of other
-        microlenses, in steps of their pitch, and a shorter reach could miss the same edges.
+        They are coarser, with two exceptions. A factor below 1 becomes 1: undersampled light would alias in the same
+        way on even fewer samples. The reach is longer: light beyond it comes from the edges of other microlenses, in
+        steps of their pitch, and a shorter reach could miss the same edges.
         """
         tolerance = min(_COARSER_TOLERANCE * self.tolerance, 0.2)
-        kept = math.pow(tolerance / self.tolerance, 1 / 6)  # against the shorter reach of the larger tolerance
+        kept = math.pow(tolerance / self.tolerance, 1 / 6)  # the larger tolerance alone would shorten the reach
         return replace(
             self,
             tolerance=tolerance,
@@ -111,7 +115,7 @@ class ChainAccuracy:
         )
 
     def unstarved(self) -> ChainAccuracy:
-        """Settings for the check of single points of a spot: a tenth of the tolerance and no factor below 1."""
+        """Settings for checking single points of a spot: a tenth of the tolerance, and no factor below 1."""
         return replace(
             self,
             tolerance=max(self.tolerance / 10, 1e-6),
@@ -129,7 +133,7 @@ class ChainImage:
         Fraction of the power through the main pupil that falls on each pixel, shape (rows, columns); an extended source
         is averaged over its area.
     numerical_error
-        Relative L2 error over the pixels: the change against a coarser computation, or the sum of `error_terms`.
+        Relative L2 error over the pixels: the change from a coarser computation, or the sum of `error_terms`.
     error_terms
         Contributions to the numerical error, each a relative L2 error.
     direct_check
@@ -137,13 +141,14 @@ class ChainImage:
         mean square, for the field on the array and for the intensity on the detector. The latter is not integrated over
         pixels and so exceeds the error of the pixels.
     microlens_share
-        Fraction of the pupil's power that passes the microlens plane; NaN where it was not computed.
+        Fraction of the pupil's power that passes the microlens plane; NaN where it was not computed. It has no stated
+        error; `direct_check` shows how well the light on the array is known.
     effort
         Counts of nodes, samples and source points that the computation took.
     handed_over
         Fraction of the points that a boundary wave left to Kirchhoff's integral; 0 for the other methods.
     tolerance
-        Tolerance requested; infinite if none was.
+        Requested relative L2 error; infinite if none was.
 
     Examples
     --------
@@ -197,13 +202,27 @@ class ChainImage:
         )
 
     @property
+    def pixel_error(self) -> float:
+        """Largest possible error of the fraction on a single pixel [1], if the whole stated error falls on it."""
+        return self.numerical_error * float(np.linalg.norm(self.pixels))
+
+    @property
+    def share_on_pixels(self) -> Measured:
+        """Fraction of the power through the main pupil that falls on all pixels together.
+
+        The error is √n times `pixel_error` for n pixels: the largest possible sum of their errors (Cauchy–Schwarz).
+        """
+        error = math.sqrt(self.pixels.size) * self.pixel_error
+        return Measured(value=np.asarray(self.pixels.sum()), error=np.asarray(error))
+
+    @property
     def within_tolerance(self) -> bool:
         """Whether the stated error is within the tolerance."""
         return self.numerical_error <= self.tolerance
 
 
 def relative_change(fine: FloatArray, other: FloatArray) -> float:
-    """L2 change between two computations over the smaller of both, as too few nodes invent light; 0 for no change."""
+    """L2 change between two computations, relative to the smaller, as too few nodes invent light; 0 for no change."""
     change = float(np.linalg.norm(fine - other))
     size = min(float(np.linalg.norm(one)) for one in (fine, other))
     return 0.0 if change == 0.0 else change / size if size > 0.0 else math.inf

@@ -19,15 +19,16 @@ from tradestudy.optics.propagation.hybrid import unchecked_hybrid_field
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave, PointSource
 from tradestudy.optics.propagation.paths import Array
-from tradestudy.optics.propagation.sampling import Limits, TargetGrid, TargetPoints, net_phase, outline
+from tradestudy.optics.propagation.sampling import Limits, net_phase, outline
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
 
-_SHARE_OF_READING = 0.1  # of a table's tolerance, for its interpolation
-_SHARE_OF_FACTOR = 0.2  # and for its low-rank factor, of whose error two computations share the most
-_OVERSAMPLING = 1.5  # of the samples of tables of a tolerance of 1e-3 and above …
-_FINER = 0.3  # … and how much more a decade adds
-_AROUND = 32  # points of the edge of a disc whose light stands for all
-_LOOSER = 10.0  # boundary waves err by a hundredth of their tolerance in the intensity: a tenth of the image's remains
+_SHARE_OF_READING = 0.1  # fraction of a table's tolerance that its interpolation may use
+_SHARE_OF_FACTOR = 0.2  # the same for its low-rank factor; two computations share most of that error
+_OVERSAMPLING = 1.5  # of tables with a tolerance of 1e-3 or more …
+_FINER = 0.3  # … plus this much for each decade below
+_AROUND = 32  # points on the edge of a disc that represent all of it
+_LOOSER = 10.0  # a boundary wave's intensity errs by 1 % of its tolerance: a tenth of the image's
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,13 +40,13 @@ class PupilWave:
     path
         The camera.
     source
-        Point source before the main lens.
+        Point source in front of the main lens.
     wavelength
-        [m].
+        λ [m].
     method
         Law of this leg; the boundary wave computes Kirchhoff's field in another way.
     coherent_radius
-        > 0: the source is a coherent disc of this radius about `source`, of one phase in its plane [m].
+        Radius of a coherent disc about `source`, with one phase throughout its plane [m]; 0 for a point.
     """
 
     path: LightPath
@@ -61,7 +62,7 @@ class PupilWave:
 
     @property
     def reference(self) -> PupilWave:
-        """Wave whose image is compared to estimate the error: Kirchhoff's for a boundary wave, else the same."""
+        """Wave that is compared to estimate the error: Kirchhoff's for a boundary wave, else this one."""
         return replace(self, method="kirchhoff") if self.method == "boundary_wave" else self
 
     @property
@@ -101,7 +102,7 @@ class PupilWave:
         return self.wave.power()
 
     def _point_wave(self, nodes: QuadratureNodes) -> ComplexArray:
-        """Wave of the middle of the source before the main lens, in the units of the disc's."""
+        """Wave from the middle of the source in front of the main lens, in the units of `_disc_wave`."""
         one = QuadratureNodes(
             x=np.array([self.source.x]),
             y=np.array([self.source.y]),
@@ -113,7 +114,7 @@ class PupilWave:
         return direct_sum(samples, self.kernel, nodes.x, nodes.y, np.full(nodes.count, self.source.distance))
 
     def _disc_wave(self, nodes: QuadratureNodes) -> ComplexArray:
-        """Wave of the whole coherent disc before the main lens (eq. 10)."""
+        """Wave of the whole coherent disc in front of the main lens (eq. 10)."""
         radius, reach = self.coherent_radius, self.path.main_lens.radius + self.coherent_radius
         reach += math.hypot(self.source.x, self.source.y)
         degree = plane_wave_degree(
@@ -134,11 +135,11 @@ class PupilWave:
     ) -> QuadratureNodes:
         """Pupil nodes that resolve the net phase from the source to every point of a rectangle around the region.
 
-        With `only_disc`, to every point of the disc within it. Around the rim and along the radius apart: a defocused
-        wave turns fast along the radius alone.
+        With `only_disc`, they resolve it only for the points of the disc within the rectangle. Counts around the rim
+        and along the radius are chosen separately: the phase of a defocused wave changes fast only along the radius.
         """
         radius, z = self.path.main_lens.radius, self.path.array_distance
-        # Every point of a coherent disc arrives at its own slope, which is as good as targets farther out.
+        # Light from every point of a coherent disc arrives at its own slope, as if targets lay farther out.
         wider = z * self.coherent_radius / math.hypot(self.coherent_radius, self.source.distance)
         sides = [np.array([np.min(c) - wider, np.max(c) + wider]) for c in region]
         x, y = _outline(sides[0], sides[1], only_disc=only_disc)
@@ -159,22 +160,22 @@ def leg_kernel(wavelength: float, paraxial: bool) -> Kernel:
 
 @dataclass(frozen=True, kw_only=True)
 class FieldTable:
-    """Field on a grid with its fast phase taken out, ready to be interpolated.
+    """Field on a grid, with its fast phase removed, ready to be interpolated.
 
-    Coordinates are relative to the chief ray's point; `fast_phase` is added back where the field is read.
+    Coordinates are relative to where the chief ray meets the array; `fast_phase` is added back where the field is read.
 
     Attributes
     ----------
     start
         First grid point (x, y) [m].
     spacing
-        [m].
+        Distance between grid points [m].
     coefficients
-        Shape (rows, columns).
+        Interpolation coefficients, shape (rows, columns).
     kernel
-        Interpolates with them.
+        Kernel that interpolates with these coefficients.
     handed_over
-        Share of the grid that a boundary wave left to Kirchhoff's integral; 0 for the other methods.
+        Fraction of the grid that a boundary wave left to Kirchhoff's integral; 0 for the other methods.
     """
 
     start: tuple[float, float]
@@ -190,21 +191,21 @@ class FieldTable:
 
 
 def fast_phase(wave: PupilWave, x: Array, y: Array) -> FloatArray:
-    """Phase of the path from the middle of the main lens, and that of the chief ray before it [rad].
+    """Phase of the path from the middle of the main lens, plus that of the chief ray in front of it [rad].
 
-    Without it the field contains only waves whose slope is at most that from the middle of the lens to its rim.
+    Without it, the field contains only waves whose slope is at most that from the middle of the lens to its rim.
     """
     a, z = wave.source.distance, np.asarray(wave.path.array_distance)
     chief_x, chief_y = (np.asarray(c) for c in wave.path.chief_point(wave.source))
     off = math.hypot(wave.source.x, wave.source.y)
     before = abs(a) + off**2 / (2 * abs(a)) if wave.paraxial else math.hypot(a, off)
     k, behind = wave.kernel.wavenumber, float(wave.kernel.path(chief_x, chief_y, z))
-    # Turns of a far source would leave no digits to the rest.
+    # The many full turns of a distant source would leave no digits for the rest.
     return np.asarray(math.fmod(k * (before + behind), 2 * math.pi) + k * (wave.kernel.path(x, y, z) - behind))
 
 
 def reading_kernel(tolerance: float) -> TableKernel:
-    """Kernel that reads tables of this tolerance: the finer, the wider it is and the finer are the samples."""
+    """Interpolation kernel for tables of this tolerance: a smaller one needs a wider kernel and finer samples."""
     return TableKernel.within(
         _OVERSAMPLING + _FINER * max(0.0, math.log10(1e-3 / tolerance)), _SHARE_OF_READING * tolerance
     )
@@ -231,18 +232,19 @@ def field_table(
     low, high
         Opposite corners (x, y) of the rectangle, relative to the chief ray's point [m].
     spacing
-        Distance of grid points [m].
+        Distance between grid points [m].
     node_density
         Factor on the phase that the pupil nodes resolve.
     tolerance
-        Of the low-rank factor and the nonuniform FFT.
+        Tolerance of the low-rank factor and of the nonuniform FFT.
     memory_limit
-        [bytes].
+        Memory allowed [bytes].
     edge_tolerance
-        Tolerance of the image; nodes, poles and interpolation of the boundary wave take a tenth of it. Its difference
-        from Kirchhoff's integral does not depend on sampling; the comparison of images covers it.
+        Tolerance of the image; nodes, poles and interpolation of a boundary wave use a tenth of it. The difference
+        between a boundary wave and Kirchhoff's integral does not depend on sampling; the comparison of images covers
+        it.
     only_disc
-        Only the disc within the rectangle is read: beyond it, the field may be wrong.
+        Whether only the disc within the rectangle is read; beyond it, the field may be wrong.
 
     Raises
     ------
@@ -276,7 +278,7 @@ def field_table(
         slow = hybrid.field * unit_phasor(-fast_phase(wave, x, y))
         table = tabulated(slow, start=(start[0], start[1]), spacing=spacing, tolerance=tolerance)
         return replace(table, handed_over=hybrid.handed_over)
-    # What lies beyond settles the ends of the table, for which too few nodes do as well.
+    # Points outside the rectangle only shape the ends of the table, for which too few nodes suffice.
     sides = tuple(chief[axis] + np.array([low[axis], high[axis]]) for axis in (0, 1))
     nodes = wave.nodes((sides[0], sides[1]), density=node_density, only_disc=only_disc)
     points = counts[0] * counts[1]
@@ -300,7 +302,7 @@ def field_table(
 
 
 def _outline(x: FloatArray, y: FloatArray, *, only_disc: bool) -> tuple[FloatArray, FloatArray]:
-    """Middle and outermost points of a rectangle between two sides along each axis, or of the disc within it."""
+    """Middle and outermost points of the rectangle spanned by positions along two axes, or of the disc within it."""
     if not only_disc:
         corners_x, corners_y, _ = outline(x, y, np.zeros(1))
         return corners_x, corners_y

@@ -24,16 +24,16 @@ ArrayField = Callable[[FloatArray, FloatArray], ComplexArray]
 
 @dataclass(frozen=True, kw_only=True)
 class RayReach:
-    """Rays of one source point through the rim of every microlens, paraxial.
+    """Landing points of the paraxial rays of one source point through the centre and the rim of every microlens.
 
     Attributes
     ----------
     image
         Where the ray through each microlens's centre lands, absolute (x, y) [m], shape (lenses, 2).
     travel
-        Farthest landing of a ray from where it passed the array [m], shape (lenses,).
+        Largest distance between where a ray lands and where it passed the array [m], shape (lenses,).
     spread
-        Farthest landing from ``image`` [m], shape (lenses,).
+        Largest distance between a landing point and ``image`` [m], shape (lenses,).
     """
 
     image: FloatArray
@@ -83,7 +83,7 @@ def blur_radius(path: LightPath, source: PointSource) -> float:
 def _arriving_slope(
     path: LightPath, source: PointSource, at: FloatArray, rim: FloatArray, whole_pupil: bool
 ) -> FloatArray:
-    """Slopes of rays that can arrive at points of the array; the whole pupil where the image is in focus there."""
+    """Slopes of rays that can arrive at points of the array: from the whole pupil if the image is in focus there."""
     radius, z = path.main_lens.radius, path.array_distance
     blur = blur_radius(path, source)
     chief = np.asarray(path.chief_point(source))
@@ -99,22 +99,23 @@ def _arriving_slope(
 
 @dataclass(frozen=True, kw_only=True)
 class RayWave:
-    """Wave on the array that the paraxial rays of a point source form.
+    """Wave that the paraxial rays of a point source form on the array.
 
-    U(x) = exp(i k s(x))/(√π R |κ|) within R |κ| of the chief ray, else 0; κ = 1 − z/b takes the pupil's radius R to
-    that of its shadow, and s is the path of the sphere about the main lens's image, to second order in `paraxial`.
-    The power through the pupil is 1 and arrives unchanged, as rays carry it: the edge diffracts nothing on this leg.
+    U(x) = exp(i k s(x))/(√π R |κ|) within R |κ| of the chief ray, else 0. κ = 1 − z/b scales the pupil's radius R to
+    that of its shadow; s is the path of the sphere about the main lens's image, to second order if `paraxial`. The
+    power through the pupil is 1 and arrives unchanged, since rays carry it: on this leg the edge diffracts nothing.
 
     Parameters
     ----------
     path
         The camera.
     source
-        Point source before the main lens; its image may lie before the array or behind it.
+        Point source in front of the main lens; its image may lie in front of the array or behind it.
     wavelength
-        [m].
+        λ [m].
     paraxial
-        Whether the leg behind the array is Fresnel's, which takes every path to second order; else the exact path.
+        Whether the leg behind the array follows Fresnel's law, with every path to second order; otherwise paths are
+        exact.
 
     Raises
     ------
@@ -132,7 +133,7 @@ class RayWave:
 
     @property
     def whole_pupil(self) -> bool:
-        """Every array point sees one pupil point."""
+        """Whether light from every pupil point may reach every array point: never, as each array point sees one."""
         return False
 
     @property
@@ -155,7 +156,7 @@ class RayWave:
 
 
 def refuse_focus_on_array(path: LightPath, source: PointSource, wavelength: float) -> None:
-    """Refuse rays where the array is in focus.
+    """Refuse rays on one leg if the main lens focuses on the array.
 
     Raises
     ------
@@ -180,11 +181,11 @@ class ArrivingLight:
     Attributes
     ----------
     read
-        Field at points (x, y).
+        Function that returns the field at points (x, y).
     samples
-        Points of the table that is interpolated; 0 for a closed form.
+        Number of points of the interpolated table; 0 for a closed form.
     handed_over
-        As of `FieldTable`.
+        As in `FieldTable`.
     """
 
     read: ArrayField
@@ -209,7 +210,7 @@ def arriving_light(wave: PupilWave | RayWave, accuracy: ChainAccuracy) -> Arrivi
     Raises
     ------
     UnaffordableError
-        If its table needs more memory than allowed.
+        If the table of the field needs more memory than allowed.
     NotConvergedError
         If Kirchhoff's integral misses the tolerance where it replaces the boundary wave.
     """
@@ -241,7 +242,7 @@ def array_table(wave: PupilWave, accuracy: ChainAccuracy) -> FieldTable:
 
 
 def table_reader(wave: PupilWave, table: FieldTable) -> ArrayField:
-    """Read the field from its table, with its fast phase put back."""
+    """Function that reads the field from its table and restores the fast phase."""
     chief_x, chief_y = wave.path.chief_point(wave.source)
 
     def read(x: FloatArray, y: FloatArray) -> ComplexArray:
@@ -256,6 +257,6 @@ def table_tolerance(accuracy: ChainAccuracy) -> float:
 
 
 def field_spacing(wave: PupilWave, accuracy: ChainAccuracy) -> float:
-    """Spacing that samples light from the rim of the pupil as finely as the kernel needs that reads the table."""
+    """Grid spacing that samples light from the rim of the pupil as finely as the interpolation kernel requires [m]."""
     finer = reading_kernel(table_tolerance(accuracy)).oversampling * accuracy.field_sampling
     return wave.wavelength * wave.path.array_distance / (2 * wave.path.main_lens.radius * finer)

@@ -1,8 +1,8 @@
 """Where the light of one source point is followed on the detector: on a patch behind each microlens, or everywhere.
 
-Patches are fast, but only the amount of light beyond a patch is known. The whole detector at once misses nothing. It is
-used where it costs no more than patches; below the tolerance that patches meet, it may cost more by the ratio of the
-two tolerances, if the points computed side by side fit into memory.
+Patches are fast, but only the amount of light beyond a patch is known. The whole detector misses nothing. It is
+used where it costs no more than patches. For tolerances that patches do not meet, it may cost more by the ratio of the
+two tolerances, if the source points computed side by side fit into memory.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from tradestudy.optics.chain.sources import DiscSource, SourceNodes
 from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.lens import PointSource
 
-_UPSAMPLING = 4.0  # memory of a nonuniform FFT over that of its modes
-POINTS_AT_ONCE = 2  # source points that are followed side by side; each uses one thread of its own
-SINGLE_PRECISION_FROM = 1e-3  # tolerance from which 32-bit floats add nothing to the error
-_NODE = 10.0  # what a node of a microlens takes, in samples of the detector
-_FEWEST_NODES = 6.0  # of a microlens, over the square of the cycles that they resolve
+_UPSAMPLING = 4.0  # memory of a nonuniform FFT relative to that of its modes
+POINTS_AT_ONCE = 2  # source points followed side by side, with one thread each
+SINGLE_PRECISION_FROM = 1e-3  # tolerance from which on 32-bit floats add nothing to the error
+_NODE = 10.0  # cost of a microlens node, in detector samples
+_FEWEST_NODES = 6.0  # least number of nodes of a microlens, per square of the cycles that they resolve
 # Tolerance that patches meet: behind microlenses in focus, which interfere beyond the patches, points err by 5e-4 to
 # 7e-3. Below it, the whole detector may cost more by the ratio of the tolerances.
 _MET_BY_PATCHES = 1e-2
@@ -45,18 +45,18 @@ _MET_BY_PATCHES = 1e-2
 
 @dataclass(frozen=True, kw_only=True)
 class DetectorPlan:
-    """Sizes that source points need.
+    """Extents and sampling that source points need on the detector.
 
     Attributes
     ----------
     kept
-        Light that lands up to this far from where it passed the array is kept [m].
+        Light is kept if it lands within this distance of where it passed the array [m].
     target_reach
-        Farthest target from a ray image that nodes must resolve [m].
+        Largest distance from a ray image at which nodes must resolve a target [m].
     per_pixel
         Samples along a pixel.
     transfer
-        Grid and law of the leg.
+        Grid and propagation law of the leg.
     """
 
     kept: float
@@ -65,7 +65,7 @@ class DetectorPlan:
     transfer: Transfer
 
     def memory(self, nodes: int, *, single: bool = False) -> float:
-        """What nodes and samples take at once, in single or double precision [bytes]."""
+        """Memory that nodes and samples take together, in single or double precision [bytes]."""
         return (8.0 if single else 16.0) * (12 * nodes + (_UPSAMPLING + 4) * self.transfer.count**2)
 
 
@@ -78,20 +78,20 @@ def plan_detector(
     accuracy: ChainAccuracy,
     everywhere: bool = False,
 ) -> DetectorPlan:
-    """Follow light from where rays land to a margin of Fresnel lengths that grows as the tolerance shrinks.
+    """Follow light beyond where rays land by a margin of Fresnel lengths that grows as the tolerance shrinks.
 
     Parameters
     ----------
     path
         The camera.
     reaches
-        Rays of the source points whose light is to be followed; of a disc those of its centre and of its rim.
+        Rays of the source points whose light is to be followed; for a disc, those of its centre and of its rim.
     wavelength, paraxial
-        Of the leg to the detector.
+        Wavelength [m], and whether the leg to the detector follows Fresnel's law.
     accuracy
         Tolerance and sampling.
     everywhere
-        Follow it to the farthest pixel and the margin beyond, wherever rays land.
+        Whether light is followed to the farthest pixel and a margin beyond, wherever rays land.
     """
     travel = max(float(reach.travel.max()) for reach in reaches)
     margin = accuracy.fresnel_lengths * math.sqrt(wavelength * path.detector_distance)
@@ -102,7 +102,8 @@ def plan_detector(
     spacing = pixels.pitch / per_pixel
     nodes, targets = _half_side(path)
     fading = fading_length(wavelength, path.detector_distance, kept, paraxial=paraxial, tolerance=accuracy.tolerance)
-    # Beside its rays a microlens sends light of the main lens's edge; starved nodes throw it back into small windows.
+    # Besides its rays, a microlens sends light from the main lens's edge; too few nodes fold it back into small
+    # windows.
     beside_rays = math.sqrt(2.0) * (max(float(reach.spread.max()) for reach in reaches) + margin)
     return DetectorPlan(
         kept=kept,
@@ -130,7 +131,7 @@ def field_on_detector(
     tolerance: float,
     threads: int = 0,
 ) -> ComplexArray:
-    """Field on the fine grid of the detector, three samples more on every side.
+    """Field on the fine grid of the detector, with three more samples on every side.
 
     Parameters
     ----------
@@ -143,12 +144,12 @@ def field_on_detector(
     per_pixel
         Samples along a pixel.
     tolerance
-        Of the nonuniform FFT.
+        Tolerance of the nonuniform FFT.
     threads
-        For it to use; 0 for all.
+        Threads that it may use; 0 for all.
     """
     pixels = plane.path.pixels
-    held = strengths != 0  # a shadow leaves some lenses fewer nodes than others, and a sphere leaves nothing
+    held = strengths != 0  # lenses in a shadow have fewer nodes; a subtracted sphere leaves nothing
     x, y = plane.positions
     rows, columns = (n * per_pixel + 2 * MARGIN for n in pixels.shape)
     if not held.any():
@@ -167,25 +168,25 @@ def field_on_detector(
 
 
 def _farthest(path: LightPath) -> float:
-    """Farthest pixel from any point of a microlens: light that lands beyond misses all pixels [m]."""
+    """Distance from any point of a microlens to the farthest pixel [m]: light that lands beyond misses all pixels."""
     apart = np.linalg.norm(path.microlenses.centres[:, None] - _corners(path), axis=-1)
     return float(apart.max()) + path.microlenses.cell_reach
 
 
 def _farthest_image(path: LightPath, reaches: Sequence[RayReach]) -> float:
-    """Farthest pixel from any ray image of a source point, of a disc of any of its points [m]."""
+    """Distance of the farthest pixel from any ray image of a source point, or of any point of a disc [m]."""
     first, last = reaches[0].image, reaches[-1].image
     moved = float(np.linalg.norm(last - first, axis=1).max())
     return float(np.linalg.norm(first[:, None] - _corners(path), axis=-1).max()) + moved
 
 
 def _corners(path: LightPath) -> FloatArray:
-    """Of the detector, shape (4, 2) [m]."""
+    """Corners of the detector [m], shape (4, 2)."""
     return np.array([[x, y] for x in path.pixels.edges_x[[0, -1]] for y in path.pixels.edges_y[[0, -1]]])
 
 
 def _half_side(path: LightPath) -> tuple[float, float]:
-    """Half sides of the squares about the detector's centre that contain all nodes and all pixels."""
+    """Half sides of the squares about the detector's centre that contain all nodes and all pixels [m]."""
     centre = np.asarray(path.pixels.centre)
     nodes = float(np.max(np.abs(path.microlenses.centres - centre))) + path.microlenses.cell_reach
     return nodes, max(path.pixels.shape) * path.pixels.pitch / 2
@@ -193,14 +194,14 @@ def _half_side(path: LightPath) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class DetectorPatch:
-    """The part of the detector that light of one source point is followed on behind one microlens.
+    """Part of the detector on which the light of one source point is followed behind one microlens.
 
     Attributes
     ----------
     half_side
-        How far from its ray image the light of a microlens is followed along x and y [m].
+        Distance from its ray image within which the light of a microlens is followed, along x and y [m].
     side
-        Samples along a side of what is followed, at most those of the detector.
+        Samples along a side of the area that is followed, at most those of the detector.
     cycles
         Cycles over a half aperture that the nodes of a microlens resolve.
     per_pixel
@@ -208,7 +209,7 @@ class DetectorPatch:
     grid
         Samples of the leg: of a patch, or of the whole detector.
     nodes
-        Of one microlens.
+        Number of nodes of one microlens.
     """
 
     half_side: float
@@ -224,7 +225,7 @@ class DetectorPatch:
         return isinstance(self.grid, Transfer)
 
     def work(self, path: LightPath, *, lit: float) -> float:
-        """Work for one source point that lights this many microlenses, in samples of the detector."""
+        """Work for one source point that lights this many microlenses, in detector samples."""
         if self.whole_detector:
             return self.grid.count**2 + _NODE * self.nodes * path.microlenses.count
         return lit * (self.grid.count**2 + _NODE * self.nodes)
@@ -258,7 +259,7 @@ def detector_patch(
     affordable = max(1.0, _MET_BY_PATCHES / accuracy.tolerance) * patch.work(path, lit=lit)
     best, limit = patch, affordable
     for plan, cycles, least in _plans(path, reaches, wavelength, paraxial, accuracy):
-        # Without nodes, of which there may be too many to hold.
+        # Judged without the nodes: there may be too many to hold.
         if least > limit:
             break
         whole = DetectorPatch(
@@ -280,9 +281,10 @@ def detector_patch(
 def _plans(
     path: LightPath, reaches: Sequence[RayReach], wavelength: float, paraxial: bool, accuracy: ChainAccuracy
 ) -> list[tuple[DetectorPlan, float, float]]:
-    """Grids over the whole detector, the cycles that nodes resolve, and the least work, of which the least is first.
+    """Plans for the whole detector, sorted by their least work, with it and the cycles that their nodes resolve.
 
-    To a margin only where patches do not do: what it loses is not given back as that beyond patches is.
+    A plan that follows light only to a margin is tried only where patches do not meet the tolerance: the light that it
+    loses is not restored, unlike light beyond patches.
     """
     found = []
     for everywhere in (True, False) if accuracy.tolerance < _MET_BY_PATCHES else (True,):
@@ -361,9 +363,9 @@ def lit_radius(path: LightPath, point: PointSource, wavelength: float, accuracy:
 
 
 def _farthest_landing(path: LightPath, centre: RayReach, rim: RayReach) -> float:
-    """Farthest ray image from its microlens [m]: the disc's centre's, and as much more as any point of its rim's.
+    """Largest distance of a ray image from its microlens [m]: that of the disc's centre, plus what a rim point may add.
 
-    The rim point that was traced may lie across the direction of a microlens, and another one along it.
+    The traced rim point may lie across the direction of a microlens, and another one along it.
     """
     added = np.linalg.norm(rim.image - centre.image, axis=1).max()
     return float(np.linalg.norm(centre.image - path.microlenses.centres, axis=1).max() + added)

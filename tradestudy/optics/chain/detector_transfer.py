@@ -1,9 +1,9 @@
 """From the microlens array to the detector: the exact transfer function of the leg, applied by Fourier transforms.
 
 A discrete set of nodes has an exact spectrum (one nonuniform FFT). Multiplied by the transfer function of free space
-and transformed back it gives the field on a regular grid, whatever the number of nodes: the only approximations are the
-largest angle that is kept and the period of the grid, both chosen from the geometry so that no light that is kept
-wraps around into the targets.
+and transformed back, it gives the field on a regular grid, whatever the number of nodes. The only approximations are
+the largest angle that is kept and the period of the grid; both follow from the geometry, such that no light that is
+kept wraps around into the targets.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.phasors import ComplexArray, unit_phasor
 
-_FINEST = 1e-4  # tolerance from which on light fades out over no greater length
-_STEEPEST = 0.98  # sine up to which the period follows the light
+_FINEST = 1e-4  # below this tolerance, light fades out over no greater length
+_STEEPEST = 0.98  # sine of the steepest angle that the period allows for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,15 +30,15 @@ class Transfer:
     Attributes
     ----------
     wavelength, distance
-        [m].
+        λ and length of the leg [m].
     paraxial
-        Fresnel; else Kirchhoff.
+        Whether Fresnel's law applies; otherwise Kirchhoff's.
     spacing
-        Distance of detector samples [m].
+        Distance between detector samples [m].
     count
-        Samples a side of one period.
+        Samples along a side of the periodic grid.
     full_band, half_band
-        Spatial frequency up to which all light is kept, and at which it has faded out [1/m].
+        Spatial frequencies up to which all light is kept, and at which it has faded out [1/m].
     """
 
     wavelength: float
@@ -56,12 +56,12 @@ class Transfer:
 
     @property
     def frequencies(self) -> FloatArray:
-        """Frequencies of one axis in the order of the FFT [1/m]."""
+        """Frequencies of one axis in FFT order [1/m]."""
         return np.asarray(scipy.fft.fftfreq(self.count, self.spacing))
 
     @property
     def frequency_step(self) -> float:
-        """Distance of neighbouring frequencies [1/m]."""
+        """Distance between neighbouring frequencies [1/m]."""
         return 1 / self.period
 
 
@@ -74,15 +74,15 @@ class Response:
     transfer
         Grid and law.
     quadrant
-        At frequencies of both axes from zero on, faded out beyond the full band, shape (count // 2 + 1,) * 2; the
-        transfer function is even.
+        Transfer function, which is even, at the frequencies ≥ 0 of both axes; shape (n, n) with n = count // 2 + 1.
+        It has faded out beyond the full band.
     """
 
     transfer: Transfer
     quadrant: ComplexArray
 
     def apply(self, spectrum: ComplexArray) -> None:
-        """Multiply a spectrum in the order of the FFT: frequencies from zero on first, and then those below."""
+        """Multiply a spectrum in FFT order: first the frequencies from zero up, then the negative ones."""
         count = self.transfer.count
         above, below = slice(-(-count // 2)), slice(count // 2, 0, -1)
         for rows, to_rows in ((above, above), (below, slice(above.stop, None))):
@@ -91,10 +91,10 @@ class Response:
 
 
 def response(transfer: Transfer, *, single: bool = False) -> Response:
-    """Tabulate the transfer function of a leg, constant phase dropped; in 32-bit numbers if `single`.
+    """Tabulate the transfer function of a leg without its constant phase; in 32-bit numbers if `single`.
 
-    Kirchhoff: exp(i b k_z)/(1 + i k_z/(k² b)). The first factor belongs to Rayleigh–Sommerfeld I; the paper's
-    kernel lacks its 1 + i/(k s), and at the stationary point s = b k/k_z.
+    Kirchhoff: exp(i b k_z)/(1 + i k_z/(k² b)). The numerator belongs to Rayleigh–Sommerfeld I; the paper's kernel lacks
+    the factor 1 + i/(k s) of that law, where s = b k/k_z at the stationary point.
     Fresnel: exp(−iπ λ b f²).
     """
     frequency = transfer.frequency_step * np.arange(transfer.count // 2 + 1)
@@ -112,7 +112,7 @@ def response(transfer: Transfer, *, single: bool = False) -> Response:
 
 
 def fading(at: FloatArray, full: float, end: float) -> FloatArray:
-    """One up to `full`, falling smoothly to zero at `end`."""
+    """Factor that is 1 up to `full` and falls smoothly to 0 at `end`."""
     ramp = np.clip((end - at) / (end - full), 0.0, 1.0)
     return np.asarray(ramp**3 * (10 - 15 * ramp + 6 * ramp**2))
 
@@ -120,22 +120,22 @@ def fading(at: FloatArray, full: float, end: float) -> FloatArray:
 def fading_length(
     wavelength: float, distance: float, reach: float, *, paraxial: bool, tolerance: float = _FINEST
 ) -> float:
-    """Distance over which light that lands beyond a reach from its start fades out [m].
+    """Distance over which light that lands farther than `reach` from its start fades out [m].
 
-    The band's edge must not ring: as many Fresnel lengths of the slanted path, √(λ b)/cos^{3/2} (without the cosine in
-    Fresnel's law), as the tolerance has decimals.
+    So that the edge of the band does not ring, it spans as many Fresnel lengths of the slanted path, √(λ b)/cos^{3/2}
+    (without the cosine in Fresnel's law), as the tolerance has decimals.
     """
     slant = 1.0 if paraxial else 1 + (reach / distance) ** 2
     return decades(tolerance) * math.sqrt(wavelength * distance) * math.pow(slant, 0.75)
 
 
 def decades(tolerance: float) -> float:
-    """Fresnel lengths over which light fades out so slowly that the edge of a band does not ring."""
+    """Number of Fresnel lengths over which light must fade out so that the edge of a band does not ring."""
     return -math.log10(max(tolerance, _FINEST))
 
 
 def sine_towards(offset: float, distance: float, *, paraxial: bool) -> float:
-    """λ f of light that lands this far from where it started."""
+    """Sine of the angle, λ f, of light that lands this far from where it started; its tangent in Fresnel's law."""
     return offset / distance if paraxial else offset / math.hypot(offset, distance)
 
 
@@ -171,15 +171,15 @@ def choose_transfer(
     Parameters
     ----------
     wavelength, distance, paraxial
-        Of the leg.
+        Wavelength and length of the leg [m], and whether Fresnel's law applies.
     node_reach, target_reach
         Half sides of the squares that contain nodes and targets [m].
     kept_reach
-        Light that lands up to this far from where it started is kept [m].
+        Light is kept if it lands within this distance of where it started [m].
     spacing
-        Distance of detector samples [m]; it is the caller's to divide the pixel.
+        Distance between detector samples [m]; the caller makes it divide the pixel pitch.
     tolerance
-        Relative error aimed at, from which the length follows over which light fades out.
+        Target for the relative error; it sets the length over which light fades out.
 
     Raises
     ------
@@ -189,7 +189,7 @@ def choose_transfer(
     band = half_band(wavelength, distance, kept_reach, paraxial=paraxial, tolerance=tolerance)
     if 2 * band * spacing > 1:
         raise OutOfRangeError(
-            "distance of detector samples",
+            "distance between detector samples",
             value=f"{spacing:g} m",
             limit=f"≤ {1 / (2 * band):g} m",
             remedy="use more samples along a pixel",
@@ -233,9 +233,9 @@ def detector_field(
     shape
         Samples (rows, columns), at most ``count``.
     tolerance
-        Of the nonuniform FFT.
+        Tolerance of the nonuniform FFT.
     threads
-        For it to use; 0 for all.
+        Threads that it may use; 0 for all.
 
     Returns
     -------

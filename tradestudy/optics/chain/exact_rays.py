@@ -1,12 +1,13 @@
-"""The image by rays of exact directions: everything of Kirchhoff's image but diffraction and interference.
+"""Image by rays in exact directions: all of Kirchhoff's image but diffraction and interference.
 
-The volume d²s d²u of pairs of source and pupil points makes it an integral over any other pair of planes: gaps and
-perfect lenses keep the volume of position times slope, lenses of a fixed phase that of position times direction cosine.
-Rays start where the fewest of them are lost: at the detector, at the array or at the source.
+The image is an integral over pairs of source and pupil points. Its volume element d²s d²u can be carried to any other
+pair of planes: gaps and perfect lenses conserve the volume of position times slope, lenses of a fixed phase that of
+position times direction cosine. Rays start where the fewest of them are lost: at the detector, at the array or at the
+source.
 
-From the detector, where the phases of the lenses turn the line from a detector point σ to a lens point x towards a
-pupil point u and a source point s, the irradiance is an integral over every microlens, and a line carries light where u
-and s both lie within their discs.
+For rays from the detector, the irradiance at σ is an integral over every microlens. The phases of the lenses turn the
+line from σ through a lens point x towards a pupil point u and a source point s; the line carries light if u and s both
+lie within their discs.
 """
 
 from __future__ import annotations
@@ -36,27 +37,27 @@ from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.chain.sources import DiscSource, lens_orbits, moved_image, symmetries
 from tradestudy.optics.propagation.lens import PointSource
 
-_SAMPLES = 4.0  # across a pixel, of lines from the detector
+_SAMPLES = 4.0  # across a pixel, where lines start at the detector
 _CYCLES = 0.7  # see `cell_nodes`
-_LINES_AT_ONCE = 400_000  # from the detector, in a block
+_LINES_AT_ONCE = 400_000  # in a block, from the detector
 StartOfRays = Literal["detector", "array", "source"]
 _COARSER = 0.7
-SHIFTS = 8  # of the sequence that places sampled rays
-_SAFETY = 2.5  # on the change of samples, whose errors may fall as slowly as their spacing
-_STANDARD_ERRORS = 3.0  # of few shifts, and of pictures that may hold no more than one number
+SHIFTS = 8  # random shifts of the sequence that places sampled rays
+_SAFETY = 2.5  # factor on the change with sampling: errors may fall only in proportion to the spacing
+_STANDARD_ERRORS = 3.0  # in the stated error: shifts are few, and a picture may be a single number
 _MOST_REFINEMENTS = 2
-_TOLERANCE_OF_ONE = 2e-2  # that a density of 1 meets
-_WIDTH_OF_ONE = 2.0  # radius of such an image [pixels]
-_LEAST_DENSITY = 0.75  # three samples across a pixel against two
-_FEWEST_PIXELS = 2.0  # from the middle of the image of a disc to its edge, to be traced from the detector
+_TOLERANCE_OF_ONE = 2e-2  # tolerance that a density of 1 meets
+_WIDTH_OF_ONE = 2.0  # radius of an image where it does [pixels]
+_LEAST_DENSITY = 0.75  # compares three samples across a pixel with two
+_FEWEST_PIXELS = 2.0  # least radius of a disc's image that is traced from the detector [pixels]
 _PILOT_RAYS = 2**13
-_ORDER = 0.6  # errors of sampled rays fall with this power of their number, about, or a little faster
-_WHERE_DARK = 2**20  # rays where none of the pilot's finds a pixel
+_ORDER = 0.6  # errors of sampled rays fall about as this power of their number, or a little faster
+_WHERE_DARK = 2**20  # rays if none of the pilot's reaches a pixel
 _MOST_RAYS = 1e8
 
 
 def traced_backwards(path: LightPath, source: DiscSource, density: float) -> FloatArray:
-    """Share of the light on each pixel, from a grid of detector points, several to each, and all nodes of microlenses.
+    """Fraction of the light on each pixel, traced from several detector points per pixel through all microlens nodes.
 
     `density` is a factor on the numbers of points across a pixel and of nodes along a microlens.
     """
@@ -79,7 +80,7 @@ def traced_backwards(path: LightPath, source: DiscSource, density: float) -> Flo
 
 
 def backward_rays(path: LightPath, source: DiscSource, density: float) -> float:
-    """How many these are."""
+    """Number of lines that `traced_backwards` follows."""
     nodes = cell_node_count(path.microlenses, cycles=_CYCLES * density)
     lines = _detector_points(path, _samples_across(density))
     distinct = (index for index, _ in lens_orbits(path.microlenses.centres, symmetries(path, source)))
@@ -87,12 +88,12 @@ def backward_rays(path: LightPath, source: DiscSource, density: float) -> float:
 
 
 def _samples_across(density: float) -> int:
-    """Points across a pixel."""
+    """Detector points across a pixel."""
     return max(2, round(_SAMPLES * density))
 
 
 def _detector_points(path: LightPath, across: int) -> tuple[FloatArray, FloatArray]:
-    """Columns and rows [m], evenly spaced, so that fading edges add up to their areas."""
+    """Columns and rows of detector points [m], evenly spaced so that fading edges add up to the right areas."""
     pixels, middles = path.pixels, (np.arange(across) + 0.5) / across
     columns, rows = ((edges[:-1, None] + pixels.pitch * middles).ravel() for edges in (pixels.edges_x, pixels.edges_y))
     return columns, rows
@@ -110,16 +111,16 @@ def _seen(path: LightPath, index: int, columns: FloatArray, rows: FloatArray) ->
 
 @dataclass(frozen=True, kw_only=True)
 class _Trace:
-    """From detector points through all nodes of a microlens to pupil and source.
+    """Lines from detector points through all nodes of a microlens to pupil and source.
 
     Attributes
     ----------
     path, source
         Camera and disc.
     nodes
-        On a cell.
+        Nodes on a cell.
     spacing
-        Of the detector points [m].
+        Distance between detector points [m].
     power
         See `power_of_points`.
     """
@@ -137,10 +138,10 @@ class _Trace:
         return np.concatenate(parts) if parts else np.zeros((0, columns.size))
 
     def _rows(self, index: int, columns: FloatArray, rows: FloatArray) -> FloatArray:
-        """Of some rows of detector points.
+        """Irradiance at some rows of detector points.
 
-        Edges of pupil and source fall between nodes: they fade over what neighbouring nodes and detector points are
-        apart, by paraxial rays t = t_σ + x/f_L, u = x − z t, s = u (1 − a/f) − a t.
+        Edges of pupil and source fall between nodes. They fade over the distance between the lines of neighbouring
+        nodes and detector points, by paraxial rays t = t_σ + x/f_L, u = x − z t, s = u (1 − a/f) − a t.
         """
         path, source, nodes = self.path, self.source, self.nodes
         a, z, b = source.distance, path.array_distance, path.detector_distance
@@ -167,7 +168,7 @@ class _Trace:
         s = u.plus(towards, -a)
         aside = s.beside(source.x, source.y)
         share = passed[lit] * _covered(aside, source.diameter / 2.0, np.broadcast_to(s_width, lit.shape)[lit])
-        # d²s d²u = (a²/b²) d²x d²σ but for what lenses change, and (a/r²)² = cos⁴α/a².
+        # d²s d²u = (a²/b²) d²x d²σ apart from what lenses change, and (a/r²)² = cos⁴α/a².
         share *= volume(lens, arriving, leaving) * volume(main, towards, arriving)
         share /= (1.0 + towards.squared) ** 2 * np.interp(s.squared, *self.power)
         passed[lit] = share
@@ -175,14 +176,14 @@ class _Trace:
 
 
 def _covered(at: Plane, edge: float, width: FloatArray) -> FloatArray:
-    """Share of a spacing about a point that lies within a disc, seen as a straight edge."""
+    """Fraction of a spacing about a point that lies within a disc, whose edge counts as straight."""
     return np.asarray(np.clip(0.5 + (edge - np.sqrt(at.squared)) / np.maximum(width, 1e-9 * edge), 0.0, 1.0))
 
 
 def _reach_on_detector(path: LightPath) -> float:
-    """Farthest light from where the line through the middle of the pupil and of its microlens lands [m].
+    """Largest distance of light from where the line through the middles of pupil and microlens lands [m].
 
-    Paraxial rays from the rim of the pupil through the rim of the cell; a tenth more for those that are not.
+    From paraxial rays through the rims of pupil and cell, with a tenth added for rays that are not paraxial.
     """
     b, cell = path.detector_distance, path.microlenses.cell_reach
     bent = max(abs(1.0 + b / path.array_distance - b * p) for p in (0.0, *(1.0 / path.microlenses.focal_lengths)))
@@ -190,22 +191,22 @@ def _reach_on_detector(path: LightPath) -> float:
 
 
 def exact_ray_image(path: LightPath, source: PointSource | DiscSource, *, accuracy: ChainAccuracy) -> ChainImage:
-    """Share of the pupil's light on each pixel by rays that the exact phases of the lenses turn.
+    """Fraction of the pupil's light on each pixel, by rays that the exact phases of the lenses turn.
 
     Parameters
     ----------
     path
         The camera.
     source
-        Point, or disc whose points radiate on their own.
+        Point or incoherent disc.
     accuracy
         Tolerance and sampling; `source_sampling` refines all samples.
 
     Returns
     -------
     ChainImage
-        ``numerical_error`` is 3 standard errors of eight shifts of the rays, or, of rays from the detector, 2.5 times
-        the change against 0.7 times the samples. Where it misses the tolerance, rays are increased twice at most.
+        ``numerical_error`` is 3 standard errors of eight shifts of the rays; for rays from the detector, it is 2.5
+        times the change from 0.7 times the samples. If it misses the tolerance, more rays are traced, at most twice.
 
     Raises
     ------
@@ -228,11 +229,11 @@ def exact_ray_image(path: LightPath, source: PointSource | DiscSource, *, accura
 
 
 def start_of_rays(path: LightPath, source: PointSource | DiscSource) -> StartOfRays:
-    """Plane that rays start from.
+    """Plane from which rays start.
 
-    The detector samples images that are wide against its pixels. Of all rays from the source those that meet the array
-    count, of those through the array those that meet the source: the smaller of the two areas, seen through the middle
-    of the pupil, loses less.
+    An image that is wide compared with its pixels is traced from the detector. Rays from the source count if they meet
+    the array, and rays through the array if they meet the source: fewer are lost if they start at the smaller of the
+    two areas, as seen through the middle of the pupil.
     """
     if isinstance(source, PointSource):
         return "source"
@@ -251,7 +252,7 @@ def ray_count(path: LightPath, source: PointSource | DiscSource, accuracy: Chain
 
 
 def _from_detector(path: LightPath, source: DiscSource, accuracy: ChainAccuracy) -> tuple[FloatArray, float, float]:
-    """Picture, its error, and rays."""
+    """Picture, its error, and the number of rays."""
     density = _density(path, source, accuracy)
     traced = ray_count(path, source, accuracy)
     coarse, fine = (traced_backwards(path, source, density * factor) for factor in (_COARSER, 1.0))
@@ -269,8 +270,8 @@ def _from_detector(path: LightPath, source: DiscSource, accuracy: ChainAccuracy)
 def _density(path: LightPath, source: DiscSource, accuracy: ChainAccuracy) -> float:
     """Factor on the numbers of samples across a pixel and of nodes on a microlens.
 
-    Edges of pupil and source that fall between samples leave an error that falls with its square, about, and with the
-    width of the image, of which edges are a smaller part.
+    Edges of pupil and source that fall between samples leave an error that falls about as the square of this factor,
+    and with the width of the image, in which edges then take a smaller part.
     """
     wide = max(1.0, _image_radius(path, source) / _WIDTH_OF_ONE)
     needed = math.sqrt(_TOLERANCE_OF_ONE / accuracy.tolerance / wide)
@@ -280,7 +281,7 @@ def _density(path: LightPath, source: DiscSource, accuracy: ChainAccuracy) -> fl
 def _sampled(
     path: LightPath, source: PointSource | DiscSource, accuracy: ChainAccuracy
 ) -> tuple[FloatArray, float, float]:
-    """Picture, its error, and rays."""
+    """Picture, its error, and the number of rays."""
     trace = _tracer(path, source)
     each = _needed(path, source, accuracy) // SHIFTS
     sums = np.stack([_sum(trace, shifted, 0, each) for shifted in range(SHIFTS)])
@@ -294,7 +295,7 @@ def _sampled(
 
 
 def _needed(path: LightPath, source: PointSource | DiscSource, accuracy: ChainAccuracy) -> int:
-    """Rays to trace, through every microlens where they start at the array: from the error that a few of them have."""
+    """Number of rays to trace (per microlens, if they start at the array), from the error of a few of them."""
     if start_of_rays(path, source) == "array":
         path = _typical_microlens(path, source)
     trace = _tracer(path, source)
@@ -304,7 +305,7 @@ def _needed(path: LightPath, source: PointSource | DiscSource, accuracy: ChainAc
 
 
 def _typical_microlens(path: LightPath, source: PointSource | DiscSource) -> LightPath:
-    """The camera with one microlens, of those seen by pixels the one that looks at the middle of the source."""
+    """The camera with one microlens only: the one nearest to the chief ray, preferably among those that pixels see."""
     lenses, pixels = path.microlenses, path.pixels
     middles = lenses.centres * (1.0 + path.detector_distance / path.array_distance)
     half = np.array(pixels.shape[::-1]) * pixels.pitch / 2.0
@@ -316,7 +317,7 @@ def _typical_microlens(path: LightPath, source: PointSource | DiscSource) -> Lig
 
 
 def _lenses_traced(path: LightPath, source: PointSource | DiscSource) -> int:
-    """Microlenses that rays are traced through one after another."""
+    """Number of microlenses through which rays are traced one after another."""
     if isinstance(source, PointSource) or start_of_rays(path, source) != "array":
         return 1
     return sum(1 for _ in lens_orbits(path.microlenses.centres, symmetries(path, source)))
@@ -329,13 +330,13 @@ def _tracer(path: LightPath, source: PointSource | DiscSource) -> Tracer:
 
 
 def _sum(trace: Tracer, shifted: int, start: int, stop: int) -> FloatArray:
-    """Rays of a long stretch, some at once."""
+    """Sum over a long range of rays, block by block."""
     first, *others = (trace(shifted, at, min(at + AT_ONCE, stop)) for at in range(start, stop, AT_ONCE))
     return sum(others, first)
 
 
 def _scatter(sums: FloatArray) -> float:
-    """Error of the mean of pictures that err each on its own, relative L2, by how they scatter."""
+    """Relative L2 error of the mean of pictures with independent errors, from their scatter."""
     mean = sums.mean(axis=0)
     size = math.sqrt(float(np.sum(mean**2)))
     count = sums.shape[0]
@@ -344,13 +345,13 @@ def _scatter(sums: FloatArray) -> float:
 
 
 def _against(coarse: FloatArray, fine: FloatArray) -> float:
-    """Error of the finer of two pictures from the detector, relative L2."""
+    """Relative L2 error of the finer of two pictures traced from the detector."""
     size = float(np.linalg.norm(fine))
     return _SAFETY * float(np.linalg.norm(fine - coarse)) / size if size > 0.0 else 0.0
 
 
 def _image_radius(path: LightPath, source: DiscSource) -> float:
-    """Of a disc behind a microlens [pixels], no larger than the image of the pupil may be."""
+    """Radius of a disc's image behind a microlens [pixels], at most that of the image of the pupil."""
     _, _, depth = path.image_at_array(source.centre)
     at_main_image = source.diameter / 2.0 * abs(path.array_distance - depth) / source.distance
     largest = path.main_lens.radius / path.array_distance

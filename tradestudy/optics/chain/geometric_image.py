@@ -1,9 +1,9 @@
-"""The same image by rays alone: areas of the pupil that a pixel sees, cut by the edges of microlenses and source.
+"""Image by paraxial rays alone: areas of the pupil that a pixel sees, cut by the edges of microlenses and source.
 
 Paraxial rays are linear: a source point s and a pupil point u meet the array at x = −s z/a + κ u with κ = 1 − z/b, and
-the detector at x (1 + b_L/z − b_L/f_L) + c b_L/f_L − u b_L/z behind a microlens at c. A point source leaves u free: a
-pixel's share is the area of pupil, aperture and pixel overlapping in the plane of u. A disc leaves x free too; it runs
-over nodes fitted to the aperture, and for each the overlap of pupil, disc and pixel is again an area in u.
+the detector at x (1 + b_L/z − b_L/f_L) + c b_L/f_L − u b_L/z behind a microlens at c. For a point source only u is
+free: a pixel's share is the area in the plane of u where pupil, aperture and pixel overlap. For a disc, x is free too:
+it runs over nodes fitted to the aperture, and at each node the overlap of pupil, disc and pixel is again an area in u.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ class _Region:
 
 @dataclass(frozen=True, kw_only=True)
 class _Rays:
-    """Where pupil points go for a set of cases: they meet the region at `array_scale` u, land at `detector_scale` u.
+    """Rays in a set of cases: pupil points u meet the region at `array_scale` u and land at `detector_scale` u.
 
-    The region's centre, as seen by each case, and the landing of u = 0 have shape (n, 2); weights are (n,).
+    The centre of the region, relative to each case, and the landing point of u = 0 have shape (n, 2), weights (n,).
     """
 
     region: _Region
@@ -58,7 +58,7 @@ class _Rays:
 
 
 def geometric_image(path: LightPath, source: PointSource | DiscSource, *, density: float) -> ChainImage:
-    """Share of the pupil's light on each pixel by paraxial rays.
+    """Fraction of the pupil's light on each pixel by paraxial rays.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def geometric_image(path: LightPath, source: PointSource | DiscSource, *, densit
     Returns
     -------
     ChainImage
-        ``numerical_error`` is the change against 0.7 times the nodes.
+        ``numerical_error`` is the change from a computation with 0.7 times the nodes.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def geometric_image(path: LightPath, source: PointSource | DiscSource, *, densit
 
 
 def _shares(path: LightPath, source: PointSource | DiscSource, density: float) -> FloatArray:
-    """Sum over microlenses and gaps."""
+    """Sum of the shares over microlenses and gaps."""
     cases = _disc_cases(path, source, density) if isinstance(source, DiscSource) else _point_cases(path, source)
     pixels = np.zeros(path.pixels.shape)
     for rays in cases:
@@ -103,7 +103,7 @@ def _shares(path: LightPath, source: PointSource | DiscSource, density: float) -
 
 
 def _point_cases(path: LightPath, point: PointSource) -> list[_Rays]:
-    """One case per lens; a gap is a cell less its aperture."""
+    """One case per lens; a gap is a cell minus its aperture."""
     lenses, z, b = path.microlenses, path.array_distance, path.detector_distance
     chief = np.array(path.chief_point(point))
     spread = 1 - z / path.main_lens.image_of(point)[2]
@@ -131,7 +131,7 @@ def _point_cases(path: LightPath, point: PointSource) -> list[_Rays]:
 
 
 def _disc_cases(path: LightPath, source: DiscSource, density: float) -> list[_Rays]:
-    """One case per lens with all its nodes: for a fixed array point the disc is a region in the plane of u."""
+    """One case per lens with all its nodes: for a fixed array point, the disc is a region in the plane of u."""
     lenses, z, b = path.microlenses, path.array_distance, path.detector_distance
     shrink = z / source.distance
     chief = np.array(path.chief_point(source.centre))
@@ -159,7 +159,7 @@ def _disc_cases(path: LightPath, source: DiscSource, density: float) -> list[_Ra
 
 
 def _areas(path: LightPath, rays: _Rays, *, columns: int) -> FloatArray:
-    """Weighted share of the pupil whose rays pass the region and land in each pixel.
+    """Weighted fraction of the pupil whose rays pass the region and land in each pixel.
 
     Exact in y; Gauss–Legendre with `columns` nodes across each pixel in x.
     """
@@ -186,6 +186,6 @@ def _areas(path: LightPath, rays: _Rays, *, columns: int) -> FloatArray:
         top = np.maximum(np.minimum(disc, middle + half), bottom)
         inside = np.diff(np.clip(edges_y[part, None, None, :], bottom[..., None], top[..., None]), axis=-1)
         total[:, touched] += np.einsum("n,nc,k,nckr->rc", rays.weights[part], width, w, inside, optimize=True)
-    if to_detector < 0:  # the edges were sorted, which turned the image about
+    if to_detector < 0:  # sorting the edges mirrored the image
         total = total[::-1, ::-1]
     return total / (math.pi * radius**2)

@@ -1,6 +1,6 @@
 """Image of a point, a disc or a spectrum through main lens and microlenses on the pixels, by a law for each leg.
 
-`chain_image` adds the light of all microlenses; `separate_image` lets every pixel see one alone, without cross-talk.
+`chain_image` adds the light of all microlenses; `separate_image` lets every pixel see only one, without cross-talk.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from tradestudy.optics.chain.sources import DiscSource, spectral_shares
 from tradestudy.optics.chain.spot_image import wave_spot_image
 from tradestudy.optics.propagation.lens import PointSource
 
-_EQUALLY_NEAR = 4  # microlenses at most that a pixel lies midway between, on a square array
+_EQUALLY_NEAR = 4  # largest number of microlenses equally near to a pixel, on a square array
 
 
 @checked
@@ -57,7 +57,7 @@ def chain_image(
     path
         Lenses, distances, pixels.
     source
-        Point, incoherent disc (the intensities of its points are averaged) or coherent disc (one phase all over it).
+        Point, incoherent disc (the intensities of its points are averaged) or coherent disc (one phase throughout).
     wavelength
         λ [m], > 0.
     legs
@@ -71,10 +71,9 @@ def chain_image(
     rng
         Draws the targets that are checked against direct quadrature.
     done
-        Called with the fraction of an incoherent disc's points that is done, while their waves propagate behind the
-        array.
+        Called with the completed fraction of an incoherent disc's points, while their waves propagate behind the array.
     compute
-        Computes groups of those points, on workers if desired; the image does not depend on it.
+        Computes groups of those points, here or on workers; the image does not depend on where.
 
     Returns
     -------
@@ -194,9 +193,9 @@ def spectral_image(
     path, source, legs, accuracy, rng
         As in `chain_image`.
     wavelengths
-        [m], shape (n,).
+        Wavelengths [m], shape (n,).
     weights
-        Power in the pupil at each wavelength, ≥ 0, not all zero; only the ratios matter.
+        Power in the pupil at each wavelength [any unit], ≥ 0, not all zero, shape (n,); only the ratios matter.
 
     Raises
     ------
@@ -251,7 +250,7 @@ def spectral_image(
 
 
 def mean_image(parts: Sequence[ChainImage], wavelengths: FloatArray, share: FloatArray) -> ChainImage:
-    """Mean of images at several wavelengths [m], weighted by shares that sum to 1; the errors add up, as at worst."""
+    """Mean of images at several wavelengths [m], weighted by shares that sum to 1; their errors add up."""
     pixels = np.tensordot(share, [part.pixels for part in parts], axes=1)
     size = float(np.linalg.norm(pixels)) or 1.0  # no light: no error
     errors = [

@@ -36,8 +36,8 @@ from tradestudy.optics.propagation.lens import PointSource
 _SAFETY = 2.5  # where rows of pixels graze the outline of a microlens, both computations converge slowly
 _CHECK_POINTS = 16
 _GROSS = 0.2  # discrepancy from direct quadrature that is refused at any tolerance
-_FOR_BENDING = 3  # extra nodes where an outline ends upright
-_FINER = 1.5  # sampling of the field on the array, and of its irradiance, in the computation that is compared
+_FOR_BENDING = 3  # extra nodes where an outline ends vertically
+_FINER = 1.5  # factor on the sampling of field and irradiance on the array in the second computation
 _SMALLEST = 1e-12  # scale below which one plane is focused on the next
 
 
@@ -74,7 +74,7 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
     Returns
     -------
     ChainImage
-        The shares sum to `microlens_share` if all light lands on the detector: rays lose nothing.
+        The pixels sum to `microlens_share` if all light lands on the detector: rays lose nothing.
 
     Raises
     ------
@@ -88,8 +88,8 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
     """
     refuse_pixel_centres(wave.path.pixels)
     refuse_focus_on_array(wave.path, wave.source, wave.wavelength)
-    # Few nodes fall on a pixel's share of a microlens: hardly fewer would often be as many. A finer computation errs by
-    # nothing that both share.
+    # Few nodes fall on a pixel's share of a microlens, and a slightly coarser rule would often have as many. The second
+    # computation is therefore finer: the two then share none of their error.
     finer = replace(
         accuracy.unstarved(),
         field_sampling=_FINER * max(accuracy.field_sampling, 1.0),
@@ -122,10 +122,10 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
 
 
 def compared_settings(accuracy: ChainAccuracy) -> ChainAccuracy:
-    """Settings of the computation that is compared: those of `ChainAccuracy.compared`, but a finer field on the array.
+    """Settings of the second computation: those of `ChainAccuracy.compared`, but with a finer field on the array.
 
-    Rays carry every ripple of the field to a pixel, and a field on a coarser grid ripples alike where it is sampled
-    hardly finer than needed.
+    Rays carry every ripple of the field to a pixel, and a field sampled only just finely enough has the
+    same ripples on a coarser grid.
     """
     return replace(accuracy.compared(), field_sampling=_FINER * max(accuracy.field_sampling, 1.0))
 
@@ -208,7 +208,7 @@ def on_pixels(power: FloatArray, pixel: IndexArray, grid: PixelGrid) -> FloatArr
 
 @dataclass(frozen=True, kw_only=True)
 class _Landed:
-    """Nodes with the power of each, the power on each pixel, and the power left out as of `LitPart`."""
+    """Nodes with the power of each, the power on each pixel, and the power left out, as in `LitPart`."""
 
     light: ArrivingLight
     nodes: PixelNodes
@@ -241,7 +241,7 @@ def landing_nodes(path: LightPath, source: PointSource, *, frequency: float, tol
 def _landed(wave: PupilWave, accuracy: ChainAccuracy) -> _Landed:
     """Irradiance on nodes of every microlens that is lit, and the pixels where it lands."""
     lit = lit_part(wave, accuracy)
-    assert isinstance(lit.wave, PupilWave)  # as the wave it is a part of
+    assert isinstance(lit.wave, PupilWave)  # because the whole wave is one
     wave = lit.wave
     frequency = accuracy.microlens_nodes * irradiance_frequency(wave.path, wave.wavelength)
     nodes = landing_nodes(wave.path, wave.source, frequency=frequency, tolerance=accuracy.tolerance)

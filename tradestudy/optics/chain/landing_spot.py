@@ -1,9 +1,9 @@
-"""An incoherent disc by waves to the array and rays behind it.
+"""Image of an incoherent disc by waves to the array and rays behind it.
 
-A pixel's share is an integral over source points s and array points x, of the irradiance where it lands on the pixel.
-The landing is linear in both: the inner integral is cut exactly along the edges of the pixels, over the plane that
-moves the landing farther (source points where the microlenses are near focus, array points of a small source), and
-the outer one is smooth enough for a rule fitted to a disc or a cell.
+A pixel's share is the integral of the irradiance over the source points s and array points x whose light lands on it.
+The landing point is linear in both. The inner integral is cut exactly along the edges of the pixels; it runs over the
+plane that moves the landing point farther (source points where the microlenses are near focus, array points of a small
+source). The outer one is smooth enough for a rule fitted to a disc or a cell.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ from tradestudy.optics.chain.sources import (
 from tradestudy.optics.propagation.lens import PointSource
 
 _SAFETY = 1.5  # the two computations share some of their error
-_FEWER = 0.7  # source nodes and tables of the computation that is compared
+_FEWER = 0.7  # factor on source nodes and tables in the second computation
 _CHECK_POINTS = 16
-_CORNERS_BELOW = 3e-3  # tolerance from which on the pixels at the rim of the disc count in full
-_SHARE_OF_FRINGES = 0.1  # resolved on a pixel's share of the disc; the nodes of the array average the rest
+_CORNERS_BELOW = 3e-3  # tolerance below which columns are also cut where the disc's rim crosses the edge of a row
+_SHARE_OF_FRINGES = 0.1  # fraction resolved on a pixel's share of the disc; array nodes average the rest
 
 
 def landing_spot_image(
@@ -108,7 +108,7 @@ def _coarser(accuracy: ChainAccuracy) -> ChainAccuracy:
 
 @dataclass(frozen=True, kw_only=True)
 class _Landed:
-    """Shares on the pixels and before them, and what they were read from."""
+    """Fractions on the pixels and on the array, and the tables from which they were computed."""
 
     tables: SourceTables
     pixels: FloatArray
@@ -117,8 +117,8 @@ class _Landed:
 
 
 def _landed(path: LightPath, source: DiscSource, wavelength: float, legs: Legs, accuracy: ChainAccuracy) -> _Landed:
-    """Integrate over both planes, the one that moves the landing farther inside."""
-    assert legs.to_array != "geometric"  # whose discs `geometric_image` has
+    """Integrate over both planes; the inner integral is over the one that moves the landing point farther."""
+    assert legs.to_array != "geometric"  # `geometric_image` computes those
     off, radius = math.hypot(source.x, source.y), source.diameter / 2
     rim = PointSource(x=source.x + radius, y=source.y, distance=source.distance)
     tables = source_tables(
@@ -143,13 +143,13 @@ def _landed(path: LightPath, source: DiscSource, wavelength: float, legs: Legs, 
 
 
 def _image_moves(path: LightPath, source: DiscSource) -> float:
-    """How far the landing moves as the source point does, from a fixed point of the array."""
+    """How far the landing point moves with the source point, for a fixed point of the array."""
     depth = path.image_at_array(source.centre)[2]
     return abs(path.detector_distance * (path.array_distance - depth) / (depth * source.distance))
 
 
 def _lens_moves(path: LightPath, source: DiscSource) -> list[float]:
-    """How far the landing moves with the point of the array, from a fixed source point: behind each lens, and a gap."""
+    """How far the landing point moves with the array point, for a fixed source point: behind a lens and in a gap."""
     b, depth = path.detector_distance, path.image_at_array(source.centre)[2]
     powers = [1 / float(f) for f in np.unique(path.microlenses.focal_lengths)]
     return [1 + b / depth - b * power for power in (*powers, *([0.0] if path.microlenses.gaps == "clear" else []))]
@@ -158,7 +158,7 @@ def _lens_moves(path: LightPath, source: DiscSource) -> list[float]:
 def _over_array(
     tables: SourceTables, source: DiscSource, accuracy: ChainAccuracy
 ) -> Iterator[tuple[FloatArray, float, int]]:
-    """Nodes on the array outside; the disc, cut by the pixels as each node sees them, inside."""
+    """Outer sum over nodes of the array; inner integral over the disc, cut along the pixels as each node sees them."""
     path = tables.path
     lenses, pixels, b = path.microlenses, path.pixels, path.detector_distance
     depth = path.image_at_array(source.centre)[2]
@@ -201,7 +201,7 @@ def _over_array(
 def _over_source(
     tables: SourceTables, source: DiscSource, accuracy: ChainAccuracy
 ) -> Iterator[tuple[FloatArray, float, int]]:
-    """Nodes on the disc outside; the cells, cut by the pixels as each node sees them, inside."""
+    """Outer sum over nodes of the disc; inner integral over the cells, cut along the pixels as each node sees them."""
     path = tables.path
     fringes = irradiance_frequency(path, tables.wavelength)
     moves = _image_moves(path, source) / path.pixels.pitch

@@ -1,7 +1,8 @@
-"""The microlenses that light of a point reaches, and the pixels on which it lands, with a bound on the light left out.
+"""Microlenses that light of a point reaches, and the pixels on which it lands, with a bound on the light left out.
 
-Outside the shadow of the pupil, of radius a on the array, the wave from its rim leaves on average the irradiance
-P λ z/(4 π³ R) [1/(r − a)² + 1/(r + a)²]/r of the power P through the pupil, R its radius; in focus it is Airy's tail.
+Outside the shadow of the pupil, of radius a on the array, the wave from the rim of the pupil (radius R) leaves on
+average the irradiance P λ z/(4 π³ R) [1/(r − a)² + 1/(r + a)²]/r, P being the power through the pupil; in focus this is
+Airy's tail.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ class LitPart:
     Attributes
     ----------
     wave
-        On a path with those microlenses alone.
+        Wave on a path that contains only these microlenses.
     lost
-        Root of the sum of squares of the powers on the others, of the power through the pupil: as if each of them
-        gathered it on one pixel.
+        Root sum of squares of the powers on the other microlenses, relative to the power through the pupil: as if each
+        of them gathered its light on one pixel.
     """
 
     wave: PupilWave | RayWave
@@ -72,7 +73,7 @@ def _felt(wave: PupilWave, away: FloatArray, accuracy: ChainAccuracy) -> tuple[B
 
 
 def _diffracted(path: LightPath, blur: float, distance: FloatArray, wavelength: float) -> FloatArray:
-    """Irradiance over the power through the pupil, at distances from the chief ray [1/m²]; infinite among the rays."""
+    """Irradiance over the power through the pupil, at distances from the chief ray [1/m²]; infinite where rays land."""
     beyond = np.maximum(distance, blur)
     with np.errstate(divide="ignore"):
         law = (1 / (beyond - blur) ** 2 + 1 / (beyond + blur) ** 2) / beyond
@@ -80,7 +81,7 @@ def _diffracted(path: LightPath, blur: float, distance: FloatArray, wavelength: 
 
 
 def _least_norm(wave: PupilWave, away: FloatArray, blur: float) -> float:
-    """L2 norm of the picture at least, over the power through the pupil: rays spread evenly where they land."""
+    """Least L2 norm of the picture, relative to the power through the pupil: rays spread evenly where they land."""
     path, lenses = wave.path, wave.path.microlenses
     lit = np.flatnonzero(away <= max(blur, float(away.min())))
     share = min(1.0, (lenses.aperture_width / (2 * blur)) ** 2) if blur > 0 else 1.0

@@ -1,8 +1,8 @@
 """Boundary waves behind the array: the spherical part of a microlens's light as rays and a wave from its edge.
 
 The light of a microlens is split into the best-fitting sphere about the main lens's image and the rest, which is zero
-if rays brought the light. The sphere has closed forms, the rest is left to Kirchhoff's integral; so is all light
-of microlenses that the shadow of the pupil cuts, which no single edge surrounds, and of those whose rays meet or cross
+if rays brought the light. The sphere has closed forms; the rest is left to Kirchhoff's integral. So is all light of
+microlenses that the shadow of the pupil cuts, since no single edge surrounds it, and of those whose rays meet or cross
 on the detector.
 """
 
@@ -19,36 +19,38 @@ from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import PupilWave, looser_for_edges
 from tradestudy.optics.chain.arriving_light import RayReach, RayWave, blur_radius
 from tradestudy.optics.chain.microlens_nodes import CellNodes, lit_share
+from tradestudy.optics.chain.microlenses import Microlenses
 from tradestudy.optics.chain.pixels import MARGIN
 from tradestudy.optics.chain.regions import Disc
-from tradestudy.optics.chain.scene import LightPath, Microlenses
+from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.phasors import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.hybrid import LEAST_ZONES, unchecked_hybrid_field
 from tradestudy.optics.propagation.kernels import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.paths import Array, SphericalPath
 from tradestudy.optics.propagation.rays import one_ray_per_target
-from tradestudy.optics.propagation.sampling import Limits, TargetGrid
+from tradestudy.optics.propagation.sampling import Limits
+from tradestudy.optics.propagation.targets import TargetGrid
 
 
 class _EvenWave(LensWave):
-    """A sphere through a microlens as strong at every point as at the vertex, where it is 1."""
+    """Spherical wave through a microlens, of amplitude 1 at every point."""
 
     def amplitude(self, x: Array, y: Array) -> Array:
-        """One."""
+        """Return 1."""
         return np.ones(np.broadcast(x, y).shape, dtype=np.complex128)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Spheres:
-    """Light of microlenses as spheres about one point, and the rest.
+    """Light of microlenses, split into spheres about one point and the rest.
 
     Attributes
     ----------
     which
         Microlenses whose sphere is propagated.
     strength
-        Field of each one's sphere at its vertex, shape (which,).
+        Field of each sphere at the vertex of its microlens, shape (which,).
     rest
         Field on the nodes minus the spheres.
     power
@@ -146,7 +148,8 @@ def add_spheres(
     Parameters
     ----------
     canvas
-        Field on a grid of the detector, constant phase dropped as by `detector_transfer.response`; changed in place.
+        Field on a grid of the detector without its constant phase, as in `detector_transfer.response`; changed in
+        place.
     path, wave
         Camera, and the wave of one source point.
     spheres
@@ -154,16 +157,16 @@ def add_spheres(
     reach
         Where rays land.
     half_patch
-        How far from there light is followed along x and y [m].
+        Distance from there within which light is followed, along x and y [m].
     spacing
-        Distance of samples [m]; there are `MARGIN` more than the pixels take on every side.
+        Distance between samples [m]; the grid extends `MARGIN` samples beyond the pixels on every side.
     accuracy
         Tolerance of the image, and memory.
 
     Returns
     -------
     float
-        Power of the spheres, less that of points where rays are singular: these are left to Kirchhoff's integral.
+        Power of the spheres, minus that of points where rays are singular: these are left to Kirchhoff's integral.
 
     Raises
     ------

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray, IndexArray
+from tradestudy.optics.chain.microlenses import Microlenses
 from tradestudy.optics.chain.regions import (
     Disc,
     Region,
@@ -18,7 +19,6 @@ from tradestudy.optics.chain.regions import (
     resolving,
     subintervals,
 )
-from tradestudy.optics.chain.scene import Microlenses
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes, gauss_legendre, rectangle_nodes
 
 
@@ -45,8 +45,8 @@ class CellNodes:
 def cell_nodes(lenses: Microlenses, *, cycles: float) -> CellNodes:
     """Place nodes that integrate a plane wave with this many cycles over a half width of the aperture.
 
-    A plane wave of phase z at the rim has the degree z + 6 z^⅓ up to rounding (its Bessel coefficients J_n(z) die
-    beyond), which fixes the number of nodes of every rule.
+    A plane wave of phase z at the rim is a polynomial of degree z + 6 z^⅓ up to rounding (its Bessel coefficients
+    J_n(z) die out beyond), which fixes the number of nodes of every rule.
     """
     half = lenses.aperture_width / 2
     if lenses.aperture == "circular":
@@ -80,9 +80,9 @@ def cell_node_count(lenses: Microlenses, *, cycles: float) -> int:
 def tapered_disc_nodes(
     *, radius: float, radial_phase: float, angular_phase: float, centre: tuple[float, float] = (0.0, 0.0)
 ) -> QuadratureNodes:
-    """Nodes on a disc for a wave whose phase at the rim is this much along a radius and along the rim.
+    """Nodes on a disc for a wave whose phase changes by this much from centre to rim, and along the rim.
 
-    On a smaller ring the phase turns less often, and fewer nodes suffice.
+    Along a smaller ring the phase changes less, and fewer nodes suffice.
     """
     angles = _nodes_on_rings(radial_phase, angular_phase)
     return disc_nodes(radius=radius, radial_count=angles.size, angular_count=angles, centre=centre)
@@ -94,7 +94,7 @@ def plane_wave_degree(phase: float) -> int:
 
 
 def plane_wave_degrees(phases: FloatArray | float) -> IndexArray:
-    """The same of many waves."""
+    """`plane_wave_degree` of many waves."""
     return np.ceil(phases + 6 * np.cbrt(np.maximum(phases, 1.0))).astype(int)
 
 
@@ -105,7 +105,7 @@ def _nodes_on_rings(radial_phase: float, angular_phase: float) -> IndexArray:
 
 
 def _nodes_across(cycles: float) -> int:
-    """Nodes along a side of a square aperture, across whose diagonal a wave may turn."""
+    """Nodes along a side of a square aperture, for a wave that may run along its diagonal."""
     return plane_wave_degree(2 * math.pi * cycles * math.sqrt(2)) // 2 + 2
 
 
@@ -133,7 +133,7 @@ class _Sector:
 
 
 def _sectors(lenses: Microlenses, frequency: float) -> list[_Sector]:
-    """Between the corners of aperture and cell."""
+    """Sectors between the corners of aperture and cell."""
     sides = 4 if lenses.layout == "square" else 6
     corners = [math.pi / sides * (2 * j + 1) for j in range(sides)]
     if lenses.aperture == "square":  # the inner boundary has corners too
@@ -144,7 +144,7 @@ def _sectors(lenses: Microlenses, frequency: float) -> list[_Sector]:
 
 
 def _sector(lenses: Microlenses, frequency: float, step: float, start: float, stop: float) -> _Sector:
-    """Angles and boundaries; the cell's sides are a step apart."""
+    """Nodes of one sector in angle, and the boundaries there; sides of the cell are an angle `step` apart."""
     phase = 2 * math.pi * frequency * lenses.cell_reach * (stop - start) / 2
     t, w = gauss_legendre(plane_wave_degree(phase) // 2 + 6)
     angle = start + (stop - start) * t
@@ -177,7 +177,7 @@ def _nodes_of(sector: _Sector) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def lit_share(lenses: Microlenses, shadow: Disc) -> FloatArray:
-    """How each microlens's cell lies to the lit disc, shape (lenses,): 1 inside, 0 outside, 0.5 cut by its edge."""
+    """Position of each cell relative to the lit disc, shape (lenses,): 1 inside, 0 outside, 0.5 cut by its edge."""
     apart = np.hypot(lenses.centres[:, 0] - shadow.x, lenses.centres[:, 1] - shadow.y)
     inside = apart + lenses.cell_reach <= shadow.radius
     beside = apart - lenses.cell_reach >= shadow.radius
@@ -197,7 +197,7 @@ def lit_nodes(lenses: Microlenses, lit: Disc, *, cycles: float) -> CellNodes:
     lit
         Disc outside which there is no light, relative to the centre of the microlens.
     cycles
-        Cycles over a half width of the aperture of the plane wave that the nodes integrate, as for `cell_nodes`.
+        Cycles, over a half width of the aperture, of the plane wave that the nodes integrate, as for `cell_nodes`.
     """
     frequency = cycles / (lenses.aperture_width / 2)
     aperture = aperture_region(lenses, 0.0, 0.0)
@@ -227,7 +227,7 @@ def lit_nodes(lenses: Microlenses, lit: Disc, *, cycles: float) -> CellNodes:
 
 
 def padded(cells: list[CellNodes]) -> CellNodes:
-    """Nodes of several cells side by side, shape (cells, nodes); what is missing lies at the centre without weight."""
+    """Nodes of several cells side by side, shape (cells, nodes); padding lies at the centre, with weight 0."""
     most = max(1, *(cell.x.size for cell in cells))
     x, y, weights = (
         np.stack([np.pad(getattr(cell, name), (0, most - cell.x.size)) for cell in cells])
@@ -238,7 +238,7 @@ def padded(cells: list[CellNodes]) -> CellNodes:
 
 
 def _common(one: Region, other: Region, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What of a column lies in both."""
+    """Part of each column that lies in both regions."""
     (low, high), (lower, upper) = one.span(x), other.span(x)
     return np.maximum(low, lower), np.minimum(high, upper)
 

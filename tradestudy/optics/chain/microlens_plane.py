@@ -10,8 +10,9 @@ import numpy as np
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.arriving_light import RayReach
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes, lit_nodes, lit_share, padded
+from tradestudy.optics.chain.microlenses import Microlenses
 from tradestudy.optics.chain.regions import Disc
-from tradestudy.optics.chain.scene import LightPath, Microlenses
+from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.phasors import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.direct import ApertureSamples, direct_sum
 from tradestudy.optics.propagation.kernels import Kernel
@@ -35,7 +36,7 @@ class MicrolensPlane:
     paraxial
         Whether the leg behind the array is Fresnel's.
     cell
-        Nodes relative to each centre, shape (nodes,); or (lenses, nodes) where a shadow leaves every lens its own.
+        Nodes relative to each centre, shape (nodes,); or (lenses, nodes) where a shadow gives every lens its own nodes.
     """
 
     path: LightPath
@@ -97,9 +98,9 @@ def microlens_plane(
 ) -> MicrolensPlane:
     """Choose the nodes so that every target up to `target_reach` from a lens's ray image is resolved.
 
-    There the path to the target and that of the ray differ in slope by their distance over that to the detector,
-    which across the lens makes the phase that the nodes resolve. Where light has a sharp shadow, only what is `lit`
-    gets nodes.
+    The slope of the path to such a target differs from that of the ray by the distance between the two over the
+    distance to the detector; across the lens, this adds up to the phase that the nodes resolve. Where light has a sharp
+    shadow, only the `lit` part gets nodes.
     """
     cycles = resolved_cycles(path, reach, wavelength=wavelength, target_reach=target_reach, density=density)
     cell = cell_nodes(path.microlenses, cycles=cycles)
@@ -118,7 +119,7 @@ def resolved_cycles(
 
 
 def shadowed(lenses: Microlenses, whole: CellNodes, lit: Disc, index: int, cycles: float) -> CellNodes:
-    """Nodes of one microlens in a shadow: all, those of the lit part, or none."""
+    """Nodes of one microlens beside a shadow: all, those of the lit part, or none."""
     if lit_share(lenses.only(index), lit)[0] == 1.0:
         return whole
     x, y = lenses.centres[index]
@@ -128,12 +129,12 @@ def shadowed(lenses: Microlenses, whole: CellNodes, lit: Disc, index: int, cycle
 def direct_detector_field(
     plane: MicrolensPlane, kernel: Kernel, field: ComplexArray, transmission: ComplexArray, at: FloatArray
 ) -> ComplexArray:
-    """Field at a few detector points by plain summation over every node of every lens: the oracle.
+    """Field at a few detector points by plain summation over every node of every lens, as a reference.
 
     Parameters
     ----------
     plane, kernel
-        Nodes and law of the leg.
+        Nodes and propagation law of the leg.
     field, transmission
         Arriving field and `MicrolensPlane.transmission`, shape (lenses, nodes).
     at

@@ -1,12 +1,12 @@
 """From one microlens to a patch of the detector: Fresnel's law by one transform, and Kirchhoff's law from it.
 
-By Fresnel's law nodes x_n of strength s_n send to a patch about m the field
+By Fresnel's law, nodes x_n of strength s_n produce on a patch about m the field
 
     U(m + δ) = exp(iπ (δ² + 2 δ·m)/(λ b))/(iλ b) Σ_n s_n exp(iπ |x_n − m|²/(λ b)) exp(−2πi δ·x_n/(λ b)),
 
-one nonuniform FFT that is no larger than the patch. The transfer function of Kirchhoff's law differs from Fresnel's by
-a phase that moves light by b (tan θ − sin θ). It is applied to Fresnel's field on the places from which it moves light
-into the patch; beyond them that field fades out, so that nothing wraps around.
+This is one nonuniform FFT that is no larger than the patch. The transfer function of Kirchhoff's law differs from
+Fresnel's by a phase that moves light by b (tan θ − sin θ). It is applied to Fresnel's field wherever it moves light
+into the patch; beyond, that field fades out, so that nothing wraps around.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _MIDDLES = 5  # distances of a patch from its microlens that are tried
 
 @dataclass(frozen=True, kw_only=True)
 class FresnelReach:
-    """How far from where it sends the middle of a patch Fresnel's field counts.
+    """Part of Fresnel's field that contributes to a patch, centred where Fresnel's law sends the patch's middle.
 
     Attributes
     ----------
@@ -60,21 +60,21 @@ def fresnel_reach(
     Parameters
     ----------
     wavelength, distance
-        Of the leg [m].
+        λ and length of the leg [m].
     half_side
         Half the side of the patch [m].
     node_reach
         Radius of the disc that contains the nodes [m].
     farthest
-        Largest distance of a patch's middle from that of its nodes [m].
+        Largest distance of a patch's middle from the middle of its nodes [m].
     tolerance
-        Relative error aimed at, from which the length follows over which light fades out.
+        Target for the relative error; it sets the length over which light fades out.
     """
     rim = np.column_stack([np.cos(_DIRECTIONS), np.sin(_DIRECTIONS)])
     nodes = np.concatenate([np.zeros((1, 2)), node_reach * rim])
     across = half_side * np.arange(-1, 2)
     patch = np.stack(np.meshgrid(across, across), axis=-1).reshape(-1, 2)
-    # By symmetry an eighth of all directions stands for all.
+    # By symmetry, an eighth of all directions represents the others.
     middles = np.concatenate([share * farthest * rim[:3] for share in np.linspace(0.0, 1.0, _MIDDLES)])
     landing = middles[:, None, None] + patch[:, None]
     tangent = (landing - nodes) / distance
@@ -82,7 +82,7 @@ def fresnel_reach(
     steepest = float(np.max(np.sum(tangent**2, axis=-1)))
     kept = float(np.max(np.abs(nodes + distance * (sine - straight))))
     moved = float(np.max(np.abs(distance * (tangent - sine) - (middles[:, None, None] - distance * straight))))
-    # Fresnel lengths of the move: its derivative over the frequency is λ b (1/cos³θ − 1).
+    # Fresnel lengths of the displacement, whose derivative with respect to the frequency is λ b (1/cos³θ − 1).
     blur = math.sqrt(wavelength * distance * (math.pow(1 + steepest, 1.5) - 1))
     fade = decades(tolerance) * blur
     kept += wavelength * distance / (4 * half_side)  # carriers are whole multiples of the frequency step
@@ -110,15 +110,15 @@ class PatchPlan:
     Attributes
     ----------
     wavelength, distance
-        Of the leg [m].
+        λ and length of the leg [m].
     spacing
-        Distance of samples [m].
+        Distance between samples [m].
     half
         Samples on either side of the middle one.
     reach
-        Where Fresnel's field counts; None if it is the law.
+        Part of Fresnel's field that contributes; None if Fresnel's law is requested.
     farthest
-        Largest distance of a patch's middle from that of its nodes [m].
+        Largest distance of a patch's middle from the middle of its nodes [m].
     """
 
     wavelength: float
@@ -142,13 +142,13 @@ class PatchPlan:
 
     @property
     def frequency_step(self) -> float:
-        """Distance of neighbouring frequencies of Fresnel's field [1/m]."""
+        """Distance between neighbouring frequencies of Fresnel's field [1/m]."""
         return 1 / (self.count * self.spacing)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PatchLaw:
-    """What turns the sums over nodes into the field on a patch, tabulated once.
+    """Tables that turn sums over nodes into the field on a patch.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class PatchLaw:
         exp(iπ δ²/(λ b))/√(iλ b) along one axis of Fresnel's field, faded out beyond its reach, shape (count,).
     ratio
         Kirchhoff's transfer function over Fresnel's, at frequencies of both axes from the lowest to the highest in
-        steps of `PatchPlan.frequency_step`, zero in the middle; None if Fresnel's is the law.
+        steps of `PatchPlan.frequency_step`, zero in the middle; None for Fresnel's law.
     """
 
     plan: PatchPlan
@@ -167,7 +167,7 @@ class PatchLaw:
 
 
 def patch_law(plan: PatchPlan, *, single: bool = False) -> PatchLaw:
-    """Tabulate the law of a leg, constant phase dropped as by `detector_transfer.response`; in 32-bit if `single`."""
+    """Tabulate the law of a leg without its constant phase, as in `detector_transfer.response`; 32-bit if `single`."""
     kind = np.complex64 if single else np.complex128
     area = plan.wavelength * plan.distance
     at = plan.spacing * np.arange(-(plan.count // 2), plan.count - plan.count // 2, dtype=np.float64)
@@ -195,12 +195,12 @@ def patch_law(plan: PatchPlan, *, single: bool = False) -> PatchLaw:
 def patch_fields(
     law: PatchLaw, *, x: FloatArray, y: FloatArray, strengths: ComplexArray, middles: FloatArray, tolerance: float
 ) -> ComplexArray:
-    """Field of sets of nodes on a patch each.
+    """Field of each set of nodes on its own patch.
 
     Parameters
     ----------
     law
-        Samples and law.
+        Samples and propagation law.
     x, y
         Node positions relative to the set's origin [m], shape (n,), the same for every set.
     strengths
@@ -208,7 +208,7 @@ def patch_fields(
     middles
         Middle sample (x, y) of each patch relative to the set's origin [m], shape (sets, 2).
     tolerance
-        Of the nonuniform FFT.
+        Tolerance of the nonuniform FFT.
 
     Returns
     -------
@@ -219,7 +219,7 @@ def patch_fields(
     area, real = plan.wavelength * plan.distance, real_type(strengths)
     steps = np.zeros(middles.shape, dtype=int)
     origin = middles
-    if law.ratio is not None:  # light of the carrier lands in the middle by Kirchhoff's law, and here by Fresnel's
+    if law.ratio is not None:  # Fresnel's law sends the carrier here, and Kirchhoff's law to the middle
         steps = np.rint(_sine(middles / plan.distance) / (plan.wavelength * plan.frequency_step)).astype(int)
         origin = area * plan.frequency_step * steps
     bent = unit_phasor(math.pi / area * (x**2 + y**2))
@@ -258,7 +258,7 @@ def patch_fields(
 def _corrected(
     law: PatchLaw, ratio: ComplexArray, sums: ComplexArray, steps: IndexArray, moved: FloatArray
 ) -> ComplexArray:
-    """Kirchhoff's field over its carrier on patches that lie `moved` from where Fresnel's law has them."""
+    """Kirchhoff's field over its carrier, on patches that lie `moved` from where Fresnel's law puts them."""
     plan = law.plan
     curvature = (law.curvature[:, None] * law.curvature).astype(sums.dtype)
     frequencies = scipy.fft.fftfreq(plan.count, plan.spacing)
@@ -281,7 +281,8 @@ def _corrected(
 def _multiply(spectrum: ComplexArray, ratio: ComplexArray, carrier: IndexArray) -> None:
     """Multiply a spectrum, in the order of the FFT, by a table about a carrier (x, y) in frequency steps."""
     middle, count = ratio.shape[0] // 2, spectrum.shape[0]
-    # The FFT keeps frequencies from zero on first, and then those below; about a carrier each lie side by side.
+    # In FFT order, frequencies from zero up come first, then the negative ones; about a carrier, each group is
+    # contiguous.
     lies = ((slice(0, -(-count // 2)), 0), (slice(-(-count // 2), count), -count))
     for rows, from_y in lies:
         for columns, from_x in lies:

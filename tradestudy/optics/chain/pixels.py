@@ -3,8 +3,8 @@
 Conservation of energy gives the amount of far light, and the wave from the rim of an aperture its distribution. That
 wave brings an irradiance ∝ 1/d² at the distance d from the edge of the rays' disc, and two points of the rim send light
 to every point. Averaged over the fringes, E(r) ∝ [1/(r − a)² + 1/(r + a)²]/r about a disc of radius a. In focus a = 0,
-and the law is Airy's: a circular lens sends the share 2/(π v) beyond v = 2π R r/(λ b). The interference of different
-microlenses there averages out over the points of a source.
+and the law is Airy's: a circular lens sends the share 2/(π v) beyond v = 2π R r/(λ b). Interference between different
+microlenses averages out there over the points of a source.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ def refuse_pixel_centres(grid: PixelGrid) -> None:
     if not grid.integrated:
         raise OutOfRangeError(
             "rays at the centre of a pixel",
-            value="not integrated, with rays behind the microlenses",
-            limit="rays give light over whole pixels only",
+            value="rays behind the microlenses",
+            limit="integrals over whole pixels",
             remedy="integrate over pixels, or use waves",
         )
 
 
 def samples_per_pixel(grid: PixelGrid, needed: float) -> int:
-    """Samples along a pixel, at least three; an odd number if the pixel takes the one at its centre."""
+    """Samples along a pixel, at least three; an odd number if the pixel uses only the one at its centre."""
     count = max(3, math.ceil(needed))
     return count if grid.integrated else count + 1 - count % 2
 
@@ -56,9 +56,9 @@ def light_on_pixels(intensity: FloatArray, grid: PixelGrid, *, per_pixel: int) -
 
 
 def integrate_pixels(intensity: FloatArray, *, per_pixel: int, spacing: float) -> tuple[FloatArray, float]:
-    """Integrate samples at cell centres over pixels of ``per_pixel``² cells, and return the change by the last term.
+    """Integrate samples at cell centres over pixels of ``per_pixel``² cells; the last term of the rule gives the error.
 
-    The mean over a cell is the sample plus δ²/24 − 17 δ⁴/5760 + 367 δ⁶/967680 along each axis, δ the central
+    The mean over a cell is the sample plus δ²/24 − 17 δ⁴/5760 + 367 δ⁶/967680 along each axis, where δ is the central
     difference.
 
     Parameters
@@ -68,7 +68,7 @@ def integrate_pixels(intensity: FloatArray, *, per_pixel: int, spacing: float) -
     per_pixel
         Samples along a pixel.
     spacing
-        Distance of samples [m].
+        Distance between samples [m].
 
     Returns
     -------
@@ -80,11 +80,11 @@ def integrate_pixels(intensity: FloatArray, *, per_pixel: int, spacing: float) -
         for weights in (np.convolve(_cell_average(terms), np.ones(per_pixel)) for terms in _CELL_AVERAGE)
     )
     change = float(np.linalg.norm(best - lower))
-    return best, change / float(np.linalg.norm(best)) if change > 0 else 0.0  # no light is no error
+    return best, change / float(np.linalg.norm(best)) if change > 0 else 0.0  # no light, no error
 
 
 def _cell_average(terms: tuple[float, ...]) -> FloatArray:
-    """Weights of the samples about a cell, `MARGIN` on either side, in the mean over it."""
+    """Weights of the samples about a cell, `MARGIN` on either side, in the mean over the cell."""
     weights, difference = np.zeros(2 * MARGIN + 1), np.ones(1)
     for order, term in enumerate(terms):
         weights[MARGIN - order : MARGIN + order + 1] += term * difference
@@ -115,7 +115,7 @@ def far_light(
     half_side
         Half the side of a patch [m].
     power
-        Power that leaves each patch, most of which misses the detector, shape (n,).
+        Power that leaves each patch, shape (n,); most of it misses the detector.
     radii
         Radius of the disc of rays in each patch, less than half its side [m], shape (n,).
 
@@ -143,8 +143,8 @@ def far_light(
 def _outside_square(half_side: float, radii: FloatArray) -> FloatArray:
     """∬ (r² + a²)/(r (r² − a²)²) dx dy outside a square of half side H [1/m].
 
-    Along a radius the integral of (r² + a²)/(r² − a²)² is −r/(r² − a²); around an eighth of the square what is left is
-    ∫ H ds/(H² − a² + a² s²) over the sine s of the azimuth, up to 1/√2.
+    Along a radius, the integral of (r² + a²)/(r² − a²)² is −r/(r² − a²); around an eighth of the square there remains ∫
+    H ds/(H² − a² + a² s²) over the sine s of the azimuth, up to 1/√2.
     """
     rest = half_side**2 - radii**2
     turn = radii / np.sqrt(2.0 * rest)

@@ -28,10 +28,10 @@ from tradestudy.optics.chain.scene import LegMethod
 from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.result import squared_magnitude
 
-_SAFETY_OF_EDGES = 3.0  # the coarser Kirchhoff of a boundary wave may err to the same side as the wave
+_SAFETY_OF_EDGES = 3.0  # Kirchhoff's coarser integral may err to the same side as a boundary wave
 _SAFETY = 2.0  # the two computations share some of their error: measured by tests/benchmarks/chain_audit.py
 _CHECK_POINTS = 16
-_COUNT_OF_THREADS = 1000  # samples a side from which on threads save more than they take to start
+_COUNT_OF_THREADS = 1000  # samples along a side beyond which threads save more time than they take to start
 _GROSS = 0.2  # discrepancy from direct quadrature that is refused at any tolerance …
 _GROSS_RATIO = 300.0  # … unless it is within this ratio to the stated error
 
@@ -46,8 +46,8 @@ def wave_point_image(
     wave
         Camera, source, wavelength, and what the first leg makes of its light: waves or rays.
     to_detector
-        Law behind the array. The boundary wave carries light of microlenses that is one sphere, and leaves the rest to
-        Kirchhoff's integral.
+        Law behind the array. The boundary wave carries light of microlenses that forms one sphere, and leaves the rest
+        to Kirchhoff's integral.
     accuracy
         Tolerance and sampling.
     rng
@@ -91,16 +91,16 @@ def wave_point_image(
 
 @dataclass(frozen=True, kw_only=True)
 class PointPlan:
-    """Parts of the camera on which a point's light is followed.
+    """Parts of the camera in which a point's light is followed.
 
     Attributes
     ----------
     wave
-        On a path with the microlenses that it lights, and the pixels that it lands on.
+        Wave on a path with only the microlenses that it lights and the pixels on which it lands.
     rows, columns
-        Of those pixels on the whole detector.
+        Rows and columns of those pixels on the whole detector.
     lost
-        As of `LitPart`.
+        As in `LitPart`.
     reach, detector, plane
         Where rays land, the grid on the detector, and the nodes.
     """
@@ -130,9 +130,9 @@ class PointComputation:
 def stated_point(
     wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy
 ) -> tuple[PointComputation, dict[str, float]]:
-    """Computation and the terms of its stated error: a second one on other samples, side by side.
+    """Compute a point image twice side by side, on different samples, and state the terms of its error.
 
-    The second one of a boundary wave is Kirchhoff's, so that the change contains what its leading term leaves out.
+    A boundary wave is compared with Kirchhoff's integral, so that the change includes what its leading term leaves out.
     """
     reference = wave.reference if isinstance(wave, PupilWave) else wave
     with ThreadPoolExecutor(2) as pool:
@@ -151,17 +151,17 @@ def stated_point(
 
 
 def reference_law(to_detector: LegMethod) -> LegMethod:
-    """Law behind the array whose image shows the error of another: Kirchhoff's for a boundary wave, else the same."""
+    """Law behind the array for the comparison that gives the error: Kirchhoff's for a boundary wave, else the same."""
     return "kirchhoff" if to_detector == "boundary_wave" else to_detector
 
 
 def plan_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy) -> PointPlan:
-    """Plan for the microlenses that are lit and the pixels that light reaches.
+    """Choose the microlenses that are lit, the pixels that light reaches, and their sampling.
 
     Raises
     ------
     UnaffordableError
-        If it takes too many nodes or samples.
+        If this takes too many nodes or samples.
     """
     lit = lit_part(wave, accuracy)
     path = lit.wave.path
@@ -181,7 +181,7 @@ def plan_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: Chai
 
 
 def compute_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy) -> PointComputation:
-    """Table of the main-lens field, microlenses, detector samples, pixels."""
+    """Compute in turn the field of the main lens, the wave behind the microlenses, detector samples and pixels."""
     whole = wave.path.pixels
     point = plan_point(wave, to_detector, accuracy)
     wave, plan, plane = point.wave, point.detector, point.plane
@@ -231,7 +231,7 @@ def compute_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: C
 def _plane(
     wave: PupilWave | RayWave, plan: DetectorPlan, reach: RayReach, density: float, accuracy: ChainAccuracy
 ) -> MicrolensPlane:
-    """Nodes for all pixels that light reaches, if they can be afforded."""
+    """Nodes for all pixels that light reaches, if memory allows."""
     plane = microlens_plane(
         wave.path,
         reach,
@@ -295,5 +295,5 @@ def _intensity_check(
 
 
 def _mixture(weight: FloatArray, area: FloatArray) -> FloatArray:
-    """Chance of drawing each point: half by weight, half by area."""
+    """Probability of drawing each point: half by weight, half by area."""
     return np.asarray(0.5 * weight / weight.sum() + 0.5 * area / area.sum())

@@ -1,4 +1,4 @@
-"""Refusals of what the laws of the chain, or the shortcuts of its computation, do not cover."""
+"""Refuse what the laws of the chain, or the shortcuts of its computation, do not cover."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def refuse_impossible(path: LightPath, source: PointSource | DiscSource, wavelen
     Raises
     ------
     OutOfRangeError
-        With the alternative.
+        If a law does not apply; the remedy names an alternative.
     """
     check_wavelength(wavelength)
     for width, distance in (

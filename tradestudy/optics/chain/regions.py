@@ -9,15 +9,15 @@ from itertools import pairwise
 import numpy as np
 
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
-from tradestudy.optics.chain.scene import Microlenses
+from tradestudy.optics.chain.microlenses import Microlenses
 from tradestudy.optics.quadrature import gauss_legendre
 
-_THINNEST = 1e-13  # of the largest segment: thinner ones hold nothing
+_THINNEST = 1e-13  # of the largest segment: thinner ones count as empty
 
 
 @dataclass(frozen=True, kw_only=True)
 class Disc:
-    """A disc."""
+    """A disc in the plane."""
 
     x: float
     y: float
@@ -25,7 +25,7 @@ class Disc:
 
     @property
     def breaks(self) -> FloatArray:
-        """Both ends."""
+        """Both ends along x [m]."""
         return np.array([self.x - self.radius, self.x + self.radius])
 
     def span(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -43,7 +43,7 @@ class Disc:
         apart = math.hypot(disc.x - self.x, disc.y - self.y)
         if not abs(self.radius - disc.radius) < apart < self.radius + disc.radius:
             return np.empty(0)
-        # (r² − R²) as a product: the shadow may be far larger than what it cuts.
+        # (r² − R²) as a product, since the shadow may be far larger than what it cuts.
         along = (apart + (self.radius - disc.radius) * (self.radius + disc.radius) / apart) / 2
         half = math.sqrt(max(self.radius**2 - along**2, 0.0))
         ex, ey = (disc.x - self.x) / apart, (disc.y - self.y) / apart
@@ -52,7 +52,7 @@ class Disc:
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """A square or a hexagon with two sides along y: mirrored heights over corners, as seen from its centre."""
+    """A square, or a hexagon with two sides along y, given by its half heights over the corners."""
 
     x: float
     y: float
@@ -102,7 +102,7 @@ Region = Disc | Cell
 
 
 def aperture_region(lenses: Microlenses, x: float, y: float) -> Region:
-    """Aperture of a microlens about a centre."""
+    """Aperture of a microlens centred at (x, y)."""
     half = lenses.aperture_width / 2
     if lenses.aperture == "circular":
         return Disc(x=x, y=y, radius=half)
@@ -110,7 +110,7 @@ def aperture_region(lenses: Microlenses, x: float, y: float) -> Region:
 
 
 def cell_region(lenses: Microlenses, x: float, y: float) -> Region:
-    """Cell of a microlens about a centre."""
+    """Cell of a microlens centred at (x, y)."""
     half = lenses.pitch / 2
     if lenses.layout == "square":
         return Cell(x=x, y=y, corners=(-half, half), heights=(half, half))
@@ -138,7 +138,8 @@ class Segments:
 def on_segments(low: FloatArray, high: FloatArray, count: IndexArray, *, bend: BoolArray | None = None) -> Segments:
     """Place nodes between `low` and `high`; segments that end before they begin get none.
 
-    Where `bend` is set they are spaced as a sine is, so that outlines that end upright, as √x, cost no accuracy.
+    Where `bend` is set, nodes are spaced like a sine, so that outlines that end vertically, as √x does, cost no
+    accuracy.
     """
     length = high - low
     kept = length > _THINNEST * float(np.max(length, initial=0.0))
@@ -157,10 +158,10 @@ def on_segments(low: FloatArray, high: FloatArray, count: IndexArray, *, bend: B
 
 
 def resolving(length: FloatArray, frequency: float, *, tolerance: float = 1e-6, spare: int = 2) -> IndexArray:
-    """Nodes that integrate a plane wave of this frequency [1/m] over lengths, and `spare` more.
+    """Number of nodes that integrate a plane wave of this frequency [1/m] over each length, and `spare` more.
 
-    Its degree is the phase z over half a length and the orders z^⅓ (3/2 ln 1/tolerance)^⅔/2^⅓ beyond it. Large
-    numbers are rounded up by an eighth at most, so that few different rules are needed.
+    The wave's degree is its phase z over half a length plus the orders z^⅓ (3/2 ln 1/tolerance)^⅔/2^⅓. Large numbers
+    are rounded up by at most an eighth, so that few different rules are needed.
     """
     phase = math.pi * frequency * np.maximum(length, 0.0)
     beyond = np.cbrt((1.5 * math.log(1 / tolerance)) ** 2 / 2 * np.maximum(phase, 1.0))

@@ -1,4 +1,4 @@
-"""Rays in exact directions that sample a picture evenly, from all over the source or through all of pupil and array."""
+"""Rays in exact directions that sample a picture evenly, from all of the source or through all of pupil and array."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.chain.scene import LightPath, Microlenses, PixelGrid
+from tradestudy.optics.chain.microlenses import Microlenses
+from tradestudy.optics.chain.scene import LightPath, PixelGrid
 from tradestudy.optics.chain.sources import DiscSource, lens_orbits, moved_image, symmetries
 from tradestudy.optics.propagation.lens import CircularLens, PointSource, finite_image_distance
 from tradestudy.optics.quadrature import disc_nodes
@@ -33,30 +34,31 @@ class Plane:
         return np.asarray(self.x**2 + self.y**2)
 
     def plus(self, other: Plane, times: FloatArray | float = 1.0) -> Plane:
-        """Sum with a multiple of other points."""
+        """Sum with a multiple of other coordinates."""
         return Plane(x=self.x + times * other.x, y=self.y + times * other.y)
 
     def scaled(self, times: FloatArray | float) -> Plane:
-        """Multiple."""
+        """Coordinates times a factor."""
         return Plane(x=times * self.x, y=times * self.y)
 
     def beside(self, x: float, y: float) -> Plane:
-        """Relative to a point."""
+        """Coordinates relative to a point."""
         return Plane(x=self.x - x, y=self.y - y)
 
     def over(self, shape: tuple[int, ...]) -> Plane:
-        """Repeated to fill a shape."""
+        """Coordinates repeated to fill a shape."""
         return Plane(x=np.broadcast_to(self.x, shape), y=np.broadcast_to(self.y, shape))
 
     def where(self, chosen: BoolArray) -> Plane:
-        """Only some."""
+        """Coordinates of the chosen points only."""
         return Plane(x=self.x[chosen], y=self.y[chosen])
 
 
 def turned(lens: CircularLens, at: Plane, slope: Plane, *, backward: bool) -> Plane:
-    """Slopes behind a thin lens of lines that reach it at points relative to its centre; or before it, of those behind.
+    """Slopes behind a thin lens of lines that reach it at given points; with `backward`, slopes in front of it.
 
-    The gradient of the lens's path adds to direction cosines; a perfect lens keeps t − r/f, which images sharply.
+    Points are relative to the centre of the lens. The gradient of its path adds to direction cosines; a perfect lens
+    keeps t − r/f, which images sharply.
     """
     f, sign = lens.focal_length, 1.0 if backward else -1.0
     if lens.lens_phase == "perfect":
@@ -69,19 +71,19 @@ def turned(lens: CircularLens, at: Plane, slope: Plane, *, backward: bool) -> Pl
         for a in (lens.focus_distance, finite_image_distance(lens.focus_distance, f)):
             cosines = cosines.plus(at, sign * math.copysign(1.0, a) / np.sqrt(at.squared + a**2))
     squared = cosines.squared
-    # Steeper than any line: so far aside that nothing lies there.
+    # Steeper than any real line: it misses everything.
     return cosines.scaled(np.where(squared < 1.0, 1.0 / np.sqrt(1.0 - np.minimum(squared, 1.0 - 1e-12)), _NOWHERE))
 
 
 def volume(lens: CircularLens, before: Plane, behind: Plane) -> FloatArray | float:
-    """Volume of slopes before a lens per volume behind it: cos⁴ behind over cos⁴ before, but for perfect lenses."""
+    """Volume of slopes before a lens per volume behind it: cos⁴ behind over cos⁴ before; 1 for perfect lenses."""
     if lens.lens_phase == "perfect":
         return 1.0
     return np.asarray(((1.0 + before.squared) / (1.0 + behind.squared)) ** 2)
 
 
 def power_of_points(path: LightPath, source: PointSource | DiscSource) -> tuple[FloatArray, FloatArray]:
-    """Squared distances from the axis of points of the source [m²], rising, and ∫ a²/r⁴ d²u over the pupil for each."""
+    """Squared distances of source points from the axis [m²], ascending, and ∫ a²/r⁴ d²u over the pupil for each."""
     centre = math.hypot(source.x, source.y)
     width = source.diameter if isinstance(source, DiscSource) else path.main_lens.radius
     nodes = disc_nodes(radius=path.main_lens.radius, radial_count=8, angular_count=24)
@@ -91,10 +93,10 @@ def power_of_points(path: LightPath, source: PointSource | DiscSource) -> tuple[
 
 
 def even_numbers(dimensions: int, shifted: int, start: int, stop: int) -> FloatArray:
-    """Members of a sequence that fills the unit cube evenly however far it is followed, shape (dimensions, n).
+    """Members of a sequence that fills the unit cube evenly, however many are used; shape (dimensions, n).
 
-    Multiples of 1/g, 1/g², … for g^(d+1) = g + 1: a golden ratio for every dimension. Each of its shifts errs on its
-    own, as if drawn: √p j² modulo 1 for prime p has no period that a step could share.
+    Multiples of 1/g, 1/g², … for g^(d+1) = g + 1: a golden ratio in d dimensions. The errors of its shifts are
+    independent, as if drawn at random: √p j² modulo 1 for prime p has no period that a step could share.
     """
     g = 2.0
     for _ in range(60):
@@ -105,13 +107,13 @@ def even_numbers(dimensions: int, shifted: int, start: int, stop: int) -> FloatA
 
 
 def on_disc(radius: float, area: FloatArray, turn: FloatArray) -> Plane:
-    """Points at shares of the area of a disc from its middle, and at shares of a turn."""
+    """Points at given fractions of the area of a disc, from its middle outwards, and of a full turn."""
     distance, angle = radius * np.sqrt(area), 2.0 * math.pi * turn
     return Plane(x=distance * np.cos(angle), y=distance * np.sin(angle))
 
 
 def through_microlens(path: LightPath, index: int, offset: Plane, arriving: Plane, power: FloatArray) -> FloatArray:
-    """Rays that reach a microlens's plane at points relative to its centre, on the pixels where they land."""
+    """Light on the pixels from rays that reach the plane of a microlens at points relative to its centre."""
     lenses = path.microlenses
     in_lens = in_aperture(lenses, offset)
     parts = [(in_lens, True)]
@@ -128,14 +130,14 @@ def through_microlens(path: LightPath, index: int, offset: Plane, arriving: Plan
 
 
 def _on_pixels(pixels: PixelGrid, landing: Plane, power: FloatArray) -> FloatArray:
-    """Sum of what lands on each."""
+    """Sum of the power that lands on each pixel."""
     rows, columns = pixels.shape
     left, low = pixels.corner
     column, row = (landing.x - left) / pixels.pitch, (landing.y - low) / pixels.pitch
     hit = (column >= 0.0) & (column < columns) & (row >= 0.0) & (row < rows)
     flat = row[hit].astype(np.intp) * columns + column[hit].astype(np.intp)
     sums = np.bincount(flat, weights=power[hit], minlength=rows * columns)
-    return np.asarray(sums.reshape(rows, columns), dtype=np.float64)  # of no ray at all they are integers
+    return np.asarray(sums.reshape(rows, columns), dtype=np.float64)  # integers if there are no rays
 
 
 def in_aperture(lenses: Microlenses, offset: Plane) -> BoolArray:
@@ -147,7 +149,7 @@ def in_aperture(lenses: Microlenses, offset: Plane) -> BoolArray:
 
 
 def in_cell(lenses: Microlenses, offset: Plane) -> BoolArray:
-    """Whether they lie in its cell."""
+    """Whether points relative to the centre of a microlens lie in its cell."""
     half, x, y = lenses.pitch / 2.0, np.abs(offset.x), np.abs(offset.y)
     if lenses.layout == "square":
         return np.asarray(np.maximum(x, y) <= half)
@@ -155,7 +157,7 @@ def in_cell(lenses: Microlenses, offset: Plane) -> BoolArray:
 
 
 def forward_tracer(path: LightPath, source: PointSource | DiscSource) -> Tracer:
-    """Sum over rays whose mean is the share of the pupil's light on each pixel."""
+    """Function that sums over rays; the mean is the fraction of the pupil's light on each pixel."""
     power_at = power_of_points(path, source)
     main, a = path.main_lens, source.distance
 
@@ -181,7 +183,7 @@ def forward_tracer(path: LightPath, source: PointSource | DiscSource) -> Tracer:
 
 
 def array_tracer(path: LightPath, source: DiscSource) -> Tracer:
-    """Sum over rays of each microlens whose mean is the share of the pupil's light on each pixel."""
+    """Function that sums over rays of each microlens; the mean is the fraction of the pupil's light on each pixel."""
     orbits = list(lens_orbits(path.microlenses.centres, symmetries(path, source)))
     power_at = power_of_points(path, source)
 
@@ -205,14 +207,14 @@ def _through(
     offset: Plane,
     power_at: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """Rays through one microlens: d²s d²u = (a²/z²) d²x d²u but for what the main lens changes."""
+    """Rays through one microlens: d²s d²u = (a²/z²) d²x d²u apart from what the main lens changes."""
     a, z, main = source.distance, path.array_distance, path.main_lens
     arriving = u.scaled(-1.0).plus(offset).beside(*(-path.microlenses.centres[index])).scaled(1.0 / z)
     towards = turned(main, u, arriving, backward=True)
     s = u.plus(towards, -a)
     lit = np.asarray(s.beside(source.x, source.y).squared <= (source.diameter / 2.0) ** 2)
     offset, arriving, towards, s = (one.where(lit) for one in (offset, arriving, towards, s))
-    # (a²/z²) (a/r²)² = cos⁴α/z², of the area of the disc
+    # (a²/z²) (a/r²)² = cos⁴α/z², per area of the disc
     power = volume(main, towards, arriving) / (1.0 + towards.squared) ** 2 / np.interp(s.squared, *power_at)
     power *= 4.0 * main.radius**2 * cell_area(path.microlenses) / (z * source.diameter) ** 2
     return through_microlens(path, index, offset, arriving, power)
@@ -226,7 +228,7 @@ def cell_area(lenses: Microlenses) -> float:
 
 
 def _on_cell(lenses: Microlenses, first: FloatArray, second: FloatArray) -> Plane:
-    """Points all over that area."""
+    """Points spread over `cell_area`."""
     if lenses.gaps == "opaque" and lenses.aperture == "circular":
         return on_disc(lenses.aperture_width / 2.0, first, second)
     width = lenses.aperture_width if lenses.gaps == "opaque" else lenses.pitch

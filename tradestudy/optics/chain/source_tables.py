@@ -24,16 +24,16 @@ Place = tuple[float, float]  # of a source point [m]
 
 @dataclass(frozen=True, kw_only=True)
 class SourceTables:
-    """Main-lens field for sources on the x axis; it turns with the source about the axis of the lens.
+    """Main-lens field for sources on the x axis; for other sources it is turned about the axis of the lens.
 
     Attributes
     ----------
     path, distance, wavelength, method
-        Camera, distance of the disc, wavelength, law of the leg to the array.
+        Camera, distance of the disc [m], wavelength [m], and law of the leg to the array.
     radii
-        Distances from the axis, Chebyshev points of those that occur, shape (n,) [m].
+        Distances from the axis: Chebyshev points of the range that occurs, shape (n,) [m].
     tables
-        One field for each, all on one grid.
+        One field for each distance, all on one grid.
     """
 
     path: LightPath
@@ -53,7 +53,7 @@ class SourceTables:
         )
 
     def at(self, places: list[Place]) -> dict[Place, FieldTable]:
-        """Table at the distance of each place; one blend where places share their distance."""
+        """Table at the distance of each place, interpolated once for all places at the same distance."""
         blends: dict[int, FieldTable] = {}
         result = {}
         for place in places:
@@ -65,7 +65,7 @@ class SourceTables:
         return result
 
     def field(self, place: Place, table: FieldTable, x: FloatArray, y: FloatArray) -> ComplexArray:
-        """Field of a source point on points of the array, from its blend: turned to the azimuth of the source."""
+        """Field of a source point at points of the array, from its table turned to the azimuth of the source."""
         radius = math.hypot(*place)
         cosine, sine = (place[0] / radius, place[1] / radius) if radius > 0 else (1.0, 0.0)
         turned = self.wave(radius, 0.0)
@@ -74,7 +74,7 @@ class SourceTables:
         return table.slow_part(along - chief[0], across) * unit_phasor(fast_phase(turned, along, across))
 
     def irradiance(self, source_x: FloatArray, source_y: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-        """|U|² over the power through the pupil [1/m²], of source points at points of the array, pair by pair."""
+        """|U|² relative to the power through the pupil [1/m²], for pairs of source points and points of the array."""
         radius = np.hypot(source_x, source_y)
         off_axis = radius > 0
         cosine, sine = (
@@ -101,17 +101,17 @@ class SourceTables:
 
     @property
     def handed_over(self) -> float:
-        """Largest share that a table left to Kirchhoff."""
+        """Largest fraction of a table that a boundary wave left to Kirchhoff's integral."""
         return max(table.handed_over for table in self.tables)
 
 
 def table_count(accuracy: ChainAccuracy) -> int:
-    """Distances from the axis at which the main-lens field is computed, to be interpolated in between."""
+    """Number of distances from the axis at which the main-lens field is computed; others are interpolated."""
     return max(2, math.ceil(4 * accuracy.source_sampling * math.pow(1e-2 / accuracy.tolerance, 1 / 6)))
 
 
 def farthest_read(path: LightPath, source: DiscSource, distance: float) -> float:
-    """Farthest point of the array from the chief ray of a source point this far from the axis [m]."""
+    """Largest distance between the array's points and the chief ray of a source point this far from the axis [m]."""
     lenses = path.microlenses
     farthest = float(np.max(np.linalg.norm(lenses.centres, axis=1))) + lenses.cell_reach
     return farthest + distance * path.array_distance / source.distance
@@ -127,20 +127,20 @@ def source_tables(
     accuracy: ChainAccuracy,
     half_width: float,
 ) -> SourceTables:
-    """Compute the tables.
+    """Compute the main-lens field at Chebyshev distances from the axis.
 
     Parameters
     ----------
     path, source
         Camera and disc.
     distances
-        Least and largest distance from the axis that occurs [m].
+        Smallest and largest distance from the axis that occurs [m].
     wavelength, method
-        Of the leg to the array.
+        Wavelength [m], and law of the leg to the array.
     accuracy
         Tolerance and sampling.
     half_width
-        Farthest point from the chief ray that is read [m].
+        Largest distance from the chief ray at which tables are read [m].
 
     Raises
     ------
@@ -200,7 +200,7 @@ def blank_tables(
     accuracy: ChainAccuracy,
     half_width: float,
 ) -> SourceTables:
-    """One table of the size that `source_tables` would compute, of a field of ones: reading it takes as long."""
+    """One table of ones, as large as those of `source_tables`: reading it takes as long."""
     half = min(half_width, farthest_read(path, source, distances[1]))
     middle = PointSource(x=sum(distances) / 2, distance=source.distance)
     wave = PupilWave(path=path, source=middle, wavelength=wavelength, method=method)

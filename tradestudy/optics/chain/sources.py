@@ -33,9 +33,14 @@ class DiscSource:
     distance
         Distance in front of the main lens [m], > 0.
     x, y
-        Centre [m].
+        Centre of the disc [m].
     coherent
         False: the points radiate independently and their intensities add. True: one wave, of one phase over the disc.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the diameter or the distance is not positive, or a number is not finite.
 
     Examples
     --------
@@ -95,15 +100,16 @@ class SourceNodes:
 def source_nodes(path: LightPath, source: DiscSource, *, wavelength: float, density: float) -> SourceNodes:
     """Place nodes that resolve how the light on a pixel changes as the source point moves.
 
-    A microlens sees the source through the part of the pupil that lights it, of width w = width · |b/a_L|, at most the
-    whole pupil. As a function of the source point, the light has no frequency above the cutoff of that part, w/(λ a).
+    A microlens sees the source through the part of the pupil that lights it; the width w of this part is that of the
+    microlens times |b/a_L|, at most the whole pupil. As a function of the source point, the light has no frequency
+    above the cutoff of that part, w/(λ a).
 
     Parameters
     ----------
     path, source, wavelength
         Camera, disc, wavelength.
     density
-        Share of that cutoff to resolve.
+        Fraction of that cutoff to resolve.
     """
     depth = abs(path.image_at_array(source.centre)[2])
     image = abs(path.array_distance - path.image_at_array(source.centre)[2])
@@ -113,7 +119,7 @@ def source_nodes(path: LightPath, source: DiscSource, *, wavelength: float, dens
     if phase > _LARGEST_PHASE:
         raise UnaffordableError(
             "points of the source",
-            value=f"a phase of {phase:.2g} rad from its middle to its edge",
+            value=f"a phase of {phase:.2g} rad from the middle of the disc to its edge",
             limit=f"{_LARGEST_PHASE:g} rad, about a million points",
             remedy="use a smaller disc, or rays on both legs",
         )
@@ -151,7 +157,7 @@ def spectral_shares(wavelengths: FloatArray, weights: FloatArray) -> FloatArray:
 
 
 def tolerated_density(accuracy: ChainAccuracy) -> float:
-    """Share of the cutoff that a tolerance needs resolved."""
+    """Fraction of the cutoff that must be resolved for a tolerance."""
     return min(1.0, 0.63 * math.pow(1e-2 / accuracy.tolerance, 1 / 6))
 
 
@@ -187,7 +193,7 @@ def moved_image(pixels: FloatArray, symmetry: Symmetry) -> FloatArray:
 
 
 def orbits(nodes: SourceNodes, ring: int, group: list[Symmetry]) -> Iterator[tuple[int, int]]:
-    """One node of each set that the symmetries carry into one another, and the size of the set."""
+    """One node of each set of nodes that the symmetries map onto each other, and the size of the set."""
     at = nodes.rings[ring]
     scale = 1e-6 * float(np.ptp(at[:, 0]) + np.ptp(at[:, 1]))
     places = np.rint(np.stack([moved(at, one) for one in group], axis=1) / scale).astype(np.int64)
@@ -201,7 +207,7 @@ def orbits(nodes: SourceNodes, ring: int, group: list[Symmetry]) -> Iterator[tup
 
 
 def lens_orbits(centres: FloatArray, group: list[Symmetry]) -> Iterator[tuple[int, list[Symmetry]]]:
-    """One microlens of each set that symmetries carry into one another, and the symmetries that yield the set."""
+    """One microlens of each set that the symmetries map onto each other, and the symmetries that yield the set."""
     left = set(range(len(centres)))
     while left:
         index = min(left)

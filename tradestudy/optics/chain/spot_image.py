@@ -30,23 +30,23 @@ from tradestudy.optics.chain.sources import (
 from tradestudy.optics.chain.spot_parts import AskedSpot, FollowedPoints, follow_points, forget_spot, source_density
 from tradestudy.optics.chain.spot_points import point_light, tables_at
 
-_SAFETY_OF_ANGLES = 1.5  # one or two rings represent all
-_SAFETY_OF_RADII = 2.0  # one azimuth represents all
-AZIMUTHS = 8  # common to all rings
+_SAFETY_OF_ANGLES = 1.5  # one or two rings represent all rings
+_SAFETY_OF_RADII = 2.0  # one azimuth represents all azimuths
+AZIMUTHS = 8  # at which all rings have points
 CHECKED_POINTS = 2
-# The few points checked may err by less than the others (for the light spot at 0.1 %, by 0.006 to 0.012 %), and an
-# error common to all points weighs more in the smoother picture of the spot.
+# The few points that are checked may err less than the others (for the light spot at 0.1 %, by 0.006 to 0.012 %), and
+# an error common to all points weighs more in the smoother picture of the spot.
 _SAFETY_OF_TWO = 2.0
 _SHARE_OF_NODES = (
     0.85  # approximate share of the time; the rest goes to points between the nodes that estimate the error
 )
 _MOST_DRAWN = 40
 _AT_ONCE = 8  # points between the rings in one part of the work
-_HARDLY_ANY = 0.1  # of the average light of a point
+_HARDLY_ANY = 0.1  # of the average light of a point: points with less count as dark
 
 
 def _turned_ring(asked: AskedSpot, nodes: SourceNodes, ring: int, group: list[Symmetry]) -> partial[FollowedPoints]:
-    """Points halfway between the angles of a ring, without those that symmetries yield."""
+    """Points halfway between the angles of a ring, apart from those that symmetries yield."""
     at, middle = nodes.rings[ring], np.array([asked.source.x, asked.source.y])
     cosine, sine = math.cos(math.pi / len(at)), math.sin(math.pi / len(at))
     turned = middle + (at - middle) @ np.array([[cosine, sine], [-sine, cosine]])
@@ -55,7 +55,7 @@ def _turned_ring(asked: AskedSpot, nodes: SourceNodes, ring: int, group: list[Sy
 
 
 def _angular_error(nodes: SourceNodes, halves: FloatArray, between: dict[int, FloatArray]) -> float:
-    """Error of the mean over all angles, from the difference of even and odd ones and its measured rate of decrease.
+    """Error of the mean over all angles, from the difference between even and odd angles and its measured decrease.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def _angular_error(nodes: SourceNodes, halves: FloatArray, between: dict[int, Fl
     halves
         Mean pixel images of each ring from its even and from its odd angles, shape (rings, 2, rows, columns).
     between
-        Mean pixel images of some rings from the angles between.
+        Mean pixel images of some rings from points halfway between their angles.
     """
     difference = (halves[:, 0] - halves[:, 1]) / 2
     falls = [0.0]
@@ -77,7 +77,7 @@ def _angular_error(nodes: SourceNodes, halves: FloatArray, between: dict[int, Fl
 
 
 def _uneven_rings(nodes: SourceNodes, halves: FloatArray) -> list[int]:
-    """The ring where the halves differ most, and that where it weighs most."""
+    """The ring whose halves differ most, and the ring where the weighted difference is largest."""
     size = np.linalg.norm(halves[:, 0] - halves[:, 1], axis=(1, 2))
     return sorted({int(np.argmax(size)), int(np.argmax(nodes.radial_weights * size))})
 
@@ -85,10 +85,10 @@ def _uneven_rings(nodes: SourceNodes, halves: FloatArray) -> list[int]:
 def _along_radius(
     source: DiscSource, nodes: SourceNodes, eighths: list[dict[int, FloatArray]]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Squared relative radii of the rings and between them, images of the rings, and the points between them.
+    """Squared relative radii of rings and of points between them, images of the rings, and positions of the points.
 
-    All lie along the brightest azimuth. `eighths` contains pixel images of points of each ring by the eighth of a turn,
-    without those that symmetries give, which are the same at every ring.
+    All lie along the brightest azimuth. `eighths` contains the pixel images of points at eighths of a turn on each
+    ring, without those that symmetries yield; these are the same for every ring.
     """
     sizes = {one: [np.linalg.norm(ring[one]) for ring in eighths] for one in eighths[0]}
     brightest = max(sizes, key=lambda one: float(nodes.radial_weights @ sizes[one]))
@@ -101,17 +101,17 @@ def _along_radius(
 
 
 def _radial_error(nodes: SourceNodes, rings: FloatArray, squared: FloatArray, images: FloatArray) -> float:
-    """Error of the rule along the brightest azimuth, smaller as the mean over angles is smoother than its light.
+    """Error of the rule along the brightest azimuth, reduced because the mean over angles is smoother.
 
-    The rule is compared with the polynomial through its nodes and as many points between them. How much smoother the
-    mean is, the highest Legendre coefficients tell that the rings resolve.
+    The rule is compared with the polynomial through its nodes and as many points between them. The highest Legendre
+    coefficients that the rings resolve tell how much smoother the mean is.
 
     Parameters
     ----------
     nodes, rings
-        Of the disc, and the mean pixel image of each ring.
+        Nodes of the disc, and the mean pixel image of each ring.
     squared, images
-        Squared relative radii along that azimuth, those of the rings first, and the pixel image of each point.
+        Squared relative radii along that azimuth, rings first, and the pixel image at each of them.
     """
     n = nodes.radial_points.size
     legendre = np.polynomial.legendre.legvander(2 * squared - 1, 2 * n)
@@ -150,13 +150,13 @@ def wave_spot_image(
     wavelength
         Wavelength [m].
     legs
-        Law of each leg; waves behind the array.
+        Law of each leg; the leg behind the array carries waves.
     accuracy
         Tolerance and sampling.
     rng
         Draws the source points whose image is checked.
     done
-        Called with the completed share of the points.
+        Called with the completed fraction of the points.
     compute
         Computes the points of the rings and those that check the picture.
 
@@ -218,7 +218,7 @@ def wave_spot_image(
 
 
 def followed_points(path: LightPath, source: DiscSource, nodes: SourceNodes) -> float:
-    """Approximate number of points followed: nodes without those that symmetries yield, and points between them."""
+    """Approximate number of points followed: nodes apart from those that symmetries yield, and points between them."""
     group = symmetries(path, source)
     distinct = sum(1 for ring in range(len(nodes.rings)) for _ in orbits(nodes, ring, group))
     return distinct + 2 * max(map(len, nodes.rings)) / len(group) + len(nodes.rings) + 1
@@ -226,9 +226,9 @@ def followed_points(path: LightPath, source: DiscSource, nodes: SourceNodes) -> 
 
 @dataclass(frozen=True, kw_only=True)
 class _RingImages:
-    """Mean pixel image of each ring from its even and from its odd angles, and images of points at common azimuths.
+    """Mean pixel images of each ring, from its even and from its odd angles, and images of points at common azimuths.
 
-    Shape (rings, 2, rows, columns), and for each ring images by the eighth of a turn.
+    The means have shape (rings, 2, rows, columns); the images are listed for each ring by the eighth of a turn.
     """
 
     pixels: FloatArray
@@ -246,7 +246,7 @@ def _ring_images(
     compute: ComputeParts,
     progress: Callable[[float], None],
 ) -> _RingImages:
-    """Follow the light of one point of every orbit of the symmetries."""
+    """Follow the light of one point of every set of points that the symmetries map onto each other."""
     parts, eighths = [], []
     for ring, at in enumerate(nodes.rings):
         chosen = list(orbits(nodes, ring, group))
@@ -280,10 +280,10 @@ def _reference(wave: PupilWave | RayWave) -> PupilWave | RayWave:
 
 
 def _points_error(asked: AskedSpot, picks: FloatArray, light: float) -> float:
-    """Relative L2 difference of random source points' pixels from the single-point computation, times a safety.
+    """Relative L2 difference of random source points' pixels from the single-point computation, with a safety factor.
 
-    Points with hardly any light say nothing about the picture and are skipped, unless all are such. A boundary wave is
-    compared with Kirchhoff's integral: the error of its leading term is stated, not refused.
+    Points with hardly any light reveal nothing about the picture; they are skipped unless all are dark. A boundary wave
+    is compared with Kirchhoff's integral: the error of its leading term is stated, not refused.
     """
     squares: list[float] = []
     sizes: list[float] = []
@@ -303,7 +303,7 @@ def _points_error(asked: AskedSpot, picks: FloatArray, light: float) -> float:
         squares.append(float(np.sum((fast - truth) ** 2)))
         sizes.append(float(np.sum(truth**2)))
     if not any(squares):
-        return 0.0  # no light by either
+        return 0.0  # neither finds any light
     error = math.sqrt(sum(squares) / sum(sizes)) if any(sizes) else math.inf
     if error > 0.3 and "boundary_wave" not in (spot.legs.to_array, spot.legs.to_detector):
         raise NotConvergedError(

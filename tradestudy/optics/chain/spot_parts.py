@@ -1,4 +1,4 @@
-"""Independent parts of a spot's image: the light that some of its points send to the pixels."""
+"""Independent parts of a spot's image: the light that some points of the source send to the pixels."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource, source_nodes, tolerated_density
 from tradestudy.optics.chain.spot_points import PointLight, Spot, lights_of, mean_on_pixels, prepare_spot
 
-_PREPARING = Lock()  # threads that begin together prepare a spot once
+_PREPARING = Lock()  # so that threads that begin together prepare a spot only once
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AskedSpot:
-    """All that a worker needs to prepare a spot by itself.
+    """Everything that a worker needs to prepare a spot by itself.
 
     Requests compare by identity; all copies of one request that reach another process become one object there.
     """
@@ -37,14 +37,14 @@ class AskedSpot:
         return _received, (pickle.dumps({one.name: getattr(self, one.name) for one in fields(self)}),)
 
     def prepared(self) -> Spot:
-        """Data shared by all points; those of the last request are kept, because parts of one spot come in sequence."""
+        """Data shared by all points, kept for the latest request only: parts of one spot are computed in sequence."""
         with _PREPARING:
             return _prepared(self)
 
 
 @lru_cache(maxsize=1)
 def _received(content: bytes) -> AskedSpot:
-    return AskedSpot(**pickle.loads(content))  # packed by `AskedSpot.__reduce__`
+    return AskedSpot(**pickle.loads(content))  # pickled by `AskedSpot.__reduce__`
 
 
 @lru_cache(maxsize=1)
@@ -59,7 +59,7 @@ def forget_spot() -> None:
 
 
 def source_density(accuracy: ChainAccuracy) -> float:
-    """Share of the cutoff to resolve: the light near it is weak, and the pixel averages it away."""
+    """Fraction of the cutoff to resolve: light near the cutoff is weak, and the pixel averages it away."""
     return accuracy.source_sampling * tolerated_density(accuracy)
 
 
@@ -72,11 +72,11 @@ class FollowedPoints:
     pixels
         Weighted mean, shape (rows, columns).
     pixel_error
-        Relative L2 error of integrating it over the pixels.
+        Relative L2 error of its integration over the pixels.
     alone
-        Image of each point requested alone, shape (points, rows, columns).
+        Image of each point that was requested separately, shape (points, rows, columns).
     handed_over
-        Largest share that a boundary wave left to Kirchhoff's integral.
+        Largest fraction that a boundary wave left to Kirchhoff's integral.
     effort
         Counts of nodes and samples for each point.
     """
@@ -91,7 +91,7 @@ class FollowedPoints:
 def follow_points(
     asked: AskedSpot, places: FloatArray, weights: tuple[int, ...], alone: tuple[int, ...] = ()
 ) -> FollowedPoints:
-    """Follow weighted source points, shape (n, 2); `alone` gives the indices of points to return alone as well."""
+    """Follow weighted source points, shape (n, 2); `alone` lists those whose images are also returned separately."""
     spot = asked.prepared()
     images, handed = [], [spot.tables.handed_over if spot.tables else 0.0]
 

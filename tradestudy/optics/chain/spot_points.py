@@ -1,9 +1,9 @@
 """One point of a spot: the data shared by all points, and the light of one point on the detector.
 
 Shared data are computed once: the main-lens field at a few distances of the source from the axis (it turns with the
-source, and is interpolated in between), the nodes of a microlens, the transfer to the detector. Behind the array the
-light of all microlenses is followed over the whole detector at once, or of each on a patch about its ray image;
-patches of one source point add as fields.
+source, and is interpolated in between), the nodes of a microlens, and the transfer to the detector. Behind the array,
+light is followed either from all microlenses over the whole detector at once, or from each on a patch about its ray
+image; patches of one source point add as fields.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Spot:
 
     @property
     def spacing(self) -> float:
-        """Distance of detector samples [m]."""
+        """Distance between detector samples [m]."""
         return self.path.pixels.pitch / self.per_pixel
 
     @property
@@ -72,7 +72,7 @@ class Spot:
 
     @property
     def samples(self) -> int:
-        """Samples along a side of a transform."""
+        """Samples along a side of a Fourier transform."""
         return (self.law.transfer if isinstance(self.law, Response) else self.law.plan).count
 
     def wave(self, x: float, y: float) -> PupilWave | RayWave:
@@ -93,7 +93,7 @@ def prepare_spot(
 ) -> Spot:
     """Choose every grid from the geometry of centre and rim of the disc, and compute the tables.
 
-    `blank` tables are empty, for a pilot run that times the points.
+    Tables are left blank if `blank` is set, for a pilot run that times the points.
     """
     distance = np.linalg.norm(nodes.all, axis=1)
     reaches = disc_ends(path, source, nodes)
@@ -139,7 +139,7 @@ def prepare_spot(
 
 
 def tables_at(spot: Spot, at: list[Place]) -> dict[Place, FieldTable | None]:
-    """Main-lens field of each place; none for rays."""
+    """Table of the main-lens field for each place; None for rays."""
     return dict.fromkeys(at) if spot.tables is None else dict(spot.tables.at(at))
 
 
@@ -150,11 +150,11 @@ class PointLight:
     Attributes
     ----------
     intensity
-        On the fine grid of the detector, as a share of the point's power through the pupil.
+        Intensity on the fine grid of the detector, relative to the point's power through the pupil.
     far
-        Light on each pixel beyond the patches, as the same share.
+        Light on each pixel from beyond the patches, relative to the same power.
     handed_over
-        Share of it that a boundary wave behind the array left to Kirchhoff's integral.
+        Fraction of the light that a boundary wave behind the array left to Kirchhoff's integral.
     """
 
     intensity: FloatArray
@@ -162,7 +162,7 @@ class PointLight:
     handed_over: float
 
     def on_pixels(self, spot: Spot) -> FloatArray:
-        """Share of the point's power on each pixel."""
+        """Fraction of the point's power on each pixel."""
         intensity = self.intensity.astype(np.float64)
         return light_on_pixels(intensity, spot.path.pixels, per_pixel=spot.per_pixel)[0] + self.far
 
@@ -200,7 +200,7 @@ def _light_of_all(
     table: FieldTable | None,
     reach: RayReach,
 ) -> PointLight:
-    """Follow the light of all microlenses over the whole detector at once; none falls beyond."""
+    """Follow the light of all microlenses over the whole detector at once; none is lost beyond patches."""
     plane, lenses = spot.plane, spot.path.microlenses
     if isinstance(wave, RayWave):
         cells = [shadowed(lenses, plane.cell, wave.lit, index, spot.cycles) for index in range(lenses.count)]
@@ -208,7 +208,7 @@ def _light_of_all(
         field, transmission = wave.field(*plane.positions), plane.transmission(wave.source)
     else:
         assert spot.tables is not None
-        assert table is not None  # waves to the array have one
+        assert table is not None  # waves to the array need one
         field, transmission = spot.tables.field(at, table, *plane.positions), _transmission(spot, wave)
     rest, spheres = field, None
     if spot.legs.to_detector == "boundary_wave":
@@ -233,7 +233,7 @@ def _light_of_all(
 
 
 def _add_edges(spot: Spot, canvas: ComplexArray, wave: PupilWave | RayWave, spheres: Spheres, reach: RayReach) -> float:
-    """Add spheres by rays and boundary waves; return the power that needed no integral."""
+    """Add spheres by rays and boundary waves; return the power that these carry without Kirchhoff's integral."""
     return add_spheres(
         canvas,
         path=spot.path,
@@ -247,13 +247,13 @@ def _add_edges(spot: Spot, canvas: ComplexArray, wave: PupilWave | RayWave, sphe
 
 
 def _kind(spot: Spot) -> type[np.complexfloating]:
-    """Precision of fields on the detector."""
+    """Type of fields on the detector, in single or double precision."""
     return np.complex64 if spot.accuracy.tolerance >= SINGLE_PRECISION_FROM else np.complex128
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Lit:
-    """Microlenses that share their nodes, the field that arrives there, and what the lenses do to it."""
+    """Microlenses that share their nodes, the field that arrives there, and the lenses' transmission."""
 
     which: IndexArray
     cell: CellNodes
@@ -262,7 +262,7 @@ class _Lit:
 
 
 def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTable | None) -> Iterator[_Lit]:
-    """Microlenses that light of a source point reaches; each that the edge of a shadow cuts comes alone."""
+    """Microlenses that light of a source point reaches; those that the edge of a shadow cuts come one by one."""
     lenses, plane = spot.path.microlenses, spot.plane
     if isinstance(wave, RayWave):
         share = lit_share(lenses, wave.lit)
@@ -307,14 +307,15 @@ def _add_light(spot: Spot, law: PatchLaw, canvas: ComplexArray, reach: RayReach,
     sent = np.sum(squared_magnitude(lit.field) * lit.cell.weights, axis=-1)
     held = np.sum(squared_magnitude(patches), axis=(1, 2), dtype=np.float64) * spot.spacing**2
     half = law.plan.side * spot.spacing / 2
-    # The law around a disc of rays assumes a round edge; square apertures use the law of a focus, their mean far away.
+    # The law around a disc of rays assumes a round edge. Square apertures use the law of a point focus, which is their
+    # mean far away.
     round_edge = spot.path.microlenses.aperture == "circular"
     radii = reach.spread[lit.which] if round_edge else np.zeros(lit.which.size)
     return far_light(spot.path.pixels, middles, half, np.maximum(sent - held, 0.0), radii)
 
 
 def _transmission(spot: Spot, wave: PupilWave | RayWave) -> ComplexArray:
-    """Phasors of the lenses; perfect ones follow the source."""
+    """Phasors of the lenses; those of perfect lenses depend on the source."""
     if spot.path.microlenses.lens_phase == "perfect":
         return spot.plane.transmission(wave.source)
     return spot.transmission
@@ -330,7 +331,7 @@ def _add_patches(canvas: ComplexArray, patches: ComplexArray, first: IndexArray)
 
 
 def lights_of(spot: Spot, places: FloatArray) -> Iterator[PointLight]:
-    """Follow source points, shape (n, 2), side by side; taken one by one, their fine grids need no room together."""
+    """Follow source points, shape (n, 2), side by side; yielded one by one, so that few fine grids are held at once."""
     at = [(float(x), float(y)) for x, y in places]
     shared = tables_at(spot, at)
     with ThreadPoolExecutor(POINTS_AT_ONCE) as pool:
@@ -338,7 +339,7 @@ def lights_of(spot: Spot, places: FloatArray) -> Iterator[PointLight]:
 
 
 def mean_on_pixels(spot: Spot, part: Iterable[tuple[int, PointLight]]) -> tuple[FloatArray, float]:
-    """Weighted mean of points on the pixels, and the error of integrating over them."""
+    """Weighted mean of points on the pixels, and the error of its integration over them."""
     rows, columns = (n * spot.per_pixel + 2 * MARGIN for n in spot.path.pixels.shape)
     points, intensity, far = 0, np.zeros((rows, columns)), np.zeros(spot.path.pixels.shape)
     for n, light in part:

@@ -1,7 +1,7 @@
 """Interpolation of a complex table by the kernel of a nonuniform Fourier transform.
 
-The kernel, a prolate wave function made for waves of a known band, follows them close to the sampling limit, where
-splines fail, and finufft evaluates it several times faster. As with splines, coefficients give back the table.
+The kernel is a prolate wave function made for waves of a known band. It follows them close to the sampling limit, where
+splines fail, and finufft evaluates it several times faster. As with splines, coefficients reproduce the table.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import scipy.fft
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.phasors import ComplexArray
 
-_WIDEST = 16  # no kernel is wider on either side [samples]
+_WIDEST = 16  # half width of the widest kernel [samples]
 _FINEST, _COARSEST = 1e-7, 1e-3
 _SINGLE_FROM = 2e-5  # tolerance from which on 32-bit numbers are exact enough
 _SETTLING = 128  # samples within which coefficients settle
@@ -30,7 +30,7 @@ class TableKernel:
     Attributes
     ----------
     oversampling
-        How many times finer than Nyquist's the samples of the waves are, > 1.
+        Oversampling of the waves relative to Nyquist's rate, > 1.
     tolerance
         Error allowed relative to the waves, in 1e-7 … 1e-3.
     """
@@ -40,7 +40,7 @@ class TableKernel:
 
     @classmethod
     def within(cls, oversampling: float, tolerance: float) -> TableKernel:
-        """The kernel of the tolerance nearest to the one requested."""
+        """Kernel made for the tolerance nearest to the one requested."""
         return cls(oversampling, min(max(tolerance, _FINEST), _COARSEST))
 
     @property
@@ -50,12 +50,12 @@ class TableKernel:
 
     @property
     def end_effect(self) -> int:
-        """Samples from the ends of a table on which the coefficients have not settled to the tolerance."""
+        """Samples at each end of a table where the coefficients have not settled to the tolerance."""
         settled = np.abs(np.fft.ifft(1 / _response(self, 2 * math.pi * np.arange(_SETTLING) / _SETTLING)))
         return int(np.argmax(settled[: _SETTLING // 2] <= self.tolerance * settled[0]))
 
     def coefficients(self, table: ComplexArray) -> ComplexArray:
-        """Coefficients by which the kernel gives back a table, mirrored at its ends."""
+        """Coefficients with which the kernel reproduces a table, mirrored at its ends."""
         along = [_response(self, math.pi * np.arange(count) / (count - 1)) for count in table.shape]
         spectrum = scipy.fft.dctn(table, type=1)
         spectrum /= np.multiply.outer(*along)
@@ -63,7 +63,7 @@ class TableKernel:
         return np.asarray(found.astype(np.complex64 if self.single else np.complex128))
 
     def interpolated(self, coefficients: ComplexArray, rows: FloatArray, columns: FloatArray) -> ComplexArray:
-        """Values at places counted in samples from the first one, zero outside the table."""
+        """Values at positions counted in samples from the first one; zero outside the table."""
         last_row, last_column = (count - 1 for count in coefficients.shape)
         turns = [
             2 * math.pi / count * at.ravel() - math.pi
@@ -77,15 +77,15 @@ class TableKernel:
 
 
 def fast_count(least: float) -> int:
-    """Samples along a side of a table, no fewer than these, from which the coefficients are quickly found.
+    """Smallest side of a table, in samples, that is no less than `least` and whose coefficients are found fast.
 
-    At least those of two of the widest kernels, without which no place can be read.
+    It spans at least two of the widest kernels, without which no position can be read.
     """
     return int(scipy.fft.next_fast_len(max(math.ceil(least) - 1, 2 * _WIDEST), real=True)) + 1
 
 
 def _summed(kernel: TableKernel, coefficients: ComplexArray, y: FloatArray, x: FloatArray) -> ComplexArray:
-    """Kernel times the coefficients about each place, in radians of a turn about the middle."""
+    """Sum of the kernel times the coefficients about each position, given in radians of a turn about the middle."""
     real = np.float32 if coefficients.dtype == np.complex64 else np.float64
     return np.asarray(
         finufft.nufft2d2(
@@ -95,14 +95,14 @@ def _summed(kernel: TableKernel, coefficients: ComplexArray, y: FloatArray, x: F
             eps=kernel.tolerance,
             upsampfac=kernel.oversampling,
             spreadinterponly=1,
-            spread_sort=0,  # nodes lie in order
+            spread_sort=0,  # positions are sorted
             nthreads=1,
         )
     )
 
 
 def _response(kernel: TableKernel, phases: FloatArray) -> FloatArray:
-    """Factor by which the kernel changes waves of a phase from sample to sample."""
+    """Factor by which the kernel changes waves of a given phase per sample."""
     whole = _at_whole_samples(kernel)
     turns = np.multiply.outer(phases, np.arange(1, whole.size))
     return np.asarray(whole[0] + 2.0 * np.cos(turns) @ whole[1:])
@@ -110,7 +110,7 @@ def _response(kernel: TableKernel, phases: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=16)
 def _at_whole_samples(kernel: TableKernel) -> FloatArray:
-    """Kernel at whole samples from its middle on, along one axis."""
+    """Kernel at whole samples from its middle outwards, along one axis."""
     one = np.zeros((4 * _WIDEST, 4 * _WIDEST), dtype=np.complex64 if kernel.single else np.complex128)
     one[2 * _WIDEST, 2 * _WIDEST] = 1.0
     away = 2 * math.pi / len(one) * np.arange(_WIDEST, dtype=np.float64)

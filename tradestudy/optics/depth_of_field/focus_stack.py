@@ -1,4 +1,4 @@
-"""Focus stacks: the range that images at different focus keep sharp together, and the number of images needed."""
+"""Focus stacks: the range that images at different focus distances cover sharply, and the number of images needed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field.single_lens import DepthOfField, depth_of_field
 from tradestudy.optics.thin_lens import focus_shift, object_distance
 
-# Limits closer than this, relative to their distance, touch: designs that just touch must not show gaps of rounding.
+# Limits closer than this, relative to their distance, count as touching, so that rounding opens no gaps.
 TOUCHING: Final = 1e-9
 
 
@@ -50,7 +50,7 @@ def union(slices: DepthOfField) -> IntervalUnion:
 
 
 def _stretches(near: FloatArray, far: FloatArray, *, depth: int) -> FloatArray:
-    """Ranges of distance that at least a given number of intervals cover.
+    """Distance ranges that at least a given number of intervals cover.
 
     Going outward, a near limit raises the count and a far limit lowers it. Where two limits touch, the near
     one comes first for the union, which leaves no gap, and the far one for overlaps, which leaves no overlap.
@@ -68,7 +68,7 @@ def _stretches(near: FloatArray, far: FloatArray, *, depth: int) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class FocusStack:
-    """The images of a stack and what they cover."""
+    """Images of a stack and the range that they cover."""
 
     focus_distances: FloatArray
     """Where each image is focused [m], nearest first."""
@@ -91,12 +91,11 @@ def focus_stack(
     Parameters
     ----------
     focus_distances
-        One per image, > f [m], shape (images,), in any order.
+        Focus distance of each image, > f [m], shape (images,), in any order.
     focal_length, pupil_diameter
         f and A, the same for all images [m].
     blur_diameter
-        Geometric blur that counts as sharp, on the sensor [m]: one, or one per image (in the order of the
-        images).
+        Geometric blur that counts as sharp, on the sensor [m]: one for all images, or one for each (in their order).
 
     Returns
     -------
@@ -105,7 +104,7 @@ def focus_stack(
     Raises
     ------
     OutOfRangeError
-        As `depth_of_field`.
+        As in `depth_of_field`.
     """
     focus = np.atleast_1d(np.asarray(focus_distances, dtype=np.float64))
     blur = np.broadcast_to(np.asarray(blur_diameter, dtype=np.float64), focus.shape)
@@ -115,7 +114,7 @@ def focus_stack(
 
 
 def images_needed(near: float, far: float, *, focal_length: float, pupil_diameter: float, blur_diameter: float) -> int:
-    """Fewest images whose depths of field cover a range: ⌈ln(b_near/b_far) / ln((1 + κ)/(1 − κ))⌉, κ = c/A.
+    """Smallest number of images whose depths of field cover a range: ⌈ln(b_near/b_far) / ln((1 + κ)/(1 − κ))⌉, κ = c/A.
 
     An image focused at b₀ is sharp for image distances from b₀/(1 + κ) to b₀/(1 − κ), a fixed ratio, so a
     touching stack is a geometric progression of image distances.
@@ -127,8 +126,8 @@ def images_needed(near: float, far: float, *, focal_length: float, pupil_diamete
     focal_length, pupil_diameter
         f and A [m].
     blur_diameter
-        c, geometric blur that counts as sharp, on the sensor, 0 < c [m]. With diffraction, the allowance at
-        ``near``, where the spot is largest, is safe for all images.
+        c > 0, geometric blur that counts as sharp, on the sensor [m]. With diffraction, the allowance at ``near``,
+        where the spot is largest, is safe for all images.
 
     Returns
     -------
@@ -137,14 +136,14 @@ def images_needed(near: float, far: float, *, focal_length: float, pupil_diamete
     Raises
     ------
     OutOfRangeError
-        For an empty or reversed range, a range that reaches into the focal length, no blur allowed.
+        For an empty or reversed range, a range that reaches into the focal length, or no blur allowed.
     """
     _require_range(near, far, focal_length, blur_diameter)
     if blur_diameter >= pupil_diameter:
         return 1
     ratio = blur_diameter / pupil_diameter
     images = _image_distance_range(near, far, focal_length) / (2 * math.atanh(ratio))
-    return max(1, math.ceil(images * (1 - 1e-12)))  # rounding must not add an image to a range that they just cover
+    return max(1, math.ceil(images * (1 - 1e-12)))  # rounding must not add an image where they just cover the range
 
 
 def plan_focus_stack(
@@ -158,17 +157,16 @@ def plan_focus_stack(
 ) -> FocusStack:
     """Spread the focus of a given number of images evenly over a range.
 
-    The range is cut into as many stretches of equal ratio of image distance as there are images, and each
-    image is focused so that its depth of field has the middle of its stretch in its own middle. With
-    `images_needed` images or more the range is covered with equal overlaps; with fewer, the gaps are equal
-    too and are reported.
+    The range is cut into one stretch for each image, all with the same ratio of image distances. Each image is focused
+    so that the middle of its depth of field, in that ratio, is the middle of its stretch. With `images_needed` images
+    or more, the range is covered with equal overlaps; with fewer, equal gaps remain and are reported.
 
     Parameters
     ----------
     near, far
         Range to cover, f < near ≤ far [m]; far may be ∞.
     images
-        How many to take, ≥ 1 (8 for MAHLI's stacks).
+        Number of images to take, ≥ 1 (8 for MAHLI's stacks).
     focal_length, pupil_diameter, blur_diameter
         f, A and c < A [m].
 
@@ -179,8 +177,7 @@ def plan_focus_stack(
     Raises
     ------
     OutOfRangeError
-        For an empty or reversed range, a range that reaches into the focal length, c ≥ A or ≤ 0, no image at
-        all.
+        For an empty or reversed range, a range that reaches into the focal length, c ≥ A or c ≤ 0, or no images.
     """
     _require_range(near, far, focal_length, blur_diameter)
     if images < 1:
@@ -192,16 +189,16 @@ def plan_focus_stack(
             "blur that counts as sharp",
             value=f"{blur_diameter:g} m",
             limit=f"below the pupil diameter, {pupil_diameter:g} m",
-            remedy="everything is sharp by this criterion: take a single image",
+            remedy="take a single image: by this criterion, everything is sharp",
         )
     ratio = blur_diameter / pupil_diameter
     total = _image_distance_range(near, far, focal_length)
     middle = (np.arange(images) + 0.5) * (total / images)
-    # Image distance over that of the near end, less one: written so that far focus keeps its digits.
+    # Image distance relative to that of the near end, minus one, in a form that keeps its digits for far focus.
     fall = np.expm1(-middle + 0.5 * math.log1p(-(ratio**2)))
     near_shift = float(focus_shift(near, focal_length))
     shift = near_shift + (focal_length + near_shift) * fall
-    focus = object_distance(np.maximum(shift, 0.0), focal_length)  # a focus beyond infinity is focus at infinity
+    focus = object_distance(np.maximum(shift, 0.0), focal_length)  # a focus beyond infinity counts as infinity
     return focus_stack(focus, focal_length=focal_length, pupil_diameter=pupil_diameter, blur_diameter=blur_diameter)
 
 

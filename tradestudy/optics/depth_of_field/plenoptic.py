@@ -1,12 +1,12 @@
 """Depth of field of plenoptic cameras: of a focused one by types of microlenses, of an unfocused one by views.
 
-Focused: a microlens of aperture D at the gap b_L before the detector, focused at virtual depth v₀, blurs a point at
-virtual depth v to D |1/v − 1/v₀|, so depth of field is symmetric in 1/v. All signs follow v: positive for a Keplerian
-relay (image of the main lens before the array), negative for a Galilean one (image behind it).
+Focused: a microlens of aperture D at the gap b_L in front of the detector, focused at virtual depth v₀, blurs a point
+at virtual depth v to the diameter D |1/v − 1/v₀|, so depth of field is symmetric in 1/v. All signs follow v: positive
+for a Keplerian relay (image of the main lens in front of the array), negative for a Galilean one (image behind it).
 
-Unfocused (plenoptic I): microlenses are focused at infinity, the main image lies on the array. Each pixel under a
-microlens sees the scene through its own part of the main lens's pupil, of width B = p_px z/f_L. Images taken through
-neighbouring parts are shifted against each other and added to refocus.
+Unfocused (plenoptic I): microlenses are focused at infinity, and the main image lies on the array. Each pixel under a
+microlens sees the scene through its own part of the main lens's pupil, of width B = p_px z/f_L. To refocus, images
+taken through neighbouring parts are shifted against each other and added.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def inverse_focus_virtual_depth(microlens_focal_length: ArrayLike, microlens_gap
     Returns
     -------
     1/v₀ [1], broadcast: positive for a Keplerian focus (b_L > f_L), negative for a Galilean one, 0 for b_L =
-    f_L, which is focus at infinity on both sides.
+    f_L, which means focus at infinity on both sides.
 
     Raises
     ------
@@ -54,14 +54,14 @@ def relay_blur_diameter(
     virtual_depth
         v [1], signed; ±∞ is allowed.
     inverse_focus_virtual_depth
-        1/v₀ [1], signed, of the type.
+        1/v₀ [1], signed, of the microlens type.
     microlens_aperture
         D > 0 [m]; the pitch for a full fill factor.
 
     Returns
     -------
-    Diameter [m], broadcast; ∞ for an image on the array. Holds while the light fills the microlens, for |v| ≥
-    1 with matched f-numbers.
+    Diameter [m], broadcast; ∞ for an image on the array. Valid while light fills the microlens: for |v| ≥ 1 with
+    matched f-numbers.
     """
     v, w0, D = as_floats(virtual_depth, inverse_focus_virtual_depth, microlens_aperture)
     require(D > 0, "microlens aperture", D, limit="> 0 m", remedy="check unit and sign")
@@ -72,7 +72,7 @@ def relay_blur_diameter(
 def virtual_depth_limits(
     inverse_focus_virtual_depth: ArrayLike, blur_diameter: ArrayLike, microlens_aperture: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Smallest and largest |v| that a type keeps sharp on its own side: 1/(|1/v₀| ± c/D).
+    """Smallest and largest |v| that a microlens type keeps sharp on its own side: 1/(|1/v₀| ± c/D).
 
     Parameters
     ----------
@@ -85,11 +85,11 @@ def virtual_depth_limits(
 
     Returns
     -------
-    (smallest, largest) [1], broadcast, without sign. The largest is ∞ once c/D reaches |1/v₀|: then the type
-    is sharp up to an infinitely distant relay image.
+    (smallest, largest) [1], broadcast, without sign. The largest is ∞ once c/D reaches |1/v₀|: the type is then sharp
+    up to an infinitely distant relay image.
     """
     w0, half = _half_width(inverse_focus_virtual_depth, blur_diameter, microlens_aperture)
-    with np.errstate(divide="ignore"):  # focus at infinity without any blur allowed is sharp at infinity only
+    with np.errstate(divide="ignore"):  # at infinite focus and without any blur, only infinity is sharp
         smallest = 1 / (np.abs(w0) + half)
         largest = 1 / np.maximum(np.abs(w0) - half, 0.0)
     return np.asarray(smallest), np.asarray(largest)
@@ -112,21 +112,21 @@ def relay_depth_of_field(
     inverse_focus_virtual_depth
         1/v₀ of each type [1], signed.
     blur_diameter
-        Geometric blur c that counts as sharp, on the detector [m]; NaN, where diffraction has used it up,
-        gives an empty one.
+        Geometric blur c that counts as sharp, on the detector [m]. NaN, where diffraction has used up the blur, gives
+        an empty depth of field.
     microlens_aperture, microlens_gap
         D and b_L > 0 [m].
     mla_distance, focal_length
         Main lens to array z, and f of the main lens, > 0 [m].
     keplerian
-        On which side of the array the main lens's image is used. Blur may allow a type to reach through 1/v =
-        0 to the other side, whose micro-images are reversed; that part is not counted.
+        Whether the main lens's image is used in front of the array. Blur may allow a type to reach through 1/v = 0 to
+        the other side, whose micro-images are reversed; that part is not counted.
 
     Returns
     -------
-    The limits in front of the main lens, broadcast. The far limit is ∞ exactly where the sharp image
-    distances reach the focal plane of the main lens. A type that is sharp only for images nearer than the
-    focal plane (beyond infinity) or on the other side of the array has none, and the reason says so.
+    The limits in front of the main lens [m], broadcast. The far limit is ∞ exactly where the sharp image distances
+    reach the focal plane of the main lens. A type that is sharp only for images nearer than the focal plane (beyond
+    infinity) or on the other side of the array has no depth of field; the reason says so.
 
     Notes
     -----
@@ -143,10 +143,11 @@ def relay_depth_of_field(
     for name, length in (("microlens gap", b_L), ("main lens to array", z), ("focal length", f)):
         require(length > 0, name, length, limit="> 0 m", remedy="check unit and sign")
     side = 1.0 if keplerian else -1.0
-    # Depth of the relay without sign: the end towards the array is near for a Keplerian relay, far for a Galilean one.
+    # Unsigned depth of the relay: the end nearer to the array is the near limit of a Keplerian relay, but the far limit
+    # of a Galilean one.
     to_array, from_array = side * w0 + half, np.maximum(side * w0 - half, 0.0)
     near_end, far_end = (to_array, from_array) if keplerian else (from_array, to_array)
-    with np.errstate(divide="ignore", invalid="ignore"):  # a relay image at infinity; other signs are sorted out below
+    with np.errstate(divide="ignore", invalid="ignore"):  # a relay image at infinity; signs are handled below
         near_shift, far_shift = ((z - f) - side * (b_L / end) for end in (near_end, far_end))
         near = f + f * (f / near_shift)
         far = np.where(far_shift > 0, f + f * (f / far_shift), np.inf)
@@ -175,7 +176,7 @@ def touching_inverse_virtual_depths(
     pixels_per_lens
         Pixels across the aperture of a microlens, D in pixels.
     nearest_virtual_depth
-        |v| of the total covering plane, where the first type begins, > 0 [1].
+        |v| of the total covering plane, where the range of the first type begins, > 0 [1].
     types
         Number of types, ≥ 1.
     blur_px
@@ -183,13 +184,12 @@ def touching_inverse_virtual_depths(
 
     Returns
     -------
-    Unsigned, one per type, shape (types,): multiply with −1 for a Galilean relay.
+    |1/v₀| [1], unsigned, one per type, shape (types,); multiply by −1 for a Galilean relay.
 
     Raises
     ------
     OutOfRangeError
-        If a type would have to focus beyond an infinitely distant relay image, and for values that are not
-        positive.
+        If a type would have to focus beyond an infinitely distant relay image, or a value is not positive.
     """
     values = {"pixels per lens": pixels_per_lens, "virtual depth": nearest_virtual_depth, "blur in pixels": blur_px}
     for name, value in values.items():
@@ -224,7 +224,7 @@ def microlens_focal_length(inverse_focus_virtual_depth: ArrayLike, microlens_gap
 def _half_width(
     inverse_focus_virtual_depth: ArrayLike, blur_diameter: ArrayLike, microlens_aperture: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """1/v₀ and the half-width c/D of the depth of field in 1/v."""
+    """1/v₀ and the half width c/D of the depth of field in 1/v."""
     w0, c, D = as_floats(inverse_focus_virtual_depth, blur_diameter, microlens_aperture)
     require((c >= 0) | np.isnan(c), "blur diameter", c, limit="≥ 0 m", remedy="declare the blur that counts as sharp")
     require(D > 0, "microlens aperture", D, limit="> 0 m", remedy="check unit and sign")
@@ -238,19 +238,19 @@ def view_pupil_diameter(
     pixel_pitch: ArrayLike,
     microlens_focal_length: ArrayLike,
 ) -> FloatArray:
-    """Width of the part of the pupil that one pixel sees through: B = p_px z/f_L, z the image distance of the focus.
+    """Width of the part of the pupil through which one pixel sees: B = p_px z/f_L, with the image distance z in focus.
 
     Parameters
     ----------
     focus_distance, focal_length
-        a₀ > f: where the array is in focus, and f of the main lens [m].
+        a₀ > f, the distance in focus on the array, and f of the main lens [m].
     pixel_pitch, microlens_focal_length
         p_px and f_L > 0 [m].
 
     Returns
     -------
-    Width [m], broadcast: also the baseline of neighbouring views. Geometric; diffraction at the microlens
-    widens it.
+    Width [m], broadcast; it is also the baseline of neighbouring views. Geometric: diffraction at the microlens widens
+    it.
 
     Raises
     ------
@@ -272,10 +272,9 @@ def refocus_distance(
     view_pupil_diameter: ArrayLike,
     microlens_pitch: ArrayLike,
 ) -> FloatArray:
-    """Object distance that shifting neighbouring views by so many microlenses brings into focus.
+    """Object distance that comes into focus when neighbouring views are shifted by this many microlenses.
 
-    The image distance is b = z B/(B − α p), so that the focus shift is s = s₀ + z α p/(B − α p), and a = f +
-    f²/s.
+    The image distance is b = z B/(B − α p); so the focus shift is s = s₀ + z α p/(B − α p), and a = f + f²/s.
 
     Parameters
     ----------
@@ -283,7 +282,7 @@ def refocus_distance(
         α, shift between views of neighbouring pixels [microlenses], any real number; positive refocuses
         nearer.
     focus_distance, focal_length
-        a₀ > f, where the array is in focus, and f [m].
+        a₀ > f, the distance in focus on the array, and f [m].
     view_pupil_diameter
         B, from `view_pupil_diameter` [m].
     microlens_pitch
@@ -291,26 +290,25 @@ def refocus_distance(
 
     Returns
     -------
-    a [m] from the main lens, broadcast; ∞ for the shift that refocuses on infinity and all beyond it, f for
-    shifts of B/p and more, beyond which no real image is left.
+    a [m] from the main lens, broadcast; ∞ for shifts that refocus on infinity or beyond, f for shifts of B/p or more,
+    which leave no real image.
 
     Notes
     -----
-    For a pupil in the plane of a thin main lens. The chief-ray model of C. Hahne et al., "Refocusing distance
-    of a standard plenoptic camera", Optics Express 24 (2016), gives the same distances if its exit pupil is
-    put there.
+    For a pupil in the plane of a thin main lens. The chief-ray model of C. Hahne et al., "Refocusing distance of a
+    standard plenoptic camera", Optics Express 24 (2016), gives the same distances if its exit pupil lies there.
 
     Raises
     ------
     OutOfRangeError
-        As `view_pupil_diameter`.
+        As in `view_pupil_diameter`.
     """
     shifts, a0, f, B, p = as_floats(shift, focus_distance, focal_length, view_pupil_diameter, microlens_pitch)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
     for name, length in (("focal length", f), ("pupil of a view", B), ("microlens pitch", p)):
         require(length > 0, name, length, limit="> 0 m", remedy="check unit and sign")
     travel = shifts * p
-    with np.errstate(divide="ignore"):  # a shift of a whole view puts the image at infinity
+    with np.errstate(divide="ignore"):  # a shift by a whole view sends the image to infinity
         moved = np.where(travel < B, image_distance(a0, f) * travel / np.where(travel < B, B - travel, 1.0), np.inf)
         s = focus_shift(a0, f) + moved
         return np.asarray(np.where(s > 0, f + f * (f / np.where(s > 0, s, 1.0)), np.inf))
@@ -324,30 +322,29 @@ def refocused_depth_of_field(
     pupil_diameter: ArrayLike,
     blur_diameter: ArrayLike,
 ) -> DepthOfField:
-    """Depth of field of one refocused image: A z |1/b − 1/b_α| ≤ c, the blur measured on the array.
+    """Depth of field of one refocused image: A z |1/b − 1/b_α| ≤ c, with the blur on the array.
 
     Parameters
     ----------
     refocused_distance
-        Distance a_α the image is refocused on, > f [m]; ∞ is allowed.
+        Distance a_α on which the image is refocused, > f [m]; ∞ is allowed.
     focus_distance
-        a₀ > f: where the array is in focus [m].
+        a₀ > f, the distance in focus on the array [m].
     focal_length, pupil_diameter
         f and A of the main lens [m].
     blur_diameter
-        Geometric blur c ≥ 0 that counts as sharp, on the array [m]; the microlens pitch, since that is the
-        lateral sample.
+        Geometric blur c ≥ 0 that counts as sharp, on the array [m]; usually the microlens pitch, the lateral sample.
 
     Returns
     -------
-    The limits, broadcast. Adding views shifted for a_α acts like a lens refocused there and scaled back to
-    the array, so this is a conventional depth of field with the blur c b_α/z. It supposes a_α within
+    The limits [m], broadcast. Adding views shifted for a_α acts like a lens refocused there, with the image scaled back
+    to the array; so this is a conventional depth of field with the blur c b_α/z. It assumes that a_α lies within
     `view_depth_of_field`.
 
     Raises
     ------
     OutOfRangeError
-        As `depth_of_field`.
+        As in `depth_of_field`.
     """
     a0, a_refocused, f, c = as_floats(focus_distance, refocused_distance, focal_length, blur_diameter)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
@@ -363,7 +360,7 @@ def view_depth_of_field(
     view_pupil_diameter: ArrayLike,
     blur_diameter: ArrayLike,
 ) -> DepthOfField:
-    """Distances at which each single view is sharp, where the camera can refocus: the depth of field of pupil B.
+    """Distances at which every view is sharp, so that the camera can refocus on them: depth of field of the pupil B.
 
     Parameters
     ----------
@@ -372,17 +369,17 @@ def view_depth_of_field(
     view_pupil_diameter
         B, from `view_pupil_diameter` [m].
     blur_diameter
-        Geometric blur c that counts as sharp, on the array [m]; with the microlens pitch the ends are the
+        Geometric blur c that counts as sharp, on the array [m]; with the microlens pitch, the ends correspond to the
         shifts ∓1.
 
     Returns
     -------
-    The limits, broadcast; as many times deeper (in inverse image distance) than without refocusing as there
-    are views across.
+    The limits [m], broadcast. Refocusing multiplies the range of inverse image distances by the number of views across
+    the pupil.
 
     Raises
     ------
     OutOfRangeError
-        As `depth_of_field`.
+        As in `depth_of_field`.
     """
     return depth_of_field(focus_distance, focal_length, view_pupil_diameter, blur_diameter)

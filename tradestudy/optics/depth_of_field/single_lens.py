@@ -24,9 +24,9 @@ _DIAMETER_IN_WAVELENGTHS_PER_F_NUMBER: Final[dict[DiffractionMeasure, float]] = 
 
 @dataclass(frozen=True, kw_only=True)
 class DepthOfField:
-    """Distances from the lens between which the blur meets its criterion.
+    """Distances from the lens [m] between which the blur meets its criterion.
 
-    Where nothing meets it, both limits are NaN, ``empty`` is true and ``reason`` says why in words.
+    Where no distance meets it, both limits are NaN, ``empty`` is true and ``reason`` says why in words.
     """
 
     near: FloatArray
@@ -54,7 +54,7 @@ class DepthOfField:
 
 
 def intersection(first: DepthOfField, second: DepthOfField) -> DepthOfField:
-    """Range that is sharp for both, such as two lenses of a stereo rig: the farther near and the nearer far limit."""
+    """Range sharp for both, such as the two lenses of a stereo rig: the farther near and the nearer far limit."""
     near, far = np.maximum(first.near, second.near), np.minimum(first.far, second.far)
     apart = near > far
     reasons = [reason for reason in (first.reason, second.reason) if reason]
@@ -71,7 +71,7 @@ def as_floats(*values: ArrayLike) -> tuple[FloatArray, ...]:
 
 
 def require(condition: ArrayLike, what: str, value: FloatArray, *, limit: str, remedy: str, unit: str = "m") -> None:
-    """Refuse an argument with its first value that breaks a condition."""
+    """Refuse an argument, showing its first value that breaks the condition."""
     holds = np.asarray(condition)
     if not np.all(holds):
         value, holds = np.broadcast_arrays(value, holds)
@@ -86,8 +86,8 @@ def diffraction_diameter(wavelength: ArrayLike, working_f_number: ArrayLike, mea
     wavelength
         λ > 0 [m].
     working_f_number
-        N_w = b/A [1], distance from the pupil to the sensor over the diameter of the pupil; N (1 + m) for a
-        lens focused at magnification m, b_L over the aperture for a microlens.
+        N_w = b/A [1], distance from pupil to sensor over the diameter of the pupil: N (1 + m) for a lens focused at
+        magnification m, b_L over the aperture for a microlens.
     measure
         ``airy-diameter``, ``fwhm``, or ``none`` for geometric optics (diameter 0).
 
@@ -98,7 +98,7 @@ def diffraction_diameter(wavelength: ArrayLike, working_f_number: ArrayLike, mea
     Raises
     ------
     OutOfRangeError
-        For values that are not positive, or an unknown measure.
+        For values that are not positive, or for an unknown measure.
     """
     wavelengths, f_numbers = as_floats(wavelength, working_f_number)
     require(wavelengths > 0, "wavelength", wavelengths, limit="> 0 m", remedy="check the unit")
@@ -137,8 +137,8 @@ def blur_allowance(blur_criterion: ArrayLike, diffraction_spot: ArrayLike) -> Bl
 
     Returns
     -------
-    The allowance, broadcast. Where diffraction alone equals the criterion the allowance is 0: only the plane
-    of focus meets it.
+    The allowance, broadcast. Where diffraction alone equals the criterion, the allowance is 0: only the plane of focus
+    meets it.
 
     Raises
     ------
@@ -162,14 +162,14 @@ def blur_allowance(blur_criterion: ArrayLike, diffraction_spot: ArrayLike) -> Bl
 
 
 def hyperfocal_distance(focal_length: ArrayLike, pupil_diameter: ArrayLike, blur_diameter: ArrayLike) -> FloatArray:
-    """Nearest focus that keeps infinity sharp: H = f A/c + f, that is f²/(N c) + f.
+    """Nearest focus that keeps infinity sharp: H = f A/c + f = f²/(N c) + f.
 
     Parameters
     ----------
     focal_length, pupil_diameter
         f and A = f/N, > 0 [m].
     blur_diameter
-        c ≥ 0, geometric blur that counts as sharp, on the sensor [m].
+        c ≥ 0, the geometric blur that counts as sharp, on the sensor [m].
 
     Returns
     -------
@@ -182,14 +182,14 @@ def hyperfocal_distance(focal_length: ArrayLike, pupil_diameter: ArrayLike, blur
     """
     f, A, c = as_floats(focal_length, pupil_diameter, blur_diameter)
     _require_lens(f, A, c)
-    with np.errstate(divide="ignore"):  # without any blur only infinity itself is the hyperfocal focus
+    with np.errstate(divide="ignore"):  # without any blur, only a focus at infinity keeps infinity sharp
         return np.asarray(f * (A / c) + f)
 
 
 def depth_of_field(
     focus_distance: ArrayLike, focal_length: ArrayLike, pupil_diameter: ArrayLike, blur_diameter: ArrayLike
 ) -> DepthOfField:
-    """Near and far limit of the exact thin lens: a − f = (1 ∓ κ) f/(f/(a₀ − f) ± κ) with κ = c/A.
+    """Near and far limits of the exact thin lens: a − f = (1 ∓ κ) f/(f/(a₀ − f) ± κ) with κ = c/A.
 
     Parameters
     ----------
@@ -198,35 +198,33 @@ def depth_of_field(
     focal_length, pupil_diameter
         f and A = f/N, > 0 [m].
     blur_diameter
-        c ≥ 0, geometric blur that counts as sharp, on the sensor [m]. NaN, where no blur is allowed since
-        diffraction has used it up, gives an empty depth of field.
+        c ≥ 0, the geometric blur that counts as sharp, on the sensor [m]. NaN, where diffraction has used up the blur,
+        gives an empty depth of field.
 
     Returns
     -------
-    The limits, broadcast. The far limit is ∞ exactly from a₀ = `hyperfocal_distance` on; both are a₀ for c =
-    0; the near limit comes inside the focal length when c exceeds the pupil (a virtual image blurred less
-    than that).
+    The limits [m], broadcast. The far limit is ∞ exactly for a₀ ≥ `hyperfocal_distance`; both limits are a₀ for c = 0.
+    If c exceeds the pupil, the near limit lies inside the focal length: that of a virtual image blurred by less than c.
 
     Notes
     -----
-    From the similar triangles behind the lens: a point imaged to b makes the blur A |b₀ − b|/b on a sensor at
-    b₀. The relative error is rounding, magnified as the far limit is by its own condition number near the
-    hyperfocal distance.
+    From the similar triangles behind the lens: a point imaged at b causes the blur A |b₀ − b|/b on a sensor at b₀. The
+    relative error is rounding, amplified near the hyperfocal distance by the condition number of the far limit.
 
     Raises
     ------
     OutOfRangeError
-        For a focus inside the focal length, for lengths that are not positive.
+        For a focus inside the focal length, or for lengths that are not positive.
     """
     a0, f, A, c = as_floats(focus_distance, focal_length, pupil_diameter, blur_diameter)
     unlimited = np.where(np.isnan(c), 0.0, c)
     hyperfocal = hyperfocal_distance(f, A, unlimited)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
     ratio = c / A
-    shift = f / (a0 - f)  # focus shift of the sensor over the focal length
+    shift = f / (a0 - f)  # focus shift of the sensor relative to the focal length
     finite = a0 < hyperfocal
     difference = np.where(finite, np.maximum(shift - ratio, 0.0), 0.0)
-    with np.errstate(divide="ignore"):  # 0 in a denominator is a limit at infinity
+    with np.errstate(divide="ignore"):  # a denominator of 0 puts a limit at infinity
         near = f + f * (1 - ratio) / (shift + ratio)
         far = f + f * (1 + ratio) / difference
     return DepthOfField(near=near, far=np.where(np.isnan(near), np.nan, far))
@@ -243,8 +241,7 @@ def diffraction_inclusive_depth_of_field(
 ) -> DepthOfField:
     """Depth of field where defocus and diffraction together meet a criterion in quadrature.
 
-    The diffraction spot is taken on the sensor, at the working f-number b₀/A, so it is the same for every
-    distance.
+    The diffraction spot is that on the sensor, at the working f-number b₀/A; it is the same for every distance.
 
     Parameters
     ----------
@@ -259,14 +256,14 @@ def diffraction_inclusive_depth_of_field(
 
     Returns
     -------
-    The limits, broadcast. Where diffraction alone exceeds the criterion there is no depth of field: ``empty``
-    is true and ``reason`` gives both diameters. Unlike the geometric figure it is not monotone in the
+    The limits [m], broadcast. Where diffraction alone exceeds the criterion there is no depth of field: ``empty`` is
+    true and ``reason`` gives both diameters. Unlike the geometric depth of field, this one is not monotone in the
     aperture.
 
     Raises
     ------
     OutOfRangeError
-        As `depth_of_field`, and for a focus at which the law of the spot does not apply.
+        As in `depth_of_field`, and for a focus at which the law of the spot does not apply.
     """
     a0, f, A = as_floats(focus_distance, focal_length, pupil_diameter)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
@@ -284,10 +281,10 @@ def _require_lens(f: FloatArray, A: FloatArray, c: FloatArray) -> None:
 
 
 def object_distance_of_magnification(focal_length: ArrayLike, magnification: ArrayLike) -> FloatArray:
-    """Object to principal plane: a = f (1 + 1/m).
+    """Distance from object to principal plane: a = f (1 + 1/m).
 
     A data sheet counts its working distance from the front of the lens, which is not the principal plane. The
-    magnification gives a reliably: m is the pixel pitch over the size of a pixel on the object.
+    magnification m, pixel pitch over the size of a pixel on the object, gives the distance a reliably.
 
     Parameters
     ----------
@@ -314,9 +311,9 @@ def object_distance_of_magnification(focal_length: ArrayLike, magnification: Arr
 def object_distance_of_working_distance(
     working_distance: ArrayLike, *, reference_working_distance: ArrayLike, reference_object_distance: ArrayLike
 ) -> FloatArray:
-    """Object to principal plane for another working distance: a = w + (a_ref − w_ref).
+    """Distance from object to principal plane for another working distance: a = w + (a_ref − w_ref).
 
-    Assumes that the principal plane keeps its distance from the front of the lens; with internal focusing this
+    This assumes that the principal plane keeps its distance from the front of the lens; with internal focusing, it
     holds only near the reference.
 
     Parameters

@@ -1,1 +1,1 @@
-"""Lens models: from directions to places in the normalised picture and back, one family to a file."""
+"""Lens models: from directions to positions in the normalised picture and back, one family per file."""

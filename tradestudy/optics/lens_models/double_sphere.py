@@ -19,9 +19,9 @@ class DoubleSphere(LensModel):
     Parameters
     ----------
     xi
-        Distance of the centres of the two spheres ξ [1], above −1 and at most 1.
+        Distance between the centres of the two spheres, ξ [1], above −1 and at most 1.
     alpha
-        Share of the second sphere against the pinhole behind it α [1], from 0 to 1.
+        Blending factor α [1] between the second sphere and the pinhole behind it, from 0 to 1.
 
     Notes
     -----
@@ -39,13 +39,13 @@ class DoubleSphere(LensModel):
 
     @property
     def widest(self) -> FloatArray:
-        """Where the law of the two spheres ends: ``z > −w₂ d₁``."""
+        """Angle at which the law of the two spheres ends [rad]: ``z > −w₂ d₁``."""
         xi, alpha = np.broadcast_arrays(np.asarray(self.xi, dtype=np.float64), np.asarray(self.alpha))
         w1 = np.minimum(alpha, 1.0 - alpha) / np.maximum(alpha, 1.0 - alpha)
         return np.asarray(np.arccos(-np.clip((w1 + xi) / np.sqrt(2.0 * w1 * xi + xi * xi + 1.0), -1.0, 1.0)))
 
     def image(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `LensModel.image`; NaN where the pinhole sees the direction behind it."""
+        """See `LensModel.image`; NaN for directions behind the plane of the pinhole."""
         x, y, z, alpha = np.asarray(x), np.asarray(y), np.asarray(z), np.asarray(self.alpha)
         square = x * x + y * y
         w = self.xi * np.sqrt(square + z * z) + z
@@ -54,11 +54,11 @@ class DoubleSphere(LensModel):
         return x / below, y / below
 
     def ray(self, u: ArrayLike, v: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `LensModel.ray`: in closed form, as unit vectors."""
+        """See `LensModel.ray`; in closed form, as unit vectors."""
         u, v = np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)
         xi, alpha = np.asarray(self.xi), np.asarray(self.alpha)
         square = u * u + v * v
-        with np.errstate(all="ignore"):  # what has no inverse ends as NaN
+        with np.errstate(all="ignore"):  # positions without an inverse become NaN
             root = np.sqrt(1.0 - (2.0 * alpha - 1.0) * square)
             m = (1.0 - alpha * alpha * square) / (alpha * root + 1.0 - alpha)
             reach = (m * xi + np.sqrt(m * m + (1.0 - xi * xi) * square)) / (m * m + square)

@@ -19,9 +19,9 @@ class ExtendedUnified(LensModel):
     Parameters
     ----------
     alpha
-        Share of the ellipsoid against the pinhole α [1], from 0 to 1.
+        Blending factor α [1] between the ellipsoid and the pinhole, from 0 to 1.
     beta
-        Shape of the ellipsoid β [1], above 0; 1 is a sphere.
+        Shape of the ellipsoid, β [1], above 0; 1 is a sphere.
 
     Notes
     -----
@@ -40,24 +40,24 @@ class ExtendedUnified(LensModel):
 
     @property
     def widest(self) -> FloatArray:
-        """Where the law of the ellipsoid ends: ``z > −w d`` with ``w = min(α, 1 − α)/max(α, 1 − α)``."""
+        """Angle at which the law ends [rad]: ``z > −w d`` with ``w = min(α, 1 − α)/max(α, 1 − α)``."""
         alpha, beta = np.broadcast_arrays(np.asarray(self.alpha, dtype=np.float64), np.asarray(self.beta))
         w = np.minimum(alpha, 1.0 - alpha) / np.maximum(alpha, 1.0 - alpha)
         return np.asarray(np.arctan2(np.sqrt(np.maximum(1.0 - w * w, 0.0)), -w * np.sqrt(beta)))
 
     def image(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `LensModel.image`; NaN where the pinhole sees the direction behind it."""
+        """See `LensModel.image`; NaN for directions behind the plane of the pinhole."""
         x, y, z, alpha = np.asarray(x), np.asarray(y), np.asarray(z), np.asarray(self.alpha)
         below = alpha * np.sqrt(self.beta * (x * x + y * y) + z * z) + (1.0 - alpha) * z
         below = np.where(np.real(below) > 0.0, below, np.nan)
         return x / below, y / below
 
     def ray(self, u: ArrayLike, v: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `LensModel.ray`: in closed form."""
+        """See `LensModel.ray`; in closed form."""
         u, v = np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)
         alpha, beta = np.asarray(self.alpha), np.asarray(self.beta)
         square = u * u + v * v
-        with np.errstate(all="ignore"):  # what has no inverse ends as NaN
+        with np.errstate(all="ignore"):  # positions without an inverse become NaN
             root = np.sqrt(1.0 - (2.0 * alpha - 1.0) * beta * square)
             z = (1.0 - beta * alpha * alpha * square) / (alpha * root + 1.0 - alpha)
         found = np.isfinite(z) & self._inside(u, v, z)

@@ -1,4 +1,4 @@
-"""The field-of-view model of wide lenses, of one coefficient."""
+"""The field-of-view model of wide-angle lenses, with a single coefficient."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tradestudy.optics.lens_models.lens_model import Coefficient, LensModel, slo
 
 @dataclass(frozen=True, kw_only=True)
 class FieldOfView(LensModel):
-    """``r = atan(2 r_u tan(w/2))/w`` with r_u the slope against the axis, up to 90°.
+    """``r = atan(2 r_u tan(w/2))/w``, where r_u is the tangent of the angle from the axis, up to 90°.
 
     Parameters
     ----------
@@ -35,11 +35,11 @@ class FieldOfView(LensModel):
 
     @property
     def widest(self) -> FloatArray:
-        """90°."""
+        """π/2 [rad]."""
         return np.full(np.shape(self.w), np.pi / 2.0)
 
     def image(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `LensModel.image`; NaN at or behind the camera."""
+        """See `LensModel.image`; NaN for points beside or behind the camera."""
         a, b = slopes(x, y, z)
         slope = np.sqrt(a * a + b * b)
         w = np.asarray(self.w)
@@ -49,12 +49,12 @@ class FieldOfView(LensModel):
         return a * scale, b * scale
 
     def ray(self, u: ArrayLike, v: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `LensModel.ray`: ``r_u = tan(w r)/(2 tan(w/2))``, as unit vectors."""
+        """See `LensModel.ray`; ``r_u = tan(w r)/(2 tan(w/2))``, as unit vectors."""
         u, v = np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)
         w = np.asarray(self.w)
         radius = np.hypot(u, v)
         turned = w * radius
-        # Sine and cosine instead of the tangent, so that nothing is lost near 90°.
+        # Sine and cosine instead of the tangent, so that no digits are lost near 90°.
         across, z = np.sin(turned), 2.0 * np.tan(w / 2.0) * np.cos(turned)
         scale = np.where(radius > 0.0, across / np.where(radius > 0.0, radius, 1.0), w)
         x, y = u * scale, v * scale

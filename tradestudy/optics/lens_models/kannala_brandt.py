@@ -1,4 +1,4 @@
-"""The model of fisheye lenses by an odd polynomial of the angle."""
+"""The fisheye model whose image radius is an odd polynomial of the angle."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ _TABLE: Final = 512
 
 @dataclass(frozen=True, kw_only=True)
 class KannalaBrandt(LensModel):
-    """``r = θ (1 + k₁θ² + k₂θ⁴ + k₃θ⁶ + k₄θ⁸)`` with θ the angle from the axis, up to 180°.
+    """``r = θ (1 + k₁θ² + k₂θ⁴ + k₃θ⁶ + k₄θ⁸)``, where θ is the angle from the axis, up to 180°.
 
     Parameters
     ----------
     k1, k2, k3, k4
-        Coefficients [1].
+        Coefficients [1] of the polynomial.
 
     Notes
     -----
-    J. Kannala, S. Brandt, IEEE PAMI 28 (2006) 1335, its radially symmetric part; OpenCV's fisheye model, Kalibr's
-    "equidistant".
+    J. Kannala, S. Brandt, IEEE PAMI 28 (2006) 1335, its radially symmetric part; also OpenCV's fisheye model and
+    Kalibr's "equidistant".
     """
 
     name: ClassVar[str] = "kannala-brandt"
@@ -41,11 +41,11 @@ class KannalaBrandt(LensModel):
 
     @property
     def widest(self) -> FloatArray:
-        """180°."""
+        """π [rad]."""
         return np.full(np.broadcast_shapes(*(np.shape(getattr(self, n)) for n in self.coefficient_names())), np.pi)
 
     def _radius(self, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """r and its derivative by the angle."""
+        """r and its derivative with respect to the angle."""
         k1, k2, k3, k4 = (np.asarray(getattr(self, f"k{n}")) for n in range(1, 5))
         q = angle * angle
         radius = angle * (1.0 + q * (k1 + q * (k2 + q * (k3 + q * k4))))
@@ -61,10 +61,10 @@ class KannalaBrandt(LensModel):
         return x * scale, y * scale
 
     def ray(self, u: ArrayLike, v: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `LensModel.ray`: unit vectors, by Newton's method on the angle from a table."""
+        """See `LensModel.ray`; unit vectors, by Newton's method on the angle, which starts from a table."""
         u, v = np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)
         radius = np.hypot(u, v)
-        with np.errstate(all="ignore"):  # what has no inverse ends as NaN
+        with np.errstate(all="ignore"):  # positions without an inverse become NaN
             angle = np.interp(radius, *self._table) if self._single else radius
             step = np.zeros(())
             for _ in range(_NEWTON_STEPS):
@@ -81,6 +81,6 @@ class KannalaBrandt(LensModel):
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:
-        """Radii and their angles over the valid field."""
+        """Radii over the valid field, and the angles that belong to them."""
         angle = np.linspace(0.0, float(self.valid_field), _TABLE)
         return self._radius(angle)[0], angle

@@ -27,10 +27,10 @@ _ROUNDING: Final = 1e-12  # rad
 
 @dataclass(frozen=True, kw_only=True)
 class LensModel(ABC):
-    """A law that maps directions to places in the normalised picture.
+    """A law that maps directions to positions in the normalised picture.
 
-    Pixels are those places times the focal lengths, from the principal point. Coefficients are dimensionless (angles in
-    rad). Each is a number, or an array that broadcasts with the coordinates: draws of a calibration.
+    Pixel positions from the principal point are these times the focal lengths. Coefficients are dimensionless (angles
+    in rad). Each is a number, or an array that broadcasts with the coordinates: draws from a calibration.
     """
 
     name: ClassVar[str]
@@ -39,7 +39,7 @@ class LensModel(ABC):
     @property
     @abstractmethod
     def widest(self) -> FloatArray:
-        """Angle from the axis [rad] beyond which the law has no meaning, whatever else its coefficients are."""
+        """Angle from the axis [rad] beyond which the law is meaningless, whatever its other coefficients are."""
 
     @property
     def symmetric(self) -> bool:
@@ -48,23 +48,23 @@ class LensModel(ABC):
 
     @abstractmethod
     def image(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Place in the normalised picture [1] of directions, by the bare law: beyond the valid field it may fold.
+        """Positions of directions in the normalised picture [1], by the bare law: beyond the valid field it may fold.
 
         Parameters
         ----------
         x, y, z
-            Components of the directions, of any length: right, down, along the axis; they broadcast.
+            Components of the directions, of any length: right, down, along the axis; broadcast against each other.
         """
 
     @abstractmethod
     def ray(self, u: ArrayLike, v: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Direction, of any positive length, that is imaged at a place: the inverse of `image`.
+        """Direction, of any positive length, that is imaged at a position: the inverse of `image`.
 
         Returns
         -------
         x, y, z
-            NaN for places outside the picture of the valid field; for coefficients that are arrays, where no inverse is
-            found on the rising branch.
+            Components of the directions. NaN for positions outside the picture of the valid field; for array
+            coefficients, NaN where no inverse is found on the rising branch.
         """
 
     @classmethod
@@ -78,12 +78,12 @@ class LensModel(ABC):
         return tuple(field.name for field in fields(cls) if field.default is not MISSING)
 
     def with_radial_error(self, k1: FloatArray, k2: FloatArray) -> LensModel:
-        """The same lens with its k₁ and k₂ changed by these.
+        """Return the same lens with these changes added to its k₁ and k₂.
 
         Raises
         ------
         OutOfRangeError
-            The family has no such coefficients, and the changes are not zero.
+            If the family has no such coefficients and the changes are not zero.
         """
         if not (np.any(k1) or np.any(k2)):
             return self
@@ -97,16 +97,16 @@ class LensModel(ABC):
         return replace(self, **changed)
 
     def coefficients(self) -> dict[str, float]:
-        """Coefficients by name; of draws, only where they are single numbers."""
+        """Coefficients by name; for draws, only those that are single numbers."""
         return {name: float(getattr(self, name)) for name in self.coefficient_names()}
 
     def project(self, points: FloatArray) -> FloatArray:
-        """Places in the normalised picture [1], shape (..., 2), of points (..., 3) of any length.
+        """Positions in the normalised picture [1], shape (..., 2), of points (..., 3) at any distance.
 
         NaN outside the valid field.
         """
         x, y, z = points[..., 0], points[..., 1], points[..., 2]
-        with np.errstate(all="ignore"):  # what the law is not made for ends as NaN
+        with np.errstate(all="ignore"):  # points outside the domain of the law become NaN
             u, v = self.image(x, y, z)
         seen = self.sees(x, y, z)
         return np.stack(np.broadcast_arrays(np.where(seen, u, np.nan), np.where(seen, v, np.nan)), axis=-1)
@@ -116,17 +116,17 @@ class LensModel(ABC):
         return np.asarray(np.arctan2(np.hypot(x, y), z) <= self.valid_field)
 
     def has_ray(self, u: FloatArray, v: FloatArray) -> BoolArray:
-        """False where `ray` finds none; true for places that are NaN themselves, which are no matter of the lens."""
+        """Whether `ray` finds a direction; true for positions that are NaN already."""
         return np.asarray(~np.isnan(self.ray(u, v)[0]) | np.isnan(u) | np.isnan(v))
 
     def unproject(self, image: FloatArray) -> FloatArray:
-        """Unit directions (..., 3) of places (..., 2) in the normalised picture; NaN outside the valid field."""
+        """Unit directions (..., 3) of positions (..., 2) in the normalised picture; NaN outside the valid field."""
         rays = np.stack(np.broadcast_arrays(*self.ray(image[..., 0], image[..., 1])), axis=-1)
         directions: FloatArray = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
         return directions
 
     def derivatives(self, points: FloatArray, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        """Derivatives of the image by the points, (..., 2, 3), and by the named coefficients, (..., 2, P).
+        """Derivatives of the image with respect to the points, (..., 2, 3), and to the named coefficients, (..., 2, P).
 
         By complex steps, W. Squire and G. Trapp, SIAM Review 40 (1998) 110: exact to rounding.
         """
@@ -146,9 +146,9 @@ class LensModel(ABC):
     def valid_field(self) -> FloatArray:
         """Largest angle from the axis [rad] up to which the map is safely one-to-one in every azimuth.
 
-        It ends where the picture's radial scale falls to `LEAST_SCALE` of that on the axis, where circles about the
-        axis no longer enclose its image, or at `widest`. Found by steps of a thousandth of `widest` and bisection: a
-        fold narrower than that is not seen. The shape is that of the coefficients.
+        It ends where the picture's radial scale falls to `LEAST_SCALE` of that on the axis, where the images of circles
+        about the axis no longer enclose its image, or at `widest`. The search takes steps of a thousandth of `widest`,
+        then bisects: a narrower fold goes unnoticed. The result has the shape of the coefficients.
         """
         top = np.asarray(self.widest) * (1.0 - 1e-9)  # the widest directions themselves may be imaged at infinity
         if self.symmetric:
@@ -158,7 +158,7 @@ class LensModel(ABC):
         return self._end_of_field(top, azimuth[..., None] + near)[1]
 
     def _end_of_field(self, top: FloatArray, azimuths: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The azimuth (...) in which the field ends first, and the angle at which it does."""
+        """The azimuth (...) in which the field ends first, and the angle at which it ends."""
         share = np.linspace(0.0, 1.0, _ANGLES + 1)[1:]
         angles = top[..., None, None] * share
         good = self._well_imaged(np.broadcast_to(angles, (*np.shape(top), 1, _ANGLES)), azimuths[..., None])
@@ -176,7 +176,7 @@ class LensModel(ABC):
         return azimuth, np.take_along_axis(ends, least, axis=-1)[..., 0]
 
     def _well_imaged(self, angle: FloatArray, azimuth: FloatArray) -> BoolArray:
-        """Whether directions, shape (..., azimuths, angles), are imaged outwards, upright and finely enough."""
+        """Whether directions, shape (..., azimuths, angles), are imaged outwards, unmirrored and not too compressed."""
         lens = self._spread(2)
         with np.errstate(all="ignore"):
             out = np.array(lens._derivative(angle, azimuth, by=0))
@@ -194,18 +194,18 @@ class LensModel(ABC):
         return [np.imag(one) / _STEP for one in moved]
 
     def _spread(self, axes: int) -> Self:
-        """The same model with as many axes behind those of its coefficients."""
+        """The same model with this many axes appended to those of its coefficients."""
         values = {name: np.asarray(getattr(self, name)) for name in self.coefficient_names()}
         wide = {name: value[(..., *[None] * axes)] for name, value in values.items() if value.ndim}
         return replace(self, **wide) if wide else self
 
     @property
     def _single(self) -> bool:
-        """Whether every coefficient is one number."""
+        """Whether every coefficient is a single number."""
         return all(np.ndim(getattr(self, name)) == 0 for name in self.coefficient_names())
 
     def _inside(self, x: FloatArray, y: FloatArray, z: FloatArray) -> BoolArray:
-        """Whether rays that an inverse has found lie in the valid field; of draws, the inverse itself says."""
+        """Whether rays found by an inverse lie in the valid field; for draws, the inverse itself decides."""
         if not self._single:
             return np.ones(np.broadcast_shapes(np.shape(x), np.shape(y), np.shape(z)), dtype=bool)
         return np.asarray(np.arctan2(np.hypot(x, y), z) <= self.valid_field + _ROUNDING)
@@ -226,7 +226,7 @@ class LensModel(ABC):
 
 
 def angle_from_axis(distance: FloatArray, z: FloatArray) -> FloatArray:
-    """Angle [rad] whose tangent is distance over z, from 0 to π; analytic, so that complex steps go through."""
+    """Angle [rad] whose tangent is distance over z, from 0 to π; analytic, so that complex steps pass through it."""
     near = np.real(z) >= np.real(distance)
     ratio = np.where(near, distance, z) / np.where(near, z, np.where(distance == 0.0, 1.0, distance))
     turned = np.arctan(ratio)
@@ -234,7 +234,7 @@ def angle_from_axis(distance: FloatArray, z: FloatArray) -> FloatArray:
 
 
 def slopes(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """x/z and y/z of directions; NaN at or behind the camera."""
+    """x/z and y/z of directions; NaN for points beside or behind the camera."""
     ahead = np.where(np.real(z) > 0.0, z, np.nan)
     return np.asarray(np.asarray(x) / ahead), np.asarray(np.asarray(y) / ahead)
 

@@ -16,14 +16,14 @@ from tradestudy.optics.lens_models.rational import Rational
 
 @dataclass(frozen=True, kw_only=True)
 class Omnidirectional(LensModel):
-    """Slopes ``x/(z + ξ d)`` with d = |(x, y, z)|, which radial and tangential distortion then change; see `Rational`.
+    """Slopes ``x/(z + ξ d)`` with d = |(x, y, z)|, then radial and tangential distortion as in `Rational`.
 
     Parameters
     ----------
     xi
-        Distance of the second centre from that of the sphere ξ [1], at least 0; 0 is a pinhole, 1 a parabolic mirror.
+        Distance of the second centre from that of the sphere, ξ [1], ≥ 0; 0 is a pinhole, 1 a parabolic mirror.
     k1, k2, p1, p2
-        Distortion [1].
+        Radial and tangential distortion [1].
 
     Notes
     -----
@@ -44,7 +44,7 @@ class Omnidirectional(LensModel):
 
     @property
     def widest(self) -> FloatArray:
-        """Where rays through the second centre touch the sphere, or leave for infinity."""
+        """Angle at which rays through the second centre touch the sphere or become parallel to the picture [rad]."""
         xi = np.asarray(self.xi) + sum(0.0 * np.asarray(getattr(self, name)) for name in ("k1", "k2", "p1", "p2"))
         return np.asarray(np.arccos(-np.minimum(xi, 1.0 / np.where(xi > 0.0, xi, np.inf) + (xi == 0.0))))
 
@@ -58,18 +58,18 @@ class Omnidirectional(LensModel):
         return Rational(k1=self.k1, k2=self.k2, p1=self.p1, p2=self.p2)
 
     def image(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `LensModel.image`; NaN where the second centre sees the direction behind it."""
+        """See `LensModel.image`; NaN for directions behind the plane of the second centre."""
         x, y, z, xi = np.asarray(x), np.asarray(y), np.asarray(z), np.asarray(self.xi)
         square = x * x + y * y
         reach = xi * np.sqrt(square + z * z)
-        # Behind the sphere's centre the sum cancels; there, the difference of the squares does less.
+        # Behind the centre of the sphere the sum cancels; the difference of the squares then loses fewer digits.
         behind = (np.real(z) < 0.0) & (np.real(xi) > 0.0)
         apart = np.where(behind, reach - z, 1.0)
         along = np.where(behind, (xi * xi * square - (1.0 - xi * xi) * z * z) / apart, z + reach)
         return self._distortion.image(x, y, along)
 
     def ray(self, u: ArrayLike, v: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `LensModel.ray`: distortion by Newton's method, the sphere in closed form, as unit vectors."""
+        """See `LensModel.ray`; distortion by Newton's method, the sphere in closed form, as unit vectors."""
         a, b, _ = self._distortion.ray(u, v)
         xi, square = np.asarray(self.xi), a * a + b * b
         with np.errstate(invalid="ignore"):

@@ -14,14 +14,14 @@ from tradestudy.optics.lens_models.lens_model import Coefficient, LensModel, slo
 
 _NEWTON_STEPS: Final = 30
 _SETTLED: Final = 1e-12
-_LARGEST_SCALE: Final = 4.0  # beyond, a Newton step of draws has left the field in which they describe a lens
+_LARGEST_SCALE: Final = 4.0  # beyond, a Newton step for a draw has left the field of the lens
 _TABLE: Final = 512
 _WIDE: Final = 1.5  # rad; beyond, slopes grow so fast that their logarithms are tabulated
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rational(LensModel):
-    """``g = (1 + k₁r² + k₂r⁴ + k₃r⁶)/(1 + k₄r² + k₅r⁴ + k₆r⁶)`` with x = X/Z, y = Y/Z, r² = x² + y².
+    """``g = (1 + k₁r² + k₂r⁴ + k₃r⁶)/(1 + k₄r² + k₅r⁴ + k₆r⁶)``, x = X/Z, y = Y/Z, r² = x² + y².
 
     ``x' = x g + 2p₁xy + p₂(r² + 2x²) + s₁r² + s₂r⁴``, ``y' = y g + p₁(r² + 2y²) + 2p₂xy + s₃r² + s₄r⁴``; a sensor
     tilted by τ_x, then τ_y, then sees ``(u, v, 1) ∝ [[R₃₃, 0, −R₁₃], [0, R₃₃, −R₂₃], [0, 0, 1]] R (x', y', 1)``.
@@ -67,7 +67,7 @@ class Rational(LensModel):
 
     @property
     def widest(self) -> FloatArray:
-        """90°."""
+        """π/2 [rad]."""
         return np.full(np.broadcast_shapes(*(np.shape(getattr(self, n)) for n in self.coefficient_names())), np.pi / 2)
 
     @cached_property
@@ -93,7 +93,7 @@ class Rational(LensModel):
         return not any(np.any(getattr(self, f"k{n}")) for n in range(3, 7))
 
     def image(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `LensModel.image`; NaN at or behind the camera."""
+        """See `LensModel.image`; NaN for points beside or behind the camera."""
         a, b = slopes(x, y, z)
         if self._undistorting:
             return a, b
@@ -109,7 +109,7 @@ class Rational(LensModel):
         return np.asarray((z > 0.0) & (whole | (np.hypot(x, y) <= np.tan(end) * z)))
 
     def _distorted(self, a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Places before the tilt."""
+        """Positions in the picture before the tilt of the sensor."""
         square = a * a + b * b
         g = self._factor(square)[0]
         u, v = a * g, b * g
@@ -120,7 +120,7 @@ class Rational(LensModel):
         return u, v
 
     def _factor(self, square: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """g and its derivative by r²."""
+        """g and its derivative with respect to r²."""
         k1, k2, k3, k4, k5, k6 = (np.asarray(getattr(self, f"k{n}")) for n in range(1, 7))
         if self._polynomial:
             return 1.0 + square * (k1 + square * k2), k1 + 2.0 * square * k2
@@ -131,11 +131,11 @@ class Rational(LensModel):
         return g, (rise - g * (k4 + square * (2.0 * k5 + 3.0 * square * k6))) / below
 
     def ray(self, u: ArrayLike, v: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `LensModel.ray`: (x, y, 1). The tilt in closed form, the rest by Newton's method."""
+        """See `LensModel.ray`; returns (x, y, 1), with the tilt in closed form and the rest by Newton's method."""
         a, b = np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)
         if self._undistorting:
             return a, b, np.ones(())
-        with np.errstate(all="ignore"):  # what has no inverse ends as NaN
+        with np.errstate(all="ignore"):  # positions without an inverse become NaN
             if self._tilted:
                 a, b = self._before_tilt(a, b)
             scale, found = self._radial_inverse(a, b)
@@ -146,9 +146,9 @@ class Rational(LensModel):
         return np.where(found, x, np.nan), np.where(found, y, np.nan), np.ones(())
 
     def _radial_inverse(self, a: FloatArray, b: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Scale r/r_d of places before the tilt by radial distortion alone, and where it is found on the rising branch.
+        """Scale r/r_d of positions before the tilt, by radial distortion alone, and whether it is on the rising branch.
 
-        ``s g(s² r_d²) = 1``, from a table for single coefficients and from 1 for draws.
+        Solves ``s g(s² r_d²) = 1``, starting from a table for single coefficients, and from 1 for draws.
         """
         square = a * a + b * b
         scale = self._first_scale(square) if self._single else np.ones(())
@@ -166,14 +166,14 @@ class Rational(LensModel):
         return scale, found & (np.abs(step) <= _SETTLED * scale)
 
     def _first_scale(self, square: FloatArray) -> FloatArray:
-        """Scale r/r_d by interpolation, to start from."""
+        """Interpolated scale r/r_d, from which the solution starts."""
         radius, picture = self._table
         distorted = np.sqrt(square)
         return np.where(square > 0.0, np.interp(distorted, picture, radius) / np.where(square > 0.0, distorted, 1.0), 1)
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:
-        """Radii and what radial distortion alone makes of them, over the part of the field in which it rises."""
+        """Radii before and after radial distortion alone, over the part of the field where both rise."""
         end = float(replace(self, **dict.fromkeys(_NOT_RADIAL, 0.0)).valid_field)
         radius = np.tan(np.linspace(0.0, min(end, _WIDE), _TABLE))
         if end > _WIDE:
@@ -205,7 +205,7 @@ class Rational(LensModel):
         return x, y, (size <= _SETTLED) & (determinant > 0.0)
 
     def _on_tilted(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """From the untilted picture to that on the tilted sensor."""
+        """Positions on the tilted sensor of positions in the untilted picture."""
         (cx, sx), (cy, sy) = ((np.cos(t), np.sin(t)) for t in (np.asarray(self.tau_x), np.asarray(self.tau_y)))
         # Rows of R = R_y(τ_y) R_x(τ_x).
         first, second = cy * x + sy * sx * y - sy * cx, cx * y + sx
@@ -215,7 +215,7 @@ class Rational(LensModel):
         return (r33 * first - r13 * third) / ahead, (r33 * second - r23 * third) / ahead
 
     def _before_tilt(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The inverse of `_on_tilted`: back by the projective map, then by the transposed rotation."""
+        """Inverse of `_on_tilted`: the inverse projective map, then the transposed rotation."""
         (cx, sx), (cy, sy) = ((np.cos(t), np.sin(t)) for t in (np.asarray(self.tau_x), np.asarray(self.tau_y)))
         r13, r23, r33 = -sy * cx, sx, cy * cx
         first, second = (u + r13) / r33, (v + r23) / r33

@@ -1,24 +1,22 @@
 r"""The baseline that the microlenses seeing a point offer, averaged over the positions of the point.
 
-All estimators of depth are put on one scale: a baseline B in the plane of the array gives the virtual depth
-the error
+All depth estimators are put on one scale. For a baseline B in the plane of the array, the error of the virtual depth is
 
-    σ_v = √2 v² σ_u / B,    B and σ_u (error of one micro-image coordinate) in the same unit.
+    σ_v = √2 v² σ_u / B,    with B and σ_u (error of one micro-image coordinate) in the same unit.
 
-An adjacent pair has B = p. Least squares over all lenses, with both coordinates of each, has σ_v = v² σ_u /
-√(Σ|x − x̄|²), so B = √(2 Σ|x − x̄|²); two lenses give their distance by either rule. Positions of the point
-differ in the lenses that see it, so B is effective in the mean square of the error: 1/B² is the mean of
-1/B(x)² over the positions with a pair.
+An adjacent pair has B = p. Least squares over all lenses, with both coordinates of each, has
+σ_v = v² σ_u/√(Σ|x − x̄|²), so B = √(2 Σ|x − x̄|²); for two lenses, both rules give their distance. Which lenses see a
+point depends on its position, so B is defined by the mean square error: 1/B² is the mean of 1/B(x)² over the positions
+with a pair.
 
-Along a ray from one lens at angle φ, the lens at g comes into the disc around the point at s_g(φ) = |g| / (2
-cos(φ − φ_g)), just when the point is s_g away from the lens at the origin: the set of lenses only grows along
-the ray. A sum over a cell of any function h of the set of lenses is therefore
+Consider points along a ray from one lens at angle φ, each with the disc around it that just reaches back to that lens.
+The lens at g enters the disc at the distance s_g(φ) = |g|/(2 cos(φ − φ_g)), so the set of lenses only grows along the
+ray. The integral over a cell of any function h of this set is therefore
 
     ∫ h dA = ∫dφ Σ_j (h(with origin) − h(without)) ½ [min(r, s_{j+1})² − min(r, s_j)²],
 
-piecewise linear in r² on each ray. The angle is integrated over the symmetric wedge by Gauss–Legendre rules
-between the angles at which the order of the lenses near the origin changes; a second, coarser rule gives the
-error.
+which is piecewise linear in r² on each ray. The angle is integrated over the symmetric wedge by Gauss–Legendre rules
+between the angles at which the order of the lenses near the origin changes; a second, coarser rule gives the error.
 """
 
 from __future__ import annotations
@@ -51,7 +49,7 @@ _TABLE_RADIUS: Final = 6.0
 # Order changes farther out than this only move small steps of the integrand.
 _RESOLVED_RADIUS: Final = 3.0
 
-# Gauss–Legendre nodes per interval of angle: the value, and the one it is compared with for the error.
+# Gauss–Legendre nodes per interval of angle: for the value, and for the comparison that gives the error.
 _NODES, _COARSE_NODES = 4, 2
 
 
@@ -72,7 +70,7 @@ def widest_pair_baseline(
     types: int = 1,
     counting: PairCounting = "all_lenses",
 ) -> EquivalentBaseline:
-    """Mean-square-effective length of the longest pair of lenses that see a point: σ_v = √2 v² σ_u / B.
+    """Effective length of the longest pair of lenses that see a point: σ_v = √2 v² σ_u/B in the mean square.
 
     Parameters
     ----------
@@ -87,16 +85,16 @@ def widest_pair_baseline(
 
     Returns
     -------
-    The baseline over the pitch, and its error. Averaged over the positions that do have a pair; their share
-    is `seen_count_probability` with ``at_least=2``. With matched f-numbers σ_v/(σ_u/p) is 1.5–1.6 |v| for |v|
-    from 4 to 6, more below; B → 2 r for large discs (beyond six pitches of a type's lattice extrapolated with
-    a deficit ∝ r^(−8/5), the law of the nearest miss among lattice points in a thin lens of area ∝ √r
-    δ^(3/2), at half the deficit as error).
+    The baseline over the pitch, and its error, averaged over the positions that have a pair; their fraction is
+    `seen_count_probability` with ``at_least=2``. With matched f-numbers, σ_v/(σ_u/p) is 1.5–1.6 |v| for |v| from 4 to
+    6, and more below. For large discs B → 2 r. Beyond six pitches of a type's lattice, the deficit from this limit is
+    extrapolated as r^(−8/5), the law of the nearest miss among lattice points in a thin lens-shaped area ∝ √r δ^(3/2);
+    half the deficit is the error.
 
     Raises
     ------
     OutOfRangeError
-        For a negative radius, an unknown layout, a number of types the layout cannot carry.
+        For a negative radius, an unknown layout, or a number of types that the layout cannot carry.
     """
     return _baseline(radius_over_pitch, layout, types, counting, "widest pair")
 
@@ -108,12 +106,12 @@ def least_squares_baseline(
     types: int = 1,
     counting: PairCounting = "all_lenses",
 ) -> EquivalentBaseline:
-    """Baseline of the pair that is as good as all lenses together: B = √(2 Σ|x − x̄|²), both coordinates used.
+    """Baseline of the pair that is as good as all lenses together, with both coordinates: B = √(2 Σ|x − x̄|²).
 
-    Parameters and errors as in `widest_pair_baseline`. With matched f-numbers σ_v/(σ_u/p) = √2 v²/(B/p) falls
-    to 4 √(2A/π) = 2.97 for a hexagonal array (A the area of a cell over p²), independent of v; B → r² √(π/A).
-    Beyond six pitches of a type's lattice the deficit from that law is extrapolated ∝ r⁻² and half of it is
-    the error. Supposes that all lenses counted are sharp.
+    Parameters and errors as in `widest_pair_baseline`. With matched f-numbers, σ_v/(σ_u/p) = √2 v²/(B/p) falls to
+    4 √(2A/π) = 2.97 for a hexagonal array (where A is the area of a cell over p²), independent of v; B → r² √(π/A).
+    Beyond six pitches of a type's lattice, the deficit from that law is extrapolated as r⁻², and half of it is the
+    error. This assumes that all counted lenses form sharp images.
     """
     return _baseline(radius_over_pitch, layout, types, counting, "least squares")
 
@@ -121,7 +119,7 @@ def least_squares_baseline(
 def _baseline(
     radius_over_pitch: ArrayLike, layout: Layout, types: int, counting: PairCounting, estimator: str
 ) -> EquivalentBaseline:
-    """Look up the table of one lattice and put its pitch back."""
+    """Look up the table of one lattice and scale it by the pitch of that lattice."""
     radius = as_radii(radius_over_pitch)
     counted, spacing = counted_on_lattice(layout, types, counting)
     if counted != "all_lenses":
@@ -180,7 +178,7 @@ class _Table:
 
 @lru_cache(maxsize=8)
 def _table(layout: Layout, estimator: str) -> _Table:
-    """Tabulate one estimator on one lattice, with the error from a coarser rule of angles."""
+    """Tabulate one estimator on one lattice, with the error from a coarser rule over the angle."""
     chosen = _ESTIMATORS[estimator]
     fine, coarse = (_sums(layout, chosen, nodes) for nodes in (_NODES, _COARSE_NODES))
     radius = np.linspace(0.5, _TABLE_RADIUS, 200)[1:]
@@ -198,10 +196,10 @@ def _table(layout: Layout, estimator: str) -> _Table:
 
 
 def _sums(layout: Layout, estimator: _Estimator, nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Squared radii; over them the mean of 1/B² (0 without a pair) and the share of positions with a pair."""
+    """Squared radii, and at each the mean of 1/B² (0 without a pair) and the fraction of positions with a pair."""
     positions, squared_reach, weight = _rays(layout, nodes)
     gain = estimator.gain(positions)
-    has_pair = np.zeros_like(gain)  # the second lens of a position makes the pair: it is lost again as the third comes
+    has_pair = np.zeros_like(gain)  # the lens at the origin completes a pair only where there is one other
     has_pair[:, 0] = 1.0
     return _integrate(squared_reach, weight, gain, has_pair)
 
@@ -209,7 +207,7 @@ def _sums(layout: Layout, estimator: _Estimator, nodes: int) -> tuple[FloatArray
 def _integrate(
     squared_reach: FloatArray, weight: FloatArray, gain: FloatArray, has_pair: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sum the stretches of all rays: piecewise linear in r² with a kink at every arrival of a lens."""
+    """Sum over the stretches of all rays: piecewise linear in r², with a kink where a lens enters."""
     order = np.argsort(squared_reach, axis=None)
     arrival = squared_reach.ravel()[order]
 
@@ -221,7 +219,7 @@ def _integrate(
 
 
 def _rays(layout: Layout, nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Lenses (rays, lenses, 2) as they come into the disc, their squared arrival, the weight of rays."""
+    """Lenses in order of entry, shape (rays, lenses, 2), their squared distances of entry, and weights of the rays."""
     lattice = lattice_of(layout)
     positions, _ = lattice.neighbours(2 * _TABLE_RADIUS + 2)
     breaks = order_changes(lattice, positions, within=_RESOLVED_RADIUS)
@@ -237,7 +235,7 @@ def _rays(layout: Layout, nodes: int) -> tuple[FloatArray, FloatArray, FloatArra
 
 
 def _widest_pair_gain(positions: FloatArray) -> FloatArray:
-    """1/B² of the longest pair with the lens at the origin less that without it (0 without a pair)."""
+    """1/B² of the longest pair with the lens at the origin minus that without it (0 without a pair)."""
     with_origin = np.maximum.accumulate(np.sum(positions**2, axis=-1), axis=-1)
     newest = np.empty_like(with_origin)
     for ray, (x, y) in enumerate(np.moveaxis(positions, -1, 1)):  # one ray at a time keeps the pairs in the cache
@@ -248,7 +246,7 @@ def _widest_pair_gain(positions: FloatArray) -> FloatArray:
 
 
 def _least_squares_gain(positions: FloatArray) -> FloatArray:
-    """1/(2 Σ|x − x̄|²) with the lens at the origin less that without it (0 without a pair)."""
+    """1/(2 Σ|x − x̄|²) with the lens at the origin minus that without it (0 without a pair)."""
     count = np.arange(1, positions.shape[1] + 1)
     about_origin = np.cumsum(np.sum(positions**2, axis=-1), axis=-1)
     squared_sum = np.sum(np.cumsum(positions, axis=1) ** 2, axis=-1)

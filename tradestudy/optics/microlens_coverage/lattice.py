@@ -19,7 +19,7 @@ Counting = Literal["all_lenses", "given_type", "some_type", "every_type"]
 
 # Each of three types on a hexagonal lattice sits on a hexagonal lattice of this pitch.
 SAME_TYPE_PITCH: Final = math.sqrt(3)
-# Angles closer than this are one angle seen with different rounding.
+# Angles closer than this differ only by rounding.
 _SAME_ANGLE = 1e-12
 
 
@@ -28,7 +28,7 @@ class Lattice:
     """A lattice of unit pitch with a nearest neighbour on the x axis.
 
     ``sectors`` wedges of equal angle, the first from angle 0, are copies of each other by rotation and
-    mirror; a sum over the plane is ``sectors`` times the sum over one of them.
+    reflection; a sum over the plane is ``sectors`` times the sum over one of them.
     """
 
     second_vector: tuple[float, float]
@@ -103,7 +103,7 @@ def as_radii(radius_over_pitch: ArrayLike) -> FloatArray:
 
 
 def counted_on_lattice(layout: Layout, types: int, counting: Counting) -> tuple[Counting, float]:
-    """Reduce a count to one lattice: what is counted there, and its pitch in pitches of the whole array.
+    """Reduce a count to one lattice: what is counted there, and the lattice's pitch in pitches of the whole array.
 
     A given type of three sits on a lattice of its own, so its lenses count as all lenses of a coarser array.
     """
@@ -122,7 +122,7 @@ def counted_on_lattice(layout: Layout, types: int, counting: Counting) -> tuple[
 
 
 def distance_to_bisector(positions: FloatArray, direction: FloatArray) -> FloatArray:
-    """Distance along each direction (rows) from which each lens (columns) beats the origin: |g|²/(2 g·u).
+    """Distance along each direction (rows) from which each lens (columns) is nearer than the origin: |g|²/(2 g·u).
 
     Infinite for a lens that never comes closer.
     """
@@ -133,7 +133,7 @@ def distance_to_bisector(positions: FloatArray, direction: FloatArray) -> FloatA
 
 
 def order_changes(lattice: Lattice, positions: FloatArray, *, within: float) -> FloatArray:
-    """Angles in the wedge at which two lenses come closer at the same distance, if that is within a radius.
+    """Angles in the wedge at which two lenses become nearer than the origin at the same distance, within a radius.
 
     The ends of the wedge are the first and the last of the angles. At g and h this is where |g|²/(g·u) =
     |h|²/(h·u).

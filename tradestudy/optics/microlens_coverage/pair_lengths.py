@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.microlens_coverage.lattice import Counting, Layout, as_radii, counted_on_lattice, lattice_of
 
-# Beyond, the lengths grow with the disc: hundreds of them are distinguished within it.
+# Radius with hundreds of different lengths; larger discs use the same lengths, scaled.
 _LARGEST_RADIUS: Final = 6.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class PairLengths:
-    """Pairs of lenses of one length after another, shape (lengths, radii)."""
+    """Pairs of lenses sorted by length, shape (lengths, radii)."""
 
     over_pitch: FloatArray
     """D/p [1]."""
@@ -27,24 +27,26 @@ class PairLengths:
 
 
 def least_squares_pairs(radius_over_pitch: ArrayLike, *, layout: Layout, types: int, counting: Counting) -> PairLengths:
-    """Share of the information on depth that pairs of each length carry in least squares over all lenses.
+    """Fraction of the information on depth that pairs of each length carry in least squares over all lenses.
 
     ``Σ_i |x_i − x̄|² = (1/k) Σ_{i<j} |x_i − x_j|²`` for k lenses: least squares carries the information of all pairs
-    together, each in proportion to the square of its length D. A disc of radius r with its centre anywhere holds both
-    lenses of a pair in proportion to C(D), the area that two such discs D apart share. So pairs of a length count in
-    proportion to their number around one lens times ``D² C(D)``, ``C = 2 r² (arccos u − u √(1 − u²)), u = D/2r``.
+    together, each in proportion to the square of its length D. A disc of radius r at a random position contains both
+    lenses of a pair in proportion to C(D), the area common to two such discs a distance D apart. So pairs of one length
+    count in proportion to their number around one lens times ``D² C(D)``, with ``C = 2 r² (arccos u − u √(1 − u²))``
+    and ``u = D/2r``.
 
     Parameters
     ----------
     radius_over_pitch
         r/p, shape (radii,).
     layout, types, counting
-        As of `least_squares_baseline`.
+        As in `least_squares_baseline`.
 
     Notes
     -----
-    1/k differs between positions of the disc; it is taken as the same for all. Windows that follow from these shares
-    are at most 8 % smaller (r/p near 1.1) than in the mean square of the error over positions, 2 % from r/p = 1.3.
+    1/k differs between positions of the disc, but is taken as equal for all. Windows that follow from these fractions
+    are at most 8 % smaller (near r/p = 1.1) than those from the mean square error over positions, and at most 2 % from
+    r/p = 1.3 on.
     """
     counted, spacing = counted_on_lattice(layout, types, counting)
     assert counted == "all_lenses"  # on its own lattice

@@ -1,11 +1,11 @@
 """The number of microlenses that see a point: its exact distribution over all positions of the point.
 
-A lens sees the point if the ray from the point through the lens centre comes from the pupil, so if the centre
-lies in the disc that the pupil throws through the image point onto the array. Over positions, the share of
-points with at least k lenses in a disc of radius r is the share whose k-th nearest lens is within r. The
-points that have the lens at the origin as k-th nearest form the k-th Brillouin zone of the lattice; it has
-the area of one cell. Along the ray at angle φ the lens at g comes closer than the origin at s_g(φ) = |g| / (2
-cos(φ − φ_g)), so the zone is the stretch between the (k−1)-th and the k-th smallest s_g, and
+A lens sees the point if the ray from the point through the centre of the lens comes from the pupil: if this centre lies
+in the disc that the pupil projects through the image point onto the array. Over all positions, the fraction of points
+with at least k lenses in a disc of radius r is the fraction whose k-th nearest lens is within r. The points whose k-th
+nearest lens is the one at the origin form the k-th Brillouin zone of the lattice, which has the area of one cell. Along
+the ray at angle φ, the lens at g becomes nearer than the origin at s_g(φ) = |g|/(2 cos(φ − φ_g)). So the zone is the
+stretch between the (k−1)-th and the k-th smallest s_g, and
 
     P(n ≥ k) = 1/cell ∮ ½ [min(r, s_k(φ))² − min(r, s_{k−1}(φ))²] dφ,
 
@@ -39,9 +39,9 @@ from tradestudy.optics.microlens_coverage.lattice import (
 )
 
 LARGEST_COUNT: Final = 32
-# The covering radius is known to this relative rounding; inside it, a radius counts as having reached it.
+# The covering radius is known to this relative rounding; within it, a radius counts as having reached it.
 _ROUNDING: Final = 1e-14
-# In a row of lens indices: the lens at the origin, and no lens since the zone is empty there.
+# Entries in a row of lens indices: the lens at the origin; no lens, because the zone is empty there.
 _ORIGIN: Final = -1
 _NO_LENS: Final = -2
 
@@ -58,15 +58,14 @@ def projected_radius_over_pitch(
     Parameters
     ----------
     microlens_object_distance
-        Signed distance a_L from the main lens's image to the array [m]: positive for an image before the
-        array (Keplerian), negative for one behind it (Galilean), −∞ for an object in the main lens's front
-        focal plane.
+        Signed distance a_L from the main lens's image to the array [m]: positive for an image in front of the array
+        (Keplerian), negative for one behind it (Galilean), −∞ for an object in the main lens's front focal plane.
     mla_distance
         Main lens to array, z > 0 [m].
     pupil_diameter
         Diameter A of the main lens's pupil, in the plane of the lens [m].
     microlens_pitch
-        Distance of neighbouring lenses, p > 0 [m].
+        Distance between neighbouring lenses, p > 0 [m].
 
     Returns
     -------
@@ -83,7 +82,7 @@ def projected_radius_over_pitch(
     if not np.all(a_L < z):
         raise OutOfRangeError(
             "image of the main lens relative to the array",
-            value=f"{np.max(a_L):g} m before the array",
+            value=f"{np.max(a_L):g} m in front of the array",
             limit="less than the distance from main lens to array",
             remedy="move the object beyond the front focal point of the main lens",
         )
@@ -104,16 +103,15 @@ def covering_microlens_object_distance(
     """Signed a_L at which the disc of light has a given radius: a_L = ±2 r z / (A ± 2 r), the total covering plane.
 
     The inverse of `projected_radius_over_pitch` for one sign of the relay. With the radius from
-    `covering_radius_over_pitch` it is the plane from which every point has the lenses asked for: farther
-    images for a Keplerian relay (nearer the array there are fewer), and for a Galilean one images farther
-    behind the array.
+    `covering_radius_over_pitch`, it is the plane beyond which the required number of lenses sees every point: images
+    farther in front of the array for a Keplerian relay, farther behind it for a Galilean one.
 
     Parameters
     ----------
     radius_over_pitch
         Radius of the disc over the pitch [1].
     keplerian
-        Whether the image lies before the array.
+        Whether the image lies in front of the array.
     mla_distance, pupil_diameter, microlens_pitch
         As in `projected_radius_over_pitch` [m].
 
@@ -124,8 +122,7 @@ def covering_microlens_object_distance(
     Raises
     ------
     OutOfRangeError
-        For a Galilean relay whose pupil is smaller than the disc asked for: no image behind the array reaches
-        it.
+        For a Galilean relay whose pupil is smaller than the requested disc: no image behind the array reaches it.
     """
     z, A, p = _positive(mla_distance, pupil_diameter, microlens_pitch)
     disc = 2 * np.asarray(radius_over_pitch, dtype=np.float64) * p
@@ -164,13 +161,13 @@ def seen_count_probability(
     types: int = 1,
     counting: Counting = "all_lenses",
 ) -> FloatArray:
-    """Probability, over all positions of a point, that at least so many microlenses see it.
+    """Probability, over all positions of a point, that at least a given number of microlenses see it.
 
     Parameters
     ----------
     radius_over_pitch
-        Radius of the disc that the pupil throws onto the array through the image point, over the pitch [1],
-        any shape. With matched f-numbers it is |v|/2 · z/b.
+        Radius of the disc that the pupil projects onto the array through the image point, over the pitch [1], any
+        shape. With matched f-numbers it is |v|/2 · z/b.
     at_least
         Required number of lenses, 1 to 32.
     layout
@@ -178,26 +175,23 @@ def seen_count_probability(
     types
         1, or 3 on a hexagonal layout (each type then sits on a hexagonal lattice of √3 pitches).
     counting
-        ``all_lenses``: whatever their type. ``given_type``: lenses of one type named beforehand.
-        ``some_type``: there is a type that reaches the number. ``every_type``: each of them does. All four
-        agree for one type.
+        ``all_lenses``: of any type. ``given_type``: of one type named beforehand. ``some_type``: at least one type
+        reaches the number. ``every_type``: each type does. With a single type, all four agree.
 
     Returns
     -------
-    Probability [1], the shape of ``radius_over_pitch``.
+    Probability [1], in the shape of ``radius_over_pitch``.
 
     Notes
     -----
-    Closed form, exact up to rounding (below 1e-13 absolute). It is exactly 0 below the smallest radius that
-    can hold so many lenses and exactly 1 from `covering_radius_over_pitch` on. A lens counts when its centre
-    is in the disc; light that touches only its rim does not count, so at r → 0 the probability of one lens
-    vanishes too.
+    Closed form, exact up to rounding (below 1e-13 absolute). It is exactly 0 below the smallest radius that can contain
+    that many lenses, and exactly 1 from `covering_radius_over_pitch` on. A lens counts when its centre is in the disc.
+    Light that touches only its rim does not count, so for r → 0 the probability of one lens vanishes too.
 
     Raises
     ------
     OutOfRangeError
-        For a negative radius, an unknown layout, a number of types the layout cannot carry, or a number below
-        one.
+        For a negative radius, an unknown layout, a number of types that the layout cannot carry, or a number below one.
     UnaffordableError
         For a number above 32.
     """
@@ -210,7 +204,7 @@ def seen_count_probability(
 def covering_radius_over_pitch(
     *, at_least: int, layout: Layout = "hexagonal", types: int = 1, counting: Counting = "all_lenses"
 ) -> float:
-    """Smallest radius over pitch from which every point is seen by at least so many lenses.
+    """Smallest radius over pitch from which on every point is seen by at least a given number of microlenses.
 
     On a hexagonal array, for a pair: 1 for any lenses (|v| = 2 with matched f-numbers), 2/√3 for some type of
     three, √3 for each type. Parameters, exactness and errors as in `seen_count_probability`.
@@ -223,9 +217,8 @@ def covering_radius_over_pitch(
 def mean_seen_count(radius_over_pitch: ArrayLike, *, layout: Layout = "hexagonal", types: int = 1) -> FloatArray:
     """Mean number of microlenses of one type that see a point: area of the disc over that of the type's cell.
 
-    On a hexagonal array of one type with matched f-numbers it is 0.907 v² for b ≈ z. Exact at every radius,
-    since every lens is in the disc for a share of positions equal to the area of the disc over the area of
-    the cell.
+    On a hexagonal array of one type with matched f-numbers, it is 0.907 v² for b ≈ z. Exact at every radius: each lens
+    is in the disc for a fraction of positions equal to the area of the disc over that of the cell.
     """
     require_types(layout, types)
     radius = as_radii(radius_over_pitch)
@@ -331,7 +324,7 @@ def _shell(layout: Layout, counting: Counting, at_least: int) -> _Shell:
 
 
 def _reach(lattice: Lattice, counting: Counting, at_least: int) -> float:
-    """Bound the radius that every point needs: a disc holds all cells a circumradius inside its rim."""
+    """Upper bound on the radius that every point needs: a disc contains all cells a circumradius inside its rim."""
     spacing = 1.0 if counting == "all_lenses" else SAME_TYPE_PITCH
     return spacing * (lattice.cell_circumradius + math.sqrt(at_least * lattice.cell_area / math.pi)) + 1e-9
 
@@ -357,7 +350,7 @@ def _ranked(reached: FloatArray, among: NDArray[np.bool_], rank: int) -> Integer
 
 
 def _outermost(depth: FloatArray, candidates: list[Integers]) -> Integers:
-    """Of several lenses per row, the one with the greatest depth; the origin only where there is no other."""
+    """The lens with the greatest depth among several, per row; the origin only where there is no other."""
     rows = np.arange(len(depth))
     depths = np.stack([np.where(lens == _ORIGIN, -np.inf, depth[rows, lens]) for lens in candidates])
     return np.asarray(np.stack(candidates)[np.argmax(depths, axis=0), rows])

@@ -14,7 +14,8 @@ from tradestudy.optics.propagation.lens import (
     finite_image_distance,
 )
 from tradestudy.optics.propagation.result import ApertureField, Effort, Method, NumericalError
-from tradestudy.optics.propagation.sampling import Limits, NodeCounts, TargetGrid, TargetPoints, Targets, needed_nodes
+from tradestudy.optics.propagation.sampling import Limits, NodeCounts, needed_nodes
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
 from tradestudy.optics.propagation.wave_optics import (
     FieldAccuracy,
     nodes_for,

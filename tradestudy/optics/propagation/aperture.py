@@ -15,7 +15,8 @@ from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, Kirchho
 from tradestudy.optics.propagation.lens import CircularLens, LensWave, Obliquity, PointSource, check_obliquity
 from tradestudy.optics.propagation.rays import find_rays, land, one_ray_per_target, ray_fields
 from tradestudy.optics.propagation.result import ApertureField, Effort, Method, NumericalError, squared_magnitude
-from tradestudy.optics.propagation.sampling import Limits, NodeCounts, Targets, refuse_near_zone
+from tradestudy.optics.propagation.sampling import Limits, NodeCounts, refuse_near_zone
+from tradestudy.optics.propagation.targets import Targets
 from tradestudy.optics.propagation.wave_optics import FieldAccuracy, nodes_for, propagate_wave, sample_wave
 
 METHODS: tuple[Method, ...] = ("geometric", "boundary_wave", "fresnel", "kirchhoff")
@@ -29,15 +30,15 @@ def geometric_field(
     The field adds the rays with their phases (each caustic passed multiplies a ray by −i); the intensity adds them
     without interference. Both are 0 where no ray arrives and infinite on a caustic.
 
-    The stated error comes from tracing the neighbours of rays to the check targets: where they land, and the area that
-    they cover, is compared with the closed-form derivatives. It does not cover diffraction.
+    The stated error comes from tracing the neighbours of rays to the check targets: where they land and the area that
+    they cover are compared with the closed-form derivatives. It does not cover diffraction.
 
     Parameters
     ----------
     wave
         Wave behind the lens, with exact paths.
     kernel
-        Obliquity.
+        Kernel whose obliquity is used.
     targets
         Points or grid.
     accuracy
@@ -92,7 +93,7 @@ def geometric_field(
 def _traced(
     wave: LensWave, u: FloatArray, v: FloatArray, each: np.ndarray, x: FloatArray, y: FloatArray, z: FloatArray
 ) -> tuple[float, int]:
-    """Largest relative error of single rays' intensities against tracing their neighbours, and the number of rays."""
+    """Largest relative error of single rays' intensities, from tracing their neighbours, and the number of rays."""
     lit = np.isfinite(each) & (np.abs(each) > 0)
     if not lit.any():
         return 0.0, 0

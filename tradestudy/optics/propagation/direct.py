@@ -26,9 +26,9 @@ class ApertureSamples:
     nodes
         Positions, with area weights.
     field
-        Complex field directly behind the aperture plane, shape (n,).
+        Complex field directly behind the aperture plane [any unit], shape (n,); the propagated field has the same.
     axial_cosine
-        Cosine between the wave's direction and the axis at every node, shape (n,); needed only by the textbook
+        Cosine between the wave's direction and the axis at every node [1], shape (n,); needed only by the textbook
         obliquity, which averages the cosines of two directions.
 
     Raises
@@ -43,8 +43,10 @@ class ApertureSamples:
     >>> import numpy as np
     >>> from tradestudy import optics
     >>> nodes = optics.disc_nodes(radius=0.5e-3, radial_count=20, angular_count=40)
-    >>> optics.ApertureSamples(nodes=nodes, field=np.ones(nodes.count, dtype=complex)).field.size
-    800
+    >>> samples = optics.ApertureSamples(nodes=nodes, field=np.ones(nodes.count, dtype=complex))
+    >>> x, y, strength = samples.local()
+    >>> print(f"{samples.field.size} nodes, ∫ U dA = {strength.sum().real * 1e6:.4f} mm²")
+    800 nodes, ∫ U dA = 0.7854 mm²
     """
 
     nodes: QuadratureNodes
@@ -67,7 +69,13 @@ class ApertureSamples:
                 )
 
     def local(self) -> tuple[FloatArray, FloatArray, ComplexArray]:
-        """Node positions relative to the centre of the aperture, and field times area weight."""
+        """Node positions relative to the centre of the aperture, and field times area weight.
+
+        Returns
+        -------
+        tuple
+            x and y [m], and the field times the weight [m² times the unit of the field], shape (n,) each.
+        """
         x, y = self.nodes.x - self.nodes.centre[0], self.nodes.y - self.nodes.centre[1]
         return x, y, np.asarray(self.field * self.nodes.weights, dtype=np.complex128)
 

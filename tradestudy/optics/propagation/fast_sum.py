@@ -1,4 +1,4 @@
-"""The same sum by one nonuniform Fourier transform per term of a low-rank factor.
+"""The sum of `direct_sum` by one nonuniform Fourier transform per term of a low-rank factor.
 
 Seen from a base target B in the middle of the targets, the path from node q to target P is
 
@@ -23,7 +23,7 @@ from tradestudy.optics.propagation.direct import ApertureSamples, check_cosine, 
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.low_rank import SlowFactor, SumProblem, TooWide, slow_factor
 from tradestudy.optics.propagation.paths import Array
-from tradestudy.optics.propagation.sampling import TargetGrid, Targets
+from tradestudy.optics.propagation.targets import TargetGrid, Targets
 from tradestudy.optics.propagation.upsampling import (
     Upsampling,
     apply_along_rows,
@@ -31,7 +31,7 @@ from tradestudy.optics.propagation.upsampling import (
     upsampling,
 )
 
-_DIRECT_PAIRS = 60_000  # below this many node–target pairs the plain sum is the faster one
+_DIRECT_PAIRS = 60_000  # below this many node–target pairs direct summation is faster
 _THREAD_WORTH = 1_000_000  # terms × (nodes + targets) from which a second thread pays
 _VALUES_AT_ONCE = 30_000  # complex values of a block that stays in the second-level cache
 _SINGLE_FROM = 2e-5  # tolerance of a transform from which on 32-bit numbers add no more than a tenth to its error
@@ -99,7 +99,7 @@ def fast_sum(
 
 
 def _grid_tiles(problem: SumProblem, grid: TargetGrid) -> FastField:
-    """Sum a grid, halved along its longer side until each part has a small factor."""
+    """Sum over a grid, halved along its longer side until each part has a small factor."""
     try:
         return _grid(problem, grid)
     except TooWide:
@@ -127,7 +127,7 @@ def _subgrid(grid: TargetGrid, along_x: bool, start: int, stop: int) -> TargetGr
 
 
 def _point_tiles(problem: SumProblem, x: FloatArray, y: FloatArray, z: FloatArray) -> FastField:
-    """Sum points, halved at the median of their widest coordinate until each part has a small factor."""
+    """Sum over points, halved at the median of their widest coordinate until each part has a small factor."""
     try:
         return _points(problem, x, y, z)
     except TooWide:
@@ -158,7 +158,7 @@ def _direct(problem: SumProblem, x: FloatArray, y: FloatArray, z: FloatArray) ->
 
 
 def _grid(problem: SumProblem, grid: TargetGrid) -> FastField:
-    """One grid: NUFFT of type 1, nodes to regular targets, on no finer a pitch than the field needs."""
+    """Sum over one grid: NUFFT of type 1, from nodes to regular targets, on a pitch no finer than the field needs."""
     if grid.x_count * grid.y_count * problem.samples.nodes.count <= _DIRECT_PAIRS:
         return _direct(problem, *grid.coordinates())
     centre = problem.samples.nodes.centre
@@ -188,7 +188,7 @@ def _grid(problem: SumProblem, grid: TargetGrid) -> FastField:
 def _common_paths(
     kernel: Kernel, x: FloatArray, y: FloatArray, z: Array, middle: tuple[Array, Array]
 ) -> tuple[FloatArray, FloatArray]:
-    """Path from the centre of the aperture along the middle row, and along the middle column less that to the middle.
+    """Path from the centre of the aperture along the middle row, and along the middle column minus that to the middle.
 
     The sum of both differs slowly from the path to a target, and needs one phasor for each row and column only.
     """
@@ -198,11 +198,11 @@ def _common_paths(
 def _axis_plans(
     problem: SumProblem, grid: TargetGrid, middle: tuple[Array, Array]
 ) -> tuple[Upsampling | None, Upsampling | None]:
-    """Where the field, freed of the common paths, is oversampled along x and y."""
+    """Oversampled axes along x and y for the field without the common paths."""
     kernel, centre = problem.kernel, problem.samples.nodes.centre
     u, v, _ = problem.samples.local()
     here, z = np.zeros(1), grid.distance
-    # The direction cosines from the nodes, less the slopes of the common paths, at the corners of the grid bound the
+    # The direction cosines from the nodes, minus the slopes of the common paths, at the corners of the grid bound the
     # band.
     widest = np.zeros(2)
     for x, y in product(grid.x_axis[[0, -1]] - centre[0], grid.y_axis[[0, -1]] - centre[1]):
@@ -221,7 +221,7 @@ def _axis_plans(
 def _grid_without_common_phase(
     problem: SumProblem, grid: TargetGrid, middle: tuple[Array, Array]
 ) -> tuple[ComplexArray, int, float]:
-    """Field on a grid less the phase of the common paths; rank; error of the factor."""
+    """Field on a grid without the phase of the common paths, the rank, and the error of the factor."""
     centre = problem.samples.nodes.centre
     x, y = grid.x_axis - centre[0], grid.y_axis - centre[1]
     z = np.asarray([grid.distance])
@@ -250,7 +250,7 @@ def _grid_without_common_phase(
 
 
 def _points(problem: SumProblem, x: FloatArray, y: FloatArray, z: FloatArray) -> FastField:
-    """Scattered points: NUFFT of type 3, nodes to nonuniform targets."""
+    """Sum over scattered points: NUFFT of type 3, from nodes to nonuniform targets."""
     if x.size * problem.samples.nodes.count <= _DIRECT_PAIRS:
         return _direct(problem, x, y, z)
     centre = problem.samples.nodes.centre
@@ -301,7 +301,7 @@ def _weighted(
 def _node_side(
     problem: SumProblem, base: tuple[float, float, float], factor: SlowFactor
 ) -> tuple[ComplexArray, tuple[FloatArray, FloatArray]]:
-    """Strengths of the nodes, one row per term, and their direction cosines less those of the centre."""
+    """Strengths of the nodes, one row per term, and their direction cosines minus those of the centre."""
     u, v, strength = problem.samples.local()
     kernel = problem.kernel
     to_base, _ = kernel.path_and_spreading(u, v, problem.samples.axial_cosine, *(np.asarray(c) for c in base))

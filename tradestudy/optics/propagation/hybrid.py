@@ -36,14 +36,12 @@ from tradestudy.optics.propagation.result import (
 from tradestudy.optics.propagation.sampling import (
     Limits,
     NodeCounts,
-    TargetGrid,
-    TargetPoints,
-    Targets,
     check_affordable,
     check_time,
     edge_node_count,
     outline,
 )
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
 from tradestudy.optics.propagation.upsampling import chebyshev_grid, polar_field
 from tradestudy.optics.propagation.wave_optics import (
     FieldAccuracy,
@@ -55,11 +53,11 @@ from tradestudy.optics.propagation.wave_optics import (
 )
 
 LEAST_ZONES = 0.5  # Fresnel zones across the aperture below which rays and edge nearly cancel: the focus
-_LEAST_DOUBTED = 0.05  # zones below which a check target is no likelier to be drawn, lest one take all draws
+_LEAST_DOUBTED = 0.05  # zones below which the chance of a draw stays the same, so that one target cannot take all
 _MAX_ROUNDS = 4
 _POLAR_SHARE = 0.1  # of the tolerance of an evaluation, for sampling on rings
-_FEW_POINTS = 1000  # of a rectangle, up to which a search for fewer costs more than it saves
-_WORTHWHILE = 0.5  # share of the points of a rectangle above which rings do not pay off
+_FEW_POINTS = 1000  # points of a rectangle up to which a search for fewer costs more than it saves
+_WORTHWHILE = 0.5  # fraction of the points of a rectangle above which rings do not pay off
 _AREA_NODE = (
     150  # pairs of a target and an edge node that take as long as a node of Kirchhoff's integral, check included
 )
@@ -69,7 +67,7 @@ _SHARE = 0.1  # of the tolerance, for nodes, poles and interpolation together; t
 
 @dataclass(frozen=True, kw_only=True)
 class _Evaluation:
-    """Field at the targets, which of them the boundary wave cannot give, and the Fresnel zones of all."""
+    """Field at the targets, which of them the boundary wave cannot compute, and the Fresnel zones of all."""
 
     field: ComplexArray
     singular: BoolArray
@@ -78,7 +76,7 @@ class _Evaluation:
 
 @dataclass(frozen=True, kw_only=True)
 class UncheckedField:
-    """Field at the targets, in their shape, and the share of them that was left to Kirchhoff's integral."""
+    """Field at the targets, in their shape, and the fraction of them that was left to Kirchhoff's integral."""
 
     field: ComplexArray
     handed_over: float
@@ -94,7 +92,7 @@ def unchecked_hybrid_field(
     wave, kernel, targets, limits
         As in `hybrid_field`.
     tolerance
-        Nodes, poles and interpolation take a tenth of it; the error of the leading term is not refused.
+        Nodes, poles and interpolation use a tenth of it; the error of the leading term may exceed it.
 
     Raises
     ------
@@ -127,7 +125,7 @@ def hybrid_field(
     Kirchhoff's integral computes targets within half a Fresnel zone of a focus or a caustic, unless their ray passes
     so far outside the aperture that the caustic does not reach the edge; targets that several rays
     may reach, and targets on the shadow of the edge whose pole is not found; and all targets in a plane near a focus or
-    caustic where that is faster. Their share is reported.
+    caustic where that is faster. The fraction of such targets is reported.
 
     The stated error is measured against direct quadrature of the area integral, so it includes the error of the
     leading term for waves that are not spherical. Where all targets are handed over, error and effort are those of
@@ -138,7 +136,7 @@ def hybrid_field(
     wave
         Wave behind the lens, with exact paths.
     kernel
-        Obliquity.
+        Kernel whose obliquity is used.
     targets
         Points or grid.
     accuracy
@@ -214,7 +212,7 @@ def hybrid_field(
 
 
 def _edge_nodes(wave: LensWave, kernel: KirchhoffKernel, targets: Targets, accuracy: FieldAccuracy) -> int:
-    """Nodes on the edge by the slope of the path along it."""
+    """Number of nodes on the edge, from the slope of the path along it."""
     lens = wave.lens
     x, y, z = targets.coordinates()
     x, y, z = outline(x - lens.centre[0], y - lens.centre[1], z)
@@ -261,7 +259,7 @@ def _reference(
 
 
 def _doubt(result: _Evaluation) -> FloatArray | None:
-    """Where the error may sit in few targets beside those handed over: it grows as their zones get fewer."""
+    """Squared errors to suspect at the targets that are not handed over, up to a factor: larger for fewer zones."""
     if not result.singular.any():
         return None
     return np.asarray(np.where(result.singular, 0.0, 1 / np.maximum(result.zones, _LEAST_DOUBTED) ** 2))
@@ -295,7 +293,7 @@ def _check(
 def _evaluate(
     wave: LensWave, kernel: KirchhoffKernel, targets: Targets, edge: int, accuracy: FieldAccuracy
 ) -> _Evaluation:
-    """Rays plus edge at the targets; a dense grid is interpolated, for their sum is band-limited and smooth."""
+    """Rays plus edge at the targets; a dense grid is interpolated, because the sum is band-limited and smooth."""
     centre = wave.lens.centre
     x, y, z = targets.coordinates()
     nothing = _Evaluation(
@@ -319,9 +317,9 @@ def _evaluate(
 def _interpolated(
     wave: LensWave, kernel: KirchhoffKernel, grid: TargetGrid, edge: int, tolerance: float
 ) -> ComplexArray | None:
-    """Field on a grid without the path from the centre, from fewer points; None if not fewer, or if one is singular.
+    """Field on a grid without the path from the centre, from fewer points; None if that saves none or one is singular.
 
-    About the chief ray the field changes little with the angle, so a few points on rings determine it; elsewhere, and
+    About the chief ray, the field changes little with the angle, so a few points on rings determine it. Elsewhere, and
     for fine grids, Chebyshev points of the rectangle do.
     """
     centre, z = wave.lens.centre, grid.distance
@@ -363,7 +361,7 @@ def _rays_and_edge(
     edge: int,
     tolerance: float,
 ) -> _Evaluation:
-    """Both parts at flat targets relative to the centre of the lens; one ray may reach each."""
+    """Rays and edge wave at flat targets relative to the centre of the lens; at most one ray reaches each."""
     rays = find_rays(wave, x, y, z, all_branches=False)
     zones = wave.lens.radius**2 * np.sqrt(np.abs(rays.determinant[0])) / wave.wavelength
     singular = _singular(wave, rays, zones, x, y, z, edge, tolerance)
@@ -405,8 +403,8 @@ def _singular(
 ) -> BoolArray:
     """Targets at a focus, on a caustic, or lit by a ray that was not found.
 
-    A ray far outside the aperture matters neither by its light nor by its pole, wherever its caustics lie. Far is
-    beyond the reach of the pole, and half a Fresnel zone from the edge: nearer, light of a caustic leaks past the edge.
+    A ray far outside the aperture contributes neither light nor a pole, wherever its caustics lie. Far means beyond the
+    reach of the pole and half a Fresnel zone from the edge: nearer, light of a caustic leaks past the edge.
     """
     off_axis = np.hypot(rays.u[0], rays.v[0]) / wave.lens.radius
     near = (off_axis <= math.exp(pole_reach(edge, tolerance))) | (zones * (off_axis - 1) ** 2 < LEAST_ZONES)
@@ -424,7 +422,7 @@ def _filled(
     accuracy: FieldAccuracy,
     limits: Limits,
 ) -> tuple[ComplexArray, float]:
-    """Fill the singular targets by Kirchhoff's integral and return their share."""
+    """Fill in the singular targets by Kirchhoff's integral and return their fraction."""
     if not result.singular.any():
         return result.field, 0.0
     if result.singular.all():

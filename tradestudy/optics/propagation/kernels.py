@@ -22,11 +22,11 @@ class KirchhoffKernel:
     * ``textbook``: (cos θ of the arriving wave + z/s)/2, the Fresnel–Kirchhoff obliquity.
     * ``rayleigh-sommerfeld-1``: z/s (1 + i/(k s)), exact for a known field in the plane.
 
-    The textbook law takes the direction of the wave behind the lens; only for it is the boundary-diffracted wave exact.
-    In focus behind an f/3.8 microlens, the intensity then differs from the paper's by 1e-5 (textbook) and 1e-7
-    (Rayleigh–Sommerfeld) in the L2 norm; a quarter of the distance farther, by 5e-4 and 2e-7. The phase of the
-    Rayleigh–Sommerfeld field differs by 1/(k s), 2e-4 there. With the direction before the lens, the textbook intensity
-    in focus would be 0.4 % above the paper's.
+    The textbook law uses the direction of the wave behind the lens; the boundary-diffracted wave is exact only for this
+    law. In focus behind an f/3.8 microlens, the intensity differs from the paper's by 1e-5 (textbook) and 1e-7
+    (Rayleigh–Sommerfeld) in the L2 norm; at a distance a quarter greater, by 5e-4 and 2e-7. The phase of the
+    Rayleigh–Sommerfeld field differs by 1/(k s), which is 2e-4 there. With the direction in front of the lens, the
+    textbook intensity in focus would be 0.4 % above the paper's.
 
     Parameters
     ----------
@@ -48,8 +48,19 @@ class KirchhoffKernel:
     Examples
     --------
     >>> from tradestudy import optics
-    >>> print(f"{optics.KirchhoffKernel(wavelength=550e-9, obliquity='textbook').wavenumber:.4g} rad/m")
-    1.142e+07 rad/m
+    >>> kernel = optics.KirchhoffKernel(wavelength=550e-9, obliquity="textbook")
+    >>> node, target = (1e-3, 0.0), (0.0, 0.0, 0.1)
+    >>> change, spreading = kernel.path_and_spreading(*node, 1.0, *target)
+    >>> print(spreading == kernel.spreading(*node, 1.0, *target))
+    True
+    >>> print(f"{kernel.wavenumber:.4g} rad/m, path {kernel.path(*target)} m, {change * 1e6:.5f} µm more from the node")
+    1.142e+07 rad/m, path 0.1 m, 4.99988 µm more from the node
+    >>> print(f"{spreading:.5f} 1/m, amplitude {abs(kernel.amplitude(*node, 1.0, *target)):.4e} 1/m²")
+    9.99925 1/m, amplitude 1.8180e+07 1/m²
+    >>> print(f"slope {kernel.slope_at_target(*node, *target)[0]:.7f}")
+    slope -0.0099995
+    >>> print(f"{kernel.beyond_linear(*node, 1.0, target, 1e-5, 0.0, 0.0)[0] * 1e9:.4f} nm beyond 10 µm of that slope")
+    0.4999 nm beyond 10 µm of that slope
     """
 
     wavelength: float
@@ -65,13 +76,37 @@ class KirchhoffKernel:
         return 2 * math.pi / self.wavelength
 
     def path(self, x: Array, y: Array, z: Array) -> Array:
-        """Path from the centre of the aperture to a target [m]."""
+        """Path from the centre of the aperture to a target.
+
+        Parameters
+        ----------
+        x, y, z
+            Targets relative to the centre of the aperture [m], broadcast against each other.
+
+        Returns
+        -------
+        ndarray
+            √(x² + y² + z²) [m].
+        """
         return np.asarray(np.sqrt(x * x + y * y + z * z))
 
     def slope_at_target(
         self, u: Array, v: Array, x: Array | float, y: Array | float, z: Array | float
     ) -> tuple[Array, Array, Array]:
-        """Gradient of the path with respect to the target: the direction cosines from the node."""
+        """Gradient of the path with respect to the target.
+
+        Parameters
+        ----------
+        u, v
+            Positions of nodes relative to the centre of the aperture [m].
+        x, y, z
+            Targets relative to the centre of the aperture [m]. All arrays broadcast.
+
+        Returns
+        -------
+        tuple
+            Direction cosines [1] from the node to the target.
+        """
         a, b = x - u, y - v
         s = np.sqrt(a * a + b * b + z * z)
         return a / s, b / s, z / s
@@ -79,7 +114,22 @@ class KirchhoffKernel:
     def path_and_spreading(
         self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array
     ) -> tuple[Array, Array]:
-        """Path from a node minus the path from the centre [m], without cancellation, and `spreading`."""
+        """Path from a node minus the path from the centre, without cancellation, and `spreading`.
+
+        Parameters
+        ----------
+        u, v
+            Positions of nodes relative to the centre of the aperture [m].
+        cosine
+            Axial cosine of the wave that arrives at each node [1]; only the textbook obliquity uses it.
+        x, y, z
+            Targets relative to the centre of the aperture [m]. All arrays broadcast.
+
+        Returns
+        -------
+        tuple
+            Difference of the paths [m], and spreading [1/m].
+        """
         squared = x * x + y * y + z * z
         change = np.asarray(u * (u - 2 * x))
         change += v * (v - 2 * y)
@@ -99,10 +149,26 @@ class KirchhoffKernel:
         dy: Array,
         dz: Array,
     ) -> tuple[Array, Array]:
-        """Change of the path from `base` to `base` + d beyond its transverse linear part [m], and spreading there.
+        """Change of the path from `base` to `base` + d beyond its transverse linear part, and spreading at `base` + d.
 
         With e the unit vector from the node to the base, s and t the paths to base and target, without cancellation:
         t − s − e·d = (|d|² − (e·d)(t − s))/(s + t).
+
+        Parameters
+        ----------
+        u, v
+            Positions of nodes relative to the centre of the aperture [m].
+        cosine
+            Axial cosine of the wave that arrives at each node [1]; only the textbook obliquity uses it.
+        base
+            Base target (x, y, z) relative to the centre of the aperture [m].
+        dx, dy, dz
+            Targets relative to the base [m].
+
+        Returns
+        -------
+        tuple
+            Change of the path [m], and spreading [1/m].
         """
         a, b, c = base[0] - u, base[1] - v, base[2]
         s = np.sqrt(a * a + b * b + c * c)
@@ -125,13 +191,40 @@ class KirchhoffKernel:
         return rest, self._spreading(cosine, to_node, c + dz)
 
     def amplitude(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """Everything but the phase: obliquity/(iλ s) [1/m²]; arguments as for `spreading`."""
+        """Everything but the phase: obliquity/(iλ s).
+
+        Parameters
+        ----------
+        u, v
+            Positions of nodes relative to the centre of the aperture [m].
+        cosine
+            Axial cosine of the wave that arrives at each node [1]; only the textbook obliquity uses it.
+        x, y, z
+            Targets relative to the centre of the aperture [m]. All arrays broadcast.
+
+        Returns
+        -------
+        ndarray
+            Amplitude [1/m²].
+        """
         return np.asarray(-1j / self.wavelength * self.spreading(u, v, cosine, x, y, z))
 
     def spreading(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """Obliquity/s [1/m], real except for Rayleigh–Sommerfeld.
+        """Obliquity/s, real except for Rayleigh–Sommerfeld.
 
-        `cosine` is the axial cosine of the wave that arrives at the node, which only the textbook obliquity uses.
+        Parameters
+        ----------
+        u, v
+            Positions of nodes relative to the centre of the aperture [m].
+        cosine
+            Axial cosine of the wave that arrives at each node [1]; only the textbook obliquity uses it.
+        x, y, z
+            Targets relative to the centre of the aperture [m]. All arrays broadcast.
+
+        Returns
+        -------
+        ndarray
+            Spreading [1/m].
         """
         a, b = x - u, y - v
         return self._spreading(cosine, np.asarray(a * a + b * b + z * z), z)
@@ -169,8 +262,19 @@ class FresnelKernel:
     Examples
     --------
     >>> from tradestudy import optics
-    >>> print(f"{optics.FresnelKernel(wavelength=550e-9).wavenumber:.4g} rad/m")
-    1.142e+07 rad/m
+    >>> kernel = optics.FresnelKernel(wavelength=550e-9)
+    >>> node, target = (1e-3, 0.0), (0.0, 0.0, 0.1)
+    >>> change, spreading = kernel.path_and_spreading(*node, None, *target)
+    >>> print(spreading == kernel.spreading(*node, None, *target))
+    True
+    >>> print(f"{kernel.wavenumber:.4g} rad/m, path {kernel.path(*target)} m, {change * 1e6:.5f} µm more from the node")
+    1.142e+07 rad/m, path 0.1 m, 5.00000 µm more from the node
+    >>> print(f"{spreading:.5f} 1/m, amplitude {abs(kernel.amplitude(*node, None, *target)):.4e} 1/m²")
+    10.00000 1/m, amplitude 1.8182e+07 1/m²
+    >>> print(f"slope {kernel.slope_at_target(*node, *target)[0]:.7f}")
+    slope -0.0100000
+    >>> print(f"{kernel.beyond_linear(*node, None, target, 1e-5, 0.0, 0.0)[0] * 1e9:.4f} nm beyond 10 µm of that slope")
+    0.5000 nm beyond 10 µm of that slope
     """
 
     wavelength: float
@@ -184,20 +288,20 @@ class FresnelKernel:
         return 2 * math.pi / self.wavelength
 
     def path(self, x: Array, y: Array, z: Array) -> Array:
-        """Path from the centre of the aperture to a target [m]."""
+        """Path from the centre of the aperture to a target, z + (x² + y²)/(2 z) [m]; as in `KirchhoffKernel.path`."""
         return np.asarray(z + (x * x + y * y) / (2 * z))
 
     def slope_at_target(
         self, u: Array, v: Array, x: Array | float, y: Array | float, z: Array | float
     ) -> tuple[Array, Array, Array]:
-        """Gradient of the path with respect to the target."""
+        """Gradient of the path with respect to the target [1]; as in `KirchhoffKernel.slope_at_target`."""
         a, b = x - u, y - v
         return a / z, b / z, 1 - (a * a + b * b) / (2 * z * z)
 
     def path_and_spreading(
         self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array
     ) -> tuple[Array, Array]:
-        """Path from a node minus the path from the centre [m], and `spreading`."""
+        """Difference of paths [m] and spreading [1/m], as in `KirchhoffKernel.path_and_spreading`."""
         change = np.asarray(u * (u - 2 * x))
         change += v * (v - 2 * y)
         change /= 2 * z
@@ -213,18 +317,18 @@ class FresnelKernel:
         dy: Array,
         dz: Array,
     ) -> tuple[Array, Array]:
-        """Change of the path from `base` to `base` + d beyond its transverse linear part [m], and spreading there."""
+        """Change of the path [m] and spreading [1/m], as in `KirchhoffKernel.beyond_linear`."""
         a, b, c = base[0] - u, base[1] - v, base[2]
         squared = (a + dx) ** 2 + (b + dy) ** 2
         rest = dz + (dx * dx + dy * dy) / (2 * c) - squared * (dz / (2 * c * (c + dz)))
         return np.asarray(rest), self.spreading(u, v, cosine, base[0] + dx, base[1] + dy, c + dz)
 
     def amplitude(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """Everything but the phase: 1/(iλ z) [1/m²]; it depends only on the distance."""
+        """Everything but the phase, 1/(iλ z) [1/m²]; as in `KirchhoffKernel.amplitude`."""
         return np.asarray(-1j / self.wavelength * self.spreading(u, v, cosine, x, y, z))
 
     def spreading(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """1/z [1/m], in the shape of z."""
+        """1/z [1/m], in the shape of z; as in `KirchhoffKernel.spreading`."""
         del u, v, cosine, x, y  # one signature for all kernels
         return np.asarray(1 / z)
 

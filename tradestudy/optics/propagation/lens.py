@@ -31,7 +31,7 @@ def check_obliquity(obliquity: str) -> None:
     Raises
     ------
     OutOfRangeError
-        With the known ones.
+        If it is unknown; the limit lists the known ones.
     """
     if obliquity not in OBLIQUITIES:
         raise OutOfRangeError("obliquity", value=repr(obliquity), limit=" | ".join(OBLIQUITIES), remedy="choose one")
@@ -87,6 +87,11 @@ class PointSource:
         angle_x, angle_y
             Angles of its direction from the axis in the x–z and the y–z plane [rad], within ±π/2.
 
+        Returns
+        -------
+        PointSource
+            Source at x = 1e15 tan(angle_x) and y = 1e15 tan(angle_y) [m].
+
         Raises
         ------
         OutOfRangeError
@@ -107,7 +112,7 @@ class PointSource:
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class CircularLens:
-    """A thin lens filling a circular aperture.
+    """A thin lens that fills a circular aperture.
 
     Parameters
     ----------
@@ -143,6 +148,11 @@ class CircularLens:
     ...     lens_phase="perfect",
     ...     pupil=optics.Pupil.from_waves({8: 0.1}, wavelength=550e-9),
     ... )
+    >>> x, y, behind = lens.image_of(optics.PointSource(distance=0.15))
+    >>> print(f"{behind * 1e3:.1f} mm behind the lens, amplitude {lens.transmission(x, y)}")
+    75.0 mm behind the lens, amplitude 1.0
+    >>> lens.without_obscuration(lambda r: optics.disc_nodes(radius=r, radial_count=4, angular_count=8)).count
+    32
     """
 
     radius: float
@@ -187,7 +197,15 @@ class CircularLens:
     def without_obscuration(self, nodes_of: Callable[[float], QuadratureNodes]) -> QuadratureNodes:
         """Nodes of the aperture, with the obscuration subtracted as a second disc at full accuracy.
 
-        `nodes_of` returns the nodes of a disc of a given radius [m] about the centre of the aperture.
+        Parameters
+        ----------
+        nodes_of
+            Function that returns the nodes of a disc of a given radius [m] about the centre of the aperture.
+
+        Returns
+        -------
+        QuadratureNodes
+            Nodes of both discs; the area weights of the obscuration are negative.
         """
         whole = nodes_of(self.radius)
         if self.pupil is None or self.pupil.obscuration == 0.0:
@@ -201,7 +219,17 @@ class CircularLens:
         )
 
     def transmission(self, x: Array, y: Array) -> Array | float:
-        """Amplitude of the pupil at points relative to the centre [1]; 1 without a pupil.
+        """Amplitude of the pupil; 1 without a pupil.
+
+        Parameters
+        ----------
+        x, y
+            Positions relative to the centre of the lens [m], broadcast against each other.
+
+        Returns
+        -------
+        ndarray or float
+            t [1], in the shape of the positions.
 
         Raises
         ------
@@ -215,7 +243,17 @@ class CircularLens:
         return checked_map(np.asarray(passed(u, v), dtype=np.float64), u, "amplitude")
 
     def image_of(self, source: PointSource) -> tuple[float, float, float]:
-        """Thin-lens image of a point: x, y [m] and its distance behind the lens [m] (< 0: virtual).
+        """Thin-lens image of a point, at the distance b = a f/(a − f).
+
+        Parameters
+        ----------
+        source
+            Point source.
+
+        Returns
+        -------
+        tuple
+            x, y and the distance b behind the lens [m]; b < 0 for a virtual image.
 
         Raises
         ------
@@ -315,7 +353,7 @@ class LensWave:
         )
 
     def _arriving(self, x: Array, y: Array) -> Array:
-        """Amplitude before the pupil."""
+        """Amplitude in front of the pupil."""
         a = self.source.distance
         along_x, along_y = self.source.x - self.lens.centre[0], self.source.y - self.lens.centre[1]
         if self.paraxial:
@@ -354,5 +392,5 @@ class LensWave:
         return np.asarray(np.sqrt(1.0 - transverse))
 
     def _phasor(self, path: float) -> complex:
-        """exp(±i k path): a converging wave runs backwards to its centre."""
+        """exp(i k path), or exp(−i k path) for a converging wave, which runs towards its centre."""
         return complex(np.exp(1j * math.copysign(self.wavenumber * path, self.source.distance)))

@@ -133,7 +133,7 @@ def _interpolative(matrix: ComplexArray, tolerance: float) -> tuple[Array, Compl
     Gram–Schmidt with column pivots, each direction orthogonalised twice. A threaded LAPACK factorisation of so small a
     matrix takes a millisecond alone and hundreds where cores are shared.
     """
-    rest = matrix.T.copy()  # a row for each column of the matrix: sums along rows are the quick ones
+    rest = matrix.T.copy()  # a row for each column of the matrix: sums along rows are faster
     plain = rest.view(np.float64)
     size = np.einsum("ji,ji->j", plain, plain)
     stop = tolerance**2 * size.max()

@@ -2,7 +2,7 @@
 
 Every term is a path *difference* from the vertex of the plane, in a form that does not cancel:
 √(d² + |q − c|²) − √(d² + |c|²) = (|q|² − 2 q·c) / (their sum). The formulas are analytic, so that positions may be
-complex: the boundary-diffracted wave looks for poles beside the real edge.
+complex: the boundary-diffracted wave looks for poles near the real axis.
 """
 
 from __future__ import annotations
@@ -21,7 +21,25 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True, kw_only=True)
 class Expansion:
-    """A path with its first and second derivatives at points."""
+    """A path with its first and second derivatives at points; arrays in the shape of the points.
+
+    Attributes
+    ----------
+    value
+        Path [m].
+    p_x, p_y
+        Its gradient [1].
+    xx, xy, yy
+        Its second derivatives [1/m].
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> (path,) = optics.Pupil(zernikes={4: 100e-9}).path_terms(1e-3)
+    >>> expansion = path.expansion(0.0, 0.0)
+    >>> print(f"{expansion.value * 1e9:.1f} nm, curvature {expansion.xx:.4f} 1/m")
+    -173.2 nm, curvature 0.6928 1/m
+    """
 
     value: Array
     p_x: Array
@@ -56,14 +74,15 @@ class PathTerm(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class SphericalPath:
-    """Path of a spherical wave from a point at (x, y), a signed distance before the plane.
+    """Path of a spherical wave from a point at (x, y), at a signed distance in front of the plane.
 
     Parameters
     ----------
     x, y
         Transverse position of the centre of the wave [m].
     distance
-        Distance from the centre to the plane [m]; > 0 diverging from before it, < 0 converging behind it.
+        Distance from the centre to the plane [m]; > 0 for light diverging from a point in front of the plane, < 0 for
+        light converging to one behind it.
     weight
         +1 to add the path, −1 to subtract it (a lens that cancels it).
     """

@@ -22,7 +22,6 @@ _LEAST_SAMPLES = 6  # a side of a map, for a quintic spline
 _STEP = 1e-4  # of the radius, for the slope of a function: fourth-order differences are then accurate to 1e-12
 
 
-@checked
 def noll_order(index: int) -> tuple[int, int]:
     """Radial order n and azimuthal order m of Noll's Zernike polynomial; m < 0 denotes a sine.
 
@@ -56,9 +55,9 @@ def noll_order(index: int) -> tuple[int, int]:
     if not (isinstance(index, (int, np.integer)) and 1 <= index <= _LARGEST_INDEX):
         raise OutOfRangeError(
             "Noll index",
-            value=str(index),
+            value=repr(index),
             limit=f"a whole number from 1 to {_LARGEST_INDEX}",
-            remedy="4 is defocus, 7 and 8 are coma, 11 is spherical aberration",
+            remedy="give Noll's j instead of (n, m): 4 is defocus, 7 and 8 are coma, 11 is spherical aberration",
         )
     n = math.ceil((math.sqrt(8 * index + 1) - 3) / 2)
     place = index - n * (n + 1) // 2 - 1  # within its order
@@ -78,18 +77,18 @@ class Pupil:
     column j at x/R likewise. A quintic spline interpolates them, so they must continue smoothly beyond the rim.
     Functions must be smooth: with a step inside the aperture, quadrature converges slowly and may miss the tolerance.
     Model a dark centre as an `obscuration`, which costs no accuracy. Rays and boundary waves need derivatives
-    everywhere; they accept only Zernike coefficients.
+    everywhere, so they accept only Zernike coefficients.
 
     Parameters
     ----------
     zernikes
-        Coefficients of W by Noll's index [m rms]; the polynomials have unit variance over the disc.
+        Coefficients of W by Noll's index [m rms], smaller than R; the polynomials have unit variance over the disc.
     path
         Path added to W [m]: a function of (x/R, y/R), or an array.
     amplitude
         t [1]: a function or an array, like the path. Default: 1.
     obscuration
-        Radius of a central dark disc over R, in [0, 1); for main lenses only.
+        Radius of a central dark disc relative to R, in [0, 1); for main lenses only.
 
     Raises
     ------
@@ -110,6 +109,8 @@ class Pupil:
     >>> print(f"{coma.zernikes[8]:.3g} m")
     5.5e-08 m
     >>> gaussian = optics.Pupil(amplitude=lambda x, y: np.exp(-(x**2 + y**2)))
+    >>> len(coma.path_terms(1e-3)), len(gaussian.path_terms(1e-3))
+    (1, 0)
     """
 
     zernikes: Mapping[int, float] = field(default_factory=dict)
@@ -123,7 +124,7 @@ class Pupil:
             if not (isinstance(coefficient, numbers.Real) and math.isfinite(coefficient)):
                 raise OutOfRangeError(
                     f"Zernike coefficient {index}",
-                    value=f"{coefficient} m",
+                    value=repr(coefficient),
                     limit="a finite number",
                     remedy="give it in metres, or in waves to Pupil.from_waves",
                 )
@@ -164,22 +165,38 @@ class Pupil:
         amplitude: PupilMap | None = None,
         obscuration: float = 0.0,
     ) -> Pupil:
-        """Return the pupil whose coefficients [waves rms] and path [waves] are given at a wavelength [m].
+        """Return the pupil whose coefficients and path are given in waves at a wavelength.
+
+        Parameters
+        ----------
+        zernikes
+            Coefficients by Noll's index [waves rms].
+        wavelength
+            Wavelength that defines a wave [m], > 0; the path in metres then holds at every wavelength.
+        path
+            Path [waves], as a function of (x/R, y/R) or an array.
+        amplitude, obscuration
+            As in `Pupil` [1].
+
+        Returns
+        -------
+        Pupil
+            Pupil with its path in metres.
 
         Raises
         ------
         OutOfRangeError
-            The wavelength is not positive and finite; otherwise as for `Pupil`.
+            The wavelength is not positive and finite, or a coefficient is not a number; otherwise as for `Pupil`.
         """
         check_wavelength(wavelength)
-        wrong = [one for one in zernikes.values() if not isinstance(one, numbers.Real)]
-        if wrong:
-            raise OutOfRangeError(
-                "Zernike coefficients",
-                value=str(wrong[0]),
-                limit="numbers",
-                remedy="give waves rms by Noll's index, as in {8: 0.1}",
-            )
+        for index, waves in zernikes.items():
+            if not isinstance(waves, numbers.Real):
+                raise OutOfRangeError(
+                    f"Zernike coefficient {index}",
+                    value=repr(waves),
+                    limit="a number",
+                    remedy="give waves rms by Noll's index, as in {8: 0.1}",
+                )
         return cls(
             zernikes={index: wavelength * waves for index, waves in zernikes.items()},
             path=None if path is None else scaled(path, wavelength),
@@ -204,7 +221,31 @@ class Pupil:
         return even and self.path is None and self.amplitude is None
 
     def path_terms(self, radius: float) -> tuple[ZernikePath | MapPath, ...]:
-        """Terms of the path on an aperture of this radius [m]."""
+        """Terms of the path on an aperture.
+
+        Parameters
+        ----------
+        radius
+            Radius R of the aperture [m].
+
+        Returns
+        -------
+        tuple
+            Zernike polynomials and map, where given; their sum is W.
+
+        Raises
+        ------
+        OutOfRangeError
+            A coefficient is as large as the radius: waves were given as metres, or the wavelength in another unit.
+        """
+        for index, coefficient in self.zernikes.items():
+            if not abs(coefficient) < radius:
+                raise OutOfRangeError(
+                    f"Zernike coefficient {index}",
+                    value=f"{coefficient:g} m",
+                    limit=f"smaller than the aperture's radius of {radius:g} m",
+                    remedy="give waves to Pupil.from_waves, with the wavelength in metres",
+                )
         terms: list[ZernikePath | MapPath] = []
         if any(self.zernikes.values()):
             terms.append(ZernikePath(zernikes=self.zernikes, radius=radius))
@@ -246,6 +287,17 @@ class ZernikePath:
         a_j [m rms] by Noll's index.
     radius
         R [m].
+
+    Examples
+    --------
+    Defocus of 100 nm rms, which adds 2√3 times as much from centre to rim:
+
+    >>> from tradestudy import optics
+    >>> (path,) = optics.Pupil(zernikes={4: 100e-9}).path_terms(1e-3)
+    >>> print(f"{(path.value(1e-3, 0.0) - path.value(0.0, 0.0)) * 1e9:.1f} nm, slope {path.slope(1e-3, 0.0)[0]:.3e}")
+    346.4 nm, slope 6.928e-04
+    >>> print(f"curvature {path.expansion(0.0, 0.0).xx:.4f} 1/m")
+    curvature 0.6928 1/m
     """
 
     zernikes: Mapping[int, float]
@@ -268,16 +320,22 @@ class ZernikePath:
         return total
 
     def value(self, x: Array, y: Array) -> Array:
-        """Path [m]."""
+        """Path [m].
+
+        Parameters
+        ----------
+        x, y
+            Positions relative to the centre of the aperture [m], broadcast against each other.
+        """
         return self._at(self._polynomial, x, y)
 
     def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Gradient of the path: ∂x = ∂p + ∂q, ∂y = i (∂p − ∂q)."""
+        """Gradient of the path [1], ∂x = ∂p + ∂q and ∂y = i (∂p − ∂q); positions as in `ZernikePath.value`."""
         p, q = self._derivative(1, 0), self._derivative(0, 1)
         return self._at(p + q, x, y), self._at(1j * (p - q), x, y)
 
     def expansion(self, x: Array, y: Array) -> Expansion:
-        """Path, gradient and second derivatives [1/m]."""
+        """Path [m], gradient [1] and second derivatives [1/m]; positions as in `ZernikePath.value`."""
         pp, pq, qq = self._derivative(2, 0), self._derivative(1, 1), self._derivative(0, 2)
         p_x, p_y = self.slope(x, y)
         return Expansion(
@@ -305,7 +363,7 @@ class ZernikePath:
 
 @dataclass(frozen=True, kw_only=True)
 class MapPath:
-    """Any path over an aperture, its slope by differences.
+    """Any path over an aperture, with its slope by differences.
 
     Parameters
     ----------
@@ -313,13 +371,27 @@ class MapPath:
         Path [m] as a function of (x/R, y/R).
     radius
         R [m].
+
+    Examples
+    --------
+    A tilt of 100 nm from centre to rim:
+
+    >>> from tradestudy import optics
+    >>> (path,) = optics.Pupil(path=lambda x, y: 100e-9 * x).path_terms(1e-3)
+    >>> print(f"{path.value(1e-3, 0.0) * 1e9:.1f} nm, slope {path.slope(0.0, 0.0)[0]:.1e}")
+    100.0 nm, slope 1.0e-04
+    >>> path.expansion(0.0, 0.0)
+    Traceback (most recent call last):
+    tradestudy.errors.OutOfRangeError: rays or boundary waves behind a pupil whose path is a function or an array
+    (allowed: a path of Zernike coefficients); fit Zernike coefficients to the path, or use method 'fresnel' or
+    'kirchhoff'
     """
 
     map: Callable[[FloatArray, FloatArray], FloatArray]
     radius: float
 
     def value(self, x: Array, y: Array) -> Array:
-        """Path [m].
+        """Path [m]; positions as in `ZernikePath.value`.
 
         Raises
         ------
@@ -331,7 +403,10 @@ class MapPath:
         return checked_map(found, x, "path")
 
     def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Gradient of the path by differences, slightly inside each position: a spline ends at the rim."""
+        """Gradient of the path [1] by differences; positions as in `ZernikePath.value`.
+
+        It is taken slightly inside each position, because a spline ends at the rim.
+        """
         h = _STEP * self.radius
         inside = 1 - 2 * _STEP
         x, y = inside * x, inside * y
@@ -343,7 +418,7 @@ class MapPath:
         return along_x / (12 * h), along_y / (12 * h)
 
     def expansion(self, x: Array, y: Array) -> Expansion:  # noqa: ARG002  (one signature for all paths)
-        """Refuse: second derivatives exist only for Zernike coefficients.
+        """Refuse, as only Zernike coefficients have second derivatives [1/m]; positions as in `ZernikePath.value`.
 
         Raises
         ------

@@ -39,7 +39,7 @@ class Rays:
     trace: FloatArray
 
     def inside(self, radius: float) -> BoolArray:
-        """Rays that pass the aperture."""
+        """Whether rays pass through the aperture."""
         return np.asarray(self.found & (np.hypot(self.u, self.v) <= radius))
 
 
@@ -53,7 +53,7 @@ def find_rays(wave: LensWave, x: FloatArray, y: FloatArray, z: FloatArray, *, al
     x, y, z
         Targets relative to the centre of the lens [m], shape (m,).
     all_branches
-        Look for every ray, as behind a caustic; otherwise for the one next to the paraxial ray.
+        Whether to look for every ray, as behind a caustic; otherwise only for the one next to the paraxial ray.
     """
     paths = wave.paths
     if len(paths.terms) == 1 and isinstance(paths.terms[0], SphericalPath):
@@ -93,8 +93,8 @@ def ray_fields(wave: LensWave, kernel: Kernel, rays: Rays, x: FloatArray, y: Flo
 def one_ray_per_target(wave: LensWave, z: FloatArray) -> bool:
     """Whether the map from the aperture along the rays to the nearest and farthest target plane is one to one.
 
-    A sufficient criterion: the symmetric part of the map's derivative keeps one sign over the (convex) aperture. False
-    too where the phase is steeper than that of any ray.
+    A sufficient criterion: the symmetric part of the map's derivative keeps one sign over the (convex) aperture. Also
+    False where the phase is steeper than that of any ray.
     """
     paths = wave.paths
     if len(paths.terms) == 1:
@@ -119,9 +119,10 @@ def one_ray_per_target(wave: LensWave, z: FloatArray) -> bool:
 
 
 def fewest_zones(wave: LensWave, z: float) -> float:
-    """Fewest Fresnel zones across the aperture for the targets in a plane that its rays meet: 0 at a focus or caustic.
+    """Smallest number of Fresnel zones across the aperture, of all targets that rays meet in a plane; 0 at a caustic.
 
-    R² √|det|/λ with the second derivatives of the path; for a spherical wave the Fresnel number R² |1/z − 1/b|/λ.
+    It is R² √|det|/λ, from the determinant of the path's second derivatives: for a spherical wave, the Fresnel number
+    R² |1/z − 1/b|/λ.
     """
     u, v = _aperture_mesh(wave.lens.radius)
     x, y = land(wave, u, v, np.asarray(z))
@@ -145,7 +146,7 @@ def within_rim(wave: LensWave, x: FloatArray, y: FloatArray, z: FloatArray) -> B
 
 
 def land(wave: LensWave, u: FloatArray, v: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Where rays that leave the lens at (u, v) meet the planes z: plain tracing."""
+    """Where rays that leave the lens at (u, v) meet the planes z, by plain tracing."""
     p_x, p_y = wave.paths.slope(u, v)
     c = np.sqrt(1 - p_x**2 - p_y**2)
     return u + z * p_x / c, v + z * p_y / c
@@ -186,7 +187,7 @@ def _newton(paths: PathSum, u: Array, v: Array, x: Array, y: Array, z: Array, ra
         with np.errstate(invalid="ignore", divide="ignore"):  # a flat path gives no step: that start is dropped
             shrink = np.minimum(1.0, longest / np.where(length > 0, length, 1.0))
             u[active], v[active] = here_u + shrink * step_u, here_v + shrink * step_v
-            # The next step would be the square of this one, and the path changes by its square again.
+            # The next step would be about the square of this one, and the path changes by the square of that.
             done = length < 1e-4 * radius
             lost = ~np.isfinite(length) | (np.hypot(u[active], v[active]) > 60 * radius)
         found[active] = done
@@ -207,7 +208,7 @@ def _step(paths: PathSum, u: Array, v: Array, x: Array, y: Array, z: Array) -> t
 
 
 def _derivatives(paths: PathSum, u: Array, v: Array, x: Array, y: Array, z: Array) -> tuple[Array, ...]:
-    """Gradient and second derivatives of the path by way of (u, v) to the target."""
+    """Gradient and second derivatives of the path to the target by way of (u, v)."""
     front = paths.expansion(u, v)
     a, b = u - x, v - y
     s = np.sqrt(a * a + b * b + z * z)

@@ -11,13 +11,13 @@ import numpy.typing as npt
 
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.phasors import ComplexArray
-from tradestudy.optics.propagation.sampling import TargetGrid, Targets
+from tradestudy.optics.propagation.targets import TargetGrid, Targets
 
 Method = Literal["geometric", "boundary_wave", "fresnel", "kirchhoff"]
 # An estimate from sixteen targets scatters, more so where errors are uneven. With a factor of 2, one case in twelve
 # exceeded the stated error, by up to a third; see tests/benchmarks/aperture_audit.py.
 _SAFETY = 4.0
-_CORNER_SHARE = 0.02  # of the targets, represented by the worst corner: aliasing grows towards the corners by powers
+_CORNER_SHARE = 0.02  # of the targets, represented by the worst corner: aliasing grows steeply towards the corners
 _BLOCK = 256  # targets summed at once to draw from them
 _UNIFORM_SHARE = 0.3  # of the draws; the others favour bright targets, whose errors count most in the intensity
 
@@ -26,23 +26,39 @@ _UNIFORM_SHARE = 0.3  # of the draws; the others favour bright targets, whose er
 class NumericalError:
     """Stated numerical error: how far the result may be from the exact value of the same integral.
 
-    All entries are relative L2 norms over the targets, of the field unless stated otherwise. The two totals should
-    hold in at least 95 % of cases; the parts are measured or requested values.
+    All entries are L2 norms over the targets, relative to that of the field or the intensity [1]. The two totals should
+    hold in at least 95 % of cases; the parts, all of the field, are measured or requested values.
 
     Attributes
     ----------
     field
-        Stated error of the complex field.
+        Stated relative error of the complex field.
     intensity
-        Stated error of the intensity.
+        Stated relative error of the intensity.
     nodes
-        Measured at the check targets: the sum over the nodes against the sum over twice as many in each direction.
+        Relative error of the node counts, measured at the check targets: the sum over the nodes against the sum over
+        twice as many in each direction.
     low_rank
-        Measured on nodes and targets that the low-rank factor was not built from.
+        Relative error of the low-rank factor, measured on nodes and targets from which it was not built.
     nufft
-        Requested from the nonuniform Fourier transform.
+        Relative error requested from the nonuniform Fourier transform.
     check
-        Measured at the check targets: the result against direct quadrature with twice the nodes in each direction.
+        Relative error measured at the check targets: the result against direct quadrature with twice the nodes in each
+        direction.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> field = optics.aperture_field(
+    ...     source=optics.PointSource(distance=0.15),
+    ...     lens=optics.CircularLens(radius=1.5e-3, focal_length=12.5e-3, lens_phase="perfect"),
+    ...     targets=optics.TargetPoints(x=0.0, y=0.0, distance=13.64e-3),
+    ...     wavelength=550e-9,
+    ...     method="kirchhoff",
+    ...     accuracy=optics.FieldAccuracy(tolerance=1e-6),
+    ... )
+    >>> field.error.intensity < 1e-6, field.error.check < 1e-6
+    (True, True)
     """
 
     field: float
@@ -55,7 +71,7 @@ class NumericalError:
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """Effort that a result took.
+    """Nodes, rounds and time that a result took.
 
     Attributes
     ----------
@@ -70,11 +86,18 @@ class Effort:
     rounds
         Rounds of computation until the stated error met the tolerance; 1 without refinement.
     seconds
-        Wall time of the result, set-up included.
+        Wall time of the result, set-up included [s].
     check_seconds
-        Wall time of the check against direct quadrature, with the nodes that only it needs.
+        Wall time of the check against direct quadrature, with the nodes that only it needs [s].
     check_targets
         Number of check targets.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> effort = optics.point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, window=4).effort
+    >>> effort.rounds, effort.check_targets > 0, effort.seconds > 0
+    (1, True, True)
     """
 
     nodes: int
@@ -95,9 +118,10 @@ class ApertureField:
     Attributes
     ----------
     field
-        Complex field in the shape of the targets.
+        Complex field [1/m² for a unit point source], in the shape of the targets.
     intensity
-        Squared magnitude of the field; for ``geometric``, the sum over rays without interference.
+        Squared magnitude of the field [1/m⁴ for a unit point source]; for ``geometric``, the sum over rays without
+        interference.
     error
         Stated numerical error.
     effort
@@ -107,7 +131,7 @@ class ApertureField:
     targets
         Where the field was computed.
     pupil_power
-        ∫ |U|² over the aperture, in the unit of the intensity times m²; energies are fractions of it.
+        ∫ |U|² over the aperture [1/m² for a unit point source]; energies are fractions of it.
     handed_over
         Fraction of the targets that the boundary wave left to Kirchhoff's integral; 0 for the other methods.
 
@@ -179,16 +203,16 @@ class CheckTargets:
     z: FloatArray
 
     def norm(self, error: ComplexArray) -> float:
-        """Root mean squared magnitude over all targets, estimated from these."""
+        """Root-mean-square magnitude of an error over all targets, estimated from these."""
         return self._mean(squared_magnitude(error))
 
     def intensity_norm(self, error: ComplexArray, field: ComplexArray) -> float:
-        """Root mean squared error of the intensity, at most 2 |U| e + e² for an error e of the field U."""
+        """Root-mean-square error of the intensity, at most 2 |U| e + e² for an error e of the field U."""
         size = np.abs(error)
         return self._mean((2 * np.abs(field) * size + size**2) ** 2)
 
     def shares(self, finer: ComplexArray, field: ComplexArray) -> tuple[float, float]:
-        """Ratio of the finer field's size to the result's, and of their intensities' sizes, each at most 1."""
+        """Norm of the finer field relative to that of the result, and the same for the intensities, each at most 1."""
         sizes = []
         for one in (finer, field):
             intensity = squared_magnitude(one)[~self.corner]
@@ -199,7 +223,7 @@ class CheckTargets:
         return float(shares[0]), float(shares[1])
 
     def _mean(self, squared: FloatArray) -> float:
-        """Root of the weighted mean over the drawn targets plus the share that the worst corner represents."""
+        """Root of the weighted mean over the drawn targets plus the part that the worst corner represents."""
         drawn = float(np.mean((self.weight * squared)[~self.corner]))
         corners = float(np.max(squared[self.corner], initial=0.0))
         return math.sqrt(drawn + _CORNER_SHARE * corners)
@@ -239,7 +263,7 @@ def choose_check_targets(
 ) -> CheckTargets:
     """Draw targets, mostly in proportion to their intensity; take all if there are no more than `count`.
 
-    With `doubt`, the squared errors expected of the field up to a factor, in proportion to intensity times doubt.
+    With `doubt`, targets are drawn in proportion to intensity times doubt, the expected squared error of the field.
     """
     size = intensity.size
     if size <= count:
@@ -283,7 +307,7 @@ def _bright(favour: FloatArray, count: int) -> npt.NDArray[np.intp]:
 def _draw(favour: FloatArray, favoured: float, uniform: float, at: FloatArray) -> npt.NDArray[np.intp]:
     """Indices drawn with probability favoured · favour + uniform, where `at` lies between the sums up to them.
 
-    First a block of targets, then one in it: the sums up to every target would take longer than a sum.
+    A block of targets is drawn first, then one target in it: cumulative sums over all targets would take longer.
     """
     starts = np.arange(0, favour.size, _BLOCK)
     lengths = np.minimum(_BLOCK, favour.size - starts)

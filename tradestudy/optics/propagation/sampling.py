@@ -1,4 +1,4 @@
-"""Targets of a propagation, and the number of nodes that an aperture needs for them, from the net path's slope."""
+"""The number of nodes that an aperture needs for its targets, from the slope of the net path, and its limits."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.optics.argument_types import checked, checked_fields
+from tradestudy.optics.argument_types import checked_fields
 from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.paths import PathSum
@@ -17,205 +16,10 @@ from tradestudy.optics.quadrature import gauss_legendre
 
 _BYTES_PER_NODE = 16 * 40  # complex terms of the largest low-rank factor, and the nodes themselves
 _BYTES_PER_TARGET = 16 * 40
-_WIDEST_MARGIN, _LEAST_MARGIN = 10.0, 3.0  # of `bessel_margin` at rounding errors, over the cube root, and apart
-_NEWTON_STEPS = 12  # from the cube root that leaves out the linear term, to rounding at any number of nodes
+_WIDEST_MARGIN, _LEAST_MARGIN = 10.0, 3.0  # of `bessel_margin` at rounding errors: per cube root, and constant
+_NEWTON_STEPS = 12  # from the cube root without the linear term down to rounding, for any number of nodes
 _PAIRS_PER_SECOND = 2.0e7  # node–target pairs of the direct check on a slow core
 _TERMS_PER_SECOND = 4.0e5  # (nodes + targets) × 10 terms of the fast path on a slow core
-
-
-@checked_fields
-@dataclass(frozen=True, kw_only=True)
-class TargetPoints:
-    """Any set of points behind the lens plane.
-
-    Parameters
-    ----------
-    x, y
-        Positions [m], any shapes that broadcast.
-    distance
-        Distance behind the lens plane [m], > 0; a number or an array that broadcasts with x and y, so the points may
-        lie on tilted or curved surfaces.
-
-    Raises
-    ------
-    OutOfRangeError
-        Shapes do not broadcast, a coordinate is not finite, a distance is not positive, or there are no points.
-
-    Examples
-    --------
-    Points on the axis, before and behind a focus:
-
-    >>> import numpy as np
-    >>> from tradestudy import optics
-    >>> optics.TargetPoints(x=0.0, y=0.0, distance=50e-3 + np.linspace(-50e-6, 50e-6, 11)).shape
-    (11,)
-    """
-
-    x: npt.ArrayLike
-    y: npt.ArrayLike
-    distance: npt.ArrayLike
-
-    def __post_init__(self) -> None:
-        shapes = np.shape(self.x), np.shape(self.y), np.shape(self.distance)
-        try:
-            np.broadcast_shapes(*shapes)
-        except ValueError:
-            raise OutOfRangeError(
-                "shapes of x, y and distance",
-                value=", ".join(map(str, shapes)),
-                limit="shapes that broadcast",
-                remedy="give arrays of one shape, or single numbers",
-            ) from None
-        _check(*self.coordinates())
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of the results."""
-        return np.broadcast_shapes(np.shape(self.x), np.shape(self.y), np.shape(self.distance))
-
-    def coordinates(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Flat x, y, distance of every point."""
-        arrays = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (self.x, self.y, self.distance)))
-        x, y, z = (np.ascontiguousarray(v).ravel() for v in arrays)
-        return x, y, z
-
-    def at(self, index: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """x, y, distance of some points, by their flat indices."""
-        x, y, z = self.coordinates()
-        return x[index], y[index], z[index]
-
-    def box(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Least and largest x, y and distance."""
-        x, y, z = (np.array([np.min(c), np.max(c)], dtype=float) for c in (self.x, self.y, self.distance))
-        return x, y, z
-
-    def corners(self) -> IndexArray:
-        """Flat indices of the points farthest along the four diagonals."""
-        x, y, _ = self.coordinates()
-        rising, falling = x + y, x - y
-        return np.array([np.argmin(rising), np.argmin(falling), np.argmax(falling), np.argmax(rising)])
-
-
-@checked_fields
-@dataclass(frozen=True, kw_only=True)
-class TargetGrid:
-    """A regular grid of targets in one plane, for which propagation is fast.
-
-    Results have shape (y count, x count): row i lies at ``y_start + i * y_pitch``, column j at
-    ``x_start + j * x_pitch``; nothing is mirrored.
-
-    Parameters
-    ----------
-    x_start, y_start
-        Position of element [0, 0] [m].
-    x_pitch, y_pitch
-        Steps [m], > 0.
-    x_count, y_count
-        Numbers of columns and rows, ≥ 1.
-    distance
-        Distance behind the lens plane [m], > 0.
-
-    Raises
-    ------
-    OutOfRangeError
-        A coordinate is not finite, a pitch or the distance is not positive, or a count is below 1.
-
-    Examples
-    --------
-    >>> from tradestudy import optics
-    >>> grid = optics.TargetGrid.centred(centre=(0.0, 0.0), pitch=0.5e-6, count=65, distance=50e-3)
-    >>> grid.shape, f"{grid.x_axis[0]:.3g}"
-    ((65, 65), '-1.6e-05')
-    """
-
-    x_start: float
-    y_start: float
-    x_pitch: float
-    y_pitch: float
-    x_count: int
-    y_count: int
-    distance: float
-
-    def __post_init__(self) -> None:
-        if self.x_count < 1 or self.y_count < 1:
-            raise OutOfRangeError(
-                "target grid",
-                value=f"{self.x_count} × {self.y_count} points",
-                limit="≥ 1 × 1",
-                remedy="raise the counts",
-            )
-        if not (self.x_pitch > 0 and self.y_pitch > 0):
-            raise OutOfRangeError(
-                "target pitch",
-                value=f"{self.x_pitch:g}, {self.y_pitch:g} m",
-                limit="> 0",
-                remedy="give steps in metres",
-            )
-        _check(self.x_axis, self.y_axis, np.asarray([self.distance], dtype=float))
-
-    @classmethod
-    @checked
-    def centred(cls, *, centre: tuple[float, float], pitch: float, count: int, distance: float) -> TargetGrid:
-        """Square grid of `count` × `count` points centred on `centre`, as pixel centres lie on a sensor."""
-        half = pitch * (count - 1) / 2
-        return cls(
-            x_start=centre[0] - half,
-            y_start=centre[1] - half,
-            x_pitch=pitch,
-            y_pitch=pitch,
-            x_count=count,
-            y_count=count,
-            distance=distance,
-        )
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of the results, rows (y) by columns (x)."""
-        return self.y_count, self.x_count
-
-    @property
-    def x_axis(self) -> FloatArray:
-        """Positions of the columns [m]."""
-        return self.x_start + self.x_pitch * np.arange(self.x_count, dtype=float)
-
-    @property
-    def y_axis(self) -> FloatArray:
-        """Positions of the rows [m]."""
-        return self.y_start + self.y_pitch * np.arange(self.y_count, dtype=float)
-
-    def coordinates(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Flat x, y, distance of every point, row by row."""
-        x = np.tile(self.x_axis, self.y_count)
-        return x, np.repeat(self.y_axis, self.x_count), np.full(x.size, self.distance)
-
-    def at(self, index: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """x, y, distance of some points, by their flat indices."""
-        row, column = np.divmod(index, self.x_count)
-        return self.x_axis[column], self.y_axis[row], np.full(index.size, self.distance)
-
-    def box(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Least and largest x, y and distance."""
-        return self.x_axis[[0, -1]], self.y_axis[[0, -1]], np.array([self.distance, self.distance])
-
-    def corners(self) -> IndexArray:
-        """Flat indices of the four corners."""
-        last = self.x_count - 1, self.x_count * (self.y_count - 1)
-        return np.array([0, last[1], last[0], last[0] + last[1]])
-
-
-Targets = TargetPoints | TargetGrid
-
-
-def _check(x: FloatArray, y: FloatArray, z: FloatArray) -> None:
-    if x.size == 0:
-        raise OutOfRangeError("targets", value="none", limit="at least one point", remedy="give a point")
-    if not (np.isfinite(x).all() and np.isfinite(y).all() and np.isfinite(z).all() and z.min() > 0):
-        raise OutOfRangeError(
-            "targets",
-            value=f"nearest at {np.min(z):g} m behind the lens plane",
-            limit="finite coordinates, distance > 0",
-            remedy="measure the distance from the lens plane in the direction of the light",
-        )
 
 
 @checked_fields
@@ -226,11 +30,11 @@ class Limits:
     Parameters
     ----------
     nodes
-        Quadrature nodes on one aperture.
+        Largest number of quadrature nodes on one aperture.
     memory_bytes
-        Peak memory.
+        Peak memory [bytes].
     seconds
-        Wall time in total: set-up, computation, check and every refinement.
+        Wall time in total [s]: set-up, computation, check and every refinement.
 
     Raises
     ------
@@ -257,15 +61,28 @@ class Limits:
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class NodeCounts:
-    """Rings of quadrature nodes on a disc, and nodes on its rim; at least one of each.
+    """Rings of quadrature nodes on a disc, and nodes on its rim.
 
     Inner rings have fewer nodes, because the phase completes fewer turns on them.
+
+    Parameters
+    ----------
+    radial
+        Number of rings, ≥ 1.
+    angular
+        Number of nodes on the outermost ring, ≥ 1.
+
+    Raises
+    ------
+    OutOfRangeError
+        If a count is below 1.
 
     Examples
     --------
     >>> from tradestudy import optics
-    >>> optics.NodeCounts(radial=20, angular=40).total
-    800
+    >>> counts = optics.NodeCounts(radial=20, angular=40)
+    >>> counts.total, counts.scaled(1.5)
+    (800, NodeCounts(radial=30, angular=60))
     """
 
     radial: int
@@ -279,15 +96,15 @@ class NodeCounts:
 
     @property
     def total(self) -> int:
-        """Number of nodes at most."""
+        """Largest possible number of nodes."""
         return self.radial * self.angular
 
     @property
     def on_rings(self) -> IndexArray:
         """Nodes of every ring, from the innermost, shape (radial,).
 
-        Of those on the rim, `bessel_margin` is taken to be as much as the tightest tolerance makes it: the rest, which
-        is the phase that turns, shrinks faster with the radius.
+        The margin on the rim is taken to be that of the tightest tolerance (`bessel_margin`). The other nodes resolve
+        the turns of the phase; on smaller rings, their number falls faster than the margin.
         """
         relative = np.sqrt(gauss_legendre(self.radial)[0])
         turns = _turns(self.angular)
@@ -295,12 +112,23 @@ class NodeCounts:
         return np.asarray(np.minimum(np.ceil(needed).astype(int), self.angular))
 
     def scaled(self, factor: float) -> NodeCounts:
-        """Both counts times a factor, rounded up."""
+        """Both counts times a factor, rounded up.
+
+        Parameters
+        ----------
+        factor
+            Factor [1], > 0.
+
+        Returns
+        -------
+        NodeCounts
+            At least one node of each kind.
+        """
         return NodeCounts(radial=math.ceil(self.radial * factor), angular=math.ceil(self.angular * factor))
 
 
 def _turns(angular: int) -> float:
-    """Highest angular frequency t that so many nodes resolve: t + margin · t^⅓ and the least margin."""
+    """Highest angular frequency t that this many nodes resolve: t + margin · t^⅓ + least margin of them."""
     # The cubic in t^⅓ rises from below zero at 0 and is convex there: Newton's steps come down from above.
     spare = max(angular - _LEAST_MARGIN, 0.0)
     root = spare ** (1 / 3)
@@ -330,7 +158,7 @@ def needed_nodes(
     paths
         Path of the wave behind the aperture, in coordinates relative to its centre.
     kernel
-        Gives the path on to the targets, to second order or exactly.
+        Propagation law, which gives the path on to the targets, to second order or exactly.
     radius
         Radius of the aperture [m].
     x, y, z
@@ -405,7 +233,7 @@ def check_affordable(counts: NodeCounts, *, targets: int, check_targets: int, li
     Raises
     ------
     UnaffordableError
-        With the node count, the bytes, the seconds and the setting to change.
+        If the limits do not suffice; the message gives the nodes, bytes and seconds needed and the setting to change.
     """
     memory = _BYTES_PER_NODE * counts.total + _BYTES_PER_TARGET * targets
     seconds = (counts.total + targets) / _TERMS_PER_SECOND + 5.0 * counts.total * check_targets / _PAIRS_PER_SECOND
@@ -421,12 +249,12 @@ def check_affordable(counts: NodeCounts, *, targets: int, check_targets: int, li
 
 
 def check_time(*, spent: float, needed: float, limits: Limits) -> None:
-    """Refuse a refinement that would end beyond the time allowed.
+    """Refuse a refinement that would exceed the time allowed.
 
     Raises
     ------
     UnaffordableError
-        With the seconds spent and the seconds predicted for the next round from the last one.
+        If the limit would be exceeded; the message gives the seconds spent, and those predicted for the next round.
     """
     if spent + needed > limits.seconds:
         raise UnaffordableError(
@@ -438,7 +266,7 @@ def check_time(*, spent: float, needed: float, limits: Limits) -> None:
 
 
 def refuse_near_zone(*, width: float, nearest: float, wavelength: float) -> None:
-    """Refuse apertures and targets that scalar diffraction does not describe.
+    """Refuse wavelengths and targets for which scalar diffraction does not hold.
 
     Parameters
     ----------
@@ -472,7 +300,7 @@ def refuse_near_zone(*, width: float, nearest: float, wavelength: float) -> None
 
 
 def bessel_margin(turns: float, tolerance: float) -> float:
-    """Orders beyond the argument until a Bessel function has fallen to the tolerance."""
+    """Number of orders beyond the argument at which a Bessel function has fallen to the tolerance."""
     decay = math.log(1.0 / tolerance)
     airy = (1.5 * decay) ** (2.0 / 3.0) / 2.0 ** (1.0 / 3.0) * max(turns, 1.0) ** (1.0 / 3.0)
     return float(airy + 2.0)

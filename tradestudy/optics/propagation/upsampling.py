@@ -1,6 +1,6 @@
-"""Few samples of a field to many points: windowed sinc or Chebyshev points along each axis, or rings about a chief ray.
+"""From few samples of a field to many points: windowed sinc, Chebyshev points along each axis, or rings about a ray.
 
-A field that hardly changes around the chief ray has few harmonics in the angle; Chebyshev points serve its radius.
+A field that hardly changes around the chief ray has few harmonics in the angle; its radius uses Chebyshev points.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ import scipy.special
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.phasors import ComplexArray
-from tradestudy.optics.propagation.sampling import TargetGrid, bessel_margin
+from tradestudy.optics.propagation.sampling import bessel_margin
+from tradestudy.optics.propagation.targets import TargetGrid
 
-_UNTHREADED = 250_000  # multiplications in one product that BLAS does on one thread
-_LEAST_OVERSAMPLING = 1.7  # of the coarse samples; nearer to 1 the window gets wide
+_UNTHREADED = 250_000  # multiplications in a product that BLAS still computes on one thread
+_LEAST_OVERSAMPLING = 1.7  # of the coarse samples; closer to 1 the window gets wide
 _FEWEST_ANGLES = 12
-_TAIL = 3.0  # times the tolerance: the last harmonics of the ring that has most of them, where all rings count
-_CUBIC = 0.024  # error of interpolation through four points: this times the fourth power of the phase per step
+_TAIL = 3.0  # times the tolerance: limit for the last harmonics on the ring with the strongest ones
+_CUBIC = 0.024  # interpolation through four points errs by this times the fourth power of the phase per step
 FieldAt = Callable[[FloatArray, FloatArray], ComplexArray | None]
 
 
@@ -32,11 +33,11 @@ class Upsampling:
     Attributes
     ----------
     step
-        Fine samples per coarse one; 1 where upsampling gains nothing.
+        Fine samples per coarse sample; 1 where upsampling gains nothing.
     first, count
-        The coarse samples lie at fine indices ``first + step * arange(count)``; they overhang the fine ones.
+        The coarse samples lie at fine indices ``first + step * arange(count)``, and extend beyond the fine ones.
     matrix
-        Fine from coarse, shape (fine, count).
+        Matrix from coarse to fine samples, shape (fine, count).
     """
 
     step: int
@@ -45,7 +46,7 @@ class Upsampling:
     matrix: FloatArray
 
     def apply(self, values: ComplexArray) -> ComplexArray:
-        """Fine from coarse samples, along the rows of `values`; each fine sample has few coarse ones beside it."""
+        """Fine samples from coarse ones, along the rows of `values`; each fine sample depends on few coarse ones."""
         plain = np.ascontiguousarray(values).view(np.float64)
         fine, overhang = self.matrix.shape[0], -2 * self.first // self.step
         result = np.empty((fine, plain.shape[1]))
@@ -59,7 +60,7 @@ class Upsampling:
 
 @lru_cache(maxsize=16)  # both axes of a square grid, and every wave on the same grid, share one
 def upsampling(*, fine_count: int, oversampling: float, tolerance: float) -> Upsampling | None:
-    """Plan for an axis whose `fine_count` samples are `oversampling` times finer than Nyquist's; None if no gain.
+    """Plan for an axis with `fine_count` samples, `oversampling` times finer than Nyquist's; None if there is no gain.
 
     The window's half-width in coarse samples is ln(1/tolerance)/(π (1 − 1/σ)) for coarse samples σ times finer than
     Nyquist's (J. J. Knab, "Interpolation of band-limited functions using the approximate prolate series", 1979).
@@ -83,10 +84,10 @@ def upsampling(*, fine_count: int, oversampling: float, tolerance: float) -> Ups
 
 
 def apply_along_rows(matrix: FloatArray, values: ComplexArray) -> ComplexArray:
-    """Real matrix times complex array, without turning the matrix complex.
+    """Real matrix times complex array, without a complex copy of the matrix.
 
-    In blocks below the size from which BLAS starts threads: for products this small they cost more than they save,
-    and very much more where cores are shared.
+    Blocks are smaller than the size from which BLAS starts threads: for products this small, threads cost more than
+    they save, and far more where cores are shared.
     """
     plain = np.ascontiguousarray(values).view(np.float64)
     product = np.empty((matrix.shape[0], plain.shape[1]))
@@ -150,13 +151,13 @@ class ChebyshevGrid:
         return np.tile(self.x, self.y.size), np.repeat(self.y, self.x.size)
 
     def interpolate(self, values: ComplexArray) -> ComplexArray:
-        """From values at `points` to the grid."""
+        """Values on the grid from values at `points`."""
         rows = apply_along_rows(self.on_y, values.reshape(self.y.size, self.x.size))
         return apply_along_rows(self.on_x, rows.T).T
 
 
 def chebyshev_grid(grid: TargetGrid, *, wavenumber: float, tolerance: float) -> ChebyshevGrid | None:
-    """Chebyshev points enough for a field of at most `wavenumber` [rad/m] along each axis; None if no gain.
+    """Enough Chebyshev points for a field of at most `wavenumber` [rad/m] along each axis; None if no gain.
 
     A plane wave of m radians over half the axis needs as many points as a Bessel function of argument m has orders
     above the tolerance.
@@ -186,11 +187,11 @@ class PolarField:
     Attributes
     ----------
     centre
-        [m].
+        Centre of the disc [m].
     radius
         Radius up to which the field is known [m].
     harmonics
-        j, shape (harmonics,).
+        Azimuthal orders j, shape (harmonics,).
     table
         g_j at equal steps of the radius, one step beyond either end, shape (steps + 3, harmonics).
     """
@@ -201,7 +202,7 @@ class PolarField:
     table: ComplexArray
 
     def at(self, x: FloatArray, y: FloatArray) -> ComplexArray:
-        """Field at points, by four neighbouring radii; `x` and `y` broadcast."""
+        """Field at points, interpolated from four neighbouring radii; `x` and `y` broadcast."""
         a, b = np.broadcast_arrays(x - self.centre[0], y - self.centre[1])
         a, b = a.ravel(), b.ravel()
         r = np.hypot(a, b)
@@ -231,12 +232,12 @@ class PolarField:
 def polar_field(
     field: FieldAt, *, centre: tuple[float, float], radius: float, wavenumber: float, tolerance: float, most: int
 ) -> PolarField | None:
-    """Sample a field on rings about a centre; None where that takes more than `most` points, or has no answer.
+    """Sample a field on rings about a centre; None if that takes more than `most` points or a value is missing.
 
     Parameters
     ----------
     field
-        Field at flat points, or None where it cannot be given.
+        Function that returns the field at flat points, or None where it cannot be computed.
     centre
         Centre about which the field changes little with the angle [m].
     radius
@@ -259,7 +260,7 @@ def polar_field(
     if known is None:
         return None
     harmonics = np.arange(known.shape[1]) - known.shape[1] // 2
-    # At the radius −r lies the opposite angle: odd harmonics change sign there.
+    # The radius −r is the radius r at the opposite angle: odd harmonics change sign.
     onto = lagrange(np.arange(-1, steps + 2) / steps, 2 * half, np.array([-reach, reach]))
     sign = np.where(harmonics % 2 == 0, 1.0, -1.0)
     table = apply_along_rows(onto, np.concatenate([known, known[::-1] * sign]))
@@ -273,7 +274,7 @@ def _harmonics(
     values: ComplexArray = np.zeros((radii.size, 0), dtype=np.complex128)
     angles = _FEWEST_ANGLES
     while radii.size * angles <= most:
-        # The angles before are every other one of these.
+        # The previous angles are every other one of these.
         new = np.arange(angles) if values.size == 0 else np.arange(1, angles, 2)
         angle = 2 * np.pi * new / angles
         x = centre[0] + np.multiply.outer(radii, np.cos(angle))

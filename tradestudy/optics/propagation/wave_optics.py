@@ -29,13 +29,13 @@ from tradestudy.optics.propagation.result import (
 from tradestudy.optics.propagation.sampling import (
     Limits,
     NodeCounts,
-    Targets,
     check_affordable,
     check_time,
     needed_nodes,
     outline,
     refuse_near_zone,
 )
+from tradestudy.optics.propagation.targets import Targets
 from tradestudy.optics.quadrature import disc_nodes
 
 _MAX_ROUNDS = 5
@@ -83,7 +83,7 @@ class FieldAccuracy:
         Number of random targets, mostly bright ones, at which the result is compared with direct quadrature on twice
         the nodes in each direction, ≥ 4.
     seed
-        Seed that draws the check targets: the same call gives the same digits.
+        Seed of the random check targets: the same call gives the same digits.
 
     Raises
     ------
@@ -107,7 +107,7 @@ class FieldAccuracy:
                 "tolerance of the intensity",
                 value=f"{self.tolerance:g}",
                 limit="1e-10 … 0.1",
-                remedy="choose a tolerance in this range: double precision ends near 1e-11",
+                remedy="choose a tolerance in this range: double precision reaches about 1e-11",
             )
         if self.check_targets < _SMALLEST_CHECK:
             raise OutOfRangeError(
@@ -124,7 +124,7 @@ class FieldAccuracy:
 def propagate_samples(
     *, samples: ApertureSamples, kernel: Kernel, targets: Targets, accuracy: FieldAccuracy, limits: Limits | None = None
 ) -> ApertureField:
-    """Field on targets of a wave known only as an array on quadrature nodes.
+    """Field on targets of a wave that is known only as an array on quadrature nodes.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def propagate_samples(
     accuracy
         Tolerance of the sum. **The nodes themselves cannot be doubled here**, so the errors of field and intensity are
         NaN: compare with twice the nodes, or use `aperture_field`, which chooses its nodes. `error.check` states how
-        exactly the nodes are summed.
+        accurately the nodes are summed.
     limits
         Memory and time allowed.
 
@@ -162,7 +162,7 @@ def propagate_samples(
 
     Examples
     --------
-    On the axis behind an aperture of an odd number of Fresnel zones, the intensity is four times the unobstructed one:
+    On the axis, behind an aperture of an odd number of Fresnel zones, the intensity is four times the unobstructed one:
 
     >>> import numpy as np
     >>> from tradestudy import optics
@@ -210,9 +210,9 @@ def propagate_wave(
     Parameters
     ----------
     sample
-        Samples the wave on nodes of given counts; the check requests twice as many in each direction.
+        Function that samples the wave on nodes of given counts; the check requests twice as many in each direction.
     counts
-        Initial node counts, from `needed_nodes`, or a function that finds them, whose time counts as set-up.
+        Initial node counts, from `needed_nodes`, or a function that computes them; its time counts as set-up.
     kernel
         `KirchhoffKernel` or `FresnelKernel`.
     targets
@@ -222,7 +222,7 @@ def propagate_wave(
     limits
         Memory and time allowed.
     fixed_nodes
-        Keep `counts` and state the resulting error instead of refining.
+        Whether to keep `counts` and state the resulting error instead of refining.
 
     Returns
     -------
@@ -310,7 +310,7 @@ def _refined(
             "the intensity does not reach its tolerance",
             value=f"stated relative L2 error {error.intensity:.2g} with {counts.total} nodes",
             limit=f"{accuracy.tolerance:g}",
-            remedy="raise the tolerance, or include targets outside the dark",
+            remedy="raise the tolerance, or include targets that are not dark",
         )
     return ApertureField(
         field=fast.field.reshape(targets.shape),
@@ -360,7 +360,7 @@ def _check(
 
 
 def rounding_error(samples: ApertureSamples, kernel: Kernel, targets: Targets) -> float:
-    """Rounding of the phases over the aperture, relative to the field that all nodes would give in phase."""
+    """Rounding error of the phases over the aperture, relative to the field that all nodes would give in phase."""
     nearest = float(targets.box()[2][0])
     turns = kernel.wavenumber * samples.nodes.half_extent**2 / nearest
     return float(np.finfo(np.float64).eps * (10.0 + 2.0 * turns))

@@ -1,0 +1,246 @@
+"""Targets of a propagation: any points behind the lens plane, or a regular grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.argument_types import checked, checked_fields
+from tradestudy.optics.arrays import FloatArray, IndexArray
+
+
+@checked_fields
+@dataclass(frozen=True, kw_only=True)
+class TargetPoints:
+    """Any set of points behind the lens plane.
+
+    Parameters
+    ----------
+    x, y
+        Positions [m], any shapes that broadcast.
+    distance
+        Distance behind the lens plane [m], > 0; a number or an array that broadcasts with x and y, so the points may
+        lie on tilted or curved surfaces.
+
+    Raises
+    ------
+    OutOfRangeError
+        Shapes do not broadcast, a coordinate is not finite, a distance is not positive, or there are no points.
+
+    Examples
+    --------
+    Points on the axis, in front of and behind a focus:
+
+    >>> import numpy as np
+    >>> from tradestudy import optics
+    >>> points = optics.TargetPoints(x=0.0, y=0.0, distance=50e-3 + np.linspace(-50e-6, 50e-6, 11))
+    >>> points.shape, points.coordinates()[2].size, points.corners().size
+    ((11,), 11, 4)
+    >>> print(f"from {points.box()[2][0]:.5f} m; the last one at {points.at(np.array([10]))[2][0]:.5f} m")
+    from 0.04995 m; the last one at 0.05005 m
+    """
+
+    x: npt.ArrayLike
+    y: npt.ArrayLike
+    distance: npt.ArrayLike
+
+    def __post_init__(self) -> None:
+        shapes = np.shape(self.x), np.shape(self.y), np.shape(self.distance)
+        try:
+            np.broadcast_shapes(*shapes)
+        except ValueError:
+            raise OutOfRangeError(
+                "shapes of x, y and distance",
+                value=", ".join(map(str, shapes)),
+                limit="shapes that broadcast",
+                remedy="give arrays of one shape, or single numbers",
+            ) from None
+        _check(*self.coordinates())
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the results, to which x, y and distance broadcast."""
+        return np.broadcast_shapes(np.shape(self.x), np.shape(self.y), np.shape(self.distance))
+
+    def coordinates(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Flat x, y and distance of every point [m]."""
+        arrays = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (self.x, self.y, self.distance)))
+        x, y, z = (np.ascontiguousarray(v).ravel() for v in arrays)
+        return x, y, z
+
+    def at(self, index: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Positions of some points.
+
+        Parameters
+        ----------
+        index
+            Flat indices, shape (n,).
+
+        Returns
+        -------
+        tuple
+            x, y and distance [m], shape (n,) each.
+        """
+        x, y, z = self.coordinates()
+        return x[index], y[index], z[index]
+
+    def box(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Smallest and largest x, y and distance [m]."""
+        x, y, z = (np.array([np.min(c), np.max(c)], dtype=float) for c in (self.x, self.y, self.distance))
+        return x, y, z
+
+    def corners(self) -> IndexArray:
+        """Flat indices of the points farthest along the four diagonals."""
+        x, y, _ = self.coordinates()
+        rising, falling = x + y, x - y
+        return np.array([np.argmin(rising), np.argmin(falling), np.argmax(falling), np.argmax(rising)])
+
+
+@checked_fields
+@dataclass(frozen=True, kw_only=True)
+class TargetGrid:
+    """A regular grid of targets in one plane, for which propagation is fast.
+
+    Results have shape (y count, x count): row i lies at ``y_start + i * y_pitch``, and column j at
+    ``x_start + j * x_pitch``.
+
+    Parameters
+    ----------
+    x_start, y_start
+        Position of element [0, 0] [m].
+    x_pitch, y_pitch
+        Steps [m], > 0.
+    x_count, y_count
+        Numbers of columns and rows, ≥ 1.
+    distance
+        Distance behind the lens plane [m], > 0.
+
+    Raises
+    ------
+    OutOfRangeError
+        A coordinate is not finite, a pitch or the distance is not positive, or a count is below 1.
+
+    Examples
+    --------
+    >>> from tradestudy import optics
+    >>> grid = optics.TargetGrid.centred(centre=(0.0, 0.0), pitch=0.5e-6, count=65, distance=50e-3)
+    >>> grid.shape, f"{grid.x_axis[0]:.3g}"
+    ((65, 65), '-1.6e-05')
+    >>> x, y, distance = grid.at(grid.corners())
+    >>> print(f"corners at x = {x * 1e6} µm, of {grid.coordinates()[0].size} points from y = {grid.box()[1][0]:.3g} m")
+    corners at x = [-16. -16.  16.  16.] µm, of 4225 points from y = -1.6e-05 m
+    """
+
+    x_start: float
+    y_start: float
+    x_pitch: float
+    y_pitch: float
+    x_count: int
+    y_count: int
+    distance: float
+
+    def __post_init__(self) -> None:
+        if self.x_count < 1 or self.y_count < 1:
+            raise OutOfRangeError(
+                "target grid",
+                value=f"{self.x_count} × {self.y_count} points",
+                limit="≥ 1 × 1",
+                remedy="raise the counts",
+            )
+        if not (self.x_pitch > 0 and self.y_pitch > 0):
+            raise OutOfRangeError(
+                "target pitch",
+                value=f"{self.x_pitch:g}, {self.y_pitch:g} m",
+                limit="> 0",
+                remedy="give steps in metres",
+            )
+        _check(self.x_axis, self.y_axis, np.asarray([self.distance], dtype=float))
+
+    @classmethod
+    @checked
+    def centred(cls, *, centre: tuple[float, float], pitch: float, count: int, distance: float) -> TargetGrid:
+        """Square grid of points about a centre, as pixel centres lie on a sensor.
+
+        Parameters
+        ----------
+        centre
+            Centre of the grid (x, y) [m].
+        pitch
+            Distance between neighbouring points [m], > 0.
+        count
+            Points along a side, ≥ 1.
+        distance
+            Distance behind the lens plane [m], > 0.
+
+        Returns
+        -------
+        TargetGrid
+            Grid of `count` × `count` points.
+
+        Raises
+        ------
+        OutOfRangeError
+            As for `TargetGrid`.
+        """
+        half = pitch * (count - 1) / 2
+        return cls(
+            x_start=centre[0] - half,
+            y_start=centre[1] - half,
+            x_pitch=pitch,
+            y_pitch=pitch,
+            x_count=count,
+            y_count=count,
+            distance=distance,
+        )
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the results, rows (y) by columns (x)."""
+        return self.y_count, self.x_count
+
+    @property
+    def x_axis(self) -> FloatArray:
+        """Positions of the columns [m]."""
+        return self.x_start + self.x_pitch * np.arange(self.x_count, dtype=float)
+
+    @property
+    def y_axis(self) -> FloatArray:
+        """Positions of the rows [m]."""
+        return self.y_start + self.y_pitch * np.arange(self.y_count, dtype=float)
+
+    def coordinates(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Flat x, y and distance of every point [m], row by row."""
+        x = np.tile(self.x_axis, self.y_count)
+        return x, np.repeat(self.y_axis, self.x_count), np.full(x.size, self.distance)
+
+    def at(self, index: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Positions of some points [m], as in `TargetPoints.at`."""
+        row, column = np.divmod(index, self.x_count)
+        return self.x_axis[column], self.y_axis[row], np.full(index.size, self.distance)
+
+    def box(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Smallest and largest x, y and distance [m]."""
+        return self.x_axis[[0, -1]], self.y_axis[[0, -1]], np.array([self.distance, self.distance])
+
+    def corners(self) -> IndexArray:
+        """Flat indices of the four corners."""
+        last = self.x_count - 1, self.x_count * (self.y_count - 1)
+        return np.array([0, last[1], last[0], last[0] + last[1]])
+
+
+Targets = TargetPoints | TargetGrid
+
+
+def _check(x: FloatArray, y: FloatArray, z: FloatArray) -> None:
+    if x.size == 0:
+        raise OutOfRangeError("targets", value="none", limit="at least one point", remedy="give a point")
+    if not (np.isfinite(x).all() and np.isfinite(y).all() and np.isfinite(z).all() and z.min() > 0):
+        raise OutOfRangeError(
+            "targets",
+            value=f"nearest at {np.min(z):g} m behind the lens plane",
+            limit="finite coordinates, distance > 0",
+            remedy="measure the distance from the lens plane in the direction of the light",
+        )
