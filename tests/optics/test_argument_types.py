@@ -12,7 +12,7 @@ import pytest
 from tradestudy import optics
 from tradestudy.errors import OutOfRangeError
 
-LENS = {"focal_length": 50e-3, "f_number": 8.0, "wavelength": 550e-9, "window": 4.0}
+LENS: dict[str, Any] = {"focal_length": 50e-3, "f_number": 8.0, "wavelength": 550e-9, "window": 4.0}
 WRONG: list[tuple[str, Callable[..., Any], dict[str, Any]]] = [
     ("focal_length", optics.point_spread, LENS | {"focal_length": "50 mm"}),
     ("f_number", optics.point_spread, LENS | {"f_number": [2.8, 4.0]}),
@@ -26,6 +26,9 @@ WRONG: list[tuple[str, Callable[..., Any], dict[str, Any]]] = [
     ("centre", optics.TargetGrid.centred, {"centre": 0.0, "pitch": 1e-6, "count": 33, "distance": 1.0}),
     ("count", optics.TargetGrid.centred, {"centre": (0.0, 0.0), "pitch": 1e-6, "count": 2.5, "distance": 1.0}),
     ("x", optics.TargetPoints, {"x": "a", "y": 0.0, "distance": 1.0}),
+    ("x", optics.TargetPoints, {"x": np.ma.array([0.0, 9e9], mask=[False, True]), "y": 0.0, "distance": 1.0}),
+    ("f_number", optics.point_spread, LENS | {"f_number": True}),
+    ("memory_bytes", optics.Limits, {"memory_bytes": 10**400}),
     ("field", optics.window_share, {"field": np.ones((33, 33))}),
     ("nodes", optics.ApertureSamples, {"nodes": None, "field": np.ones(4)}),
 ]
@@ -47,6 +50,23 @@ def test_lists_become_arrays() -> None:
         reference_wavelength=550e-9,
     )
     assert table.at(field_angle=0.0, wavelength=550e-9) == 50e-3
+
+
+def test_whole_numbers_of_few_bits_do_not_overflow() -> None:
+    few: Any = np.int8(100)
+    grid = optics.TargetGrid(
+        x_start=0.0, y_start=0.0, x_pitch=1e-7, y_pitch=1e-7, x_count=few, y_count=few, distance=1.0
+    )
+    assert grid.x_count * grid.y_count == 10_000
+    assert optics.noll_order(few) == optics.noll_order(100)
+    assert optics.Pupil(zernikes={few: 1e-8}).path_terms(1.0)[0].value(np.ones(1), np.zeros(1)).dtype == np.float64
+
+
+def test_numbers_of_single_precision_are_not_rounded_further() -> None:
+    single: Any = np.float32(550e-9)
+    assert optics.FresnelKernel(wavelength=single).wavenumber == 2 * np.pi / float(single)
+    coefficient = optics.Pupil(zernikes={8: single}).zernikes[8]
+    assert type(coefficient) is float
 
 
 def test_python_names_a_missing_argument() -> None:
@@ -81,6 +101,19 @@ IMPOSSIBLE: dict[str, Callable[[], object]] = {
         pupil_power=1.0, pupil_area=1.0, wavelength=550e-9, distance=0.0
     ),
     "lattice without pitch": lambda: optics.hexagonal_centres(pitch=0.0, rings=1),
+    "complex amplitude": lambda: optics.point_spread(
+        **LENS,
+        pupil=optics.Pupil(amplitude=lambda x, _y: np.exp(1j * x)),
+    ),
+    "amplitude in words": lambda: optics.point_spread(
+        **LENS,
+        pupil=optics.Pupil(amplitude=lambda _x, _y: "half"),  # type: ignore[arg-type, return-value]
+    ),
+    "huge coefficient": lambda: optics.Pupil(zernikes={4: 10**400}),
+    "infinite pitch": lambda: optics.TargetGrid.centred(centre=(0.0, 0.0), pitch=np.inf, count=3, distance=1.0),
+    "rays behind a map": lambda: optics.point_spread(
+        **LENS, method="boundary_wave", pupil=optics.Pupil(path=lambda x, _y: 1e-7 * x)
+    ),
     "error of another shape": lambda: optics.Measured(value=np.ones(3), error=np.ones(2)),
 }
 

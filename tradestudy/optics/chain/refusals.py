@@ -44,7 +44,8 @@ def refuse_impossible(path: LightPath, source: PointSource | DiscSource, wavelen
     main = path.main_lens.pupil
     if isinstance(source, DiscSource) and not coherent and main is not None and not main.round:
         raise OutOfRangeError(
-            "incoherent disc seen through a main-lens pupil without rotational symmetry",
+            "incoherent disc seen through a main-lens pupil",
+            value="a pupil without rotational symmetry",
             limit="Zernike coefficients of azimuthal order 0, such as 4, 11 and 22",
             remedy="average images of points, or leave the other coefficients out",
         )

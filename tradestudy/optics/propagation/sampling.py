@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,7 @@ from tradestudy.optics.quadrature import gauss_legendre
 
 _BYTES_PER_NODE = 16 * 40  # complex terms of the largest low-rank factor, and the nodes themselves
 _BYTES_PER_TARGET = 16 * 40
+_MOST_ON_AXIS = 10**7
 _WIDEST_MARGIN, _LEAST_MARGIN = 10.0, 3.0  # of `bessel_margin` at rounding errors, over the cube root, and apart
 _NEWTON_STEPS = 12  # from the cube root that leaves out the linear term, to rounding at any number of nodes
 _PAIRS_PER_SECOND = 2.0e7  # node–target pairs of the direct check on a slow core
@@ -144,14 +145,21 @@ class TargetGrid:
                 limit="≥ 1 × 1",
                 remedy="raise the counts",
             )
-        if not (self.x_pitch > 0 and self.y_pitch > 0):
+        if not (0 < self.x_pitch < math.inf and 0 < self.y_pitch < math.inf):
             raise OutOfRangeError(
                 "target pitch",
                 value=f"{self.x_pitch:g}, {self.y_pitch:g} m",
-                limit="> 0",
+                limit="> 0, finite",
                 remedy="give steps in metres",
             )
-        _check(self.x_axis, self.y_axis, np.asarray([self.distance], dtype=float))
+        if max(self.x_count, self.y_count) > _MOST_ON_AXIS:
+            raise UnaffordableError(
+                "target grid",
+                value=f"{self.x_count} × {self.y_count} points",
+                limit=f"at most {_MOST_ON_AXIS} along an axis",
+                remedy="lower the counts",
+            )
+        _check(*self.box())
 
     @classmethod
     @checked
@@ -195,7 +203,11 @@ class TargetGrid:
 
     def box(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Least and largest x, y and distance."""
-        return self.x_axis[[0, -1]], self.y_axis[[0, -1]], np.array([self.distance, self.distance])
+        return (
+            self.x_start + self.x_pitch * np.array([0.0, self.x_count - 1.0]),
+            self.y_start + self.y_pitch * np.array([0.0, self.y_count - 1.0]),
+            np.array([self.distance, self.distance]),
+        )
 
     def corners(self) -> IndexArray:
         """Flat indices of the four corners."""
@@ -411,30 +423,44 @@ def check_affordable(counts: NodeCounts, *, targets: int, check_targets: int, li
     seconds = (counts.total + targets) / _TERMS_PER_SECOND + 5.0 * counts.total * check_targets / _PAIRS_PER_SECOND
     if counts.total > limits.nodes or memory > limits.memory_bytes or seconds > limits.seconds:
         raise UnaffordableError(
-            "the phase over the aperture needs more nodes than the limits allow",
+            "the computation needs more nodes, memory or time than the limits allow",
             value=f"{counts.radial} × {counts.angular} = {counts.total} nodes for {targets} targets, "
             f"{memory:.3g} bytes, {seconds:.3g} s",
             limit=f"{limits.nodes} nodes, {limits.memory_bytes:.3g} bytes, {limits.seconds:.3g} s",
-            remedy="raise limits=Limits(nodes, memory_bytes, seconds), use fewer or less distant targets, or use "
-            "method='boundary_wave', whose nodes lie on the edge only",
+            remedy="raise limits=Limits(nodes, memory_bytes, seconds), or use fewer or less distant targets; "
+            "method='boundary_wave' has nodes on the edge only",
         )
 
 
-def check_time(*, spent: float, needed: float, limits: Limits) -> None:
-    """Refuse a refinement that would end beyond the time allowed.
+def check_time(
+    *, spent: float, needed: float, limits: Limits, what: str = "the refinement that the tolerance needs"
+) -> None:
+    """Refuse a step that would end beyond the time allowed.
 
     Raises
     ------
     UnaffordableError
         With the seconds spent and the seconds predicted for the next round from the last one.
     """
-    if spent + needed > limits.seconds:
+    if spent + needed >= limits.seconds:
         raise UnaffordableError(
-            "the refinement that the tolerance needs takes longer than the limits allow",
+            f"{what} takes longer than the limits allow",
             value=f"{spent:.3g} s spent, {needed:.3g} s more",
             limit=f"{limits.seconds:.3g} s",
-            remedy="raise limits=Limits(seconds) or the tolerance",
+            remedy="raise limits=Limits(seconds) or the tolerance, or use fewer targets",
         )
+
+
+def time_left(limits: Limits, spent: float) -> Limits:
+    """Limits of what remains after the seconds spent.
+
+    Raises
+    ------
+    UnaffordableError
+        No time is left.
+    """
+    check_time(spent=spent, needed=0.0, limits=limits, what="the computation")
+    return replace(limits, seconds=limits.seconds - spent)
 
 
 def refuse_near_zone(*, width: float, nearest: float, wavelength: float) -> None:

@@ -35,6 +35,7 @@ from tradestudy.optics.propagation.sampling import (
     needed_nodes,
     outline,
     refuse_near_zone,
+    time_left,
 )
 from tradestudy.optics.quadrature import disc_nodes
 
@@ -275,7 +276,7 @@ def _refined(
     for rounds in range(1, _MAX_ROUNDS + 1):
         spent = time.perf_counter() - begun
         # The time of the first round is predicted; later rounds take as long per node as the one before.
-        allowed = replace(limits, seconds=limits.seconds - spent if rounds == 1 else math.inf)
+        allowed = time_left(limits, spent) if rounds == 1 else replace(limits, seconds=math.inf)
         check_affordable(counts, targets=size, check_targets=accuracy.check_targets, limits=allowed)
         if rounds > 1:
             check_time(spent=spent, needed=last * counts.total / nodes, limits=limits)
