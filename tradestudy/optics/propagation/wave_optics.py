@@ -12,9 +12,8 @@ import numpy as np
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.argument_types import checked, checked_fields
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.direct import ApertureSamples, direct_sum
-from tradestudy.optics.propagation.fast_sum import fast_sum
+from tradestudy.optics.propagation.fast_sum import FastField, fast_sum
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.result import (
@@ -288,7 +287,7 @@ def _refined(
         checked = time.perf_counter()
         seconds += checked - started
         finer = sample(counts.scaled(2.0)) if doubling else None
-        check = _check(samples, finer, kernel, targets, fast.field, intensity, accuracy)
+        check = _check(samples, finer, kernel, targets, fast, intensity, accuracy)
         error = stated_error(
             intensity,
             check,
@@ -339,15 +338,16 @@ def _check(
     finer: ApertureSamples | None,
     kernel: Kernel,
     targets: Targets,
-    field: ComplexArray,
+    fast: FastField,
     intensity: FloatArray,
     accuracy: FieldAccuracy,
 ) -> CheckErrors:
     """Compare with direct quadrature on the same nodes and on twice as many in each direction."""
-    at = choose_check_targets(targets, intensity, count=accuracy.check_targets, seed=accuracy.seed)
+    doubt = fast.doubt if fast.doubt.any() and fast.tiles > 1 else None
+    at = choose_check_targets(targets, intensity, count=accuracy.check_targets, seed=accuracy.seed, doubt=doubt)
     same = direct_sum(samples, kernel, at.x, at.y, at.z)
     best = same if finer is None else direct_sum(finer, kernel, at.x, at.y, at.z)
-    here = field[at.index]
+    here = fast.field[at.index]
     field_share, intensity_share = at.shares(best, here)
     return CheckErrors(
         nodes=at.norm(same - best) if finer is not None else math.nan,
