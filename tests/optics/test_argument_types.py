@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +78,17 @@ def test_python_names_a_missing_argument() -> None:
 SPOT = optics.PointSpread(
     x=np.linspace(-4.0, 4.0, 33), y=np.linspace(-4.0, 4.0, 33), intensity=np.ones((33, 33)), pupil_power=64.0
 )
+STAR = optics.PointSource.at_infinity()
+NOWHERE = np.full((1, 2), np.nan)
+CAMERA = optics.MicrolensCamera(
+    focal_length=2e-3,
+    f_number=8,
+    array_distance=2.5e-3,
+    microlens_focal_lengths=76e-6,
+    microlens_pitch=26e-6,
+    gap=0.1e-3,
+    pixel_pitch=4e-6,
+)
 IMPOSSIBLE: dict[str, Callable[[], object]] = {
     "negative radius beside a valid one": lambda: optics.encircled_energy(
         SPOT, centre=(0.0, 0.0), radius=np.array([1.0, -1.0])
@@ -114,6 +126,24 @@ IMPOSSIBLE: dict[str, Callable[[], object]] = {
     "rays behind a map": lambda: optics.point_spread(
         **LENS, method="boundary_wave", pupil=optics.Pupil(path=lambda x, _y: 1e-7 * x)
     ),
+    "samples on a plane for an axis": lambda: optics.PointSpread(
+        x=np.zeros((3, 11)), y=SPOT.y, intensity=SPOT.intensity, pupil_power=1.0
+    ),
+    "corner that is not a number": lambda: optics.pixel_shares(SPOT, pitch=1.0, corner=(np.nan, 0.0), shape=(1, 1)),
+    "nodes about no point": lambda: optics.disc_nodes(
+        radius=1.0, radial_count=2, angular_count=3, centre=(np.nan, 0.0)
+    ),
+    "no ring counts": lambda: optics.disc_nodes(radius=1.0, radial_count=2, angular_count=np.zeros(0, dtype=int)),
+    "pixels about no point": lambda: optics.PixelGrid(pitch=1e-6, shape=(3, 3), centre=(np.nan, 0.0)),
+    "microlens at no point": lambda: replace(
+        CAMERA.light_path(STAR, wavelength=550e-9).microlenses.only(0), centres=NOWHERE
+    ),
+    "microlenses on no plane": lambda: replace(
+        CAMERA.light_path(STAR, wavelength=550e-9).microlenses.only(0), centres=NOWHERE[0, 0]
+    ),
+    "dark main lens": lambda: optics.microlens_image(
+        replace(CAMERA, pupil=optics.Pupil(amplitude=lambda x, _y: 0.0 * x)), STAR, wavelength=550e-9
+    ),
     "error of another shape": lambda: optics.Measured(value=np.ones(3), error=np.ones(2)),
 }
 
@@ -130,3 +160,14 @@ def test_plot_refuses_a_file_that_it_cannot_write(tmp_path: Path) -> None:
     for file in (tmp_path / "spot.foo", tmp_path / "no folder" / "spot.svg"):
         with pytest.raises(OutOfRangeError, match="file of the plot"):
             psf.plot(file)
+
+
+def test_an_image_on_the_array_is_refused_as_such() -> None:
+    on_array = optics.PointSource(distance=10e-3)
+    with pytest.raises(OutOfRangeError, match="on the microlens array"):
+        optics.microlens_image(CAMERA, on_array, wavelength=550e-9)
+
+
+def test_arrays_without_any_number_can_be_printed() -> None:
+    nothing = np.full(9, np.nan)
+    assert "not numbers" in repr(optics.Measured(value=nothing, error=nothing))

@@ -139,13 +139,17 @@ class Microlenses:
     pupil: Pupil | None = None
 
     def __post_init__(self) -> None:
-        n = self.centres.shape[0]
+        n = self.focal_lengths.size
         if n < 1 or self.centres.shape != (n, 2) or self.focal_lengths.shape != (n,):
             raise OutOfRangeError(
                 "microlens arrays",
                 value=f"centres {self.centres.shape}, focal lengths {self.focal_lengths.shape}",
                 limit="(n, 2) and (n,), n ≥ 1",
                 remedy="give one focal length for each centre",
+            )
+        if not np.isfinite(self.centres).all():
+            raise OutOfRangeError(
+                "centres of the microlenses", value="not finite", limit="finite", remedy="give (x, y) of each in metres"
             )
         for value, allowed, name in (
             (self.aperture, ("circular", "square"), "microlens aperture"),
@@ -255,6 +259,10 @@ class PixelGrid:
     integrated: bool = True
 
     def __post_init__(self) -> None:
+        if not all(math.isfinite(one) for one in self.centre):
+            raise OutOfRangeError(
+                "centre of the pixels", value=f"{self.centre} m", limit="finite", remedy="give (x, y) in metres"
+            )
         if not (self.pitch > 0 and math.isfinite(self.pitch)) or min(self.shape) < 1:
             raise OutOfRangeError(
                 "pixels",
@@ -358,6 +366,13 @@ class LightPath:
     def object_before(self, index: int, source: PointSource) -> PointSource:
         """Main lens's image of a source relative to the vertex of one microlens, as its object."""
         x, y, depth = self.image_at_array(source)
+        if depth == 0.0:
+            raise OutOfRangeError(
+                "main lens's image of the source",
+                value=f"on the microlens array, {self.array_distance:g} m behind the lens",
+                limit="before or behind the array",
+                remedy="move the array or the source by a fraction of a micrometre",
+            )
         centre_x, centre_y = self.microlenses.centres[index]
         return PointSource(x=float(x - centre_x), y=float(y - centre_y), distance=depth)
 
