@@ -40,6 +40,11 @@ from tradestudy.optics.quadrature import disc_nodes
 
 _MAX_ROUNDS = 5
 _SMALLEST_CHECK = 4
+_POWER_SHARE, _POWER_ROUNDING = (
+    0.1,
+    1e-12,
+)  # changes of the power that doubling may make: of the stated error, and apart
+_MOST_DOUBLINGS = 4
 
 
 def sample_wave(wave: LensWave, counts: NodeCounts) -> ApertureSamples:
@@ -312,11 +317,14 @@ def _refined(
             limit=f"{accuracy.tolerance:g}",
             remedy="raise the tolerance, or include targets outside the dark",
         )
+    power = _power(samples)
+    if finer is not None:
+        power = _converged_power(sample, counts, power, _power(finer), error=error.intensity, limits=limits)
     return ApertureField(
         field=fast.field.reshape(targets.shape),
         intensity=intensity.reshape(targets.shape),
         targets=targets,
-        pupil_power=float(samples.nodes.weights @ squared_magnitude(samples.field)),
+        pupil_power=power,
         error=error,
         effort=Effort(
             nodes=samples.nodes.count,
@@ -330,6 +338,39 @@ def _refined(
             check_targets=check.targets,
         ),
         method=method,
+    )
+
+
+def _power(samples: ApertureSamples) -> float:
+    """∫ |U|² over the aperture."""
+    return float(samples.nodes.weights @ squared_magnitude(samples.field))
+
+
+def _converged_power(
+    sample: Callable[[NodeCounts], ApertureSamples],
+    counts: NodeCounts,
+    power: float,
+    finer: float,
+    *,
+    error: float,
+    limits: Limits,
+) -> float:
+    """Power on nodes so many that doubling them changes it by less than the stated error of the intensity.
+
+    Nodes that resolve the amplitude of a pupil may not resolve its square, whose frequencies are twice as high.
+    """
+    allowed = _POWER_SHARE * error + _POWER_ROUNDING
+    for _ in range(_MOST_DOUBLINGS):
+        if finer == power or abs(finer - power) <= allowed * finer:
+            return finer
+        counts = counts.scaled(2.0)
+        check_affordable(counts.scaled(2.0), targets=0, check_targets=0, limits=limits)
+        power, finer = finer, _power(sample(counts.scaled(2.0)))
+    raise NotConvergedError(
+        "the power through the pupil does not converge",
+        value=f"a relative change of {abs(finer - power) / max(finer, power):.2g} with {counts.total} nodes",
+        limit=f"{allowed:.2g}",
+        remedy="give a smoother amplitude, or raise the tolerance",
     )
 
 
