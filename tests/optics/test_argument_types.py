@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 from tradestudy import optics
 from tradestudy.errors import OutOfRangeError
 
-LENS = {"focal_length": 50e-3, "f_number": 8.0, "wavelength": 550e-9, "window": 4.0}
+LENS: dict[str, Any] = {"focal_length": 50e-3, "f_number": 8.0, "wavelength": 550e-9, "window": 4.0}
 WRONG: list[tuple[str, Callable[..., Any], dict[str, Any]]] = [
     ("focal_length", optics.point_spread, LENS | {"focal_length": "50 mm"}),
     ("f_number", optics.point_spread, LENS | {"f_number": [2.8, 4.0]}),
@@ -26,6 +27,9 @@ WRONG: list[tuple[str, Callable[..., Any], dict[str, Any]]] = [
     ("centre", optics.TargetGrid.centred, {"centre": 0.0, "pitch": 1e-6, "count": 33, "distance": 1.0}),
     ("count", optics.TargetGrid.centred, {"centre": (0.0, 0.0), "pitch": 1e-6, "count": 2.5, "distance": 1.0}),
     ("x", optics.TargetPoints, {"x": "a", "y": 0.0, "distance": 1.0}),
+    ("x", optics.TargetPoints, {"x": np.ma.array([0.0, 9e9], mask=[False, True]), "y": 0.0, "distance": 1.0}),
+    ("f_number", optics.point_spread, LENS | {"f_number": True}),
+    ("memory_bytes", optics.Limits, {"memory_bytes": 10**400}),
     ("field", optics.window_share, {"field": np.ones((33, 33))}),
     ("nodes", optics.ApertureSamples, {"nodes": None, "field": np.ones(4)}),
 ]
@@ -73,6 +77,23 @@ def test_lists_become_arrays() -> None:
     assert table.at(field_angle=0.0, wavelength=550e-9) == 50e-3
 
 
+def test_whole_numbers_of_few_bits_do_not_overflow() -> None:
+    few: Any = np.int8(100)
+    grid = optics.TargetGrid(
+        x_start=0.0, y_start=0.0, x_pitch=1e-7, y_pitch=1e-7, x_count=few, y_count=few, distance=1.0
+    )
+    assert grid.x_count * grid.y_count == 10_000
+    assert optics.noll_order(few) == optics.noll_order(100)
+    assert optics.Pupil(zernikes={few: 1e-8}).path_terms(1.0)[0].value(np.ones(1), np.zeros(1)).dtype == np.float64
+
+
+def test_numbers_of_single_precision_are_not_rounded_further() -> None:
+    single: Any = np.float32(550e-9)
+    assert optics.FresnelKernel(wavelength=single).wavenumber == 2 * np.pi / float(single)
+    coefficient = optics.Pupil(zernikes={8: single}).zernikes[8]
+    assert type(coefficient) is float
+
+
 def test_python_names_a_missing_argument() -> None:
     with pytest.raises(TypeError, match=r"point_spread\(\) missing .*'f_number'"):
         optics.point_spread(focal_length=50e-3, wavelength=550e-9)  # type: ignore[call-arg]
@@ -89,6 +110,17 @@ CAMERA = {
 }
 SPOT = optics.PointSpread(
     x=np.linspace(-4.0, 4.0, 33), y=np.linspace(-4.0, 4.0, 33), intensity=np.ones((33, 33)), pupil_power=64.0
+)
+STAR = optics.PointSource.at_infinity()
+NOWHERE = np.full((1, 2), np.nan)
+CAMERA = optics.MicrolensCamera(
+    focal_length=2e-3,
+    f_number=8,
+    array_distance=2.5e-3,
+    microlens_focal_lengths=76e-6,
+    microlens_pitch=26e-6,
+    gap=0.1e-3,
+    pixel_pitch=4e-6,
 )
 IMPOSSIBLE: dict[str, Callable[[], object]] = {
     "negative radius beside a valid one": lambda: optics.encircled_energy(
@@ -120,6 +152,37 @@ IMPOSSIBLE: dict[str, Callable[[], object]] = {
         pupil_power=1.0, pupil_area=1.0, wavelength=550e-9, distance=0.0
     ),
     "lattice without pitch": lambda: optics.hexagonal_centres(pitch=0.0, rings=1),
+    "complex amplitude": lambda: optics.point_spread(
+        **LENS,
+        pupil=optics.Pupil(amplitude=lambda x, _y: np.exp(1j * x)),
+    ),
+    "amplitude in words": lambda: optics.point_spread(
+        **LENS,
+        pupil=optics.Pupil(amplitude=lambda _x, _y: "half"),  # type: ignore[arg-type, return-value]
+    ),
+    "huge coefficient": lambda: optics.Pupil(zernikes={4: 10**400}),
+    "infinite pitch": lambda: optics.TargetGrid.centred(centre=(0.0, 0.0), pitch=np.inf, count=3, distance=1.0),
+    "rays behind a map": lambda: optics.point_spread(
+        **LENS, method="boundary_wave", pupil=optics.Pupil(path=lambda x, _y: 1e-7 * x)
+    ),
+    "samples on a plane for an axis": lambda: optics.PointSpread(
+        x=np.zeros((3, 11)), y=SPOT.y, intensity=SPOT.intensity, pupil_power=1.0
+    ),
+    "corner that is not a number": lambda: optics.pixel_shares(SPOT, pitch=1.0, corner=(np.nan, 0.0), shape=(1, 1)),
+    "nodes about no point": lambda: optics.disc_nodes(
+        radius=1.0, radial_count=2, angular_count=3, centre=(np.nan, 0.0)
+    ),
+    "no ring counts": lambda: optics.disc_nodes(radius=1.0, radial_count=2, angular_count=np.zeros(0, dtype=int)),
+    "pixels about no point": lambda: optics.PixelGrid(pitch=1e-6, shape=(3, 3), centre=(np.nan, 0.0)),
+    "microlens at no point": lambda: replace(
+        CAMERA.light_path(STAR, wavelength=550e-9).microlenses.only(0), centres=NOWHERE
+    ),
+    "microlenses on no plane": lambda: replace(
+        CAMERA.light_path(STAR, wavelength=550e-9).microlenses.only(0), centres=NOWHERE[0, 0]
+    ),
+    "dark main lens": lambda: optics.microlens_image(
+        replace(CAMERA, pupil=optics.Pupil(amplitude=lambda x, _y: 0.0 * x)), STAR, wavelength=550e-9
+    ),
     "error of another shape": lambda: optics.Measured(value=np.ones(3), error=np.ones(2)),
 }
 
@@ -136,3 +199,14 @@ def test_plot_refuses_a_file_that_it_cannot_write(tmp_path: Path) -> None:
     for file in (tmp_path / "spot.foo", tmp_path / "no folder" / "spot.svg"):
         with pytest.raises(OutOfRangeError, match="file of the plot"):
             psf.plot(file)
+
+
+def test_an_image_on_the_array_is_refused_as_such() -> None:
+    on_array = optics.PointSource(distance=10e-3)
+    with pytest.raises(OutOfRangeError, match="on the microlens array"):
+        optics.microlens_image(CAMERA, on_array, wavelength=550e-9)
+
+
+def test_arrays_without_any_number_can_be_printed() -> None:
+    nothing = np.full(9, np.nan)
+    assert "not numbers" in repr(optics.Measured(value=nothing, error=nothing))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -50,6 +51,13 @@ class QuadratureNodes:
     half_extent: float
 
     def __post_init__(self) -> None:
+        if not (all(map(math.isfinite, self.centre)) and 0 < self.half_extent < math.inf):
+            raise OutOfRangeError(
+                "centre and half extent of quadrature nodes",
+                value=f"{self.centre}, {self.half_extent:g} m",
+                limit="finite, the extent > 0",
+                remedy="give the box around the area in metres",
+            )
         if not (self.x.ndim == 1 and self.x.shape == self.y.shape == self.weights.shape and self.x.size > 0):
             raise OutOfRangeError(
                 "quadrature nodes need x, y and weights of one length",
@@ -111,7 +119,7 @@ def disc_nodes(
     4.000000000000
     """
     _check_positive("radius of the disc", radius)
-    _check_counts(radial_count, int(np.min(angular_count)))
+    _check_counts(radial_count, int(np.min(angular_count, initial=1)))
     if np.shape(angular_count) not in ((), (radial_count,)):
         raise OutOfRangeError(
             "angular_count",

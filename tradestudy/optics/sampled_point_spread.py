@@ -62,6 +62,8 @@ class Measured:
     def __repr__(self) -> str:
         if self.value.size <= _FEW_VALUES:
             return f"Measured({self})"
+        if np.isnan(self.value).all():
+            return f"Measured({self.value.shape}, not numbers)"
         low, high = np.nanmin(self.value), np.nanmax(self.value)
         return f"Measured({self.value.shape}, {low:.6g} to {high:.6g}, errors up to {np.nanmax(self.error):.1g})"
 
@@ -122,10 +124,10 @@ class PointSpread:
     relative_error: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.intensity.shape != (self.y.size, self.x.size):
+        if self.intensity.shape != self.y.shape + self.x.shape or self.intensity.ndim != 2:
             raise OutOfRangeError(
                 "shape of the intensity",
-                value=str(self.intensity.shape),
+                value=f"{self.intensity.shape} for y of shape {self.y.shape} and x of shape {self.x.shape}",
                 limit=f"(len(y), len(x)) = ({self.y.size}, {self.x.size})",
                 remedy="give a row for each y and a column for each x",
             )

@@ -223,11 +223,11 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
     x_edges = corner[0] + pitch * np.arange(shape[1] + 1)
     y_edges = corner[1] + pitch * np.arange(shape[0] + 1)
     slack = 1e-9 * pitch
-    if (
-        x_edges[0] < psf.x[0] - slack
-        or x_edges[-1] > psf.x[-1] + slack
-        or y_edges[0] < psf.y[0] - slack
-        or y_edges[-1] > psf.y[-1] + slack
+    if not (
+        x_edges[0] >= psf.x[0] - slack
+        and x_edges[-1] <= psf.x[-1] + slack
+        and y_edges[0] >= psf.y[0] - slack
+        and y_edges[-1] <= psf.y[-1] + slack
     ):
         raise OutOfRangeError(
             "pixels leave the sampled window",

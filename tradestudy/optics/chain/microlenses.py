@@ -83,13 +83,17 @@ class Microlenses:
     pupil: Pupil | None = None
 
     def __post_init__(self) -> None:
-        n = self.centres.shape[0]
+        n = self.focal_lengths.size
         if n < 1 or self.centres.shape != (n, 2) or self.focal_lengths.shape != (n,):
             raise OutOfRangeError(
                 "microlens arrays",
                 value=f"centres {self.centres.shape}, focal lengths {self.focal_lengths.shape}",
                 limit="(n, 2) and (n,), n ≥ 1",
                 remedy="give one focal length for each centre",
+            )
+        if not np.isfinite(self.centres).all():
+            raise OutOfRangeError(
+                "centres of the microlenses", value="not finite", limit="finite", remedy="give (x, y) of each in metres"
             )
         for value, allowed, name in (
             (self.aperture, ("circular", "square"), "microlens aperture"),

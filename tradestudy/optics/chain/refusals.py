@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.argument_types import check_wavelength
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource
-from tradestudy.optics.propagation.lens import PointSource
+from tradestudy.optics.propagation.lens import CircularLens, PointSource
 from tradestudy.optics.propagation.sampling import refuse_near_zone
+from tradestudy.optics.quadrature import disc_nodes
 
 
 def refuse_impossible(path: LightPath, source: PointSource | DiscSource, wavelength: float, legs: Legs) -> None:
@@ -42,9 +45,23 @@ def refuse_impossible(path: LightPath, source: PointSource | DiscSource, wavelen
             remedy="choose fresnel or kirchhoff, or leave the pupil out",
         )
     main = path.main_lens.pupil
+    if main is not None and main.amplitude is not None and not _passes_light(path.main_lens):
+        raise OutOfRangeError(
+            "amplitude of the main lens's pupil",
+            value="0 all over the aperture",
+            limit="light that passes",
+            remedy="check the amplitude: images are fractions of this light",
+        )
     if isinstance(source, DiscSource) and not coherent and main is not None and not main.round:
         raise OutOfRangeError(
-            "incoherent disc seen through a main-lens pupil without rotational symmetry",
+            "incoherent disc seen through a main-lens pupil",
+            value="a pupil without rotational symmetry",
             limit="Zernike coefficients of azimuthal order 0, such as 4, 11 and 22",
             remedy="average images of points, or leave the other coefficients out",
         )
+
+
+def _passes_light(lens: CircularLens) -> bool:
+    """Whether the pupil's amplitude differs from 0 somewhere on the aperture."""
+    nodes = disc_nodes(radius=lens.radius, radial_count=40, angular_count=80)
+    return bool(np.any(np.square(lens.transmission(nodes.x, nodes.y))))

@@ -110,6 +110,10 @@ class PixelGrid:
     integrated: bool = True
 
     def __post_init__(self) -> None:
+        if not all(math.isfinite(one) for one in self.centre):
+            raise OutOfRangeError(
+                "centre of the pixels", value=f"{self.centre} m", limit="finite", remedy="give (x, y) in metres"
+            )
         if not (self.pitch > 0 and math.isfinite(self.pitch)) or min(self.shape) < 1:
             raise OutOfRangeError(
                 "pixels",
@@ -267,6 +271,13 @@ class LightPath:
             If the image lies at infinity or on the array.
         """
         x, y, depth = self.image_at_array(source)
+        if depth == 0.0:
+            raise OutOfRangeError(
+                "main lens's image of the source",
+                value=f"on the microlens array, {self.array_distance:g} m behind the lens",
+                limit="before or behind the array",
+                remedy="move the array or the source by a fraction of a micrometre",
+            )
         centre_x, centre_y = self.microlenses.centres[index]
         return PointSource(x=float(x - centre_x), y=float(y - centre_y), distance=depth)
 

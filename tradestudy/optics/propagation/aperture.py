@@ -9,21 +9,29 @@ import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.argument_types import check_wavelength, checked
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import FloatArray, IndexArray
+from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.hybrid import hybrid_field
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel
 from tradestudy.optics.propagation.lens import CircularLens, LensWave, Obliquity, PointSource, check_obliquity
-from tradestudy.optics.propagation.rays import find_rays, land, one_ray_per_target, ray_fields
+from tradestudy.optics.propagation.rays import Rays, find_rays, land, one_ray_per_target, ray_fields
 from tradestudy.optics.propagation.result import ApertureField, Effort, Method, NumericalError, squared_magnitude
-from tradestudy.optics.propagation.sampling import Limits, NodeCounts, refuse_near_zone
+from tradestudy.optics.propagation.sampling import (
+    Limits,
+    NodeCounts,
+    check_affordable,
+    check_time,
+    refuse_near_zone,
+)
 from tradestudy.optics.propagation.targets import Targets
 from tradestudy.optics.propagation.wave_optics import FieldAccuracy, nodes_for, propagate_wave, sample_wave
 
+_TARGETS_AT_ONCE = 4096
 METHODS: tuple[Method, ...] = ("geometric", "boundary_wave", "fresnel", "kirchhoff")
 
 
 def geometric_field(
-    *, wave: LensWave, kernel: KirchhoffKernel, targets: Targets, accuracy: FieldAccuracy
+    *, wave: LensWave, kernel: KirchhoffKernel, targets: Targets, accuracy: FieldAccuracy, limits: Limits
 ) -> ApertureField:
     """Geometrical optics behind a lens: |U|² = Σ |A|²/|∂P/∂q| over the rays that reach a target.
 
@@ -43,25 +51,42 @@ def geometric_field(
         Points or grid.
     accuracy
         Tolerance and check.
+    limits
+        Memory and time allowed.
 
     Raises
     ------
+    UnaffordableError
+        The targets exceed the limits.
     NotConvergedError
         Intensities by tracing and in closed form differ by more than the tolerance.
     """
     started = time.perf_counter()
+    size = math.prod(targets.shape)
+    check_affordable(NodeCounts(radial=1, angular=1), targets=size, check_targets=0, limits=limits)
     centre = wave.lens.centre
     x, y, z = targets.coordinates()
     x, y = x - centre[0], y - centre[1]
-    rays = find_rays(wave, x, y, z, all_branches=not one_ray_per_target(wave, z))
-    each = ray_fields(wave, kernel, rays, x, y, z)
-    with np.errstate(invalid="ignore"):  # infinite field on a caustic: the sum over rays is infinite too
-        field, intensity = each.sum(axis=0), squared_magnitude(each).sum(axis=0)
+    all_branches = not one_ray_per_target(wave, z)
+
+    def rays_to(part: slice | IndexArray) -> tuple[Rays, ComplexArray]:
+        rays = find_rays(wave, x[part], y[part], z[part], all_branches=all_branches)
+        return rays, ray_fields(wave, kernel, rays, x[part], y[part], z[part])
+
+    field, intensity = np.empty(size, dtype=np.complex128), np.empty(size)
+    for start in range(0, size, _TARGETS_AT_ONCE):
+        part = slice(start, start + _TARGETS_AT_ONCE)
+        each = rays_to(part)[1]
+        with np.errstate(invalid="ignore"):  # infinite field on a caustic: the sum over rays is infinite too
+            field[part], intensity[part] = each.sum(axis=0), squared_magnitude(each).sum(axis=0)
+        spent, done = time.perf_counter() - started, min(start + _TARGETS_AT_ONCE, size)
+        check_time(spent=spent, needed=spent * (size / done - 1), limits=limits, what="tracing the rays")
     seconds = time.perf_counter() - started
     started = time.perf_counter()
     rng = np.random.default_rng(accuracy.seed)
-    index = rng.choice(x.size, size=min(accuracy.check_targets, x.size), replace=False)
-    error, checked = _traced(wave, rays.u[:, index], rays.v[:, index], each[:, index], x[index], y[index], z[index])
+    index = rng.choice(size, size=min(accuracy.check_targets, size), replace=False)
+    rays, each = rays_to(index)
+    error, checked = _traced(wave, rays.u, rays.v, each, x[index], y[index], z[index])
     if error > accuracy.tolerance:
         raise NotConvergedError(
             "traced and computed ray intensities differ",
@@ -219,7 +244,7 @@ def aperture_field(
     refuse_near_zone(width=2 * lens.radius, nearest=nearest, wavelength=wavelength)
     exact = KirchhoffKernel(wavelength=wavelength, obliquity=obliquity)
     if method == "geometric":
-        return geometric_field(wave=wave, kernel=exact, targets=targets, accuracy=accuracy)
+        return geometric_field(wave=wave, kernel=exact, targets=targets, accuracy=accuracy, limits=limits or Limits())
     if method == "boundary_wave":
         return hybrid_field(
             wave=wave,

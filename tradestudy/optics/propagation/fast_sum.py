@@ -52,12 +52,20 @@ class FastField:
         Number of parts into which the targets were split.
     low_rank_error
         Largest error of the factor on nodes and targets that it was not built from, relative to its size.
+    doubt
+        Squared error expected of the field up to a factor, shape (m,); of shape () for a single part. Parts that are
+        summed directly have none, and others differ by orders of magnitude.
     """
 
     field: ComplexArray
     rank: int
     tiles: int
     low_rank_error: float
+    doubt: FloatArray
+
+    def doubts(self) -> FloatArray:
+        """Doubt of every target, shape (m,)."""
+        return np.broadcast_to(self.doubt, self.field.shape)
 
 
 def fast_sum(
@@ -109,9 +117,14 @@ def _grid_tiles(problem: SumProblem, grid: TargetGrid) -> FastField:
         count = grid.x_count if along_x else grid.y_count
         cut = count // 2
         parts = [_grid_tiles(problem, _subgrid(grid, along_x, *ends)) for ends in ((0, cut), (cut, count))]
-        shaped = [part.field.reshape(grid.y_count, -1) if along_x else part.field for part in parts]
-        field = np.concatenate(shaped, axis=1).ravel() if along_x else np.concatenate(shaped)
-        return _merged(field, parts)
+        columns = cut if along_x else grid.x_count
+        shapes = [(-1, columns), (-1, count - cut if along_x else columns)]
+        axis = 1 if along_x else 0
+        field = np.concatenate([one.field.reshape(shape) for one, shape in zip(parts, shapes, strict=True)], axis=axis)
+        doubt = np.concatenate(
+            [one.doubts().reshape(shape) for one, shape in zip(parts, shapes, strict=True)], axis=axis
+        )
+        return _merged(field.ravel(), doubt.ravel(), parts)
 
 
 def _subgrid(grid: TargetGrid, along_x: bool, start: int, stop: int) -> TargetGrid:
@@ -137,24 +150,25 @@ def _point_tiles(problem: SumProblem, x: FloatArray, y: FloatArray, z: FloatArra
         order = np.argsort(axes[int(np.argmax([np.ptp(c) for c in axes]))], kind="stable")
         halves = np.array_split(order, 2)
         parts = [_point_tiles(problem, x[h], y[h], z[h]) for h in halves]
-        field = np.empty(x.size, dtype=np.complex128)
+        field, doubt = np.empty(x.size, dtype=np.complex128), np.empty(x.size)
         for half, part in zip(halves, parts, strict=True):
-            field[half] = part.field
-        return _merged(field, parts)
+            field[half], doubt[half] = part.field, part.doubt
+        return _merged(field, doubt, parts)
 
 
-def _merged(field: ComplexArray, parts: list[FastField]) -> FastField:
+def _merged(field: ComplexArray, doubt: FloatArray, parts: list[FastField]) -> FastField:
     return FastField(
         field=field,
         rank=max(p.rank for p in parts),
         tiles=sum(p.tiles for p in parts),
         low_rank_error=max(p.low_rank_error for p in parts),
+        doubt=doubt,
     )
 
 
 def _direct(problem: SumProblem, x: FloatArray, y: FloatArray, z: FloatArray) -> FastField:
     field = direct_sum(problem.samples, problem.kernel, x, y, z)
-    return FastField(field=field, rank=0, tiles=1, low_rank_error=0.0)
+    return FastField(field=field, rank=0, tiles=1, low_rank_error=0.0, doubt=np.zeros(()))
 
 
 def _grid(problem: SumProblem, grid: TargetGrid) -> FastField:
@@ -182,7 +196,8 @@ def _grid(problem: SumProblem, grid: TargetGrid) -> FastField:
     if rows:
         total = rows.apply(total)
     total *= unit_phasor(problem.kernel.wavenumber * along_y)[:, None]
-    return FastField(field=total.ravel(), rank=rank, tiles=1, low_rank_error=error)
+    doubt = np.asarray(error**2 + problem.nufft**2)
+    return FastField(field=total.ravel(), rank=rank, tiles=1, low_rank_error=error, doubt=doubt)
 
 
 def _common_paths(
@@ -274,6 +289,7 @@ def _points(problem: SumProblem, x: FloatArray, y: FloatArray, z: FloatArray) ->
         rank=strength.shape[0],
         tiles=1,
         low_rank_error=factor.error,
+        doubt=np.asarray(factor.error**2 + problem.nufft**2),
     )
 
 

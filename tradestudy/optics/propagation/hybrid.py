@@ -40,6 +40,7 @@ from tradestudy.optics.propagation.sampling import (
     check_time,
     edge_node_count,
     outline,
+    time_left,
 )
 from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
 from tradestudy.optics.propagation.upsampling import chebyshev_grid, polar_field
@@ -164,7 +165,7 @@ def hybrid_field(
         started = time.perf_counter()
         check_time(spent=started - begun, needed=2 * last, limits=limits)
         result = _evaluate(wave, kernel, targets, edge, accuracy)
-        left = replace(limits, seconds=limits.seconds - (time.perf_counter() - begun))
+        left = time_left(limits, time.perf_counter() - begun)
         if result.singular.all():
             area = _area_integral(wave, kernel, targets, accuracy, left)
             effort = replace(area.effort, seconds=time.perf_counter() - begun - area.effort.check_seconds)
@@ -174,7 +175,7 @@ def hybrid_field(
         checked = time.perf_counter()
         last = checked - started
         seconds += last
-        left = replace(limits, seconds=limits.seconds - (checked - begun))
+        left = time_left(limits, checked - begun)
         reference = reference or _reference(wave, kernel, targets, intensity, _doubt(result), accuracy, left)
         check = _check(wave, kernel, field, reference, edge, accuracy)
         error = stated_error(intensity, check, largest=reference.largest, rounding=reference.rounding)
@@ -214,7 +215,7 @@ def hybrid_field(
 def _edge_nodes(wave: LensWave, kernel: KirchhoffKernel, targets: Targets, accuracy: FieldAccuracy) -> int:
     """Number of nodes on the edge, from the slope of the path along it."""
     lens = wave.lens
-    x, y, z = targets.coordinates()
+    x, y, z = targets.box()
     x, y, z = outline(x - lens.centre[0], y - lens.centre[1], z)
     return edge_node_count(
         wave.paths,

@@ -240,7 +240,7 @@ class CircularLens:
         if passed is None:
             return 1.0
         u, v = np.broadcast_arrays(x / self.radius, y / self.radius)
-        return checked_map(np.asarray(passed(u, v), dtype=np.float64), u, "amplitude")
+        return checked_map(passed(u, v), u, "amplitude")
 
     def image_of(self, source: PointSource) -> tuple[float, float, float]:
         """Thin-lens image of a point, at the distance b = a f/(a − f).

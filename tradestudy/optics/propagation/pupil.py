@@ -18,6 +18,7 @@ from tradestudy.optics.propagation.paths import Array, Expansion
 
 PupilMap = Callable[[FloatArray, FloatArray], FloatArray] | FloatArray
 _LARGEST_INDEX = 153  # radial order 16: at higher orders the coefficients cancel digits that a tolerance may need
+_LARGEST_COEFFICIENT = 1e40  # m: squares of larger paths overflow
 _LEAST_SAMPLES = 6  # a side of a map, for a quintic spline
 _STEP = 1e-4  # of the radius, for the slope of a function: fourth-order differences are then accurate to 1e-12
 
@@ -121,13 +122,16 @@ class Pupil:
     def __post_init__(self) -> None:
         for index, coefficient in self.zernikes.items():
             noll_order(index)
-            if not (isinstance(coefficient, numbers.Real) and math.isfinite(coefficient)):
+            whole, real = isinstance(coefficient, int), isinstance(coefficient, numbers.Real)
+            if not (real and abs(coefficient if whole else float(coefficient)) <= _LARGEST_COEFFICIENT):
                 raise OutOfRangeError(
                     f"Zernike coefficient {index}",
                     value=repr(coefficient),
-                    limit="a finite number",
+                    limit=f"a number, at most {_LARGEST_COEFFICIENT:g} m in magnitude",
                     remedy="give it in metres, or in waves to Pupil.from_waves",
                 )
+        # Numbers of Python: NumPy's in single precision would round the path.
+        object.__setattr__(self, "zernikes", {int(index): float(one) for index, one in self.zernikes.items()})
         if not 0 <= self.obscuration < 1:
             raise OutOfRangeError(
                 "obscuration of the pupil",
@@ -399,8 +403,7 @@ class MapPath:
             The function does not return one finite number for each position.
         """
         x, y = np.broadcast_arrays(x, y)
-        found = np.asarray(self.map(x / self.radius, y / self.radius), dtype=np.float64)
-        return checked_map(found, x, "path")
+        return checked_map(self.map(x / self.radius, y / self.radius), x, "path")
 
     def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
         """Gradient of the path [1] by differences; positions as in `ZernikePath.value`.
@@ -426,14 +429,23 @@ class MapPath:
             Always.
         """
         raise OutOfRangeError(
-            "rays or boundary waves behind a pupil whose path is a function or an array",
+            "rays or boundary waves behind a pupil",
+            value="a path given as a function or an array",
             limit="a path of Zernike coefficients",
             remedy="fit Zernike coefficients to the path, or use method 'fresnel' or 'kirchhoff'",
         )
 
 
-def checked_map(found: FloatArray, x: Array, name: str) -> FloatArray:
-    """Values of a pupil's function, refused unless there is one finite number for each position."""
+def checked_map(given: object, x: Array, name: str) -> FloatArray:
+    """Values of a pupil's function, refused unless there is one finite real number for each position."""
+    found = np.asarray(given)
+    if found.dtype.kind not in "buif":
+        raise OutOfRangeError(
+            f"{name} of the pupil",
+            value=f"values of type {found.dtype}",
+            limit="real numbers",
+            remedy="give the phase of a complex amplitude as a path [m], and its magnitude as the amplitude",
+        )
     if found.shape not in ((), x.shape) or not np.isfinite(found).all():
         raise OutOfRangeError(
             f"{name} of the pupil",
@@ -442,4 +454,4 @@ def checked_map(found: FloatArray, x: Array, name: str) -> FloatArray:
             limit="one finite number for each position",
             remedy="return an array of the shape of x and y",
         )
-    return np.broadcast_to(found, x.shape)
+    return np.broadcast_to(found.astype(np.float64, copy=False), x.shape)

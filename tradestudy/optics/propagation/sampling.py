@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -239,30 +239,44 @@ def check_affordable(counts: NodeCounts, *, targets: int, check_targets: int, li
     seconds = (counts.total + targets) / _TERMS_PER_SECOND + 5.0 * counts.total * check_targets / _PAIRS_PER_SECOND
     if counts.total > limits.nodes or memory > limits.memory_bytes or seconds > limits.seconds:
         raise UnaffordableError(
-            "the phase over the aperture needs more nodes than the limits allow",
+            "the computation needs more nodes, memory or time than the limits allow",
             value=f"{counts.radial} × {counts.angular} = {counts.total} nodes for {targets} targets, "
             f"{memory:.3g} bytes, {seconds:.3g} s",
             limit=f"{limits.nodes} nodes, {limits.memory_bytes:.3g} bytes, {limits.seconds:.3g} s",
-            remedy="raise limits=Limits(nodes, memory_bytes, seconds), use fewer or less distant targets, or use "
-            "method='boundary_wave', whose nodes lie on the edge only",
+            remedy="raise limits=Limits(nodes, memory_bytes, seconds), or use fewer or less distant targets; "
+            "method='boundary_wave' has nodes on the edge only",
         )
 
 
-def check_time(*, spent: float, needed: float, limits: Limits) -> None:
-    """Refuse a refinement that would exceed the time allowed.
+def check_time(
+    *, spent: float, needed: float, limits: Limits, what: str = "the refinement that the tolerance needs"
+) -> None:
+    """Refuse a step that would end beyond the time allowed.
 
     Raises
     ------
     UnaffordableError
         If the limit would be exceeded; the message gives the seconds spent, and those predicted for the next round.
     """
-    if spent + needed > limits.seconds:
+    if spent + needed >= limits.seconds:
         raise UnaffordableError(
-            "the refinement that the tolerance needs takes longer than the limits allow",
+            f"{what} takes longer than the limits allow",
             value=f"{spent:.3g} s spent, {needed:.3g} s more",
             limit=f"{limits.seconds:.3g} s",
-            remedy="raise limits=Limits(seconds) or the tolerance",
+            remedy="raise limits=Limits(seconds) or the tolerance, or use fewer targets",
         )
+
+
+def time_left(limits: Limits, spent: float) -> Limits:
+    """Limits of what remains after the seconds spent.
+
+    Raises
+    ------
+    UnaffordableError
+        No time is left.
+    """
+    check_time(spent=spent, needed=0.0, limits=limits, what="the computation")
+    return replace(limits, seconds=limits.seconds - spent)
 
 
 def refuse_near_zone(*, width: float, nearest: float, wavelength: float) -> None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from tradestudy.errors import OutOfRangeError
+from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.argument_types import checked, checked_fields
 from tradestudy.optics.arrays import FloatArray, IndexArray
+
+_MOST_ON_AXIS = 10**7
 
 
 @checked_fields
@@ -150,14 +153,21 @@ class TargetGrid:
                 limit="≥ 1 × 1",
                 remedy="raise the counts",
             )
-        if not (self.x_pitch > 0 and self.y_pitch > 0):
+        if not (0 < self.x_pitch < math.inf and 0 < self.y_pitch < math.inf):
             raise OutOfRangeError(
                 "target pitch",
                 value=f"{self.x_pitch:g}, {self.y_pitch:g} m",
-                limit="> 0",
+                limit="> 0, finite",
                 remedy="give steps in metres",
             )
-        _check(self.x_axis, self.y_axis, np.asarray([self.distance], dtype=float))
+        if max(self.x_count, self.y_count) > _MOST_ON_AXIS:
+            raise UnaffordableError(
+                "target grid",
+                value=f"{self.x_count} × {self.y_count} points",
+                limit=f"at most {_MOST_ON_AXIS} along an axis",
+                remedy="lower the counts",
+            )
+        _check(*self.box())
 
     @classmethod
     @checked
@@ -223,7 +233,11 @@ class TargetGrid:
 
     def box(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Smallest and largest x, y and distance [m]."""
-        return self.x_axis[[0, -1]], self.y_axis[[0, -1]], np.array([self.distance, self.distance])
+        return (
+            self.x_start + self.x_pitch * np.array([0.0, self.x_count - 1.0]),
+            self.y_start + self.y_pitch * np.array([0.0, self.y_count - 1.0]),
+            np.array([self.distance, self.distance]),
+        )
 
     def corners(self) -> IndexArray:
         """Flat indices of the four corners."""

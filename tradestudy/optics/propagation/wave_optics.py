@@ -12,9 +12,8 @@ import numpy as np
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.argument_types import checked, checked_fields
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.direct import ApertureSamples, direct_sum
-from tradestudy.optics.propagation.fast_sum import fast_sum
+from tradestudy.optics.propagation.fast_sum import FastField, fast_sum
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.result import (
@@ -34,12 +33,18 @@ from tradestudy.optics.propagation.sampling import (
     needed_nodes,
     outline,
     refuse_near_zone,
+    time_left,
 )
 from tradestudy.optics.propagation.targets import Targets
 from tradestudy.optics.quadrature import disc_nodes
 
 _MAX_ROUNDS = 5
 _SMALLEST_CHECK = 4
+_POWER_SHARE, _POWER_ROUNDING = (
+    0.1,
+    1e-12,
+)  # changes of the power that doubling may make: of the stated error, and apart
+_MOST_DOUBLINGS = 4
 
 
 def sample_wave(wave: LensWave, counts: NodeCounts) -> ApertureSamples:
@@ -275,7 +280,7 @@ def _refined(
     for rounds in range(1, _MAX_ROUNDS + 1):
         spent = time.perf_counter() - begun
         # The time of the first round is predicted; later rounds take as long per node as the one before.
-        allowed = replace(limits, seconds=limits.seconds - spent if rounds == 1 else math.inf)
+        allowed = time_left(limits, spent) if rounds == 1 else replace(limits, seconds=math.inf)
         check_affordable(counts, targets=size, check_targets=accuracy.check_targets, limits=allowed)
         if rounds > 1:
             check_time(spent=spent, needed=last * counts.total / nodes, limits=limits)
@@ -287,7 +292,7 @@ def _refined(
         checked = time.perf_counter()
         seconds += checked - started
         finer = sample(counts.scaled(2.0)) if doubling else None
-        check = _check(samples, finer, kernel, targets, fast.field, intensity, accuracy)
+        check = _check(samples, finer, kernel, targets, fast, intensity, accuracy)
         error = stated_error(
             intensity,
             check,
@@ -312,11 +317,14 @@ def _refined(
             limit=f"{accuracy.tolerance:g}",
             remedy="raise the tolerance, or include targets that are not dark",
         )
+    power = _power(samples)
+    if finer is not None:
+        power = _converged_power(sample, counts, power, _power(finer), error=error.intensity, limits=limits)
     return ApertureField(
         field=fast.field.reshape(targets.shape),
         intensity=intensity.reshape(targets.shape),
         targets=targets,
-        pupil_power=float(samples.nodes.weights @ squared_magnitude(samples.field)),
+        pupil_power=power,
         error=error,
         effort=Effort(
             nodes=samples.nodes.count,
@@ -333,20 +341,54 @@ def _refined(
     )
 
 
+def _power(samples: ApertureSamples) -> float:
+    """∫ |U|² over the aperture."""
+    return float(samples.nodes.weights @ squared_magnitude(samples.field))
+
+
+def _converged_power(
+    sample: Callable[[NodeCounts], ApertureSamples],
+    counts: NodeCounts,
+    power: float,
+    finer: float,
+    *,
+    error: float,
+    limits: Limits,
+) -> float:
+    """Power on nodes so many that doubling them changes it by less than the stated error of the intensity.
+
+    Nodes that resolve the amplitude of a pupil may not resolve its square, whose frequencies are twice as high.
+    """
+    allowed = _POWER_SHARE * error + _POWER_ROUNDING
+    for _ in range(_MOST_DOUBLINGS):
+        if finer == power or abs(finer - power) <= allowed * finer:
+            return finer
+        counts = counts.scaled(2.0)
+        check_affordable(counts.scaled(2.0), targets=0, check_targets=0, limits=limits)
+        power, finer = finer, _power(sample(counts.scaled(2.0)))
+    raise NotConvergedError(
+        "the power through the pupil does not converge",
+        value=f"a relative change of {abs(finer - power) / max(finer, power):.2g} with {counts.total} nodes",
+        limit=f"{allowed:.2g}",
+        remedy="give a smoother amplitude, or raise the tolerance",
+    )
+
+
 def _check(
     samples: ApertureSamples,
     finer: ApertureSamples | None,
     kernel: Kernel,
     targets: Targets,
-    field: ComplexArray,
+    fast: FastField,
     intensity: FloatArray,
     accuracy: FieldAccuracy,
 ) -> CheckErrors:
     """Compare with direct quadrature on the same nodes and on twice as many in each direction."""
-    at = choose_check_targets(targets, intensity, count=accuracy.check_targets, seed=accuracy.seed)
+    doubt = fast.doubt if fast.doubt.any() and fast.tiles > 1 else None
+    at = choose_check_targets(targets, intensity, count=accuracy.check_targets, seed=accuracy.seed, doubt=doubt)
     same = direct_sum(samples, kernel, at.x, at.y, at.z)
     best = same if finer is None else direct_sum(finer, kernel, at.x, at.y, at.z)
-    here = field[at.index]
+    here = fast.field[at.index]
     field_share, intensity_share = at.shares(best, here)
     return CheckErrors(
         nodes=at.norm(same - best) if finer is not None else math.nan,
