@@ -207,7 +207,7 @@ def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
             "{open} The two cameras compared are {first} and {second}.",
             open="Each other reading changes one assumption of the study as declared and nothing else."
             if decision.sizes["reading"] > 1
-            else "The study declares no other reading.",
+            else "The study declares no other readings.",
             **pair,
         )
     )
@@ -232,7 +232,7 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
         "every reading; bold where another camera is more certain than as declared.",
         columns=(
             Column(title="Reading"),
-            Column(title="assumes that", weight=1),
+            Column(title="Assumption", weight=1),
             *(Column(title=distance(float(place)), align="right") for place in places),
         ),
         rows=tuple(
