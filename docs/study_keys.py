@@ -55,7 +55,7 @@ _EXAMPLES: Final = {
     "readings": "[galilean]",
     "note": "what the data sheet calls the wide head",
     "requirement": "far",
-    "says": "no more than half a kilogram",
+    "says": "1 % from 0.4 to 3 m",
     "tolerance_reason": "printed as one digit",
     "vary": "stereo-75mm.calibration.errors.yaw.standard_deviation",
 }
