@@ -9,7 +9,7 @@ from tradestudy.declarations.quantities import Angle, Length, PositiveLength, Po
 
 
 class StatedPart(Part):
-    """Values of a data sheet or paper that other values already determine: checked against these, never used."""
+    """Values of a data sheet or paper that other values already determine; they are checked, never used."""
 
     field_of_view: Angle | None = Field(default=None, description="Full angle of view that the data sheet states.")
     microlens_gap: Length | None = Field(

@@ -45,7 +45,9 @@ class MicrolensesPart(Part):
         description="One per type; default: chosen so that their depths of field adjoin, at one pixel of blur, from "
         "the total covering plane on.",
     )
-    aperture_diameter: MicrolensPitch | None = Field(default=None, description="Of one microlens; default: the pitch.")
+    aperture_diameter: MicrolensPitch | None = Field(
+        default=None, description="Diameter of one microlens; default: the pitch."
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -19,7 +19,7 @@ from tradestudy.optics.lens_models.rational import IDEAL
 class CalibratedCameraPart(Part):
     """One camera of a calibrated pair; the centre of the first pixel is (0, 0), x to the right and y down."""
 
-    focal_length: tuple[PositivePixels, PositivePixels] = Field(description="Horizontal and vertical.")
+    focal_length: tuple[PositivePixels, PositivePixels] = Field(description="Horizontal and vertical focal length.")
     principal_point: tuple[Pixels, Pixels] = Field(description="Where the optical axis meets the picture.")
     distortion: AnyLensModel | None = Field(default=None, description="Lens model; default: none.")
 

@@ -186,7 +186,7 @@ def _doubted(tree: xr.DataTree) -> Iterator[Spans]:
 def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
     """The inputs that decide the answers most, and their bases."""
     if inputs := rests_on(tree):
-        yield say("**This rests on** {inputs}.", inputs="; ".join(inputs))
+        yield say("**This rests on** the {inputs}.", inputs="; the ".join(one.removeprefix("the ") for one in inputs))
 
 
 def _at_the_bound(tree: xr.DataTree) -> Iterator[Spans]:

@@ -259,17 +259,17 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
         if own
         else "the curves do not cross"
     )
+    count, all_others = int(np.isfinite(values[1:]).any(axis=1).sum()), len(values) - 1
     if not others.size:
         yield Paragraph(say("In the declared study, {declared}.", declared=declared))
         return
     yield Paragraph(
         say(
-            "In the declared study, {declared}. Under {count} of the {all} other readings, the curves cross between "
+            "In the declared study, {declared}. Under {under}, the curves cross between "
             "{low} and {high}. That is a range of assumptions, not a confidence interval. The first page says where "
             "the preferred camera switches.",
             declared=declared,
-            count=str(int(np.isfinite(values[1:]).any(axis=1).sum())),
-            all=str(len(values) - 1),
+            under="the other reading" if count == all_others == 1 else f"{count} of the {all_others} other readings",
             low=distance(float(others.min())),
             high=distance(float(others.max())),
         )
