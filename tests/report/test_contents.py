@@ -200,6 +200,11 @@ def test_claims_are_answered_under_every_reading_tried(tree: xr.DataTree) -> Non
     ]
 
 
+def test_the_answer_says_what_it_rests_on(tree: xr.DataTree) -> None:
+    texts = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if hasattr(b, "text")]
+    assert any("This rests on the yaw of a rig, assumed 0.2°" in text for text in texts)
+
+
 def test_crossovers_are_a_range_of_assumptions(tree: xr.DataTree) -> None:
     texts = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if hasattr(b, "text")]
     sentence = next(text for text in texts if "In the declared study, " in text).replace("\u00a0", " ")

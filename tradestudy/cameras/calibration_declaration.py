@@ -114,7 +114,7 @@ class CornersPart(Part):
 
     file: Text = Field(description="CSV file of corners, relative to this file.")
     lens_model: FittedLensModel | None = Field(
-        default=None, description="Lens model of both cameras; left out: radial distortion with k1 and k2."
+        default=None, description="Lens model of both cameras; default: radial distortion with k1 and k2."
     )
     compared_with: Annotated[tuple[FittedLensModel, ...], Field(max_length=10)] = Field(
         default=(),

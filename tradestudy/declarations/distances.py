@@ -15,7 +15,7 @@ MOST_DISTANCES = 100_000
 
 
 class DistanceRangePart(Part):
-    """Distances on a scale."""
+    """A range of distances."""
 
     start: ObjectDistance = Field(alias="from", description="Nearest distance.")
     stop: ObjectDistance = Field(alias="to", description="Farthest distance.")

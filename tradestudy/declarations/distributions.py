@@ -67,7 +67,7 @@ class DistributionPart(Part, Generic[Signed, Positive]):
         default=None, description="Half-width of the uncertainty of a curvilinear trapezoid's half-width."
     )
     scale: Positive | None = Field(
-        default=None, description="Scale of student-t: s/√n for n measurements of deviation s."
+        default=None, description="Scale of student-t: s/√n for n measurements of standard deviation s."
     )
     degrees_of_freedom: PositiveNumber | None = Field(
         default=None, description="Degrees of freedom of student-t: n - 1."
