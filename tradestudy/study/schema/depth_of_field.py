@@ -19,7 +19,7 @@ Diffraction = Literal["none", "airy-diameter", "fwhm"]
 
 
 class BlurPart(Part):
-    """What counts as sharp: geometric blur and the diffraction spot in quadrature stay below this."""
+    """What counts as sharp: the largest blur, and the diffraction spot that adds to it in quadrature."""
 
     blur: PositivePixels = Field(
         description="Largest blur, in lateral samples: pixels, or microlenses of an unfocused plenoptic camera."
