@@ -341,7 +341,7 @@ SweepValues = Annotated[tuple[Scalar, ...], Field(min_length=1, max_length=1000)
 
 
 class SweepRangePart(Part):
-    """Values on a scale; both ends are written with units."""
+    """A range of values; both ends carry their unit."""
 
     start: QuantityText = Field(alias="from", description="First value.")
     stop: QuantityText = Field(alias="to", description="Last value.")
