@@ -55,7 +55,7 @@ _EXAMPLES: Final = {
     "readings": "[galilean]",
     "note": "what the data sheet calls the wide head",
     "requirement": "far",
-    "says": "no more than half a kilogram",
+    "says": "1 % from 0.4 to 3 m",
     "tolerance_reason": "printed as one digit",
     "vary": "stereo-75mm.calibration.errors.yaw.standard_deviation",
 }
@@ -249,7 +249,8 @@ class Reference:
             yield f"`{key}`"
             yield f": {_prose(meaning)}"
             yield ""
-            yield f"  *Value:* {takes}. *Default:* {self._default(below, is_required=key in required)}. "
+            default = "*Required.*" if key in required else self._default(below)
+            yield f"  *Value:* {takes}. {default} "
             yield f"  *Example:* {self.example(owner, key, below)}"
             yield ""
 
@@ -261,21 +262,20 @@ class Reference:
                 return str(schema["description"])
         return ""
 
-    def _default(self, schema: Schema, *, is_required: bool) -> str:
+    def _default(self, schema: Schema) -> str:
+        """The default of a key that may be left out; "Optional" where it has none."""
         while "$ref" in schema and "default" not in schema:
             schema = self.schema["$defs"][schema["$ref"].rpartition("/")[2]]
-        if is_required:
-            return "none, required"
-        if "default" not in schema or schema["default"] in ({}, [], ""):
-            return "none"
+        if "default" not in schema or schema["default"] in (None, {}, [], ""):
+            return "*Optional.*"
         if isinstance(schema["default"], Mapping):
-            return "the defaults of its keys"
+            return "*Default:* the defaults of its keys."
         titles = [one["title"] for _, one in self.alternatives(schema) if "title" in one]
         dimension = next((one for one in _DIMENSIONS for title in titles[:1] if title.startswith(one.name)), None)
         value = schema["default"]
         if isinstance(value, float) and dimension is not None:
-            return f"`{units.pretty(value, dimension)}`"
-        return f"`{_flow(value)}`"
+            return f"*Default:* `{units.pretty(value, dimension)}`."
+        return f"*Default:* `{_flow(value)}`."
 
 
 def _members(schema: Schema) -> Iterator[Schema]:

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from tradestudy.wording import counted, distance, limit_words, listed, span
+from tradestudy.wording import counted, distance, limit_words, listed, span, with_unit_symbols
 
 
 @pytest.mark.parametrize(
@@ -14,6 +14,10 @@ from tradestudy.wording import counted, distance, limit_words, listed, span
 )
 def test_one_is_singular(number: int, text: str) -> None:
     assert counted(number, "reading") == text
+
+
+def test_units_are_written_with_their_symbols() -> None:
+    assert with_unit_symbols("0.2 deg of 5.5 um, 3 degrees, deg") == "0.2° of 5.5 µm, 3 degrees, deg"
 
 
 def test_a_plural_of_its_own() -> None:

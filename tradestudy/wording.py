@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from tradestudy.units import LENGTH, pretty, significant
 
 _MOST_DIGITS: Final = 6
+_SPELLED_UNITS: Final = ((re.compile(r"(?<=\d) ?deg\b"), "°"), (re.compile(r"(?<=\d) ?um\b"), " µm"))
 
 
 def counted(number: int, word: str, words: str = "") -> str:
     """Write a count with its noun: "1 reading", "3 readings"; `words` is the plural if it does not end in s alone."""
     return f"{number} {word if number == 1 else words or f'{word}s'}"
+
+
+def with_unit_symbols(text: str) -> str:
+    """Write units as people do, where studies spell them: "0.2 deg" becomes "0.2°", "5.5 um" becomes "5.5 µm"."""
+    for spelled, symbol in _SPELLED_UNITS:
+        text = spelled.sub(symbol, text)
+    return text
 
 
 def listed(items: Sequence[str]) -> str:

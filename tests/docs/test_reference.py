@@ -46,11 +46,14 @@ def test_defines_every_key_once(pages: dict[str, str]) -> None:
     assert sorted(term for page in pages.values() for term in terms(page)) == declared
 
 
-def test_gives_every_key_a_meaning_a_value_a_default_and_an_example(pages: dict[str, str]) -> None:
+def test_gives_every_key_a_meaning_a_value_and_an_example_and_says_what_holds_without_it(pages: dict[str, str]) -> None:
     for page in pages.values():
         entries = page.split("\n: ")[1:]
         assert all(entry.split("\n")[0].strip() for entry in entries)
-        for fact in ("*Value:* ", "*Default:* ", "*Example:* "):
+        for entry in entries:
+            said = [word for word in ("*Required.* ", "*Optional.* ", "*Default:* ") if word in entry]
+            assert len(said) == 1, entry
+        for fact in ("*Value:* ", "*Example:* "):
             texts = [entry.partition(fact)[2] for entry in entries]
             assert all(text[:1].strip(". \n") for text in texts), fact
 

@@ -95,8 +95,8 @@ def test_the_answer_says_where_nothing_is_usable_and_why(tree: xr.DataTree) -> N
     )
     # Noise alone is 20 times, calibration alone a fifth of the ratio: 0.68 at 0.3 m, 0.75, 0.82.
     favoured = next(text for text in found if "noise alone" in text)
-    assert "noise alone favours Stereo 100 mm, 65.24° across at 3 of 3" in favoured
-    assert "calibration alone favours Raytrix R5, Keplerian at 3 of 3" in favoured
+    assert "noise alone favours Stereo 100 mm, 65.24° across at all 3 declared distances" in favoured
+    assert "calibration alone favours Raytrix R5, Keplerian at all 3 declared distances" in favoured
 
 
 def test_usable_cameras_that_are_not_candidates_are_named(make_tree: Callable[..., xr.DataTree]) -> None:
@@ -158,7 +158,7 @@ def test_equal_uncertainties_do_not_count_as_a_loss(make_tree: Callable[..., xr.
     decision["uncertainty_ratio"].loc[{"error_source": "calibration"}] = 1.0
     tree["decision"] = xr.DataTree(decision)
     favoured = next(text for text in sentences(document_of(tree)) if "noise alone" in text)
-    assert favoured.endswith("calibration alone ties them at 3 of 3 declared distances.")
+    assert favoured.endswith("calibration alone ties them at all 3 declared distances.")
 
 
 def test_the_answer_gives_both_ends_of_a_range_in_millimetres_and_per_cent(tree: xr.DataTree) -> None:
@@ -187,7 +187,7 @@ def test_assumed_values_come_first_with_the_cameras_they_belong_to(tree: xr.Data
     assert table(document_of(tree), "assumption-register") == [
         ["Assumed (1)"],
         ["Raytrix R5, Keplerian", "microlenses › gap", "0.568 mm", "f-number matching"],
-        ["Paper (1)"],
+        ["From a paper (1)"],
         ["Stereo 100 mm, f = 30.5 mm; Stereo 100 mm, 65.24° across", "calibration › errors › yaw", "0.2°", ""],
     ]
 
@@ -198,6 +198,11 @@ def test_claims_are_answered_under_every_reading_tried(tree: xr.DataTree) -> Non
         ["galilean", "", "36 m ✗"],
         ["yaw-uniform", "391 mm ✗", ""],
     ]
+
+
+def test_the_answer_says_what_it_rests_on(tree: xr.DataTree) -> None:
+    texts = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if hasattr(b, "text")]
+    assert any("This rests on the yaw of a rig, assumed 0.2°" in text for text in texts)
 
 
 def test_crossovers_are_a_range_of_assumptions(tree: xr.DataTree) -> None:

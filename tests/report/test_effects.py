@@ -54,7 +54,7 @@ def test_models_that_change_nothing_share_one_sentence_for_each_reason(plan: Pla
     notes = [plain(note) for note in table_of(plan, "effects-that-matter").notes]
     reasons = {reason for problem in plan.problems for reason in problem.reasons.values()}
     for reason in reasons:
-        assert sum(note.endswith(f"because {reason}.") for note in notes) == 1
+        assert sum(f", because {reason}: " in note for note in notes) == 1
 
 
 def test_every_model_that_was_compared_is_listed_with_its_number(plan: Plan) -> None:

@@ -78,12 +78,19 @@ def valued() -> Result:
     return ran(ASKED, WORTH)
 
 
+def test_one_camera_is_usable_rather_than_best(swept: Result) -> None:
+    tree = xr.DataTree.from_dict(
+        {name: swept.data[name].to_dataset().sel(camera=["stereo-75mm"]) for name in ("cameras", "decision", "depth")}
+    )
+    assert next(iter(terminal_lines(tree))) == "Usable: Stereo head, 75 mm from 0.3 to 4 m"
+
+
 def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on(swept: Result) -> None:
     best, met, wish, weighed, rests = swept.lines()
     assert best == "Best, as declared: Stereo head, 75 mm from 0.3 to 4 m"
     found = re.fullmatch(
         r"Met: 1 % from 0\.4 to 3 m, by Stereo head, 75 mm \(worst ([\d.]+) % at 3 m; (\d+) % to spare\); met with the "
-        r"baseline of Stereo head, 75 mm from ([\d.]+) mm on \(tried up to 150 mm\)",
+        r"baseline of Stereo head, 75 mm from ([\d.]+) mm on \(the sweep ends at 150 mm\)",
         met,
     )
     assert found
@@ -104,7 +111,7 @@ def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on
     assert shown
     assert float(shown[1]) == pytest.approx(100.0 * first["first"], abs=0.51)
     assert re.fullmatch(
-        r"Rests on \(measure first\): yaw of Stereo head, 75 mm, assumed 0\.01 deg \(9\d % of the variance at 3 m\); "
+        r"Rests on \(measure first\): yaw of Stereo head, 75 mm, assumed 0\.01° \(9\d % of the variance at 3 m\); "
         r"matching noise of Raytrix R5.*",
         rests,
     )
@@ -139,12 +146,12 @@ def test_every_outcome_of_a_requirement_is_reported(swept: Result) -> None:
         one = next(c for c in requirement_conclusions(tree) if c.name == "per-cent")
         return requirement_sentence(one)
 
-    assert reported(met=0, margin_percent=-12.0).startswith("Not met: 1 % from 0.4 to 3 m, closest: Stereo head")
+    assert reported(met=0, margin_percent=-12.0).startswith("Not met: 1 % from 0.4 to 3 m; closest: Stereo head")
     assert "missed by a factor of 1.14" in reported(met=0, margin_percent=-12.0)
     assert "factor" not in reported(met=0, margin_percent=-12.0, limited_by="overlap")
     assert reported(met=-1, margin_percent=np.nan).startswith("Cannot be decided: 1 %")
     assert reported(met_from=0.06, met_to=0.09).endswith("from 60 mm to 90 mm")
-    assert reported(met_from=0.03, met_to=0.09).endswith("up to 90 mm (tried from 30 mm)")
+    assert reported(met_from=0.03, met_to=0.09).endswith("up to 90 mm (the sweep begins at 30 mm)")
     assert reported(met_from=0.03, met_to=0.15).endswith("anywhere from 30 mm to 150 mm")
     assert reported(met_from=np.nan, met_to=np.nan).endswith("met by no design that was tried")
 
@@ -300,7 +307,7 @@ def test_a_range_of_a_sweep_that_moved_is_a_conclusion(swept: Result) -> None:
     assert along.what.startswith('Requirement "1 % from 0.4 to 3 m"')
     assert along.what.endswith("baseline of Stereo head, 75 mm")
     ends = [
-        float(re.fullmatch(r"met from ([\d.]+) mm on \(tried up to 150 mm\)", value)[1])  # type: ignore[index] # it matches
+        float(re.fullmatch(r"met from ([\d.]+) mm on \(the sweep ends at 150 mm\)", value)[1])  # type: ignore[index] # it matches
         for value in along.values
     ]
     assert ends[1] / ends[0] == pytest.approx(1.33, rel=0.02)

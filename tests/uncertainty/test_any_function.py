@@ -24,6 +24,12 @@ def test_four_rectangular_inputs_have_the_published_interval() -> None:
     assert found.standard_deviation == pytest.approx(2.0, rel=2e-3)
 
 
+def test_one_coverage_may_be_a_number() -> None:
+    one, of_one = (propagate_through(lambda x: x, {"x": UNIT}, coverage=given) for given in (0.9, [0.9]))
+    assert one.coverage == (0.9,)
+    assert np.array_equal(one.half_width, of_one.half_width)
+
+
 @pytest.mark.parametrize("coverage", [0.5, 0.6827, 0.99, 0.9999])
 def test_any_coverage_of_a_skew_output(coverage: float) -> None:
     """The exponential of a normal is lognormal; what is stated as the error covers what is missed."""

@@ -48,7 +48,7 @@ class ErrorsPart(Part):
 
 
 class CalibratedAtPart(Part):
-    """Ambient conditions during the calibration."""
+    """Temperature and pressure of the air during the calibration."""
 
     temperature: Temperature = Field(default=293.15, description="Air temperature during the calibration.")
     pressure: Pressure = Field(default=101325.0, description="Air pressure during the calibration.")
@@ -66,7 +66,7 @@ class StabilityPart(Part):
         default_factory=ErrorsPart, description="Errors that parameters have gained since the calibration."
     )
     calibrated_at: CalibratedAtPart = Field(
-        default_factory=CalibratedAtPart, description="Default: 20 degC and 1013.25 hPa."
+        default_factory=CalibratedAtPart, description="Temperature and pressure of the air during the calibration."
     )
     housing_expansion: ThermalExpansion | None = Field(
         default=None, description="Coefficient of linear thermal expansion of the housing; needed with temperature."

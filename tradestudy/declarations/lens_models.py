@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import re
 from functools import reduce
 from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
@@ -16,6 +18,8 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.lens_models.families import ANGLES, FAMILIES, STARTS
 from tradestudy.optics.lens_models.lens_model import LensModel
 from tradestudy.optics.lens_models.rational import Rational
+
+_MODEL = "Name of the lens model."
 
 
 class LensModelPart(Part):
@@ -61,23 +65,31 @@ class FittedLensModelPart(Part):
         return self.family(**{**STARTS.get(self.family.name, {}), **start})
 
 
+def _meanings(family: type[LensModel]) -> dict[str, str]:
+    """What each coefficient means, from the parameters in the docstring of its family, without units."""
+    parameters = (inspect.getdoc(family) or "").partition("----------\n")[2].partition("\n\n")[0]
+    found = re.findall(r"^(\w.*)\n +(.*)$", parameters, re.MULTILINE)
+    return {name: re.sub(r" \[\w+\]", "", what) for names, what in found for name in names.split(", ")}
+
+
 def _fitted_part_of(family: type[LensModel]) -> type[FittedLensModelPart]:
     """The part that declares every coefficient in its dimension, and which of them are fitted."""
     names = family.coefficient_names()
     one_of: Any = Literal[names]
     usual = names if family is not Rational else ("k1", "k2", "p1", "p2", "k3")
     fields: dict[str, Any] = {
-        "model": (Literal[family.name], ...),
+        "model": (Literal[family.name], Field(description=_MODEL)),
         "fitted": (
             tuple[one_of, ...],
             Field(default=usual, description="Coefficients that the corners determine."),
         ),
     }
+    meanings = _meanings(family)
     for name in names:
         unit = units.ANGLE if name in ANGLES else units.NUMBER
         what = Field(
             default=None,
-            description="Starting value of the fit, or the fixed value of a coefficient that is not fitted.",
+            description=f"{meanings[name]} The starting value of the fit, or the fixed value if it is not fitted.",
         )
         fields[name] = (Annotated[float, *quantity(unit)] | None, what)
     made = create_model(
@@ -89,11 +101,12 @@ def _fitted_part_of(family: type[LensModel]) -> type[FittedLensModelPart]:
 
 def _part_of(family: type[LensModel]) -> type[LensModelPart]:
     """The part that declares every coefficient in its dimension; those without a default must be given."""
-    fields: dict[str, Any] = {"model": (Literal[family.name], ...)}
-    optional = family.optional_names()
+    fields: dict[str, Any] = {"model": (Literal[family.name], Field(description=_MODEL))}
+    optional, meanings = family.optional_names(), _meanings(family)
     for name in family.coefficient_names():
         unit = units.ANGLE if name in ANGLES else units.NUMBER
-        fields[name] = (Annotated[float, *quantity(unit)], 0.0 if name in optional else ...)
+        what = Field(default=0.0 if name in optional else ..., description=meanings[name])
+        fields[name] = (Annotated[float, *quantity(unit)], what)
     made = create_model(f"{family.__name__}Part", __base__=LensModelPart, __doc__=LensModelPart.__doc__, **fields)
     made.family = family
     return made

@@ -92,9 +92,9 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
     if has_winners(tree) and len(shown) > 1:
         among = [camera.title for camera in shown if camera.key in candidates(tree)]
         caption += (
-            " Last bar: the least uncertain usable camera"
+            " Last bar: the usable camera with the smallest uncertainty"
             + (f" of the candidates {listed(among)}" if among else "")
-            + ", with those that differ by less than its error."
+            + ", and any whose uncertainty differs from it by less than the numerical error."
         )
     return Drawing(
         name="whole_range",

@@ -13,6 +13,7 @@ from string import ascii_uppercase
 from typing import Literal, LiteralString
 
 from tradestudy.figures.drawing import Drawing, ValueTable
+from tradestudy.wording import with_unit_symbols
 
 SpanStyle = Literal["plain", "strong", "emphasis", "code", "sub", "sup", "link"]
 Tone = Literal["answer", "note", "warning"]
@@ -38,8 +39,6 @@ _MARKUP = re.compile(
 _PLACE = re.compile(r"\{(\w+)\}")
 # Characters that XML forbids, and direction overrides that could make a name read as something else.
 _FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
-# Units as studies spell them become those of the report; a number stays on the line of its unit.
-_SPELLED_UNITS = ((re.compile(r"(?<=\d) ?deg\b"), "°"), (re.compile(r"(?<=\d) ?um\b"), "\N{NO-BREAK SPACE}µm"))
 _BEFORE_UNIT = re.compile(r"(?<=[\d∞]) (?=(?:[nµmck]?m|[mµ]?s|min|h|[mk]?g|m?W|px|ppm|%)(?!\w))")
 
 
@@ -49,9 +48,7 @@ def literal(text: str) -> str:
     Units are typeset: "0.2 deg" becomes "0.2°", and no line breaks between a number and its unit.
     """
     text = _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", re.sub(r"[\r\n\t]+", " ", text))
-    for spelled, typeset in _SPELLED_UNITS:
-        text = spelled.sub(typeset, text)
-    return _BEFORE_UNIT.sub("\N{NO-BREAK SPACE}", text)
+    return _BEFORE_UNIT.sub("\N{NO-BREAK SPACE}", with_unit_symbols(text))
 
 
 def spans(text: Text) -> Spans:

@@ -72,7 +72,7 @@ def propagate_through(
     inputs: Mapping[str, Distribution],
     *,
     correlation: Mapping[tuple[str, str], float] | None = None,
-    coverage: Sequence[float] = (0.6827, 0.95),
+    coverage: float | Sequence[float] = (0.6827, 0.95),
     tolerance: float = 0.01,
     most_draws: int = 2**22,
     seed: int = 0,
@@ -91,7 +91,7 @@ def propagate_through(
     correlation
         Correlations of the normal scores of pairs of inputs (a Gaussian copula; for normal inputs, their correlation).
     coverage
-        Probabilities of the central intervals, each between 0 and 1.
+        Probability of the central interval, or of several, each between 0 and 1.
     tolerance
         Allowed error of an end, relative to the half-width of its interval.
     most_draws
@@ -123,6 +123,8 @@ def propagate_through(
     >>> print(f"{found.median:.2f} ± {found.half_width[0]:.3f}, known to {found.error[0]:.1g}: {found.converged}")
     25.00 ± 0.045, known to 0.0002: True
     """
+    if isinstance(coverage, int | float):
+        coverage = (coverage,)
     _require(coverage, tolerance, most_draws, seed)
     sources = _sources(inputs, correlation or {})
     shape = np.shape(function(**{name: value.ravel() for name, value in sources.nominal().items()}))[1:]

@@ -46,7 +46,7 @@ class MicrolensesPart(Part):
         "at the total covering plane.",
     )
     aperture_diameter: MicrolensPitch | None = Field(
-        default=None, description="Aperture of one microlens; default: the pitch."
+        default=None, description="Diameter of one microlens; default: the pitch."
     )
 
     @model_validator(mode="after")

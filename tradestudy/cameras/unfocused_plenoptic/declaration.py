@@ -33,10 +33,11 @@ class UnfocusedMicrolensesPart(Part):
     layout: Literal["hexagonal", "square"] = Field(description="Arrangement of the microlenses.")
     pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres, the lateral sample.")
     focal_length: FocalLength | Literal["f-number-matching"] = Field(
-        description="Also the distance from array to sensor; f-number-matching: pitch × mla_distance / pupil diameter."
+        description="Focal length of a microlens, also its distance to the sensor; f-number-matching: pitch × "
+        "mla_distance / pupil diameter."
     )
     aperture_diameter: MicrolensPitch | None = Field(
-        default=None, description="Aperture of one microlens; default: the pitch."
+        default=None, description="Diameter of one microlens; default: the pitch."
     )
     f_number: FNumber | None = Field(
         default=None, description="Focal length over aperture of one microlens, instead of aperture_diameter."

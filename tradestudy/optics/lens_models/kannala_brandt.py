@@ -24,7 +24,7 @@ class KannalaBrandt(LensModel):
     Parameters
     ----------
     k1, k2, k3, k4
-        Coefficients [1] of the polynomial.
+        Coefficient of the odd polynomial in the angle [1].
 
     Notes
     -----

@@ -21,9 +21,11 @@ class Omnidirectional(LensModel):
     Parameters
     ----------
     xi
-        Distance of the second centre from that of the sphere, ξ [1], ≥ 0; 0 is a pinhole, 1 a parabolic mirror.
-    k1, k2, p1, p2
-        Radial and tangential distortion [1].
+        Distance of the second centre from that of the sphere ξ [1], at least 0; 0 is a pinhole, 1 a parabolic mirror.
+    k1, k2
+        Radial distortion [1].
+    p1, p2
+        Tangential distortion [1].
 
     Notes
     -----

@@ -186,7 +186,7 @@ def _doubted(tree: xr.DataTree) -> Iterator[Spans]:
 def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
     """The inputs that decide the answers most, and their bases."""
     if inputs := rests_on(tree):
-        yield say("**This rests on** {inputs}.", inputs="; ".join(inputs))
+        yield say("**This rests on** the {inputs}.", inputs="; the ".join(one.removeprefix("the ") for one in inputs))
 
 
 def _at_the_bound(tree: xr.DataTree) -> Iterator[Spans]:
@@ -311,8 +311,9 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     if len(handed) == 1:  # the stretches say it
         return
     ends = list(dict.fromkeys(distance(end) for end in (min(others), max(others)))) if others else []
+    where = f"{'between' if len(ends) > 1 else 'at'} {' and '.join(ends)}"
     moved = (
-        f"; under the other readings {'between' if len(ends) > 1 else 'at'} {' and '.join(ends)}"
+        f"; under the other {'readings' if len(handed) > 2 else 'reading'} {'too' if where == own else where}"
         + (f", and nowhere under {alone} of {len(handed) - 1}" if alone else "")
         if others
         else ""

@@ -207,7 +207,7 @@ def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
             "{open} The two cameras compared are {first} and {second}.",
             open="Each other reading changes one assumption of the study as declared and nothing else."
             if decision.sizes["reading"] > 1
-            else "The study declares no other reading.",
+            else "The study declares no other readings.",
             **pair,
         )
     )
@@ -232,7 +232,7 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
         "every reading; bold where another camera is more certain than as declared.",
         columns=(
             Column(title="Reading"),
-            Column(title="assumes that", weight=1),
+            Column(title="Assumption", weight=1),
             *(Column(title=distance(float(place)), align="right") for place in places),
         ),
         rows=tuple(
@@ -259,17 +259,17 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
         if own
         else "the curves do not cross"
     )
+    count, all_others = int(np.isfinite(values[1:]).any(axis=1).sum()), len(values) - 1
     if not others.size:
         yield Paragraph(say("In the declared study, {declared}.", declared=declared))
         return
     yield Paragraph(
         say(
-            "In the declared study, {declared}. Under {count} of the {all} other readings, the curves cross between "
+            "In the declared study, {declared}. Under {under}, the curves cross between "
             "{low} and {high}. That is a range of assumptions, not a confidence interval. The first page says where "
             "the preferred camera switches.",
             declared=declared,
-            count=str(int(np.isfinite(values[1:]).any(axis=1).sum())),
-            all=str(len(values) - 1),
+            under="the other reading" if count == all_others == 1 else f"{count} of the {all_others} other readings",
             low=distance(float(others.min())),
             high=distance(float(others.max())),
         )

@@ -118,13 +118,15 @@ def _cells(row: Mapping[str, Any], *, marked: bool = False) -> tuple[str, ...]:
 def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
     """Effects without a choice of models, one sentence for each reason."""
     by_reason: dict[str, dict[str, list[str]]] = {}
+    everything = {str(row["title"]) for row in rows}
     for row in rows:
         if row["reason"] and not row["forced"]:
             of = by_reason.setdefault(str(row["reason"]), {})
             of.setdefault(str(row["title"]), []).append(in_words(str(row["slot"])))
     for reason, of in by_reason.items():
         effects = ", ".join(dict.fromkeys(effect for names in of.values() for effect in names))
-        yield f"Not simulated for {'; '.join(of)}: {effects}, because {reason}."
+        whom = f" for {'; '.join(of)}" if set(of) != everything else ""
+        yield f"Not simulated{whom}, because {reason}: {effects}."
 
 
 def _together(tree: xr.DataTree) -> Iterator[str]:
@@ -139,11 +141,9 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
                 yield f"The {changed} has no tolerance; it may be off by up to {_share(float(shown.max()))}."
             continue
         most = float(np.nanmax(np.where(np.isnan(asked), np.nan, joint)))
-        by = f"by up to {_share(most)}" if most > 0.0 else "not at all"
-        yield (
-            f"The omitted effects change the {IN_WORDS[QUANTITIES[number]]} {by}; "
-            f"the tolerance is {_share(float(np.nanmax(asked)))}."
-        )
+        changed = IN_WORDS[QUANTITIES[number]]
+        change = f"change the {changed} by up to {_share(most)}" if most > 0.0 else f"do not change the {changed}"
+        yield (f"The omitted effects {change}; the tolerance is {_share(float(np.nanmax(asked)))}.")
         forced = data["forced_change"].values[:, number]
         if not np.isnan(forced).all():
             worst = float(np.nanmax(forced))

@@ -145,7 +145,8 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
     meanings = {
         "overlap": say("**Overlap**: the fraction of each stereo picture that the other camera also sees."),
         "total_covering_plane": say(
-            "**Total covering plane**: the image of the main lens lies at least that virtual depth from the array."
+            "**Total covering plane**: the image formed by the main lens lies at least the declared virtual depth "
+            "from the array."
         ),
         "availability": say("**Availability**: the fraction of points that two of the estimator's microlenses see."),
         "focus": say("**Focus**: the geometric blur of the sharpest picture that the estimator needs, on the sensor."),

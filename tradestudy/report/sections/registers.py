@@ -29,6 +29,8 @@ from tradestudy.units import significant
 
 _MARKS = "abcdefgh"  # of the bases in the table of criteria
 _BASES = ("set for this run", "assumed", "derived", "datasheet", "measured", "paper")
+_FROM = {"datasheet": "from a data sheet", "paper": "from a paper"}
+_COUNTED = {"taken up": "reused from an earlier run"}  # words of the record
 
 
 def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
@@ -102,7 +104,7 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
         say(
             "The study says where these values come from: {counts}. Assumed values come first, because a verdict can "
             "rest on them{given}.",
-            counts=", ".join(f"{counts[basis]} {basis}" for basis in known),
+            counts=", ".join(f"{counts[basis]} {_FROM.get(basis, basis)}" for basis in known),
             given=", after values set for this run alone, on the command line or in Python"
             if counts[_BASES[0]]
             else "",
@@ -126,7 +128,7 @@ def _by_basis(rows: list[dict[str, Any]], bases: list[str], tree: xr.DataTree) -
     """Rows under a heading for every basis."""
     for basis in bases:
         of_basis = [row for row in rows if str(row["basis"]) == basis]
-        yield (f"{basis.capitalize()} ({len(of_basis)})",)
+        yield (f"{_FROM.get(basis, basis).capitalize()} ({len(of_basis)})",)
         for row in of_basis:
             what = in_words(str(row["path"]).replace(".", " › "))
             owners = [key for key in str(row["cameras"]).split(", ") if key]
@@ -346,7 +348,9 @@ def describe_provenance(run: Mapping[str, Any]) -> Iterator[Block]:
 def _recorded(content: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     """Plain values first, then every group of values under its name."""
     groups = {key: value for key, value in content.items() if isinstance(value, Mapping)}
-    yield from ((in_words(key), _shown(value)) for key, value in content.items() if key not in groups)
+    yield from (
+        (_COUNTED.get(key, in_words(key)), _shown(value)) for key, value in content.items() if key not in groups
+    )
     for key, values in groups.items():
         if values:
             yield (in_words(key).capitalize(),)

@@ -49,7 +49,10 @@ def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], 
     ]
     parts += [f"ties them at {neither.size - undecided}"] if neither.size > undecided else []
     parts += [f"decides nothing at {undecided}"] if undecided else []
-    parts[0] += f" of {counted(len(names), 'declared distance')}"
+    if len(parts) == 1 and len(names) > 1:
+        parts = [f"{parts[0].rpartition(' at ')[0]} at all {len(names)} declared distances"]
+    else:
+        parts[0] += f" of {counted(len(names), 'declared distance')}"
     return f"{error_source} alone {', '.join(parts)}"
 
 
@@ -68,9 +71,9 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
         "not.",
         columns=(
             Column(title="At", align="right"),
-            Column(title="Better usable", weight=0 if others else 1),
+            Column(title="Better, where usable", weight=0 if others else 1),
             *((Column(title="Changes under", weight=1),) if others else ()),
-            Column(title="More certain", weight=0 if others else 1),
+            Column(title="Smaller uncertainty", weight=0 if others else 1),
             Column(title="by a factor", align="right"),
         ),
         rows=tuple(

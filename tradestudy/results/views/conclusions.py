@@ -22,7 +22,7 @@ from tradestudy.results.views.requirement_conclusions import requirement_conclus
 from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.results.views.wave_conclusions import wave_words
 from tradestudy.units import FRACTION, pretty
-from tradestudy.wording import counted, distance, listed, plain_span
+from tradestudy.wording import counted, distance, listed, plain_span, with_unit_symbols
 
 _SEVERAL: Final = 2
 _ASSUMED: Final = ", assumed "
@@ -189,11 +189,16 @@ def _range_words(ranges: Sequence[BestRange]) -> Iterator[str]:
 
 def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
     """The conclusions of a run in at most `most` lines; one of them counts the conclusions left out."""
+    return map(with_unit_symbols, _terminal_lines(tree, most))
+
+
+def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
     ranges, requirements, rests = best_ranges(tree), requirement_conclusions(tree), rests_on(tree)
     lines = []
     if ranges:
         designs = ", as declared" if has(tree, "requirements", "design_met") else ""
-        lines.append(f"Best{designs}: {'; '.join([*_range_words(ranges), *_never_usable(tree)])}")
+        head = "Best" if len(camera_titles(tree)) >= _SEVERAL else "Usable"
+        lines.append(f"{head}{designs}: {'; '.join([*_range_words(ranges), *_never_usable(tree)])}")
     # For one swept parameter and one requirement, the sentence of the requirement already says this.
     feasible = feasible_designs(tree)
     if feasible is not None and not (feasible.required == 1 and requirements[0].met_ranges is not None):

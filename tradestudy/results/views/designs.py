@@ -221,9 +221,9 @@ def interval_words(low: float, high: float, values: FloatArray, dimension: Dimen
     if begins and ends:
         return f"anywhere from {first} to {last}"
     if ends:
-        return f"from {first} on (tried up to {last})"
+        return f"from {first} on (the sweep ends at {last})"
     if begins:
-        return f"up to {last} (tried from {first})"
+        return f"up to {last} (the sweep begins at {first})"
     return f"from {first} to {last}"
 
 

@@ -185,7 +185,9 @@ def requirement_sentence(one: RequirementConclusion) -> str:
 def requirement_details(one: RequirementConclusion) -> str:
     """The sentence on a requirement without its verdict."""
     wish = " (should)" if one.priority == "should" else ""
-    words = f"{one.says}{wish}, {decided_by(one)} ({'; '.join(filter(None, (one.reason, _margin_words(one))))})"
+    by = decided_by(one)
+    why = "; ".join(filter(None, (one.reason, _margin_words(one))))
+    words = f"{one.says}{wish}{'; ' if by.startswith('closest') else ', '}{by} ({why})"
     if one.bound_alone is not None:
         words = f"{words}; {_bound_alone_words(one, one.bound_alone)}"
     if not np.isnan(one.probability):

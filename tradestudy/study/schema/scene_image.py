@@ -51,7 +51,8 @@ class StairsPart(Part):
     far: ObjectDistance = Field(description="Distance of the farthest tread.")
     treads: Annotated[int, Field(strict=True, ge=2, le=MOST_STEPS)] = Field(default=2, description="Number of treads.")
     tread_width: DetailSize | None = Field(
-        default=None, description="Width of each tread but the first and the last, which are infinite; a step has none."
+        default=None,
+        description="Width of each tread except the first and the last, which are infinite; not for a step.",
     )
     edge: Length = Field(default=0.0, description="Centre of the edges, to the right of the axis.")
 

@@ -117,7 +117,7 @@ class FresnelValidityPart(Part):
         description="Radii of the windows over which point-spread functions are compared, in Airy radii."
     )
     path_errors: Annotated[tuple[PositiveWaves, ...], Field(min_length=1, max_length=6)] = Field(
-        description="Largest path errors to allow in the criterion path-error."
+        description="Bounds on the neglected path, each of which gives a minimum f-number."
     )
     error_limit: PositiveFraction = Field(description="Largest error at which Fresnel counts as good enough.")
     tolerance: IntensityTolerance = Field(description="Relative numerical error of each computed intensity.")
