@@ -455,7 +455,7 @@ def test_other_results_are_reported_with_distinct_places_and_the_largest_relevan
         return xr.DataTree.from_dict({"/fresnel_validity": xr.Dataset(data, coords)})
 
     (line,) = compared(optics(1.0), optics(1.1)).results
-    assert str(line) == "width (fresnel validity): 3 → 3.3 for element microlens, f number 2 (+10 %)"
+    assert str(line) == "width (fresnel validity): 3 → 3.3 for element microlens, f-number 2 (+10 %)"
     assert compared(optics(1.0), optics(1.05)).results == ()  # 0.2 of at most 4, both known to 0.15
 
 

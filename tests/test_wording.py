@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from tradestudy.wording import counted, distance, limit_words, listed, span, with_unit_symbols
+from tradestudy.wording import counted, distance, in_words, limit_words, listed, span, with_unit_symbols
 
 
 @pytest.mark.parametrize(
@@ -56,3 +56,15 @@ def test_both_ends_of_a_range_can_be_distinguished(start: float, end: float, tex
 @pytest.mark.parametrize(("value", "text"), [(0.0553, "55.3 mm"), (0.1, "0.1 m"), (2.5, "2.5 m"), (math.inf, "∞")])
 def test_metres_are_used_from_a_tenth_on(value: float, text: str) -> None:
     assert distance(value).replace("\N{NO-BREAK SPACE}", " ") == text
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("focal_length_x_px", "focal length x"),
+        ("f_number", "f-number"),
+        ("mla_distance", "array distance"),
+    ],
+)
+def test_names_are_written_as_words(name: str, words: str) -> None:
+    assert in_words(name) == words

@@ -30,6 +30,16 @@ def listed(items: Sequence[str]) -> str:
     return " and ".join(part for part in (", ".join(items[:-1]), *items[-1:]) if part)
 
 
+_SPELLED: Final[Mapping[str, str]] = {"f_number": "f-number", "mla_distance": "array distance"}
+
+
+def in_words(name: str) -> str:
+    """Write a name from studies or results as words, without its unit: "focal length x" for ``focal_length_x_px``."""
+    for key, words in _SPELLED.items():
+        name = name.replace(key, words)
+    return name.removesuffix("_px").replace("_", " ")
+
+
 def fewest_digits(tells_apart: Callable[[int], bool]) -> int:
     """From three to six significant digits, the fewest that tell values apart; six where none do."""
     return next((digits for digits in range(3, _MOST_DIGITS) if tells_apart(digits)), _MOST_DIGITS)

@@ -15,7 +15,7 @@ from tradestudy.figures.style import traces
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Heading, Paragraph, Report, Table, Text, all_blocks, plain_text
 from tradestudy.report.sections.answer import describe_answer
-from tradestudy.report.words import interval, length, with_error
+from tradestudy.report.words import interval, with_error
 from tradestudy.results import dataset
 from tradestudy.results.views.decision import answer_title, handovers, reported_winners, winners
 from tradestudy.results.views.depth import decided_by_calibration, field_words, largest_parts
@@ -104,21 +104,24 @@ def test_a_handover_is_given_with_its_error(make_tree: MakeTree) -> None:
     decision["change_error"][0] = 0.02
     tree["decision"] = xr.DataTree(decision)
     assert list(handovers(decision.isel(reading=0).sel(error_source="both"))) == [(0.391, 0.02)]
-    assert any("switches at 0.391 m ± 20 mm;" in text for text in texts(report_of(tree)))
+    assert any("switches at 0.39 ± 0.02 m;" in text for text in texts(report_of(tree)))
 
 
 @pytest.mark.parametrize(
     ("value", "error", "text"),
     [
         (0.0123, 0.0001, "12.3 mm"),
-        (0.0123, 0.0004, "12.3 mm ± 400 µm"),
+        (0.0123, 0.0004, "12.3 ± 0.4 mm"),
+        (0.0123, 0.00096, "12 ± 1 mm"),
+        (-6.78e-7, 1.2e-6, "−1 ± 1 µm"),
+        (0.0123, 0.0, "12.3 mm"),
         (math.inf, math.nan, "∞"),
         (math.nan, math.nan, "—"),
         (0.5, math.nan, "500 mm"),
     ],
 )
 def test_an_error_is_shown_where_it_is_not_negligible(value: float, error: float, text: str) -> None:
-    assert with_error(value, error, length).replace("\u00a0", " ") == text
+    assert with_error(value, error).replace("\u00a0", " ") == text
 
 
 def test_an_empty_interval_is_a_dash() -> None:
@@ -148,7 +151,7 @@ def test_the_source_of_every_calibration_is_given(make_tree: MakeTree) -> None:
         "cameras.stereo-65deg.calibration.errors.yaw.half_width": "0.2 deg",
     }
     assert table(report_of(tree, inputs), "calibration-source-table") == [
-        ["Raytrix R5, Keplerian", "a simulated target, 60 views", "mla distance", "temperature"],
+        ["Raytrix R5, Keplerian", "a simulated target, 60 views", "array distance", "temperature"],
         ["Stereo 100 mm, f = 30.5 mm", "corners of a board, corners.csv", "none", "nothing"],
         ["Stereo 100 mm, 65.24° across", "declared errors", "yaw", "nothing"],
     ]

@@ -181,13 +181,34 @@ def test_a_study_without_other_readings_does_not_speak_of_them(make_tree: Callab
     (found,) = [one for one in document_of(tree).blocks if isinstance(one, Table) and one.name == "verdict-table"]
     assert "Changes under" not in [column.title for column in found.columns]
     assert "reading" not in plain(found.caption)
+    assert "readings" not in figures.build(tree)
+    assert "reading-table" not in [one.name for one in document_of(tree).blocks if isinstance(one, Table)]
+
+
+def test_the_record_says_how_many_points_were_computed(tree: xr.DataTree) -> None:
+    points = {"depth": {"computed": 3, "taken up": 0}, "ranks": {"computed": 1, "taken up": 2}}
+    document = compose_report(tree, {"options": [], "points": points}, figures.build(tree))
+    assert table(document, "provenance-table") == [
+        ["options", "none"],
+        ["Points"],
+        ["depth", "3 computed"],
+        ["ranks", "1 computed, 2 taken up from an interrupted run"],
+    ]
+
+
+def test_a_sensor_is_width_times_height(tree: xr.DataTree) -> None:
+    assumptions = tree["assumptions"].to_dataset().copy(deep=True)
+    assumptions["value"][0] = "[2048, 1024]"
+    tree = tree.copy()
+    tree["assumptions"] = xr.DataTree(assumptions)
+    assert "2048 × 1024" in [row[2] for row in table(document_of(tree), "assumption-register") if len(row) > 1]
 
 
 def test_assumed_values_come_first_with_the_cameras_they_belong_to(tree: xr.DataTree) -> None:
     assert table(document_of(tree), "assumption-register") == [
         ["Assumed (1)"],
         ["Raytrix R5, Keplerian", "microlenses › gap", "0.568 mm", "f-number matching"],
-        ["From a paper (1)"],
+        ["From the paper (1)"],
         ["Stereo 100 mm, f = 30.5 mm; Stereo 100 mm, 65.24° across", "calibration › errors › yaw", "0.2°", ""],
     ]
 

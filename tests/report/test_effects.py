@@ -34,8 +34,20 @@ def table_of(plan: Plan, name: str) -> Table:
     return next(block for block in blocks if isinstance(block, Table) and block.name == name)
 
 
+def rows_of(plan: Plan, name: str) -> list[list[str]]:
+    """The rows of a table, each with the heading above it."""
+    found: list[list[str]] = []
+    title = ""
+    for row in table_of(plan, name).rows:
+        if len(row) == 1:
+            title = plain(row[0])
+        else:
+            found.append([title, *map(plain, row)])
+    return found
+
+
 def test_one_row_for_each_camera_and_effect_that_matters(plan: Plan) -> None:
-    rows = [[plain(cell) for cell in row] for row in table_of(plan, "effects-that-matter").rows]
+    rows = rows_of(plan, "effects-that-matter")
     expected = [
         (problem.title, decision.slot.replace("_", " "))
         for problem in plan.problems
@@ -58,7 +70,7 @@ def test_models_that_change_nothing_share_one_sentence_for_each_reason(plan: Pla
 
 
 def test_every_model_that_was_compared_is_listed_with_its_number(plan: Plan) -> None:
-    rows = [[plain(cell) for cell in row] for row in table_of(plan, "effects-all").rows]
+    rows = rows_of(plan, "effects-all")
     for problem in plan.problems:
         for decision in problem.choice.decisions:
             if decision.slot in problem.reasons:

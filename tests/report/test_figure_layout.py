@@ -9,12 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
 
 import tradestudy
 from tests.report.layout import unreadable
 from tradestudy import figures
 from tradestudy.figures.curves import beneath, spread
 from tradestudy.figures.style import letters_on, line_style, readable
+from tradestudy.report.typesetting import template
 from tradestudy.results.storage import read_finished
 from tradestudy.results.views.groups import camera_titles
 
@@ -127,3 +130,16 @@ def test_letters_contrast_with_their_background(order: int) -> None:
     on = letters_on(color)
     light, dark = sorted((luminance(color), 1.0 if on == "white" else luminance(on)), reverse=True)
     assert (light + 0.05) / (dark + 0.05) > 4.0
+
+
+@pytest.mark.parametrize("place", [0.0, 0.3, 0.5, 0.7, 1.0])
+def test_letters_stay_on_fills_that_dark_pages_leave_as_they_are(place: float) -> None:
+    style = template("report.css")
+    changed = set(re.findall(r"--c([0-9a-f]{6}):", style))
+    fill = to_hex(colormaps["cividis"](place))
+    assert fill[1:] not in changed
+    assert to_hex(letters_on(fill))[1:] not in changed
+
+
+def test_what_is_black_without_saying_so_becomes_light_on_dark_pages() -> None:
+    assert "fill: var(--c000000)" in next(line for line in template("report.css").splitlines() if ".plot svg {" in line)

@@ -21,7 +21,7 @@ from tradestudy.comparison import compare_runs
 from tradestudy.errors import StudyError
 from tradestudy.results.views.conclusions import best_ranges, measure_first, rests_on, terminal_lines, worths
 from tradestudy.results.views.conclusions_json import conclusions_as_json
-from tradestudy.results.views.designs import path_words
+from tradestudy.results.views.designs import parameter_words, path_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 
 pytestmark = pytest.mark.usefixtures("empty_figures")
@@ -187,7 +187,9 @@ def test_the_terminal_says_whose_calibration_is_assumed_perfect(swept: Result) -
 
 def test_paths_are_written_in_words(swept: Result) -> None:
     assert path_words(swept.data, "stereo-75mm.baseline") == "baseline of Stereo head, 75 mm"
-    assert path_words(swept.data, "cameras.raytrix-r5.main_lens.f_number") == "main lens f number of Raytrix R5"
+    paths = ("cameras.raytrix-r5.main_lens.f_number", "cameras.raytrix-r5.microlenses.gap", "seed")
+    assert parameter_words(swept.data, paths) == "main lens f-number and microlenses gap of Raytrix R5 and seed"
+    assert path_words(swept.data, "cameras.raytrix-r5.main_lens.f_number") == "main lens f-number of Raytrix R5"
     assert path_words(swept.data, "scene.wavelength") == "scene wavelength"
 
 

@@ -100,7 +100,7 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
         return Solved(solutions=(), dimension=dimension, answer=answer)
     answer = _answer(definition, question, found)
     if ratios.plans > 1:
-        answer += f"; mean over {ratios.plans} arrangements of the views of the calibration"
+        answer += f"; mean over {ratios.plans} arrangements of the calibration views"
     if question.errors == "calibration" and question.equal is None:
         answer += _larger_noise(definition.with_values(varying.changes(found[0].value)), question)
     return Solved(solutions=tuple(found), dimension=dimension, answer=answer)

@@ -14,6 +14,7 @@ from tradestudy.effects.words import EFFECT, MODEL
 from tradestudy.results.views.designs import path_words
 from tradestudy.results.views.groups import group, has
 from tradestudy.units import ANGLE, DURATION, ELECTRONS, FRACTION, LENGTH, PIXELS, UnitError, parse
+from tradestudy.wording import in_words
 
 NOT_SET: Final = "not set"
 _ROUNDING: Final = 1e-12  # relative, of values converted from calibration files
@@ -77,7 +78,7 @@ def _meaning(text: str) -> tuple[str, float]:
 
 
 def _words(path: str, titles: Mapping[str, str]) -> str:
-    return " ".join(titles.get(part, part.replace("_", " ")) for part in path.split("."))
+    return " ".join(titles.get(part, in_words(part)) for part in path.split("."))
 
 
 def _shown(text: str, titles: Mapping[str, str]) -> str:

@@ -12,7 +12,7 @@ import xarray as xr
 from tradestudy.results.views.depth import field_words
 from tradestudy.results.views.designs import path_words
 from tradestudy.units import ANGLE, ELECTRONS, LENGTH, NUMBER, PIXELS, Dimension, pretty, significant
-from tradestudy.wording import distance, fewest_digits
+from tradestudy.wording import distance, fewest_digits, in_words
 
 _BY_UNIT: Final[Mapping[str, Dimension]] = {
     "m": LENGTH, "rad": ANGLE, "px": PIXELS, "1": NUMBER, "electrons": ELECTRONS,
@@ -30,7 +30,7 @@ _MOST_PERCENT: Final = 1000.0
 
 def result_words(variable: str) -> str:
     """A variable of the results as words."""
-    return variable.removesuffix("_px").replace("_", " ")
+    return in_words(variable)
 
 
 def group_words(name: str) -> str:

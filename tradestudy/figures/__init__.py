@@ -1,4 +1,4 @@
-"""Results to matplotlib figures: which figures a results tree can show, and each of them drawn on demand.
+"""matplotlib figures of results: which ones a results tree allows, each drawn on demand.
 
 matplotlib is imported when the first figure is drawn, never by importing this package.
 """
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def build(tree: xr.DataTree) -> Mapping[str, Drawing]:
-    """Say which figures the groups of a results tree allow, in the order of a report; nothing is drawn yet.
+    """List the figures that a results tree allows, in the order of a report; nothing is drawn yet.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Figures of the groups on calibration, with captions and alt texts."""
+"""Figures about calibration, with captions and alt texts."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from tradestudy.figures.value_tables import residual_tables, source_tables
 from tradestudy.results.views.depth import largest_source
 from tradestudy.results.views.groups import camera_titles, group, titles_in
 from tradestudy.units import LENGTH, pretty, significant
+from tradestudy.wording import in_words
 
 
 def calibration_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
@@ -72,7 +73,7 @@ def _index_words(tree: xr.DataTree, place: float) -> str:
         values = np.asarray(there.sel(camera=key).values, dtype=np.float64)
         if np.isfinite(values).any():
             first = int(np.nanargmax(values))
-            source = str(there["source"].values[first]).replace("_", " ")
+            source = in_words(str(there["source"].values[first]))
             sentences.append(f"{title}: {source} {significant(float(values[first]), 2)}. ")
         else:
             sentences.append(f"{title}: none is known. ")
@@ -104,7 +105,7 @@ def _ranks(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="rank-probability",
         caption="Probability that the depth error of the first camera is smaller than that of the second. Calibration "
-        "alone: over rigs, sessions and calibrations, with the noise averaged away. Single measurements: noise as "
+        "alone: over rigs, sessions and calibrations, with all noise averaged out. Single measurements: noise as "
         "well. Shaded: 2 Monte Carlo standard errors. Errors common to both cameras (temperature, pressure) are drawn "
         "once.",
         alt="Probability against distance, one chart for each pair of cameras. Calibration alone: "
@@ -131,8 +132,8 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
     yield Drawing(
         name=f"trace-{name}",
         caption=f"Chains behind the posterior of {titles[name]}: the first walker of each independent ensemble, one "
-        f"colour each, after the warm-up. N/τ is {significant(float(data['posterior_lengths']))}, the largest R-hat "
-        f"{float(np.nanmax(data['posterior_r_hat'].values)):.4f}.",
+        f"colour each, after the warm-up. The chains are {significant(float(data['posterior_lengths']))} "
+        f"autocorrelation times long; the largest R-hat is {float(np.nanmax(data['posterior_r_hat'].values)):.4f}.",
         alt=f"Trace plot of the chains of {titles[name]}, one row per parameter. "
         + (
             "All ensembles cover the same range: "

@@ -7,7 +7,17 @@ import xarray as xr
 from matplotlib.patches import Rectangle
 
 from tradestudy.figures.curves import NamedCurve, name_ends
-from tradestudy.figures.style import SMALL, SOFT, StudyFigure, length_tick, line_style, log_axis, new_figure, styled
+from tradestudy.figures.style import (
+    INK,
+    SMALL,
+    SOFT,
+    StudyFigure,
+    length_tick,
+    line_style,
+    log_axis,
+    new_figure,
+    styled,
+)
 
 MM = 1e3
 _ARROW_PX = 0.15  # length of the arrow in the key
@@ -27,12 +37,15 @@ def draw_trust(tree: xr.DataTree, posterior: str) -> StudyFigure:
         down, across = residuals.shape[1:3]
         x, y = np.meshgrid((np.arange(across) + 0.5) / across * columns, (np.arange(down) + 0.5) / down * rows)
         u, v = residuals[side, ..., 0], residuals[side, ..., 1]
-        arrows = axes.quiver(x, y, u, v, angles="xy", scale_units="xy", scale=_ARROW_PX / (columns / across))
+        arrows = axes.quiver(x, y, u, v, angles="xy", scale_units="xy", color=INK, scale=_ARROW_PX / (columns / across))
         axes.quiverkey(arrows, 0.85, 1.06, _ARROW_PX, f"{_ARROW_PX:g} px", labelpos="E", fontproperties={"size": SMALL})
-        # Arrows may reach beyond the picture, of which the frame shows the edge.
+        # Arrows may reach beyond the frame, which marks the edge of the picture.
         beyond = _MARGIN * columns
         axes.set(
-            xlim=(-beyond, columns + beyond), ylim=(rows + beyond, -beyond), title=f"{title} picture", aspect="equal"
+            xlim=(-beyond, columns + beyond),
+            ylim=(rows + beyond, -beyond),
+            title=f"{title.capitalize()} picture",
+            aspect="equal",
         )
         axes.add_patch(Rectangle((0.0, 0.0), columns, rows, fill=False, edgecolor=SOFT, linewidth=0.5))
         axes.set(xlabel="x [px]", ylabel="y [px]" if side == 0 else "")

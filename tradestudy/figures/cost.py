@@ -29,8 +29,8 @@ from tradestudy.results.views.groups import FloatArray
 from tradestudy.units import DURATION, pretty
 
 _COLUMNS: Final = 2
-_HEIGHT, _LEGEND_HEIGHT = 1.95, 0.3  # inches, of a row of panels and of what is below
-_ROOM: Final = 2.5  # times beyond the outermost marks
+_HEIGHT, _LEGEND_HEIGHT = 1.95, 0.3  # inches: a row of panels, and the legend below all rows
+_ROOM: Final = 2.5  # an axis ends at this factor beyond the outermost marks
 _FEW_DECADES, _MOST_TICKS = 2.2, 6
 _TITLE: Final = 48  # characters
 _MODELS: Final[dict[str, Any]] = {"linestyle": "", "marker": "o", "markersize": 3.6, "color": SOFT}
@@ -73,7 +73,7 @@ def _in_words(data: xr.Dataset, name: str) -> str:
 
 @styled()
 def draw_cost(data: xr.Dataset) -> StudyFigure:
-    """One panel for each problem."""
+    """Draw error against seconds, with one panel for each problem."""
     names = _drawn(data)
     columns = min(_COLUMNS, len(names))
     rows = -(-len(names) // columns)
@@ -102,7 +102,7 @@ def _panel(axes: Axes, problem: xr.Dataset) -> None:
     axes.plot(seconds[star], error[star], zorder=5, **_STAR)
     _frame(axes, "x", seconds)
     _frame(axes, "y", np.append(error, floor))
-    for took in seconds[star]:  # slow and far from exact is where there are the fewest marks
+    for took in seconds[star]:  # the corner for slow and inaccurate models has the fewest marks
         price = f"★ 10× as exact: {pretty(float(took), DURATION, digits=2)}"
         axes.text(0.985, 0.97, price, transform=axes.transAxes, ha="right", va="top", fontsize=SMALL)
     axes.set_title(shortened(str(problem["title"].item()), _TITLE))
@@ -110,7 +110,7 @@ def _panel(axes: Axes, problem: xr.Dataset) -> None:
 
 
 def _frame(axes: Axes, which: str, values: FloatArray) -> None:
-    """A logarithmic axis over what is drawn, with so few ticks that their labels do not touch."""
+    """Make an axis logarithmic, with room around the values and so few ticks that their labels do not touch."""
     low, high = float(values.min()) / _ROOM, float(values.max()) * _ROOM
     decades = math.log10(high / low)
     log_axis(axes, which, dense=decades < _FEW_DECADES)

@@ -14,12 +14,12 @@ from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import DECLARED, panel_size, readable, shortened
 from tradestudy.results.views.groups import FloatArray
 
-SMALLEST: Final = 7.5  # points, of the names
-_LETTERS, _LINES = 24, 2  # of a name
-_LINE_HEIGHT: Final = 1.3  # times the size of the letters
+SMALLEST: Final = 7.5  # points: the size of names
+_LETTERS, _LINES = 24, 2  # of a name, at most
+_LINE_HEIGHT: Final = 1.3  # of the size of letters
 _BESIDE: Final = 12.0  # points between a panel and the names
-_TOGETHER: Final = 0.007  # of the height of a panel: two curves nearer than this cannot be distinguished
-_LONG_TOGETHER: Final = 0.1  # of the points that both curves have
+_TOGETHER: Final = 0.007  # of the height of a panel: closer curves look like one curve
+_LONG_TOGETHER: Final = 0.1  # of the points: one curve hides another that is this close at more of them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,8 +35,8 @@ class NamedCurve:
 def name_ends(axes: Axes, curves: Sequence[NamedCurve]) -> None:
     """Write the name of every curve right of the panel, level with the end of what is visible of it.
 
-    Names keep the order of the ends and move apart where they would touch; a thin line joins each to its curve. Scales
-    and limits of the axes must stand; a curve without a visible point gets no name.
+    Names keep the order of the ends and move apart where they would touch; a thin line joins each to its curve. Set the
+    scales and limits of the axes first. A curve without a visible point gets no name.
     """
     ends = [(curve, end) for curve in curves if (end := _end(axes, curve)) is not None]
     if not ends:
@@ -45,7 +45,7 @@ def name_ends(axes: Axes, curves: Sequence[NamedCurve]) -> None:
     width, height = panel_size(axes)
     sizes = np.array([_LINE_HEIGHT * SMALLEST * (1 + name.count("\n")) for name in names]) / height
     levels = np.array([_fraction(axes, "y", end[1]) for _, end in ends])
-    # Of curves that leave over the top edge, the one that leaves first stands highest.
+    # Of curves that leave through the top edge, the one that leaves first gets the highest name.
     levels -= 1e-6 * np.array([_fraction(axes, "x", end[0]) for _, end in ends])
     for (curve, end), name, level in zip(ends, names, spread(levels, sizes), strict=True):
         color = readable(curve.color)
@@ -69,7 +69,7 @@ def name_ends(axes: Axes, curves: Sequence[NamedCurve]) -> None:
 
 
 def name_places(axes: Axes, places: Sequence[float], names: Sequence[str]) -> None:
-    """Write a name above the panel, upright, for each place on its axis across; names that would touch move apart."""
+    """Write a vertical name above the panel at each place on its horizontal axis; names that would touch move apart."""
     if not places:
         return
     width, height = panel_size(axes)
@@ -98,7 +98,7 @@ def _lines(name: str) -> str:
 
 
 def _end(axes: Axes, curve: NamedCurve) -> tuple[float, float] | None:
-    """Where a curve ends in the panel: at its last point there, or at the edge over which it leaves."""
+    """Where a curve ends in the panel: at its last point there, or at the edge through which it leaves."""
     (left, right), (bottom, top) = sorted(axes.get_xlim()), sorted(axes.get_ylim())
     known = ~(np.isnan(curve.x) | np.isnan(curve.y))
     inside = np.flatnonzero(known & (curve.x >= left) & (curve.x <= right) & (curve.y >= bottom) & (curve.y <= top))
@@ -119,10 +119,10 @@ def _fraction(axes: Axes, which: str, value: float) -> float:
 
 
 def spread(ideal: FloatArray, sizes: FloatArray) -> FloatArray:
-    """Centres for labels of these sizes side by side from 0 to 1, in the order of the ideal ones and close to them.
+    """Place labels of these sizes between 0 and 1 without overlap, in order and as close as possible to ideal centres.
 
-    Least squares: neighbours that would overlap form a block about their mean. Labels that need too much room are
-    centred.
+    This minimises the sum of squared shifts: neighbours that would overlap form a block about their mean. Labels that
+    need more room than there is are centred.
     """
     order = np.argsort(ideal, kind="stable")
     blocks: list[tuple[float, float, list[int]]] = []  # centre, size, members
@@ -142,14 +142,14 @@ def spread(ideal: FloatArray, sizes: FloatArray) -> FloatArray:
 
 
 def _kept(centre: float, size: float) -> float:
-    """The centre of a block moved into the panel, the middle where it does not fit."""
+    """The centre of a block once it is moved into the panel; the middle if the block does not fit."""
     return 0.5 if size >= 1.0 else min(max(centre, size / 2.0), 1.0 - size / 2.0)
 
 
 def beneath(curves: Sequence[FloatArray], limits: tuple[float, float]) -> list[int]:
-    """For each of the curves over the same points, on a logarithmic axis: how many later ones cover it somewhere.
+    """Count, for each curve, the later ones that hide part of it on a logarithmic axis; all have the same abscissas.
 
-    A curve under n others is drawn wider by n steps, so that its colour shows on both sides of theirs.
+    A curve under n others is drawn n steps wider, so that its colour shows on both sides of theirs.
     """
     low, high = np.log(limits)
     levels = [np.log(np.where(np.isfinite(curve) & (curve > 0.0), curve, np.nan)) for curve in curves]

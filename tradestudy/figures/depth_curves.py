@@ -42,7 +42,7 @@ from tradestudy.results.views.groups import FloatArray
 from tradestudy.wording import distance as distance_words
 
 MM = 1e3
-_UNUSABLE_WIDTH, _USABLE_WIDTH, _WIDER = 0.8, 1.7, 1.2  # points; wider by so much for each curve that lies on it
+_UNUSABLE_WIDTH, _USABLE_WIDTH, _WIDER = 0.8, 1.7, 1.2  # points: wider by this much for each curve on top
 _LETTERS_ACROSS: Final = 62  # of a name written into the bar of the best camera
 _LETTER: Final = 0.62  # mean width of a letter, of its size
 _GUIDES: Final = ((1e-4, "0.01 %"), (1e-3, "0.1 %"), (1e-2, "1 % of distance"), (1e-1, "10 %"), (1.0, "100 %"))
@@ -55,7 +55,7 @@ def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: flo
     figure = new_figure(4.1)
     upper, lower = figure.subplots(2, 1, sharex=True, sharey=True)
     distance = np.asarray(depth["distance"].values, dtype=float)
-    # One point more on each side, so that a curve reaches the edge of the panel.
+    # One more point on each side, so that curves reach the edge of the panel.
     inside = np.flatnonzero((distance >= near) & (distance <= far))
     view = depth.isel(distance=slice(max(inside[0] - 1, 0), inside[-1] + 2))
     nearer, farther = (
@@ -84,14 +84,14 @@ def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: flo
 
 
 def depth_limits(curves: list[FloatArray], distance: FloatArray, near: float, far: float) -> tuple[float, float]:
-    """Depth limits [mm] that contain the curves between two distances, but extend little above the distance itself."""
+    """Limits [mm] of depth: they contain the curves between two distances, but end little above the distance itself."""
     inside = (distance > near) & (distance < far)
     ends = [near, far]  # between points of a coarse grid
     values = np.concatenate([np.append(curve[inside], np.interp(ends, distance, curve)) for curve in curves])
     values = values[np.isfinite(values) & (values > 0)] * MM
     if not values.size:
         return 0.01 * far, far * MM
-    # A percentile, because discrimination falls to nothing where a plenoptic image lies on its array.
+    # A percentile, because discrimination falls to zero where a plenoptic camera's image lies on its array.
     return float(np.percentile(values, 2.0)) / 1.5, min(float(values.max()) * 1.5, 2.0 * far * MM)
 
 
@@ -104,7 +104,7 @@ def draw_curves(
     variable: str = "depth_uncertainty",
     names: bool = True,
 ) -> None:
-    """Draw the curve of every camera, named at its end, into axes whose scales and limits are set."""
+    """Draw the curve of every camera, named at its end; the scales and limits of the axes must be set."""
     distance = np.asarray(view["distance"].values, dtype=float)
     for camera, curve, under in zip(shown, metres, covered_by(metres, axes.get_ylim()), strict=True):
         draw_curve(axes, view, camera, curve, under, variable)
@@ -119,7 +119,7 @@ def draw_curves(
 
 
 def covered_by(metres: Sequence[FloatArray], limits: tuple[float, float]) -> list[int]:
-    """For each curve of depths [m] how many later ones lie on it, between limits in millimetres."""
+    """Count, for each curve of depths [m], the later ones that lie on it, between limits in millimetres."""
     return beneath([curve * MM for curve in metres], limits)
 
 
@@ -131,7 +131,7 @@ def draw_curve(
     under: int = 0,
     variable: str = "depth_uncertainty",
 ) -> None:
-    """A curve over all distances, bold where the camera is usable; wider where it lies `under` others."""
+    """Draw a curve over all distances, bold where the camera is usable, and wider if it lies `under` other curves."""
     distance = np.asarray(view["distance"].values, dtype=float)
     y = np.where(np.isfinite(metres) & (metres > 0), metres * MM, np.nan)
     line = {"color": camera.style.color, "linestyle": camera.style.dash, "zorder": 2.0 - 0.01 * under}
@@ -142,7 +142,7 @@ def draw_curve(
 
 
 def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray, farther: FloatArray) -> None:
-    """From the step nearer to the step farther; an infinite step has no upper edge."""
+    """Fill the band between the step nearer and the step farther; an infinite step has no upper edge."""
     top = np.where(np.isinf(farther), 1e9, farther * MM)
     axes.fill_between(
         np.asarray(view["distance"].values, dtype=float),
@@ -184,7 +184,7 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
 def draw_relative_guides(
     axes: Axes, distance: FloatArray, drawn: Sequence[FloatArray], edges: Sequence[float] = ()
 ) -> None:
-    """Lines of equal relative uncertainty, each named where its name is farthest from every curve and every edge.
+    """Draw lines of equal relative uncertainty, each named where its name is farthest from all curves and edges.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def draw_relative_guides(
     x = (np.log(distance) - left) / (right - left)
     known = [np.log(np.where(np.isfinite(curve) & (curve > 0.0), curve, np.nan) * MM) for curve in drawn]
     levels = [(curve - bottom) / (top - bottom) for curve in known]
-    slope = float(np.degrees(np.arctan2(tall / (top - bottom), wide / (right - left))))  # of a depth like its distance
+    slope = float(np.degrees(np.arctan2(tall / (top - bottom), wide / (right - left))))  # of the guides
     uprights = [(np.log(edge) - left) / (right - left) for edge in edges]
     for share, name in _GUIDES:
         guide = (np.log(share * distance * MM) - bottom) / (top - bottom)
@@ -223,7 +223,7 @@ def _free_place(
     uprights: Sequence[float],
     size: tuple[float, float],
 ) -> float | None:
-    """The middle of a text of this size on a guide, all in shares of the panel; None where it fits nowhere."""
+    """Where a text of this size fits on a guide, as fractions of the panel; None if it fits nowhere."""
     width, height = size
     best, room = None, 0.0
     for middle in np.arange(1.0 - 0.6 * width, 0.6 * width, -0.02):
@@ -243,11 +243,11 @@ def _free_place(
 
 
 def _bars(axes: Axes, depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> None:
-    """One line of bars per camera: the distances at which it is usable."""
+    """Draw one line of bars per camera: the distances at which it is usable."""
     last = float(depth["distance"].values[-1])
     for row, camera in enumerate(shown):
         shows, where = camera.shows("usable"), list(where_usable(depth, camera.key))
-        # The page of another design moves the ends of bars, and so needs one even where this camera is usable nowhere.
+        # HTML pages that show another design move the ends of bars, and so need a bar even for a camera usable nowhere.
         for near, far in where or [(last, last)]:
             end = min(far, last)
             (bar,) = axes.barh(row, end - near, left=near, height=0.62, color=camera.style.color, linewidth=0)
@@ -272,7 +272,7 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ..
     distance = nominal(tree)["distance"].values
     for start, end, answer in winners(tree):
         best = tied(answer)
-        for order, key in enumerate(best):  # cameras that are alike share the bar
+        for order, key in enumerate(best):  # equally good cameras share the bar
             height = 0.9 / len(best)
             middle = row - 0.45 + (order + 0.5) * height
             color = by_key[key].style.color
@@ -290,7 +290,7 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ..
 
 
 def _crossovers(panels: tuple[Axes, Axes], edges: Sequence[float]) -> None:
-    """A vertical line wherever the best camera changes, with its distance above the panels."""
+    """Draw a vertical line wherever the best camera changes, with the distance above the panels."""
     for edge in edges:
         for axes in panels:
             axes.axvline(edge, color=INK, linewidth=0.6, linestyle=(0, (2, 2)), zorder=0.8, gid=DECLARED)

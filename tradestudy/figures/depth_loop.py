@@ -26,9 +26,9 @@ from tradestudy.results.views.groups import FloatArray, camera_titles, group, ha
 from tradestudy.units import significant
 from tradestudy.wording import listed, span
 
-_TOLERANCE = 0.1  # of the spread that a fitted matcher should predict at other distances
+_TOLERANCE = 0.1  # of the spread: how closely a fitted matcher should predict it at other distances
 _LARGEST_BIAS = 0.05  # px
-_MARGIN = 1.1  # by which the axis reaches beyond the planes
+_MARGIN = 1.1  # the axis reaches this factor beyond the planes
 _LARGEST_MARK = 6.5  # points
 _PANELS = {
     "Spread of depth": "of distance [%]",
@@ -59,7 +59,7 @@ def depth_loop_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 
 
 def _noise_words(tree: xr.DataTree) -> str:
-    """Smallest and largest spread of each camera, relative to noise alone."""
+    """The smallest and largest spread of each camera, relative to that from noise alone."""
     data, titles = group(tree, "depth_loop"), camera_titles(tree)
     words = []
     for key in data["camera"].values:
@@ -72,7 +72,7 @@ def _noise_words(tree: xr.DataTree) -> str:
 
 @styled()
 def draw_loop(tree: xr.DataTree) -> StudyFigure:
-    """Four panels over distance, every camera in its colour; several contrasts and lights side by side."""
+    """Draw four panels over distance, with a colour for each camera, and several contrasts and lights side by side."""
     data, titles = group(tree, "depth_loop"), camera_titles(tree)
     distance = data["distance"].values
     ends = float(distance[0]), float(distance[-1])
@@ -111,7 +111,7 @@ def _draw(panels: Sequence[Axes], one: xr.Dataset, order: int, label: str) -> It
     )
     scale = 100.0 / distance
     fitted = one["fitted"].values > 0.0
-    # What is drawn later is smaller, and what was not fitted is open, so that marks at one place are all seen.
+    # Later marks are smaller, and those not fitted are open, so that all marks at one place can be seen.
     size = max(_LARGEST_MARK - 1.5 * order, 3.0)
     for axes, (name, factor) in zip(panels, _values(scale), strict=True):
         values, errors = one[name].values * factor, one[f"{name}_error"].values * factor
@@ -132,6 +132,6 @@ def _draw(panels: Sequence[Axes], one: xr.Dataset, order: int, label: str) -> It
 
 
 def _values(scale: FloatArray) -> tuple[tuple[str, FloatArray], ...]:
-    """The variable of each panel, and what its values are multiplied by."""
+    """The variable that each panel shows, and the factor for its values."""
     same = np.ones_like(scale)
     return ("depth_spread", scale), ("depth_over_bound", same), ("over_matcher", same), ("depth_bias_px", same)

@@ -19,7 +19,7 @@ from tradestudy.wording import listed
 
 _MOST = 6  # cameras
 _LONGEST = 30
-_ERROR_SPREADS = 3.0  # spreads of the errors that the scale of an error map spans beyond their bias, to either side
+_ERROR_SPREADS = 3.0  # the scale of an error map spans the bias and this many spreads to either side
 
 
 def depth_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
@@ -63,7 +63,7 @@ def _error_words(tree: xr.DataTree) -> str:
 
 @styled()
 def draw_depth_maps(tree: xr.DataTree) -> StudyFigure:
-    """A row for each camera: sharp picture, measured depth on the scale of the true one, its error, hidden share."""
+    """Draw a row for each camera: sharp picture, depth on the scale of the true one, its error, hidden fraction."""
     data, titles = group(tree, "pictures"), camera_titles(tree)
     count = min(_MOST, data.sizes["mapped_camera"])
     near, far = ends_of_depth(data["true_depth"].values)
@@ -102,7 +102,7 @@ def draw_depth_maps(tree: xr.DataTree) -> StudyFigure:
 
 
 def _map(axes: Axes, values: FloatArray, ends: tuple[float, float], colors: str) -> ScalarMappable:
-    """Hatched where there is no value."""
+    """Draw a map, hatched where there is no value."""
     axes.set_facecolor(FAINT)
     axes.patch.set(hatch="////", edgecolor=SOFT)
     return axes.imshow(values, cmap=colors, vmin=ends[0], vmax=ends[1], interpolation="nearest")
@@ -110,7 +110,7 @@ def _map(axes: Axes, values: FloatArray, ends: tuple[float, float], colors: str)
 
 @styled()
 def draw_achieved(tree: xr.DataTree) -> StudyFigure:
-    """A panel for each camera."""
+    """Draw the errors of measured depth against true depth, with a panel for each camera."""
     data, titles = group(tree, "pictures"), camera_titles(tree)
     count = min(_MOST, data.sizes["mapped_camera"])
     columns = min(count, 2)
@@ -134,7 +134,7 @@ def draw_achieved(tree: xr.DataTree) -> StudyFigure:
         axes.fill_between(distance, -predicted, predicted, color=style.color, alpha=0.18, linewidth=0.0)
         axes.errorbar(distance, bias, yerr=spread, fmt="none", ecolor=style.color, elinewidth=0.8, capsize=2.5)
         error = one["class_bias_error"].values * 1e3
-        look = {"fmt": style.marker, "color": style.color, "label": "mean error"}
+        look = {"fmt": style.marker, "color": style.color, "label": "median error"}
         axes.errorbar(distance, bias, yerr=error, elinewidth=2.4, markersize=4, **look)
         axes.set_xlabel("true depth [mm]")
         axes.set_ylabel("error of depth [mm]")

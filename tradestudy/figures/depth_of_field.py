@@ -38,7 +38,7 @@ from tradestudy.units import LENGTH, PIXELS, pretty
 
 
 def focus_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
-    """The bars and the curves of resolution."""
+    """The bars of depth of field and the curves of lateral resolution."""
     yield Drawing(
         name="depth-of-field",
         caption="What each camera keeps sharp, measured from its principal plane: "
@@ -100,12 +100,12 @@ def _resolution_words(tree: xr.DataTree) -> str:
 MM = 1e3
 _ROW = 0.27  # inches
 _SCENE = "#F5E7B8"
-_SHADES = (1.0, 0.6)  # of neighbouring slices
+_SHADES = (1.0, 0.6)  # neighbouring slices alternate
 
 
 @styled()
 def draw_depth_of_field(tree: xr.DataTree) -> StudyFigure:
-    """One row per camera: what the headline criterion keeps sharp, slice by slice, over what is resolved alike."""
+    """Draw one row per camera: slices sharp by the first criterion, above where it resolves a detail of equal size."""
     data, shown = by_first_criterion(tree), all_traces(tree)
     distance = np.asarray(data["distance"].values, dtype=np.float64) * MM
     figure = new_figure(0.95 + _ROW * len(shown))
@@ -139,14 +139,14 @@ def _scene_band(axes: Axes, data: xr.Dataset) -> None:
 
 
 def _clipped(axes: Axes, stretch: tuple[float, float]) -> tuple[float, float] | None:
-    """A stretch in millimetres, inside the panel; None where nothing of it is."""
+    """The part of a stretch that lies in the panel, in millimetres; None if no part does."""
     first, last = axes.get_xlim()
     near, far = max(stretch[0] * MM, first), min(stretch[1] * MM, last)
     return (near, far) if near < far else None
 
 
 def _slices(axes: Axes, slices: tuple[tuple[float, float], ...], row: int, camera: CameraTrace) -> None:
-    """The slices of one camera, neighbours in different shades."""
+    """Draw the slices of one camera, neighbours in different shades."""
     for number, stretch in enumerate(slices):
         if (inside := _clipped(axes, stretch)) is not None:
             near, far = inside
@@ -155,7 +155,7 @@ def _slices(axes: Axes, slices: tuple[tuple[float, float], ...], row: int, camer
 
 
 def _far_end(axes: Axes, sharp: tuple[tuple[float, float], ...], row: int, camera: CameraTrace) -> None:
-    """Name the far end of what is sharp where it lies beyond the panel."""
+    """Write the far end of what is sharp if it lies beyond the panel."""
     last = axes.get_xlim()[1]
     for near, far in sharp:
         if near * MM < last < far * MM:
@@ -173,14 +173,14 @@ def _far_end(axes: Axes, sharp: tuple[tuple[float, float], ...], row: int, camer
 
 
 def _lines(axes: Axes, stretches: tuple[tuple[float, float], ...], height: float, **style: Any) -> None:
-    """A line over each stretch, as far as it is inside the panel."""
+    """Draw the part of each stretch that lies in the panel as a line."""
     for stretch in stretches:
         if (inside := _clipped(axes, stretch)) is not None:
             axes.plot(inside, [height] * 2, color=INK, **style)
 
 
 def _resolution_beside(axes: Axes, data: xr.Dataset, shown: tuple[CameraTrace, ...]) -> None:
-    """What each camera resolves on the scene, at the right of its row."""
+    """Write what each camera resolves on the scene, to the right of its row."""
     for row, camera in enumerate(shown):
         share = float(data["scene_share"].sel(camera=camera.key))
         text = pretty(float(data["scene_resolution"].sel(camera=camera.key)), LENGTH) if share > 0 else "–"
@@ -212,7 +212,7 @@ def _resolution_beside(axes: Axes, data: xr.Dataset, shown: tuple[CameraTrace, .
 
 @styled()
 def draw_lateral_resolution(tree: xr.DataTree) -> StudyFigure:
-    """Size of detail that each camera resolves, log–log, bold where it is sharp by the headline criterion."""
+    """Draw the size of detail that each camera resolves, log–log, bold where it is sharp by the first criterion."""
     data, shown = by_first_criterion(tree), all_traces(tree)
     distance = np.asarray(data["distance"].values, dtype=np.float64)
     figure = new_figure(3.9)
@@ -259,7 +259,7 @@ def _inside(distance: FloatArray, where: tuple[tuple[float, float], ...]) -> Any
 
 
 def _size_limits(size: FloatArray) -> tuple[float, float]:
-    """Three decades up from the finest detail, or less."""
+    """Limits from below the finest detail up to the coarsest, at most three decades above."""
     finite = size[np.isfinite(size) & (size > 0.0)]
     if not finite.size:
         return 1e-3, 1.0

@@ -1,4 +1,4 @@
-"""A figure: its name, what it shows in words, how to draw it, and, once drawn, what its panels show."""
+"""A figure: its name, its description in words, how to draw it, and, once drawn, the content of its panels."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ValueTable:
-    """Numbers that a figure shows other than by curves, whose values pages read from :class:`Curve`. Literal texts."""
+    """The numbers behind bars, arrows, maps or pictures, as literal texts; :class:`Curve` has those behind curves."""
 
     caption: str
     columns: tuple[str, ...]
@@ -21,20 +21,20 @@ class ValueTable:
 
 @dataclass(frozen=True, kw_only=True)
 class Drawing:
-    """One figure of a report.
+    """One figure of a report; captions and alternative texts are literal.
 
     Parameters
     ----------
     name
-        Of the file and of references to it.
+        Name of its file, and of references to it.
     caption
-        What is drawn and how to read it. Literal text.
+        What it shows and how to read it.
     alt
-        What a person who sees the figure would notice, with its numbers. Literal text.
+        What a person who sees the figure would notice, with numbers.
     draw
-        Makes the figure.
+        Draws the figure.
     values
-        Makes the tables of a figure with bars, arrows, maps or pictures.
+        Makes the tables of numbers of a figure with bars, arrows, maps or pictures.
     """
 
     name: str
@@ -51,13 +51,13 @@ class Scale:
     Parameters
     ----------
     kind
-        "linear", "log" or "symlog"; linear within ``linear_within`` of 0.
+        "linear", "log" or "symlog", which is linear within ``linear_within`` of 0.
     low, high
-        Its ends, in data units.
+        Its ends, in the units of the data.
     label, unit, factor
-        Its name without the unit, the unit, and what a data value is multiplied by to be in that unit.
+        Its name, its unit, and the factor that converts data to that unit.
     names
-        What stands at a value instead of a number.
+        The words that label some values instead of numbers.
     """
 
     kind: str
@@ -72,22 +72,22 @@ class Scale:
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """What one artist shows.
+    """What one artist of matplotlib shows.
 
     Parameters
     ----------
     id
-        Of its group in the SVG.
+        Identifier of its group in the SVG.
     kind
-        "line", "points", "band" (from `y` up to `top`) or "shape", whose data are not shown.
+        "line", "points", "band" (from `y` up to `top`), or "shape", which has no data to show.
     label
-        Whose curve it is: a camera, a part; artists of one label are switched together.
+        Whose curve it is, such as a camera's or an error source's. Pages show or hide all artists of a label together.
     name
-        The variable of the results and the camera, as the artist's `gid` says: ``depth_uncertainty/stereo``.
+        The variable of the results and the camera, from the artist's `gid`: ``depth_uncertainty/stereo``.
     color
         As ``#rrggbb``.
     x, y, top
-        Data, as bytes of little-endian doubles; empty where the kind has none.
+        Data, as bytes of little-endian doubles; empty where a kind has none.
     """
 
     id: str
@@ -102,9 +102,9 @@ class Curve:
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """One pair of axes, its `box` (left, top, right, bottom) in the units of the SVG.
+    """One pair of axes, with its `box` (left, top, right, bottom) in the units of the SVG.
 
-    `anchors` are texts placed at data coordinates, by the identifiers of their groups: whether they move with x and y.
+    `anchors` lists texts placed at data coordinates: the identifier of each, and whether it moves along x and along y.
     """
 
     id: str
@@ -118,7 +118,7 @@ class Panel:
 
 @dataclass(frozen=True, kw_only=True)
 class Plotted:
-    """A drawn figure and what can be read in its panels."""
+    """A drawn figure and the content of its panels."""
 
     svg: bytes
     panels: tuple[Panel, ...] = ()

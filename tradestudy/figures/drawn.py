@@ -1,4 +1,4 @@
-"""The figures and the file of a results tree, made here or by a second interpreter, which begins earlier."""
+"""Draw the figures and encode the file of a results tree, here or in a second interpreter that starts early."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from tradestudy.results import storage
 if TYPE_CHECKING:
     import xarray as xr
 
-# The second interpreter finds what this one finds, wherever it is started, except dask: xarray would load it, for half
-# a second, only to ask whether arrays are of its kind.
+# The second interpreter imports from the same places as this one. It does not see dask: xarray would spend half a
+# second on loading dask, only to check whether an array is a dask array.
 _CODE: Final = (
     "import sys; sys.path[:] = sys.argv[1:]; sys.modules['dask'] = None; "
     "from tradestudy.figures.drawn import serve; serve()"
@@ -31,7 +31,7 @@ _CODE: Final = (
 
 
 def drawn_here(drawings: Mapping[str, Drawing]) -> Mapping[str, Plotted]:
-    """Draw figures, by name."""
+    """Draw figures in this interpreter; they keep their names."""
     from tradestudy.figures.plotted import plotted
 
     return {name: plotted(drawing.draw()) for name, drawing in drawings.items()}
@@ -39,20 +39,20 @@ def drawn_here(drawings: Mapping[str, Drawing]) -> Mapping[str, Plotted]:
 
 @dataclass(frozen=True)
 class Drawer:
-    """A second interpreter that writes the file of results and draws their figures; the same bytes."""
+    """A second interpreter, which encodes results as a file and draws their figures with the same bytes as this one."""
 
     tasks: IO[bytes]
     answers: IO[bytes]
 
     def begin(self, tree: xr.DataTree, *, filed: bool = False) -> SharedDrawing:
-        """Hand the results over; from now on, their figures are drawn, after their file if it is asked for."""
+        """Hand the results over: the second interpreter starts to draw their figures, after the file if `filed`."""
         return SharedDrawing(self, tree, filed=filed)
 
 
 class SharedDrawing:
-    """Figures that a second interpreter draws from the first on, and this one, once asked for them, from the last.
+    """Figures that two interpreters draw: the second one from the first figure on, this one, when asked, from the last.
 
-    `asking` is the thread that has the other draw; it ends when no figure is left or the other has died.
+    The thread `asking` gives figures to the second interpreter; it ends when none is left or that interpreter has died.
     """
 
     def __init__(self, drawer: Drawer, tree: xr.DataTree, *, filed: bool) -> None:
@@ -66,14 +66,14 @@ class SharedDrawing:
         self.asking.start()
 
     def file(self) -> bytes:
-        """Take the content of ``results.nc``, which is written here if the other interpreter has died."""
+        """Take the content of ``results.nc``, encoded here if the second interpreter has died."""
         try:
             return self._file.result()
         except CancelledError:
             return storage.encoded(self._tree)
 
     def pictures(self, drawings: Mapping[str, Drawing]) -> Mapping[str, Plotted]:
-        """Take the drawn figures, by name; what the other interpreter has not begun, or not finished, is drawn here."""
+        """Take the drawn figures, by name; those that the second interpreter has not finished are drawn here."""
         self._listed.wait()
         for name in _taken(self._left.pop):
             self._drawn |= drawn_here({name: drawings[name]})
@@ -84,7 +84,7 @@ class SharedDrawing:
     def _ask(self, results: bytes, *, filed: bool) -> None:
         tasks, answers = self._drawer.tasks, self._drawer.answers
         try:
-            # It has died, or the run has ended and closed the pipes.
+            # The second interpreter may have died, or the run may have ended and closed the pipes.
             with suppress(EOFError, OSError, ValueError, pickle.UnpicklingError):
                 _send(results, tasks)
                 self._left.extend(pickle.load(answers))
@@ -101,7 +101,7 @@ class SharedDrawing:
 
 
 def _taken(take: Callable[[], str]) -> Iterator[str]:
-    """Take one after the other until there is none."""
+    """Take names, one after the other, until none is left."""
     with suppress(IndexError):
         while True:
             yield take()
@@ -114,10 +114,10 @@ def _send(pickled: bytes, pipe: IO[bytes]) -> None:
 
 @contextmanager
 def drawer() -> Iterator[Drawer]:
-    """Start a second interpreter, which loads what drawing takes and waits for results; at the end it is stopped.
+    """Start a second interpreter, which loads the libraries for drawing and waits for results; stop it at the end.
 
-    It is no process of `multiprocessing`, which would run the script of a user again that does not ask for
-    ``__name__ == "__main__"``.
+    It is not a process of `multiprocessing`, which would run a user's script a second time if that lacks the guard
+    ``if __name__ == "__main__"``.
     """
     process = subprocess.Popen(
         [sys.executable, "-P", "-c", _CODE, *sys.path],
@@ -131,32 +131,32 @@ def drawer() -> Iterator[Drawer]:
         yield Drawer(process.stdin, process.stdout)
     finally:
         process.kill()
-        with suppress(OSError):  # what it no longer accepted
+        with suppress(OSError):  # data that the dead interpreter did not accept
             process.stdin.close()
         process.stdout.close()
         process.wait()
 
 
 def serve() -> None:
-    """What the second interpreter does: take results, list their figures, make what it is asked for."""
+    """Run the second interpreter: receive results, list their figures, and make the figures and files asked for."""
     gc.set_threshold(20_000, 20, 20)  # as the program itself does
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to all; the run ends this process itself
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches both processes; the run ends this one
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # anything else printed is not an answer
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # anything that libraries print must not look like an answer
     import xarray as xr
 
     from tradestudy.figures.gallery import all_drawings
     from tradestudy.figures.style import new_figure
 
-    # The libraries load more with their first use, before there are results.
+    # Libraries load more modules when first used; do that before there are results.
     first = new_figure(1.0)
     first.subplots()
     first.svg()
     one = xr.DataArray([0.0], {"place": [0.0]}, name="one")
     one.sel(place=0.0)
     storage.encoded(xr.DataTree(one.to_dataset()))
-    gc.freeze()  # what is loaded stays: nobody need look through it again and again
-    with suppress(EOFError), answers:  # the run takes no more
+    gc.freeze()  # exempt loaded modules from garbage collection: they stay anyway
+    with suppress(EOFError), answers:  # the run has closed the pipes
         tree = pickle.load(sys.stdin.buffer)
         drawings = all_drawings(tree)
         _send(pickle.dumps(list(drawings)), answers)

@@ -1,4 +1,4 @@
-"""The font of all figures, which reports use too, and which characters it has."""
+"""The font of all figures and reports, and the characters that it has."""
 
 from __future__ import annotations
 

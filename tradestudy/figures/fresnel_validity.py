@@ -1,4 +1,4 @@
-"""Fresnel against Kirchhoff: error against f-number, criteria that predict it, and the printed criterion."""
+"""Fresnel against Kirchhoff: error over f-number, criteria that predict it, and the criterion printed in the paper."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tradestudy.results.views.groups import FloatArray
 from tradestudy.results.views.wave_optics import element_title, middle_window, published_place
 from tradestudy.units import FRACTION, LENGTH, NUMBER, pretty, significant
 
-_ROOM = 1.4  # times beyond the largest and the least error
+_ROOM = 1.4  # an axis ends at this factor beyond the largest and the smallest error
 _ZEROS = {"first": "smaller zero", "second": "larger zero"}  # of eq. 27
 _F_NUMBERS = (1, 1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22, 32, 45, 64)
 _PERCENT = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 300, 1000, 3000, 10000)
@@ -58,7 +58,7 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     )
     yield Drawing(
         name="fresnel_criteria",
-        caption="Minimum f-number at which Fresnel should be good enough: closed-form criteria, each over the "
+        caption="Minimum f-number for Fresnel's approximation: closed-form criteria, each over the "
         f"wavelengths of the study, and the f-number from which the measured error (as above, parabolic phase) stays "
         f"below {pretty(data.attrs['error_limit'], FRACTION)}. Diamonds: as printed in the paper. Dotted: the "
         "camera's f-number.",
@@ -100,7 +100,7 @@ def _words(data: xr.Dataset) -> str:
 
 @styled()
 def draw_fresnel_error(tree: xr.DataTree) -> StudyFigure:
-    """Error against f-number; a column per lens, a second row for the point off axis."""
+    """Draw error against f-number, with a column per lens, and a second row for the point off the axis."""
     data = tree["fresnel_validity"].to_dataset()
     rows = 2 if "off_axis_error" in data else 1
     elements = [str(name) for name in data["element"].values]
@@ -128,7 +128,7 @@ def draw_fresnel_error(tree: xr.DataTree) -> StudyFigure:
 
 
 def _error_panel(axes: Axes, data: xr.Dataset, element: str, error: xr.DataArray, is_on_axis: bool) -> list[NamedCurve]:
-    """Lines over f-number, one per lens phase; bands where the error has a wavelength dimension."""
+    """Draw one line per lens phase over f-number; a band where the error has a wavelength dimension."""
     f_number = np.asarray(data["f_number"].values, dtype=float)
     _f_number_axis(axes, f_number)
     axes.set_yscale("log")
@@ -180,7 +180,7 @@ def _error_panel(axes: Axes, data: xr.Dataset, element: str, error: xr.DataArray
 
 
 def _mark_camera(axes: Axes, data: xr.Dataset, element: str) -> None:
-    """The f-number of the camera as a dotted line."""
+    """Draw the f-number of the camera as a dotted line."""
     camera = float(data["camera_f_number"].sel(element=element))
     axes.axvline(camera, color=SOFT, linewidth=0.9, linestyle=(0, (1, 1.5)))
 
@@ -194,7 +194,7 @@ def _f_number_axis(axes: Axes, inside: FloatArray) -> None:
 
 
 def _criteria(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, bool]]:
-    """Every criterion with its f-numbers over the wavelengths, and whether it was measured."""
+    """List every criterion with its f-numbers over the wavelengths, and whether they were measured."""
     one = data.sel(element=element)
 
     def of(name: str, **where: Any) -> FloatArray:
@@ -221,7 +221,7 @@ def _criteria(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, boo
 
 @styled()
 def draw_fresnel_criteria(tree: xr.DataTree) -> StudyFigure:
-    """One row per criterion, a bar over the wavelengths; arrows where the range leaves the axis."""
+    """Draw one row per criterion: a bar over the wavelengths, with an arrow where it leaves the axis."""
     data = tree["fresnel_validity"].to_dataset()
     elements = [str(name) for name in data["element"].values]
     names = [name for name, _, _ in _criteria(data, elements[0])]
@@ -243,7 +243,7 @@ def _criteria_panel(axes: Axes, data: xr.Dataset, element: str) -> None:
     _mark_camera(axes, data, element)
     for row, (_, values, measured) in enumerate(_criteria(data, element)):
         color = line_style(0).color if measured else (line_style(1).color if row < 2 else SOFT)
-        if np.all(values == 0):  # below the limit wherever it was compared
+        if np.all(values == 0):  # below the limit at every f-number compared
             axes.annotate(
                 "", (low, row), xytext=(float(f_number[0]), row), arrowprops={"arrowstyle": "->", "color": color}
             )
@@ -282,7 +282,7 @@ def _zero_tables(data: xr.Dataset) -> Tables:
 
 
 def _ends_words(values: FloatArray) -> str:
-    """The ends of a range of f-numbers; 0 where even the smallest compared one is good enough."""
+    """Write the ends of a range of f-numbers; 0 stands for a smallest compared one that is already large enough."""
     low, high = (pretty(float(end), NUMBER) if end > 0.0 else "below all" for end in (values.min(), values.max()))
     return low if low == high else f"{low} to {high}"
 
@@ -302,7 +302,7 @@ def _criteria_words(data: xr.Dataset) -> str:
 
 @styled()
 def draw_paper_eq27(tree: xr.DataTree) -> StudyFigure:
-    """Both zeros over one quarter-wave period; two panels per lens would hide that they are one criterion."""
+    """Draw both zeros over one quarter-wave period, in one panel per lens, since they belong to one criterion."""
     data = tree["fresnel_validity"].to_dataset()
     elements = [str(name) for name in data["element"].values]
     figure = new_figure(2.9)

@@ -1,4 +1,4 @@
-"""Figures that a results tree allows, in the order of a report, with captions and alt texts."""
+"""The figures that a results tree allows, in the order of a report, with captions and alt texts."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ from tradestudy.figures.value_tables import reading_tables
 from tradestudy.figures.worths import worths_drawing
 from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners
 from tradestudy.results.views.depth import field_words, largest_parts, nominal, of_camera, swept, where_usable
-from tradestudy.results.views.designs import design_words, path_words
-from tradestudy.results.views.groups import camera_titles
+from tradestudy.results.views.designs import design_words, parameter_words
+from tradestudy.results.views.groups import camera_titles, has
 from tradestudy.units import LENGTH, pretty, significant
-from tradestudy.wording import counted, distance, listed, span
+from tradestudy.wording import counted, distance, in_words, listed, span
 
-CLOSE_RANGE_ENDS = 1.0  # m: the paper's figure 8 ends and its figure 9 begins here
-_NEAR_ZERO = 0.1  # of the farthest distance: an axis that begins nearer than this may begin at the camera
+CLOSE_RANGE_ENDS = 1.0  # m: where the paper's figure 8 ends and its figure 9 begins
+_NEAR_ZERO = 0.1  # of the farthest distance: an axis that would begin nearer begins at the camera
 
 
 def all_drawings(tree: xr.DataTree) -> Mapping[str, Drawing]:
-    """Every figure that the groups of `tree` allow, by name, in the order of a report."""
+    """List every figure that the groups of `tree` allow, by name, in the order of a report."""
     return {drawing.name: drawing for drawing in _all(tree)}
 
 
@@ -70,7 +70,7 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
         yield worth
     if (ranks := rank_drawing(tree)) is not None:
         yield ranks
-    if "decision" in tree.children and "uncertainty_ratio" in tree["decision"]:
+    if has(tree, "decision", "uncertainty_ratio") and tree["decision"].sizes["reading"] > 1:
         yield _readings(tree)
     yield from calibration_drawings(tree)
     if "fresnel_validity" in tree.children:
@@ -107,7 +107,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
 
 
 def _design_words(tree: xr.DataTree) -> str:
-    """Which of the swept designs the curves show; empty without a sweep."""
+    """Say which of the swept designs the curves show; empty without a sweep."""
     depth = nominal(tree)
     if not (names := swept(tree["depth"].to_dataset())):
         return ""
@@ -116,7 +116,7 @@ def _design_words(tree: xr.DataTree) -> str:
 
 
 def _usable_words(depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> str:
-    """Where each camera is usable, in one sentence each."""
+    """Say where each camera is usable, in one sentence per camera."""
     where = [" and ".join(span(a, b) for a, b in where_usable(depth, camera.key)) for camera in shown]
     return "".join(
         f"{camera.title}: usable {places or 'nowhere'}. " for camera, places in zip(shown, where, strict=True)
@@ -158,7 +158,7 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Dr
 
 
 def _values_at(tree: xr.DataTree, shown: tuple[CameraTrace, ...], place: float) -> str:
-    """At a declared distance the values of the table, elsewhere those of the nearest computed one, which is named."""
+    """The uncertainty of each camera at a declared distance, or at the nearest computed one, which is named."""
     depth = nominal(tree)
     if "depth_at_places" in tree.children:
         declared = tree["depth_at_places"].to_dataset()
@@ -171,7 +171,7 @@ def _values_at(tree: xr.DataTree, shown: tuple[CameraTrace, ...], place: float) 
 
 def _shares(tree: xr.DataTree) -> Drawing:
     every, shown = variance_shares.largest_shares(nominal(tree)), variance_shares.shown_parts(nominal(tree))
-    silent = listed([name.replace("_", " ") for name, most in every.items() if most >= 0.0 and name not in shown])
+    silent = listed([in_words(name) for name, most in every.items() if most >= 0.0 and name not in shown])
     return Drawing(
         name="variance_shares",
         caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: they "
@@ -185,7 +185,7 @@ def _shares(tree: xr.DataTree) -> Drawing:
 
 
 def _largest_shares(tree: xr.DataTree) -> str:
-    """The part with the largest share of the variance, and where that changes, for every camera."""
+    """Name, for every camera, the part with the largest share of the variance, and where that changes."""
     depth = nominal(tree)
     distances = np.asarray(depth["distance"].values, dtype=np.float64).tolist()
     sentences = []
@@ -257,7 +257,7 @@ def _readings(tree: xr.DataTree) -> Drawing:
 
 
 def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
-    names = listed([path_words(tree, name) for name in swept(tree["depth"].to_dataset())])
+    names = parameter_words(tree, swept(tree["depth"].to_dataset()))
     place, why = distance(sweeps.reference_distance(tree)), sweeps.why_this_distance(tree)
     if moved := sweeps.moved_cameras(tree):
         yield Drawing(
@@ -269,7 +269,7 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
             values=partial(sweeps.map_tables, tree),
         )
     if not any(len(points) for points in sweeps.usable_designs(tree).values()):
-        return  # logarithmic axes need a point
+        return  # a logarithmic axis needs at least one point
     yield Drawing(
         name="pareto",
         caption=f"All designs usable at {place}: nearest usable distance against depth uncertainty at "
@@ -280,7 +280,7 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
 
 
 def _swept_words(tree: xr.DataTree, camera: str) -> str:
-    """The least and the largest uncertainty of a camera over the designs, at the distance of the map."""
+    """The smallest and the largest uncertainty of a camera over the designs, at the distance of the map."""
     there = tree["depth"].to_dataset().sel(distance=sweeps.reference_distance(tree), method="nearest")
     values = there["depth_uncertainty"].sel(camera=camera).values
     finite = values[np.isfinite(values)]
@@ -288,7 +288,7 @@ def _swept_words(tree: xr.DataTree, camera: str) -> str:
 
 
 def _frontier_words(tree: xr.DataTree) -> str:
-    """How many designs of each camera take part, and the ends of the frontier."""
+    """Say how many designs each camera has on the chart, and where the frontier ends."""
     clouds = sweeps.usable_designs(tree)
     titles = camera_titles(tree)
     counts = ", ".join(f"{titles[key]} {counted(len(points), 'design')}" for key, points in clouds.items())

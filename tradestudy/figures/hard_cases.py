@@ -1,4 +1,4 @@
-"""Hard cases: the error of the usual formula against the program's, one mark per case."""
+"""Hard cases: the error of the usual formula against that of this program, with one mark per case."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tradestudy.figures.style import (
 )
 from tradestudy.results.views.groups import FloatArray
 
-# Errors live between these powers of ten; an exact value and a wrong infinity have places of their own beside them.
+# Errors lie between these powers of ten; exact values and wrong infinities have places of their own beside them.
 _LOWEST, _HIGHEST = -18.0, 4.0
 _EXACT, _WRONG = -20.0, 6.0
 _TICKS = (-12, 0)
@@ -49,7 +49,7 @@ def hard_cases_drawing(tree: xr.DataTree) -> Drawing:
 
 @styled()
 def draw_hard_cases(tree: xr.DataTree) -> StudyFigure:
-    """The program's error against that of the usual formula, a panel for each family of cases."""
+    """Draw the program's error against that of the usual formula, with a panel for each family of cases."""
     data = tree["hard_cases"].to_dataset()
     data = data.isel(case=np.flatnonzero(~data["outcome"].values.astype(bool)))
     families = list(dict.fromkeys(str(name) for name in data["family_title"].values))
@@ -65,7 +65,7 @@ def draw_hard_cases(tree: xr.DataTree) -> StudyFigure:
         axes.set_title(family, fontsize=PANEL_TITLE)
     for axes in grid.flat[len(families) :]:
         axes.set_visible(False)
-    for axes in grid.flat[: len(families)][-PANELS_IN_A_ROW:]:  # the lowest of each column
+    for axes in grid.flat[: len(families)][-PANELS_IN_A_ROW:]:  # only the lowest panel of each column
         axes.tick_params(labelbottom=True)
     figure.supxlabel("relative error of the usual formula", fontsize="medium")
     figure.supylabel("relative error of this program", fontsize="medium")
@@ -73,7 +73,7 @@ def draw_hard_cases(tree: xr.DataTree) -> StudyFigure:
 
 
 def _frame(axes: Axes) -> None:
-    """Axes of powers of ten with a place for exact and one for wrong."""
+    """Label axes with powers of ten, and places for exact and for wrong values."""
     ticks = [_EXACT, *_TICKS, _WRONG]
     labels = ["exact", *(f"10{str(t).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}" for t in _TICKS), "wrong"]
     labels[labels.index("10⁰")] = "1"
@@ -88,6 +88,6 @@ def _frame(axes: Axes) -> None:
 
 
 def _placed(error: FloatArray) -> FloatArray:
-    """Powers of ten; zero and infinity at their own places."""
+    """The exponents of errors; zero and infinity have places of their own."""
     power = np.clip(np.log10(np.where((error > 0.0) & np.isfinite(error), error, 1.0)), _LOWEST, _HIGHEST)
     return np.where(error == 0.0, _EXACT, np.where(np.isfinite(error), power, _WRONG))

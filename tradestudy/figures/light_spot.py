@@ -1,4 +1,4 @@
-"""The light spot by every method side by side, and the spread of single points."""
+"""The light spot by every method, side by side, and the spread of single points."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from tradestudy.results.views.groups import FloatArray
 from tradestudy.results.views.wave_optics import element_title, reference_method
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
 
-_DARKEST = 1e-4  # of the cut
+_DARKEST = 1e-4  # decades of the cut
 _SPREADS = {
     "half_energy_radius": "half the light",
     "energy_radius_80": "80 % of the light",
@@ -90,7 +90,7 @@ def _image_words(data: xr.Dataset, reference: str) -> str:
 
 @styled()
 def draw_light_spot(tree: xr.DataTree) -> StudyFigure:
-    """Images above, signed differences from the reference below them, and a cut through all at the foot."""
+    """Draw the images, below them their signed differences from the reference, and at the foot a cut through all."""
     data = tree["images"].to_dataset()
     reference = reference_method(data)
     others = [str(name) for name in data["propagator"].values if name != reference]
@@ -127,7 +127,7 @@ def _scale(figure: StudyFigure, shown: AxesImage, place: SubplotSpec, label: str
 
 
 def _picture(axes: Axes, data: xr.Dataset, values: FloatArray, colors: str, low: float, high: float) -> AxesImage:
-    """One image in micrometres with the edges of the microlens cells."""
+    """Draw one image in micrometres with the edges of the microlens cells."""
     x, y = (np.asarray(data[name].values, dtype=float) * 1e6 for name in ("column", "row"))
     step = (x[1] - x[0]) / 2
     extent = (x[0] - step, x[-1] + step, y[0] - step, y[-1] + step)
@@ -154,7 +154,7 @@ def _cells(data: xr.Dataset) -> list[FloatArray]:
 
 
 def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
-    """Light along the middle row of pixels, over four decades: where rays leave it dark, waves do not."""
+    """Draw the light along the middle row of pixels over four decades, down to where only waves reach."""
     x = np.asarray(data["column"].values, dtype=float) * 1e6
     middle = data.sizes["row"] // 2
     top = float(data["image"].sel(propagator=methods[-1]).max())
@@ -183,7 +183,7 @@ def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
 
 @styled()
 def draw_point_spread(tree: xr.DataTree) -> StudyFigure:
-    """Widths against each varied quantity; a row per lens."""
+    """Draw widths against each varied quantity, with a row per lens."""
     data = tree["point_spread"].to_dataset()
     elements, varied = ([str(v) for v in data[name].values] for name in ("element", "varied"))
     figure = new_figure(0.5 + 1.9 * len(elements))
@@ -201,7 +201,7 @@ def draw_point_spread(tree: xr.DataTree) -> StudyFigure:
 
 
 def _widths(data: xr.Dataset, scale: float) -> Iterator[NamedCurve]:
-    """The curves of a panel by Kirchhoff."""
+    """Draw the curves of a panel by Kirchhoff's integral."""
     place = scale * np.asarray(data["value"].values, dtype=float)
     for order, (name, words) in enumerate(_SPREADS.items()):
         values = 1e6 * np.asarray(data[name].sel(propagator="kirchhoff").values, dtype=float)
@@ -233,7 +233,7 @@ def _spread_panel(axes: Axes, data: xr.Dataset, scale: float) -> None:
 
 
 def _spread_words(data: xr.Dataset) -> str:
-    """Half-energy radius and Strehl ratio of every lens as declared."""
+    """The half-energy radius and Strehl ratio of every lens as declared, in words."""
     sentences = []
     for element in data["element"].values:
         one = data.sel(element=element, varied="f_number")

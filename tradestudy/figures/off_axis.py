@@ -31,7 +31,7 @@ MM = 1e3
 
 @styled()
 def draw_off_axis(tree: xr.DataTree) -> StudyFigure:
-    """Depth uncertainty against distance on the axis (thick) and at every declared place in the field."""
+    """Draw depth uncertainty against distance on the axis (thick) and at every declared field position."""
     depth, off, shown = nominal(tree), group(tree, "depth_field"), traces(tree)
     fields = [float(field) for field in off["field"].values]
     figure = new_figure(0.7 + 1.6 * -(-len(shown) // PANELS_IN_A_ROW))
@@ -49,7 +49,7 @@ def draw_off_axis(tree: xr.DataTree) -> StudyFigure:
 
 
 def _limits(depth: xr.Dataset) -> tuple[float, float]:
-    """Limits [mm] that contain the known values on the axis, up to the farthest distance itself."""
+    """Limits [mm] that contain the known values on the axis, up to the farthest distance."""
     values = np.asarray(depth["depth_uncertainty"].values, dtype=np.float64)
     values = values[np.isfinite(values) & (values > 0.0)] * MM
     if not values.size:

@@ -43,16 +43,16 @@ _LONGEST_LABEL: Final = 90
 def overlay_drawing(
     trees: Sequence[xr.DataTree], labels: Sequence[str], cameras: Sequence[str], design: Mapping[str, Any], said: str
 ) -> Drawing:
-    """The figure that overlays the curves of several runs.
+    """Describe the figure that overlays the curves of several runs.
 
     Parameters
     ----------
     trees, labels
-        Results of each run, and what to call it.
+        Results and name of each run.
     cameras
-        Keys of the cameras to draw, of which every run has all; the first six are drawn.
+        Keys of the cameras to draw, which every run must have; only the first six are drawn.
     design
-        Swept values to draw, by path; others are drawn as declared.
+        Values of the swept parameters to draw, by path; other parameters are as declared.
     said
         What differs, in words.
     """
@@ -85,7 +85,7 @@ def _swept(tree: xr.DataTree) -> tuple[str, ...]:
 
 
 def _of_design(tree: xr.DataTree, design: Mapping[str, Any]) -> xr.Dataset:
-    """Depth of one design; everything that it does not name is as declared."""
+    """The depth of one design; parameters that it does not name are as declared."""
     declared = nominal(tree)
     return group(tree, "depth").sel({path: design.get(path, declared[path].item()) for path in _swept(tree)})
 
@@ -97,7 +97,7 @@ def draw_overlay(
     shown: Sequence[CameraTrace],
     design: Mapping[str, Any],
 ) -> StudyFigure:
-    """One colour for each camera, named at the ends of its curves; the first run solid, each other dashed."""
+    """Draw one colour for each camera, named at the ends of its curves; the first run is solid, others are dashed."""
     depths = [where_measured(_of_design(tree, design)) for tree in trees]
     figure = new_figure(3.6)
     axes = figure.subplots()
@@ -116,7 +116,7 @@ def draw_overlay(
     for order, (depth, curves) in enumerate(zip(depths, drawn, strict=True)):
         for camera, uncertainty in zip(shown, curves, strict=True):
             style = replace(camera.style, dash=line_style(order).dash)
-            # Later runs lie on the first, which is wider, so that equal curves show both.
+            # The first run is wider and lies below the others, so that both of two equal curves show.
             draw_curve(axes, depth, replace(camera, style=style), uncertainty, under=int(order == 0))
     grid = np.geomspace(*ends)
     every = [

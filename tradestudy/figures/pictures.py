@@ -1,4 +1,4 @@
-"""Pictures of the scene: the first of each camera in full, a detail of it, and its true depth."""
+"""Pictures of the scene: each camera's first picture in full, a detail of it, and its true depth."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tradestudy.wording import distance, listed
 
 _MOST = 6  # cameras
 _LONGEST = 34
-_BRIGHT = 99.5  # per cent of the pixels that are no brighter than white
+_BRIGHT = 99.5  # the percentile of brightness that is drawn white
 
 
 def pictures_drawing(tree: xr.DataTree) -> Drawing | None:
@@ -38,7 +38,7 @@ def pictures_drawing(tree: xr.DataTree) -> Drawing | None:
 
 @styled()
 def draw_pictures(tree: xr.DataTree) -> StudyFigure:
-    """A row for each camera: its first picture, the middle of it, and true depth on one scale for all."""
+    """Draw a row for each camera: its first picture, the middle of it, and true depth on one scale for all."""
     data, titles = group(tree, "pictures"), camera_titles(tree)
     shown = _first_of_each(data)
     depth = data["true_depth"].values
@@ -59,7 +59,7 @@ def draw_pictures(tree: xr.DataTree) -> StudyFigure:
 
 
 def _first_of_each(data: xr.Dataset) -> list[int]:
-    """The first picture of each camera."""
+    """Where the first picture of each camera is."""
     _, first = np.unique(data["camera_of"].values.astype(str), return_index=True)
     return sorted(first.tolist())[:_MOST]
 
@@ -71,13 +71,13 @@ def _grey(axes: Axes, values: FloatArray, title: str) -> None:
 
 
 def ends_of_depth(depth: FloatArray) -> tuple[float, float]:
-    """Nearest and farthest of finite depths [m]."""
+    """The nearest and the farthest of the finite depths [m]."""
     finite = depth[np.isfinite(depth)]
     return float(finite.min()), float(finite.max())
 
 
 def bare(axes: Axes, title: str) -> None:
-    """A panel that shows a picture: a title, no ticks."""
+    """Prepare a panel for a picture: a title, no ticks."""
     axes.set_title(title, fontsize=PANEL_TITLE)
     axes.set_xticks([])
     axes.set_yticks([])
@@ -87,7 +87,7 @@ def bare(axes: Axes, title: str) -> None:
 
 
 def cropped(values: FloatArray) -> FloatArray:
-    """Without the rows and columns that only larger pictures have."""
+    """Crop the empty rows and columns that pad a picture to the size of the largest."""
     known = ~np.isnan(values)
     rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     return values[: rows[-1] + 1, : columns[-1] + 1] if rows.size else values[:1, :1]

@@ -1,4 +1,4 @@
-"""Draw a figure and read the curves in it, so that a page can show their values without reading pixels."""
+"""Draw a figure and read its curves, so that a page can show their values."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Numbers = npt.NDArray[np.float64]
 
 
 def plotted(figure: StudyFigure) -> Plotted:
-    """Draw a figure, and read its curves, in the order in which they were plotted."""
+    """Draw a figure and read its curves, in the order in which they were plotted."""
     with _identified(figure) as names:
         svg = figure.svg()
         return Plotted(svg=svg, panels=tuple(_panel(figure, axes, names) for axes in _panels(figure)))
@@ -85,7 +85,7 @@ def _identifier(artist: Artist) -> str:
 
 
 def _scale(axis: Axis, ends: tuple[float, float], shared: Sequence[str]) -> Scale:
-    """Read an axis; where it has no label, one of those that axes of the same ends have."""
+    """Read an axis; one without a label takes that of an axis that shares its limits."""
     formatter = axis.get_major_formatter()
     label = " ".join((axis.get_label_text() or max(shared, key=len)).split())
     ticks = [(1.0, formatter(1.0))]
@@ -108,7 +108,7 @@ def _scale(axis: Axis, ends: tuple[float, float], shared: Sequence[str]) -> Scal
 
 
 def _written(ticks: Sequence[tuple[float, str]]) -> tuple[float, str] | None:
-    """The factor between the numbers on an axis and its data, and the text after them; None for names."""
+    """The factor from data to the numbers on their axis, and the text after these numbers; None if ticks are names."""
     found = set()
     for place, text in ticks:
         tick = _TICK.fullmatch(text.lstrip("+"))
@@ -120,7 +120,7 @@ def _written(ticks: Sequence[tuple[float, str]]) -> tuple[float, str] | None:
 
 
 def _curves(axes: Axes, artist: Artist, name: str, errors: Mapping[Line2D, tuple[str, Numbers]]) -> Iterator[Curve]:
-    """The curves that an artist shows; none if it has no name or is not placed at data coordinates."""
+    """The curves that an artist shows; none if it has no name or does not lie at data coordinates."""
     label = str(artist.get_label() or "")  # histograms have None
     of_bars, bars = errors.get(artist, ("", None)) if isinstance(artist, Line2D) else ("", None)
     label = of_bars if _UNNAMED.fullmatch(label) else label
@@ -146,7 +146,7 @@ def _curves(axes: Axes, artist: Artist, name: str, errors: Mapping[Line2D, tuple
 
 
 def _errors(axes: Axes) -> Iterator[tuple[Line2D, tuple[str, Numbers]]]:
-    """Vertical error bars by the markers in their middle: whose they are, and their ends."""
+    """Vertical error bars, by the markers in their middle: the label and the ends of each."""
     for container in axes.containers:
         if isinstance(container, ErrorbarContainer) and container.lines[0] is not None:
             line, _, bars = container.lines
@@ -160,7 +160,7 @@ def _errors(axes: Axes) -> Iterator[tuple[Line2D, tuple[str, Numbers]]]:
 
 
 def _stored_band(vertices: Numbers) -> dict[str, Any]:
-    """The lowest and the highest ordinate at every abscissa of an outline."""
+    """The lowest and the highest ordinate of an outline at each abscissa."""
     x, place = np.unique(vertices[:, 0], return_inverse=True)
     low, high = np.full(x.shape, np.inf), np.full(x.shape, -np.inf)
     np.minimum.at(low, place, vertices[:, 1])
@@ -182,7 +182,7 @@ def _moves(axes: Axes, text: Text) -> tuple[bool, bool]:
         at_data = text.get_transform() is axes.transData
         return at_data, at_data
     across, up = of if isinstance(of, tuple) else (of, of)
-    beside = getattr(text, "anncoords", "data") == "axes fraction"  # a name beside the panel stays there
+    beside = getattr(text, "anncoords", "data") == "axes fraction"  # names beside a panel stay there
     return across == "data" and not beside, up == "data" and not beside
 
 

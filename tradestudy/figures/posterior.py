@@ -1,4 +1,4 @@
-"""A posterior in figures: how its parameters are correlated, and whether its chains mix."""
+"""Figures of a posterior: the correlations of its parameters, and whether its chains mix."""
 
 from __future__ import annotations
 
@@ -9,24 +9,25 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from tradestudy.figures.style import INK, SMALL, SOFT, StudyFigure, line_style, new_figure, styled
-from tradestudy.figures.value_tables import Tables, corner_tables, in_words, trace_tables
+from tradestudy.figures.value_tables import Tables, corner_tables, trace_tables
 from tradestudy.results.views.groups import FloatArray
+from tradestudy.wording import in_words
 
 MOST_PARAMETERS = 6
 _BINS = 30
-_LETTERS = 13  # of a line of a name
-_CONTENTS = (0.865, 0.393)  # of a normal distribution in the plane within two and one standard deviations
+_LETTERS = 13  # in a line of a name
+_CONTENTS = (0.865, 0.393)  # the content of a bivariate normal distribution within two and one standard deviations
 
 
 def shown_parameters(tree: xr.DataTree, posterior: str) -> tuple[str, ...]:
-    """Parameters of a posterior that are drawn: of those propagated the most correlated ones, in their order."""
+    """The parameters of a posterior to draw: the most correlated of those propagated, in their own order."""
     names, correlation = _correlations(tree, posterior)
     chosen = np.sort(np.argsort(-np.abs(correlation).max(axis=0), kind="stable")[:MOST_PARAMETERS])
     return tuple(names[k] for k in chosen)
 
 
 def closest_tie(tree: xr.DataTree, posterior: str) -> tuple[str, str, float] | None:
-    """The two parameters of a posterior with the largest correlation, and its value; None for a single parameter."""
+    """The two most correlated parameters of a posterior, and their correlation; None for a single parameter."""
     names, correlation = _correlations(tree, posterior)
     if len(names) < 2:
         return None
@@ -35,7 +36,7 @@ def closest_tie(tree: xr.DataTree, posterior: str) -> tuple[str, str, float] | N
 
 
 def _correlations(tree: xr.DataTree, posterior: str) -> tuple[tuple[str, ...], FloatArray]:
-    """Names of the parameters that have draws, and the correlations of these, 0 of each with itself."""
+    """The names of the parameters that have draws, and their correlations, with 0 on the diagonal."""
     data = tree["calibration"].to_dataset().sel(posterior=posterior)
     known = np.flatnonzero(np.isfinite(data["posterior_draw"].values).any(axis=0))
     draws = _present(data["posterior_draw"].values[:, known])
@@ -45,7 +46,7 @@ def _correlations(tree: xr.DataTree, posterior: str) -> tuple[tuple[str, ...], F
 
 @styled()
 def draw_corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
-    """Marginals of one and two parameters, in standard deviations from the mean, with the Laplace fit dashed."""
+    """Draw marginals of one and two parameters, in standard deviations from the mean, with the Laplace fit dashed."""
     names = shown_parameters(tree, posterior)
     data = tree["calibration"].to_dataset().sel(posterior=posterior, parameter=list(names))
     draws = _present(np.asarray(data["posterior_draw"].values, dtype=np.float64))
@@ -54,7 +55,7 @@ def draw_corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
     laplace = np.asarray(data["laplace_deviation"].values, dtype=np.float64) / deviation
     size = len(names)
     figure = new_figure(0.8 * size + 0.7)
-    # Without shared axes, of which each would ask all others for its limits again and again.
+    # No shared axes, because each would ask all others for its limits again and again.
     grid = figure.add_gridspec(size, size)
     for row in range(size):
         for column in range(row + 1):
@@ -76,7 +77,7 @@ def draw_corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
 
 
 def corner_values(tree: xr.DataTree, posterior: str) -> Tables:
-    """The numbers of `draw_corner`."""
+    """Make the tables of numbers of `draw_corner`."""
     names = shown_parameters(tree, posterior)
     data = tree["calibration"].to_dataset().sel(posterior=posterior, parameter=list(names))
     return corner_tables(names, data, _present(np.asarray(data["posterior_draw"].values, dtype=np.float64)))
@@ -88,7 +89,7 @@ def _present(draws: FloatArray) -> FloatArray:
 
 
 def _lines(name: str) -> str:
-    """A name on short lines."""
+    """Break a name into short lines."""
     return "\n".join(wrap(in_words(name), _LETTERS))
 
 
@@ -107,7 +108,7 @@ def _marginal(axes: Axes, scores: FloatArray, laplace: float) -> None:
 
 
 def _plane(axes: Axes, x: FloatArray, y: FloatArray) -> None:
-    """Contours that contain the content of one and two standard deviations."""
+    """Draw contours that contain as many draws as one and two standard deviations do."""
     counts, edges, _ = np.histogram2d(x, y, bins=_BINS, range=((-3.5, 3.5), (-3.5, 3.5)))
     from scipy.ndimage import gaussian_filter  # slow to load, and few studies have a posterior
 
@@ -122,12 +123,12 @@ def _plane(axes: Axes, x: FloatArray, y: FloatArray) -> None:
 
 
 def trace_values(tree: xr.DataTree, posterior: str) -> Tables:
-    """The numbers of `draw_trace`."""
+    """Make the tables of numbers of `draw_trace`."""
     return trace_tables(shown_parameters(tree, posterior), _walks(tree, posterior))
 
 
 def _walks(tree: xr.DataTree, posterior: str) -> FloatArray:
-    """First walker of every ensemble, in standard deviations from the mean: shape (ensemble, step, parameter)."""
+    """The first walker of every ensemble, in standard deviations from the mean: shape (ensemble, step, parameter)."""
     names = list(shown_parameters(tree, posterior))
     data = tree["calibration"].to_dataset().sel(posterior=posterior, parameter=names)
     walks = np.asarray(data["posterior_trace"].values, dtype=np.float64)
@@ -136,7 +137,7 @@ def _walks(tree: xr.DataTree, posterior: str) -> FloatArray:
 
 @styled()
 def draw_trace(tree: xr.DataTree, posterior: str) -> StudyFigure:
-    """First walker of every ensemble, in standard deviations from the mean, over the kept steps."""
+    """Draw the first walker of every ensemble, in standard deviations from the mean, over the kept steps."""
     names, scores = shown_parameters(tree, posterior), _walks(tree, posterior)
     figure = new_figure(0.5 + 0.55 * len(names))
     panels = figure.subplots(len(names), 1, sharex=True, sharey=True, squeeze=False).ravel()

@@ -1,4 +1,4 @@
-"""Fraction of the possible weights under which each candidate takes each rank."""
+"""The fraction of the possible weights under which each candidate takes each rank."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tradestudy.units import FRACTION, pretty
 
 _MOST = 10
 _LONGEST = 40
-_LEAST_NAMED = 9.0  # per cent: a part of a bar that is wide enough for its name
+_LEAST_NAMED = 9.0  # per cent: parts of a bar at least this wide have room for a name
 
 
 def rank_drawing(tree: xr.DataTree) -> Drawing | None:
@@ -36,7 +36,7 @@ def rank_drawing(tree: xr.DataTree) -> Drawing | None:
 
 @styled()
 def draw_ranks(tree: xr.DataTree) -> StudyFigure:
-    """One bar for each candidate, divided into its ranks, the candidate on top that is first most often."""
+    """Draw one bar for each candidate, divided into its ranks; on top, the candidate that ranks first most often."""
     found = candidates_by_rank(tree)[:_MOST]
     count = len(found[0].ranks)
     figure = new_figure(0.6 + 0.26 * len(found))

@@ -24,12 +24,12 @@ from tradestudy.figures.style import (
 from tradestudy.results.views.groups import FloatArray, camera_titles, group
 
 ERROR_SOURCE_WORDS = {"calibration": "calibration alone", "both": "single measurements"}
-_LETTERS = 22  # in a line of the title of a panel, of the third of a page
+_LETTERS = 22  # in a line of the title of a panel a third of a page wide
 
 
 @styled()
 def draw_rank_probability(tree: xr.DataTree) -> StudyFigure:
-    """Probability that the first camera of a pair errs less, against distance: a panel for each pair."""
+    """Draw the probability that the first camera of a pair errs less against distance, with a panel for each pair."""
     data, titles = group(tree, "decision"), camera_titles(tree)
     distance = np.asarray(data["rank_distance"].values, dtype=np.float64)
     pairs = list(zip(data["pair_first"].values, data["pair_second"].values, strict=True))
@@ -45,7 +45,7 @@ def draw_rank_probability(tree: xr.DataTree) -> StudyFigure:
         axes.axhline(0.5, color=SOFT, linewidth=0.8, zorder=0)
         distance_axis(axes, (float(distance[0]), float(distance[-1])), dense=len(pairs) == 1)
         axes.set_ylim(0.0, 1.0)
-        if axes in (*panels[PANELS_IN_A_ROW - 1 :: PANELS_IN_A_ROW], panels[-1]):  # the last of its row
+        if axes in (*panels[PANELS_IN_A_ROW - 1 :: PANELS_IN_A_ROW], panels[-1]):  # only the last panel of a row
             name_ends(axes, lines)
         words = printable(f"{titles[str(first)]} more accurate than {titles[str(second)]}")
         axes.set_title("\n".join(wrap(words, letters)), fontsize=PANEL_TITLE)

@@ -31,12 +31,12 @@ from tradestudy.wording import distance
 
 ERROR_SOURCE_TITLES = {"both": "noise and calibration", "noise": "noise only", "calibration": "calibration only"}
 _ROW = 0.27  # inches
-_STEP = 0.12  # of a row, from one place to the next, so that marks of like ratios stay apart
+_STEP = 0.12  # of a row: the offset between successive places, which separates marks of similar ratios
 
 
 @styled()
 def draw_readings(tree: xr.DataTree) -> StudyFigure:
-    """One row per reading, one mark per declared distance: the ratio of uncertainties, by error source; 1 is marked."""
+    """Draw the ratio of the uncertainties by error source: one row per reading, one mark per declared distance."""
     decision = tree["decision"].to_dataset()
     ratio = decision["uncertainty_ratio"]
     titles = {key: shortened(title, 28) for key, title in camera_titles(tree).items()}
@@ -72,7 +72,7 @@ def draw_readings(tree: xr.DataTree) -> StudyFigure:
 
 
 def _place_color(order: int, count: int) -> Any:
-    """Near is dark, far is light: an order that colour-blind and grey-scale readers see too."""
+    """From dark (near) to light (far), an order that colour-blind readers and grey prints keep."""
     return colormaps["cividis"](0.85 * order / max(count - 1, 1))
 
 
@@ -86,13 +86,13 @@ def _mark(order: int, count: int, *, filled: bool) -> Line2D:
         markersize=4.2,
         color=color,
         markerfacecolor=color if filled else "white",
-        markeredgecolor=INK,  # seen on light and dark pages, as not every colour of the places is
+        markeredgecolor=INK,  # visible on light and dark pages, unlike some colours of the places
         markeredgewidth=0.6,
     )
 
 
 def _panel(axes: Axes, ratio: FloatArray, flips: npt.NDArray[np.bool_]) -> None:
-    """All marks of one error source; `ratio` and `flips` have shape (reading, place)."""
+    """Draw all marks of one panel; `ratio` and `flips` have shape (reading, place)."""
     finite = ratio[np.isfinite(ratio) & (ratio > 0)]
     low, high = (min(float(finite.min()), 0.5), max(float(finite.max()), 2.0)) if finite.size else (0.5, 2.0)
     low, high = low / 1.4, high * 1.4
@@ -120,7 +120,7 @@ def _panel(axes: Axes, ratio: FloatArray, flips: npt.NDArray[np.bool_]) -> None:
 
 
 def _unbounded(axes: Axes, ratio: FloatArray) -> None:
-    """Ratios beyond any logarithmic axis, written at the edge they lie beyond, coloured like their marks."""
+    """Write ratios of 0 and ∞, which no logarithmic axis contains, at the edge of the panel, coloured like marks."""
     places = ratio.shape[1]
     for value, text, edge, side in ((np.inf, "∞", 1.0, -1), (0.0, "0", 0.0, 1)):
         for row, here in enumerate(ratio == value):

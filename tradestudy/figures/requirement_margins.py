@@ -27,15 +27,15 @@ from tradestudy.figures.style import (
 )
 from tradestudy.figures.sweeps import axis_label, axis_unit, axis_values, shown_value
 from tradestudy.figures.value_tables import Tables, grid
-from tradestudy.results.views.designs import common_ranges, must_hold, path_words
+from tradestudy.results.views.designs import common_ranges, must_hold, parameter_words, path_words
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.units import FRACTION
 
 _FEW = 2
-_LETTERS_UP = 30  # in a line along the map
-_LEVELS = (-50.0, -20.0, -10.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)  # margins [%], beside 0
-_LINEAR_WITHIN = 10.0  # per cent, beyond which margins stand on a logarithmic scale
+_LETTERS_UP = 30  # in a line of the label of the vertical axis
+_LEVELS = (-50.0, -20.0, -10.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)  # contours of margin [%], besides 0
+_LINEAR_WITHIN = 10.0  # per cent: margins beyond are on a logarithmic scale
 
 
 def margins_drawing(tree: xr.DataTree) -> Drawing | None:
@@ -44,25 +44,23 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
         return None
     data = tree["requirements"].to_dataset()
     dims = _swept(data)
-    if not np.isfinite(data["design_margin_percent"].values).any():  # nothing fails, or nothing can be decided
+    if not np.isfinite(data["design_margin_percent"].values).any():  # no requirement can fail, or none can be decided
         return None
     if len(dims) > 2 or (len(dims) == 2 and any(data[dim].dtype.kind not in "fiu" for dim in dims)):
         return None
-    if len(dims) == 2 and np.ptp(_least(data, dims)) == 0.0:  # no contours: designs fail alike
+    if len(dims) == 2 and np.ptp(_least(data, dims)) == 0.0:  # equal margins have no contours
         return None
-    names = " and ".join(path_words(tree, dim) for dim in dims)
+    names = parameter_words(tree, dims)
     conclusions = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree))
     shown = "Smallest margin of the requirements that must hold" if len(dims) == 2 else "Margin of each requirement"
-    curves = (
-        "Marks: computed designs; the curves pass 0 at the limits found between them. Shaded: all that must hold are"
-    )
-    marks = "Thick line: 0. Filled dots: all of them are" if len(dims) == 2 else curves
+    curves = "Marks: computed designs; the curves cross 0 at the limits found between them. Shaded: all that must hold"
+    marks = "Thick line: a margin of 0. Filled dots: all of them" if len(dims) == 2 else curves
     return Drawing(
         name="requirement_margins",
-        caption=f"{shown} against the {names}: met above 0. {marks} met. Dashed: "
+        caption=f"{shown} over the {names}; requirements with a positive margin are met. {marks} are met. Dashed: "
         "the study as declared. Where no camera is usable throughout, the margin is at most minus the fraction of "
         "the range that is not usable.",
-        alt=f"Margins against the {names}. {conclusions}.",
+        alt=f"Margins over the {names}. {conclusions}.",
         draw=lambda: draw_requirement_margins(tree),
         values=lambda: _tables(tree, data, dims) if len(dims) == 2 else (),
     )
@@ -70,7 +68,7 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
 
 @styled()
 def draw_requirement_margins(tree: xr.DataTree) -> StudyFigure:
-    """Margins [%]: a curve for each requirement over one swept parameter, the worst of them as a map over two."""
+    """Draw margins [%]: over one swept parameter, a curve for each requirement; over two, a map of the smallest."""
     data = tree["requirements"].to_dataset()
     dims = _swept(data)
     return _map(tree, data, (dims[0], dims[1])) if len(dims) == 2 else _curves(tree, data, dims[0])
@@ -95,7 +93,7 @@ def _curves(tree: xr.DataTree, data: xr.Dataset, dim: str) -> StudyFigure:
         margins = np.asarray(data["design_margin_percent"].values[:, number], dtype=np.float64)
         look: dict[str, Any] = {"marker": style.marker, "markersize": 4}
         words = printable(str(says))
-        # A straight line between two designs would cross 0 elsewhere than at the limit that was found between them.
+        # A straight line between two designs would not cross 0 at the limit that was found between them.
         limits = _limits(data, number, dim)
         places = np.append(x, limits)
         order = np.argsort(places, kind="stable")
@@ -124,7 +122,7 @@ def _curves(tree: xr.DataTree, data: xr.Dataset, dim: str) -> StudyFigure:
 
 
 def _limits(data: xr.Dataset, requirement: int, dim: str) -> FloatArray:
-    """Found values of the swept parameter between which a requirement is met, on the axis of the figure."""
+    """The limits between which a requirement is met, in the units of the figure's axis."""
     if "met_from" not in data:
         return np.empty(0)
     ends = np.ravel(common_ranges(data, np.arange(data.sizes["requirement"]) == requirement))
@@ -133,7 +131,7 @@ def _limits(data: xr.Dataset, requirement: int, dim: str) -> FloatArray:
 
 
 def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFigure:
-    """Contours of the least margin of all requirements that must hold, and every design, filled where it meets them."""
+    """Draw contours of the least margin of the requirements that must hold; fill the dots of designs that meet all."""
     least = _least(data, dims)
     met = np.all(data["design_met"].transpose("requirement", dims[1], dims[0]).values[must_hold(data)] == 1, axis=0)
     (x, _), (y, _) = (axis_values(data[dim]) for dim in dims)
@@ -143,7 +141,7 @@ def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFig
     drawn = axes.contour(x, y, least, levels=levels, colors=SOFT, linewidths=0.7, linestyles="solid")
     axes.contour(x, y, least, levels=[0.0], colors=INK, linewidths=1.6)
     for label in axes.clabel(drawn, fmt=lambda value: _per_cent(value, 0), fontsize=SMALL, colors=INK):
-        label.set(zorder=4, bbox={"facecolor": "white", "linewidth": 0.0, "pad": 0.6})  # over dots and declared values
+        label.set(zorder=4, bbox={"facecolor": "white", "linewidth": 0.0, "pad": 0.6})  # above all dots and lines
     across, up = np.meshgrid(x, y)
     color = line_style(0).color
     dots: dict[str, Any] = {
@@ -172,7 +170,7 @@ def _least(data: xr.Dataset, dims: Sequence[str]) -> FloatArray:
 
 
 def _tables(tree: xr.DataTree, data: xr.Dataset, dims: Sequence[str]) -> Tables:
-    """The margins of a map."""
+    """Make the table of margins of a map."""
     columns, rows = ([shown_value(data[dim], value) for value in data[dim].values] for dim in dims)
     across, up = (path_words(tree, dim) for dim in dims)
     least = _least(data, dims) / 100.0
@@ -180,7 +178,7 @@ def _tables(tree: xr.DataTree, data: xr.Dataset, dims: Sequence[str]) -> Tables:
 
 
 def _is_geometric(values: FloatArray) -> bool:
-    """Whether values are nearer to a geometric than to an arithmetic scale."""
+    """Whether values are closer to a geometric than to an arithmetic sequence."""
     if not np.all(values > 0.0) or values.size <= _FEW:
         return False
     steps, factors = np.diff(values), np.diff(np.log(values))

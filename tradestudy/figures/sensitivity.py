@@ -29,6 +29,7 @@ from tradestudy.figures.style import (
     traces_in,
 )
 from tradestudy.results.views.depth import field_words
+from tradestudy.wording import in_words
 
 MM = 1e3
 _COLUMNS = 2
@@ -38,7 +39,7 @@ _LEAST_INDEX = 0.02
 
 
 def tornado_distance(tree: xr.DataTree) -> float:
-    """The computed distance nearest to the middle (in logarithm) of the declared places, 1 m without any."""
+    """The computed distance nearest to the logarithmic middle of the declared places, or to 1 m without any."""
     distance = np.asarray(tree["sensitivity"]["distance"].values, dtype=np.float64)
     places = np.asarray(tree["decision"]["place"].values) if "place" in tree["decision"].coords else np.ones(1)
     middle = float(np.exp(np.log(places).mean()))
@@ -47,7 +48,7 @@ def tornado_distance(tree: xr.DataTree) -> float:
 
 @styled()
 def draw_tornado(tree: xr.DataTree) -> StudyFigure:
-    """Half the central 68.27 % interval of depth from each independent source alone, largest first, per camera."""
+    """Draw, per camera, half the central 68.27 % interval of depth from each independent source, largest first."""
     shown = traces_in(tree, "sensitivity")
     place = tornado_distance(tree)
     data = tree["sensitivity"].to_dataset().sel(distance=place)
@@ -58,7 +59,7 @@ def draw_tornado(tree: xr.DataTree) -> StudyFigure:
     heights = [max(1, *counts[first : first + columns]) for first in range(0, len(shown), columns)]
     figure = new_figure(0.8 + sum(0.3 + 0.2 * height for height in heights))
     grid = figure.subplots(rows, columns, sharex=True, squeeze=False, height_ratios=heights)
-    largest = max(float(finite.max()) * MM, np.finfo(float).tiny)  # nothing is measured at a distance that none sees
+    largest = max(float(finite.max()) * MM, np.finfo(float).tiny)  # positive if no camera sees this distance
     for axes, camera in zip(grid.flat, shown, strict=False):
         _bars(axes, data.sel(camera=camera.key), camera)
         axes.set(xlim=(largest * 1e-5, largest * 2.0))
@@ -76,7 +77,7 @@ def draw_tornado(tree: xr.DataTree) -> StudyFigure:
 
 
 def _alpha(order: int) -> float:
-    """Opacity of the bars at a field position, the axis first."""
+    """The opacity of the bars at a field position; the axis comes first."""
     return float(0.4**order)
 
 
@@ -85,7 +86,7 @@ def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
     values = data["source_uncertainty"].transpose("field", "source").values * MM
     size = np.max(np.where(np.isfinite(values), values, 0.0), axis=0)
     order = [k for k in np.argsort(-size) if size[k] > 0.0][:_MOST_BARS]
-    names = [shortened(str(data["source"].values[k]).replace("_", " "), 30) for k in order]
+    names = [shortened(in_words(str(data["source"].values[k])), 32) for k in order]
     rows = np.arange(len(order))
     height = 0.78 / len(values)
     for field, there in enumerate(values):
@@ -102,7 +103,7 @@ def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
 
 @styled()
 def draw_indices(tree: xr.DataTree) -> StudyFigure:
-    """Total Sobol indices of inverse depth against distance, with the first-order ones as rings, per camera."""
+    """Draw, per camera, total Sobol indices of inverse depth against distance, and first-order ones as rings."""
     shown = traces_in(tree, "sensitivity")
     data = tree["sensitivity"].to_dataset().sel(field=0.0)
     names = _main_sources(data)
@@ -121,10 +122,10 @@ def draw_indices(tree: xr.DataTree) -> StudyFigure:
 
 
 def _indices(axes: Axes, data: xr.Dataset, names: list[str]) -> Iterator[NamedCurve]:
-    """Draw the indices of one camera, and yield the total ones that stand out from 0."""
+    """Draw the indices of one camera, and yield the curves of its total indices, to be named."""
     distance = np.asarray(data["distance"].values, dtype=np.float64)
     for number, name in enumerate(names):
-        one, style, words = data.sel(source=name), line_style(number), name.replace("_", " ")
+        one, style, words = data.sel(source=name), line_style(number), in_words(name)
         total = np.asarray(one["total_index"].values, dtype=np.float64)
         if not np.any(total > _LEAST_INDEX):
             continue
@@ -140,7 +141,7 @@ def _indices(axes: Axes, data: xr.Dataset, names: list[str]) -> Iterator[NamedCu
 
 
 def _main_sources(data: xr.Dataset) -> list[str]:
-    """Sources with an index large enough to draw somewhere, the largest first."""
+    """The sources whose index is large enough to draw at some distance, the largest first."""
     values = data["total_index"].transpose("source", ...).values.reshape(data.sizes["source"], -1)
     most = np.max(np.where(np.isfinite(values), values, 0.0), axis=1)
     order = [k for k in np.argsort(-most) if most[k] > _LEAST_INDEX][:_MOST_LINES]

@@ -1,4 +1,4 @@
-"""How all figures look: one page width, one font, one colour and line style per camera, the same bytes every time."""
+"""The look of all figures: one page width, one font, one colour and line style per camera, reproducible bytes."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from tradestudy.results.views.groups import FloatArray, camera_titles, titles_in
 PAGE_WIDTH = 6.8  # inches: the text width of an A4 page
 INK, SOFT, FAINT = "#1c1f24", "#5b626c", "#d9dde2"
 DECLARED = "declared"
-"""The `gid` of artists that apply to the declared design alone, and for the whole range of the axes."""
+"""The `gid` of artists that are right only for the declared design and the full range of the axes."""
 
 # Okabe and Ito's colours, safe for colour-blind readers, yellow left out (too pale on white).
 _COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-# The second channel; their number has no common divisor with that of the colours, so that pairs repeat after 35.
+# Seven colours and five line styles share no divisor, so that pairs of the two repeat only after 35 cameras.
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (6, 1.4, 1.2, 1.4)), (0, (9, 2.5)))
-SMALL, PANEL_TITLE = 7.0, 8.0  # points: the smallest letters, and the title of one of many panels
+SMALL, PANEL_TITLE = 7.0, 8.0  # points: the smallest letters, and titles of panels that are small
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")
 
 _LENGTH_UNITS = ((1e6, "km"), (1e3, "m"), (1.0, "mm"), (1e-3, "µm"), (1e-6, "nm"))  # sizes in millimetres
 
 _RC: dict[Any, Any] = {
-    "svg.hashsalt": "tradestudy",  # identifiers inside the SVG are the same in every run
-    "svg.fonttype": "path",  # letters look the same everywhere and need no font
+    "svg.hashsalt": "tradestudy",  # gives the same identifiers inside the SVG in every run
+    "svg.fonttype": "path",  # letters look the same everywhere without an installed font
     "text.parse_math": False,  # a "$" in a camera's name is a dollar
     "text.usetex": False,
     "font.family": ["DejaVu Sans"],
@@ -82,19 +82,19 @@ _RC: dict[Any, Any] = {
 
 @dataclass(frozen=True, kw_only=True)
 class LineStyle:
-    """How one camera (or one part of an uncertainty) is drawn, on every figure."""
+    """How one camera (or one part of an uncertainty) is drawn in every figure."""
 
     color: str
     dash: Any
     marker: str
 
     def handle(self, **more: Any) -> Line2D:
-        """Its sample in a legend: its line, with `more` of a line's properties or others in their place."""
+        """Its sample in a legend; `more` adds or replaces properties of the line."""
         return Line2D([], [], **{"color": self.color, "linestyle": self.dash, **more})
 
 
 def line_style(order: int) -> LineStyle:
-    """The style of the camera at a place in the order of ``/cameras``."""
+    """The style of a camera, by its place in the order of ``/cameras``."""
     return LineStyle(
         color=_COLORS[order % len(_COLORS)],
         dash=_DASHES[order % len(_DASHES)],
@@ -103,7 +103,7 @@ def line_style(order: int) -> LineStyle:
 
 
 def readable(color: str) -> str:
-    """A colour for letters on white: as it is, or darker until its contrast with white is 4.5 (WCAG 2, level AA)."""
+    """A colour for letters on white, darkened if necessary until its contrast is 4.5 (WCAG 2, level AA)."""
     rgb = np.array(to_rgb(color))
     while 1.05 / (_luminance(rgb) + 0.05) < _CONTRAST:
         rgb = 0.95 * rgb
@@ -111,9 +111,14 @@ def readable(color: str) -> str:
 
 
 def letters_on(color: str) -> str:
-    """The colour of letters on a filled area: nearly black or white, whichever differs more."""
+    """The colour of letters on a filled area: nearly black or white, whichever has the higher contrast.
+
+    On dark pages, colours of cameras become lighter and white becomes dark; other fills stay, and so do their letters.
+    """
     light = _luminance(np.array(to_rgb(color))) + 0.05
-    return "white" if 1.05 / light > light / (_luminance(np.array(to_rgb(_ON_COLOR))) + 0.05) else _ON_COLOR
+    if 1.05 / light <= light / (_luminance(np.array(to_rgb(_ON_COLOR))) + 0.05):
+        return _ON_COLOR
+    return "white" if to_hex(color).upper() in _COLORS else _ALWAYS_WHITE
 
 
 def _luminance(rgb: FloatArray) -> float:
@@ -123,15 +128,16 @@ def _luminance(rgb: FloatArray) -> float:
 
 
 _CONTRAST: Final = 4.5
-_ON_COLOR: Final = "#1b1e23"  # not INK, which a dark page makes light: fills stay light there
-_HANDLE, _LETTER = 6.5, 0.58  # of a legend, in the size of its letters: line with gaps, and the mean letter
+_ALWAYS_WHITE: Final = "#fefefe"  # not white, which dark pages replace
+_ON_COLOR: Final = "#1b1e23"  # not INK, which dark pages replace by a light colour although they keep light fills
+_HANDLE, _LETTER = 6.5, 0.58  # of a legend, in units of its font size: a line with gaps, and a mean letter
 LONGEST_LABEL: Final = 44  # characters
-PANELS_IN_A_ROW: Final = 3  # of cameras
+PANELS_IN_A_ROW: Final = 3  # at most, of one camera each
 
 
 @contextlib.contextmanager
 def styled() -> Iterator[None]:
-    """Settings of all figures, put back afterwards: a notebook's own settings neither leak in nor change."""
+    """Apply the settings of all figures for a while, whatever those of a notebook are; restore these afterwards."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_RC)
@@ -139,7 +145,7 @@ def styled() -> Iterator[None]:
 
 
 class StudyFigure(Figure):
-    """A figure that is drawn in the style of the reports wherever it is shown, in a notebook too."""
+    """A figure that is drawn in the style of the reports wherever it is shown, even in a notebook."""
 
     def svg(self) -> bytes:
         """The figure as SVG; equal figures give equal bytes."""
@@ -147,7 +153,7 @@ class StudyFigure(Figure):
         nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
         try:
             with styled():
-                # Lays out while it draws; `savefig` would draw everything once more, for the layout alone.
+                # This finds the layout while it draws; `savefig` would draw everything twice, only for the layout.
                 FigureCanvasSVG(self).print_svg(buffer, metadata=nothing)  # type: ignore[no-untyped-call]
         finally:
             self.set_canvas(canvas)
@@ -159,12 +165,12 @@ class StudyFigure(Figure):
 
 
 def new_figure(height: float, width: float = PAGE_WIDTH) -> StudyFigure:
-    """An empty figure, sizes in inches; call it and everything that fills it inside :func:`styled`."""
+    """Make an empty figure, sizes in inches; call this, and all that fills the figure, inside :func:`styled`."""
     return StudyFigure(figsize=(width, height), layout="constrained")
 
 
 def panel_size(axes: Axes) -> tuple[float, float]:
-    """Width and height of a panel in points, as planned; the layout found while drawing changes them a little."""
+    """Width and height of a panel in points, before the final layout, which changes them a little."""
     figure, box = axes.get_figure(root=True), axes.get_position()
     assert figure is not None
     width, height = figure.get_size_inches()
@@ -172,13 +178,13 @@ def panel_size(axes: Axes) -> tuple[float, float]:
 
 
 def shortened(text: str, longest: int = LONGEST_LABEL) -> str:
-    """Text that fits a legend or a label."""
+    """Shorten text to fit a legend or a label."""
     text = printable(text)
     return text if len(text) <= longest else text[: longest - 1].rstrip() + "…"
 
 
 def plain_number(value: float, _position: int | None = None) -> str:
-    """A tick label without powers of ten where a person would write none."""
+    """Write a tick label, with a power of ten only where a person would use one."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else str(value)
     exponent = math.floor(math.log10(abs(value)) + 1e-9)
@@ -190,24 +196,24 @@ def plain_number(value: float, _position: int | None = None) -> str:
 
 
 def length_tick(millimetres: float, _position: int | None = None) -> str:
-    """A tick label of a length given in millimetres, in the unit that a person expects: 0.01 is "10 µm"."""
+    """Write a tick label for a length in millimetres, in the unit that a person expects: 0.01 is "10 µm"."""
     size, unit = next((s, u) for s, u in _LENGTH_UNITS if abs(millimetres) >= s * (1 - 1e-9) or s == 1e-6)
     return f"{plain_number(millimetres / size)} {unit}"
 
 
 def distance_label(farthest: float) -> str:
-    """Name an axis of distances that ends at `farthest` [m]: in millimetres below 0.1 m, as sentences write them."""
+    """Name an axis of distances that ends at `farthest` [m]: in millimetres below 0.1 m, as in sentences."""
     return "distance [mm]" if farthest < 0.1 else "distance [m]"
 
 
 def distance_axis(axes: Axes, ends: tuple[float, float], *, dense: bool = False) -> None:
-    """A logarithmic axis of distances [m] across, with ticks in the unit of its `distance_label`."""
+    """Make the horizontal axis a logarithmic one of distances [m], with ticks in the unit of its `distance_label`."""
     log_axis(axes, "x", dense=dense, tick=distance_tick(ends[1]), ends=ends)
     axes.set_xlim(ends)
 
 
 def distance_tick(farthest: float) -> Callable[[float, int | None], str]:
-    """How ticks of an axis of distances [m] that ends at `farthest` are written."""
+    """The function that writes the ticks of an axis of distances [m] that ends at `farthest`."""
     return (lambda metres, _position: plain_number(metres * 1e3)) if farthest < 0.1 else plain_number
 
 
@@ -219,17 +225,17 @@ def log_axis(
     tick: Callable[[float, int | None], str] = plain_number,
     ends: tuple[float, float] | None = None,
 ) -> None:
-    """A logarithmic axis with plain numbers; `dense`, for few decades, labels 2 and 5 and has minor ticks.
+    """Make an axis logarithmic, with plain numbers; a `dense` one, for few decades, also labels 2 and 5.
 
-    Between `ends` less than a factor 30 apart, or with fewer than two powers of ten, 2 and 5 are labelled too; less
-    than a factor 4 apart there may be no such number: then evenly spaced ones stand.
+    The axis is dense, too, between `ends` less than a factor of 30 apart or with fewer than two powers of ten between
+    them. Less than a factor of 4 apart, ticks are evenly spaced, since no number 1, 2 or 5 may lie between the ends.
     """
     dense = dense or (ends is not None and (ends[1] < 30.0 * ends[0] or _powers_of_ten(*ends) < 2))
     axis = axes.xaxis if which == "x" else axes.yaxis
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
     axis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0) if dense else (1.0,), numticks=20))
     axis.set_major_formatter(FuncFormatter(tick))
-    # Minor ticks are most of the time that a figure takes, and over many decades most of its ink.
+    # Minor ticks would take most of the drawing time and, over many decades, most of the ink.
     axis.set_minor_locator(
         LogLocator(base=10.0, subs=tuple(map(float, range(2, 10))), numticks=20) if dense else NullLocator()
     )
@@ -251,9 +257,9 @@ def legend(
     *,
     longest: int = LONGEST_LABEL,
 ) -> Legend:
-    """A legend under the figure, in the largest of these numbers of columns that fits.
+    """Draw a legend under the figure, in as many of these columns as fit.
 
-    Labels, cut where too long, are literal, also one that starts with an underscore.
+    Labels are literal, even if they start with an underscore, and shortened where too long.
     """
     shown = [shortened(label, longest) for label in labels]
     size = float(matplotlib.rcParams["legend.fontsize"])
@@ -269,13 +275,13 @@ def legend(
 
 
 def _widest_row(widths: Sequence[float], columns: int) -> float:
-    """Width of a legend whose entries fill one column after the other."""
+    """Width of the entries of a legend, which fill one column after the other."""
     rows = -(-len(widths) // columns)
     return sum(max(widths[first : first + rows]) for first in range(0, len(widths), rows))
 
 
 def camera_panels(figure: StudyFigure, count: int, farthest: float, in_a_row: int = PANELS_IN_A_ROW) -> list[Axes]:
-    """Panels for ``count`` cameras over distances up to `farthest` [m], in rows; those left over are hidden."""
+    """Make panels for `count` cameras over distances up to `farthest` [m], in rows; hide those left over."""
     columns = min(in_a_row, count)
     grid = figure.subplots(-(-count // columns), columns, sharex=True, sharey=True, squeeze=False)
     for axes in grid.flat[count:]:
@@ -288,7 +294,7 @@ def camera_panels(figure: StudyFigure, count: int, farthest: float, in_a_row: in
 
 
 def named_rows(axes: Axes, names: Sequence[str]) -> None:
-    """Rows of bars with these names, the first at the top."""
+    """Prepare rows for bars with these names, the first at the top."""
     axes.set(yticks=range(len(names)), yticklabels=names, ylim=(len(names) - 0.4, -0.6))
     axes.grid(visible=False, axis="y")
     axes.tick_params(axis="y", length=0)
@@ -296,7 +302,7 @@ def named_rows(axes: Axes, names: Sequence[str]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraTrace:
-    """The title and line style of a camera on every figure."""
+    """The title and line style of a camera in every figure."""
 
     key: str
     title: str
@@ -308,18 +314,18 @@ class CameraTrace:
 
 
 def traces(tree: xr.DataTree) -> tuple[CameraTrace, ...]:
-    """Of the cameras that measure depth; of all where results contain no depth."""
+    """The traces of cameras that measure depth, or of all cameras if the results contain no depth."""
     return traces_in(tree, "depth") if "depth" in tree.children else all_traces(tree)
 
 
 def traces_in(tree: xr.DataTree, name: str) -> tuple[CameraTrace, ...]:
-    """Of the cameras that a group is about."""
+    """The traces of the cameras that a group is about."""
     keys = titles_in(tree, name)
     return tuple(trace for trace in all_traces(tree) if trace.key in keys)
 
 
 def all_traces(tree: xr.DataTree) -> tuple[CameraTrace, ...]:
-    """Of all cameras of a study; their order gives the colours."""
+    """The traces of all cameras of a study; their order gives the colours."""
     titles = camera_titles(tree).items()
     return tuple(
         CameraTrace(key=key, title=title, style=line_style(order)) for order, (key, title) in enumerate(titles)

@@ -7,9 +7,10 @@ from textwrap import fill
 
 import numpy as np
 import xarray as xr
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LogNorm
+from matplotlib.colors import LogNorm, to_hex
 from matplotlib.ticker import FuncFormatter, LogLocator
 
 from tradestudy.figures.curves import NamedCurve, name_ends
@@ -24,6 +25,7 @@ from tradestudy.figures.style import (
     distance_label,
     distance_tick,
     length_tick,
+    letters_on,
     log_axis,
     new_figure,
     plain_number,
@@ -40,11 +42,11 @@ from tradestudy.wording import distance
 
 MM = 1e3
 _COLUMNS = 3
-_LETTERS_UP = 34  # in a line along one map
+_LETTERS_UP = 34  # in a line of a label that runs along a map
 
 
 def reference_distance(tree: xr.DataTree) -> float:
-    """The computed distance [m] at which designs are compared: next to the middle of those declared, or of all."""
+    """The computed distance [m] at which designs are compared: nearest to the middle of those declared, or of all."""
     every = tree["depth"].to_dataset()["distance"].values
     declared = _declared_distance(tree)
     middle = float(np.sqrt(every[0] * every[-1])) if declared is None else declared
@@ -52,7 +54,7 @@ def reference_distance(tree: xr.DataTree) -> float:
 
 
 def _declared_distance(tree: xr.DataTree) -> float | None:
-    """The middle of the declared distances [m]; None without any."""
+    """The middle one of the declared distances [m]; None without any."""
     if "decision" not in tree.children or "place" not in tree["decision"].coords:
         return None
     places = np.sort(tree["decision"].to_dataset()["place"].values)
@@ -60,7 +62,7 @@ def _declared_distance(tree: xr.DataTree) -> float | None:
 
 
 def why_this_distance(tree: xr.DataTree) -> str:
-    """A sentence on a reference distance that is not the declared one; empty where three digits do not differ."""
+    """Say why the reference distance is not the declared one; empty if the two agree to three digits."""
     declared, used = _declared_distance(tree), distance(reference_distance(tree))
     if declared is None or distance(declared) == used:
         return ""
@@ -68,7 +70,7 @@ def why_this_distance(tree: xr.DataTree) -> str:
 
 
 def moved_cameras(tree: xr.DataTree) -> tuple[CameraTrace, ...]:
-    """The cameras whose uncertainty depends on what is swept."""
+    """The cameras whose uncertainty depends on the swept parameters."""
     depth = tree["depth"].to_dataset()
     values = depth["depth_uncertainty"].transpose("camera", "distance", ...).values
     flat = values.reshape(*values.shape[:2], -1)
@@ -76,12 +78,12 @@ def moved_cameras(tree: xr.DataTree) -> tuple[CameraTrace, ...]:
     return tuple(camera for camera, moves in zip(traces(tree), moved, strict=True) if moves)
 
 
-# SI unit: factor and unit on axes.
+# SI unit: factor and unit of an axis.
 AXIS_UNITS = {"m": (MM, "mm"), "rad": (180.0 / np.pi, "°"), "px": (1.0, "px")}
 
 
 def axis_values(coordinate: xr.DataArray) -> tuple[FloatArray, list[str]]:
-    """Places of the values of a swept coordinate on an axis, and their names; choices are placed side by side."""
+    """Where the values of a swept coordinate lie on an axis, and their names; choices stand side by side."""
     if coordinate.dtype.kind not in "fiu":
         return np.arange(coordinate.size, dtype=np.float64), [shortened(str(v), 20) for v in coordinate.values]
     values = np.asarray(coordinate.values, dtype=np.float64) * axis_unit(coordinate)[0]
@@ -89,12 +91,12 @@ def axis_values(coordinate: xr.DataArray) -> tuple[FloatArray, list[str]]:
 
 
 def axis_unit(coordinate: xr.DataArray) -> tuple[float, str]:
-    """Factor from SI and unit of a swept coordinate on axes."""
+    """The unit of a swept coordinate on axes, and the factor to it from SI."""
     return AXIS_UNITS.get(str(coordinate.attrs.get("units", "")), (1.0, ""))
 
 
 def axis_label(tree: xr.DataTree, coordinate: xr.DataArray) -> str:
-    """Name of a swept coordinate in words, with its unit."""
+    """The name of a swept coordinate in words, with its unit."""
     words, unit = printable(path_words(tree, str(coordinate.name))), axis_unit(coordinate)[1]
     return f"{words} [{unit}]" if unit else words
 
@@ -109,9 +111,9 @@ def shown_value(coordinate: xr.DataArray, value: float | str) -> str:
 
 @styled()
 def draw_sweep_map(tree: xr.DataTree) -> StudyFigure:
-    """Depth uncertainty [mm] at the reference distance: a curve over one swept parameter, a map over two.
+    """Draw the depth uncertainty [mm] at the reference distance: a curve over one swept parameter, a map over two.
 
-    Of more than two, all but the two with the most values are at their first value.
+    With more than two, all but the two that have the most values keep their first value.
     """
     (uncertainty, dims), moved = _mapped(tree), moved_cameras(tree)
     if len(dims) == 1:
@@ -120,14 +122,14 @@ def draw_sweep_map(tree: xr.DataTree) -> StudyFigure:
 
 
 def _mapped(tree: xr.DataTree) -> tuple[xr.DataArray, list[str]]:
-    """Uncertainty at the reference distance over the two swept parameters with the most values, and all of them."""
+    """The uncertainty at the reference distance over the two swept parameters with the most values, and their names."""
     depth = tree["depth"].to_dataset().sel(distance=reference_distance(tree), method="nearest")
     dims = sorted(swept(tree["depth"].to_dataset()), key=lambda d: (-depth.sizes[d], d))
     return depth["depth_uncertainty"].isel(dict.fromkeys(dims[2:], 0)), dims
 
 
 def map_tables(tree: xr.DataTree) -> Tables:
-    """The numbers of the maps of `draw_sweep_map`; none where it draws curves."""
+    """Make the tables of numbers of the maps of `draw_sweep_map`; none where it draws curves."""
     uncertainty, dims = _mapped(tree)
     if len(dims) == 1:
         return ()
@@ -203,9 +205,9 @@ def _uncertainty_label(tree: xr.DataTree) -> str:
 def _map(axes: Axes, values: FloatArray, norm: LogNorm) -> None:
     axes.pcolormesh(np.ma.masked_invalid(values), norm=norm, cmap="cividis", edgecolors="white", linewidth=0.6)
     axes.grid(visible=False)
+    colors = colormaps["cividis"]
     for row, column in np.ndindex(values.shape):
         value = values[row, column]
-        dark = np.isfinite(value) and norm(value) < 0.55
         text = plain_number(float(f"{value:.2g}")) if np.isfinite(value) else "–"
         axes.text(
             column + 0.5,
@@ -213,14 +215,14 @@ def _map(axes: Axes, values: FloatArray, norm: LogNorm) -> None:
             text,
             ha="center",
             va="center",
-            color="white" if dark else INK,
+            color=letters_on(to_hex(colors(norm(value)))) if np.isfinite(value) else INK,
             fontsize=SMALL,
         )
 
 
 @styled()
 def draw_pareto(tree: xr.DataTree) -> StudyFigure:
-    """Nearest usable distance against uncertainty at the reference distance, for designs usable there; the frontier."""
+    """Draw nearest usable distance against uncertainty, for the designs usable at the reference distance."""
     place = reference_distance(tree)
     figure = new_figure(3.4)
     axes = figure.subplots()
@@ -243,7 +245,7 @@ def draw_pareto(tree: xr.DataTree) -> StudyFigure:
 
 
 def usable_designs(tree: xr.DataTree) -> Mapping[str, FloatArray]:
-    """Of each camera the designs usable at the reference distance: near end and uncertainty there [m], one per row."""
+    """The designs of each camera usable at the reference distance, one per row: near end and uncertainty there [m]."""
     depth, place = tree["depth"].to_dataset(), reference_distance(tree)
     found = {}
     for camera in traces(tree):
@@ -256,7 +258,7 @@ def usable_designs(tree: xr.DataTree) -> Mapping[str, FloatArray]:
 
 
 def frontier(points: FloatArray) -> FloatArray:
-    """The rows of `points` (two costs each) that no other row beats in both, by rising first cost."""
+    """The rows of `points` (two costs each) that no other row beats in both, sorted by the first cost."""
     ordered = points[np.lexsort((points[:, 1], points[:, 0]))]
     best = np.minimum.accumulate(ordered[:, 1])
     keep = np.ones(len(ordered), dtype=bool)

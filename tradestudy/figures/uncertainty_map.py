@@ -1,4 +1,4 @@
-"""Depth uncertainty over the picture: maps at a few distances on one scale."""
+"""Depth uncertainty over the picture: maps for a few distances on one scale."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from tradestudy.figures.style import SMALL, StudyFigure, new_figure, styled
 from tradestudy.figures.value_tables import Tables, uncertainty_map_tables
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
 from tradestudy.units import LENGTH, pretty
-from tradestudy.wording import distance
+from tradestudy.wording import distance, listed
 
-_MOST = 3.0  # times the uncertainty in the middle: the scale ends there at the latest
+_MOST = 3.0  # times the uncertainty in the middle: the scale ends here at most
 
 
 def uncertainty_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
-    """One figure for each rig that has a map."""
+    """List one figure for each rig that has maps."""
     if not has(tree, "depth_map"):
         return
     titles = camera_titles(tree)
@@ -30,29 +30,33 @@ def uncertainty_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
             caption=f"Depth uncertainty of {titles[key]} over the picture, relative to its middle, on one "
             "scale for all distances. Blank: not seen by both cameras, outside the valid field of a lens, or without a "
             "bound.",
-            alt="".join(map_sentences(tree, key)),
+            alt=map_words(tree, key),
             draw=partial(draw_uncertainty_map, tree, key),
             values=partial(_tables, tree, key),
         )
 
 
-def map_sentences(tree: xr.DataTree, key: str) -> Iterator[str]:
-    """The maps of one rig in words: how the uncertainty grows towards the edges."""
+def map_words(tree: xr.DataTree, key: str) -> str:
+    """Describe the maps of one rig: how the uncertainty grows towards the edges."""
     one, title = group(tree, "depth_map").sel(camera=key), camera_titles(tree)[key]
+    found = []
     for place in one["distance"].values:
         ratio = _ratio(one.sel(distance=place))
         known = ratio[np.isfinite(ratio)]
         if known.size:
             middle = float(one["depth_uncertainty"].sel(distance=place, down=0.0, across=0.0, method="nearest"))
-            yield (
-                f"{title} at {distance(float(place))}: depth uncertainty is {pretty(middle, LENGTH)} in the middle of "
-                f"the picture and up to {known.max():.1f} times that elsewhere. "
-            )
+            found.append(f"{pretty(middle, LENGTH)} at {distance(float(place))} (up to {known.max():.1f} times)")
+    return (
+        f"Depth uncertainty of {title} in the middle of the picture, and its largest multiple elsewhere: "
+        f"{listed(found)}."
+        if found
+        else ""
+    )
 
 
 @styled()
 def draw_uncertainty_map(tree: xr.DataTree, key: str) -> StudyFigure:
-    """A map for each distance."""
+    """Draw a map for each distance."""
     one = group(tree, "depth_map").sel(camera=key)
     ratios = [_ratio(one.sel(distance=place)) for place in one["distance"].values]
     known = np.concatenate([ratio[np.isfinite(ratio)] for ratio in ratios])

@@ -1,4 +1,4 @@
-"""What bars, arrows, maps and pictures show, as tables of words."""
+"""The numbers that bars, arrows, maps and pictures show, as tables of texts."""
 
 from __future__ import annotations
 
@@ -14,19 +14,14 @@ from tradestudy.results.views.groups import FloatArray, camera_titles, group, ti
 from tradestudy.results.views.trade_off import candidates_by_rank
 from tradestudy.results.views.wave_optics import reference_method
 from tradestudy.units import FRACTION, LENGTH, NUMBER, Dimension, pretty
-from tradestudy.wording import distance, span
+from tradestudy.wording import distance, in_words, span
 
 Tables = tuple[ValueTable, ...]
 
 
 def worded(value: float, dimension: Dimension = NUMBER) -> str:
-    """A number in words, a dash where there is none."""
+    """Write a number with its unit; a dash if there is none."""
     return "—" if np.isnan(value) else pretty(float(value), dimension)
-
-
-def in_words(name: str) -> str:
-    """The name of a source or a parameter."""
-    return name.removesuffix("_px").replace("_", " ")
 
 
 def grid(
@@ -36,13 +31,13 @@ def grid(
     values: FloatArray,
     dimension: Dimension = NUMBER,
 ) -> ValueTable:
-    """A table of numbers: `columns` names all columns, `names` the rows of `values`."""
+    """Make a table of numbers; `columns` names all columns, `names` the rows of `values`."""
     rows = [(name, *(worded(value, dimension) for value in row)) for name, row in zip(names, values, strict=True)]
     return ValueTable(caption=caption, columns=tuple(columns), rows=tuple(rows))
 
 
 def source_tables(tree: xr.DataTree, place: float) -> Tables:
-    """Depth uncertainty from each source alone at a distance of ``/sensitivity`` [m], the largest first."""
+    """List depth uncertainty from each source alone at a distance [m] of ``/sensitivity``, the largest first."""
     data = group(tree, "sensitivity").sel(distance=place)
     fields = [field_words(float(field)) for field in data["field"].values]
     return tuple(_sources(title, fields, data.sel(camera=key)) for key, title in titles_in(tree, "sensitivity").items())
@@ -57,7 +52,7 @@ def _sources(title: str, fields: list[str], data: xr.Dataset) -> ValueTable:
 
 
 def reading_tables(tree: xr.DataTree, titles: dict[str, str]) -> Tables:
-    """The ratio of the uncertainties of a pair in every reading, one table for each error source in `titles`."""
+    """List the ratio of the uncertainties of a pair in every reading: a table for each error source in `titles`."""
     data = group(tree, "decision")
     columns = ["Reading", *(f"at {distance(float(place))}" for place in data["place"].values)]
     names = [str(name) for name in data["reading"].values]
@@ -73,7 +68,7 @@ def reading_tables(tree: xr.DataTree, titles: dict[str, str]) -> Tables:
 
 
 def focus_tables(tree: xr.DataTree) -> Tables:
-    """What each camera keeps sharp by the first criterion, and what it resolves."""
+    """List the distances that each camera keeps sharp by the first criterion, and the detail that it resolves."""
     data = by_first_criterion(tree)
     equal = "resolved_near" in data
     columns = ["Camera", "Sharp", "Coarsest resolution of the scene"]
@@ -92,7 +87,7 @@ def _where(one: xr.Dataset, name: str) -> str:
 
 
 def rank_tables(tree: xr.DataTree) -> Tables:
-    """The fraction of the possible weights under which each candidate takes each rank."""
+    """List the fraction of the possible weights under which each candidate takes each rank."""
     found = candidates_by_rank(tree)
     columns = ["Candidate", *(f"rank {rank + 1}" for rank in range(len(found[0].ranks)))]
     ranks = np.array([one.ranks for one in found])
@@ -100,7 +95,7 @@ def rank_tables(tree: xr.DataTree) -> Tables:
 
 
 def light_tables(tree: xr.DataTree) -> Tables:
-    """The light on the pixels by every method, and how it differs from the reference."""
+    """List the light on the pixels by every method, and its difference from the reference."""
     data = group(tree, "images")
     reference = reference_method(data)
     image, exact = data["image"], data["image"].sel(propagator=reference)
@@ -118,7 +113,7 @@ def light_tables(tree: xr.DataTree) -> Tables:
 
 
 def picture_tables(tree: xr.DataTree, shown: Sequence[int]) -> Tables:
-    """Range of true depth and brightness of the pictures at these places."""
+    """List the ranges of true depth and brightness of the pictures with these numbers."""
     data, titles = group(tree, "pictures"), camera_titles(tree)
     names = [titles[str(data["camera_of"].values[k])] for k in shown]
     depth, light = (data[name].isel(picture=list(shown)).values for name in ("true_depth", "brightness"))
@@ -129,7 +124,7 @@ def picture_tables(tree: xr.DataTree, shown: Sequence[int]) -> Tables:
 
 
 def depth_map_tables(tree: xr.DataTree) -> Tables:
-    """Ranges of measured depth, its error, and the hidden share of the surface."""
+    """List the ranges of measured depth, of its error, and of the hidden fraction of the surface."""
     data, titles = group(tree, "pictures"), camera_titles(tree)
     names = [titles[str(key)] for key in data["mapped_camera"].values]
     shown: tuple[tuple[str, str, Dimension], ...] = (
@@ -141,7 +136,7 @@ def depth_map_tables(tree: xr.DataTree) -> Tables:
 
 
 def uncertainty_map_tables(places: Sequence[float], ratios: Sequence[FloatArray]) -> Tables:
-    """Ranges over the picture of the uncertainty relative to its middle, for each distance [m]."""
+    """List, for each distance [m], the range over the picture of the uncertainty relative to that in its middle."""
     names = [distance(float(place)) for place in places]
     return (_summary("Times the uncertainty in the middle", "Distance", names, ratios),)
 
@@ -149,7 +144,7 @@ def uncertainty_map_tables(places: Sequence[float], ratios: Sequence[FloatArray]
 def _summary(
     caption: str, what: str, names: Sequence[str], pictures: Sequence[FloatArray], dimension: Dimension = NUMBER
 ) -> ValueTable:
-    """Smallest value, median and largest value of each of some pictures, and how much of each is known."""
+    """List the smallest value, median and largest value of each picture, and the fraction of it that is known."""
     columns = [what, "smallest", "median", "largest"]
     return grid(caption, columns, names, np.array([_range(one) for one in pictures]), dimension)
 
@@ -161,7 +156,7 @@ def _range(values: FloatArray) -> tuple[float, float, float]:
 
 
 def corner_tables(names: Sequence[str], data: xr.Dataset, draws: FloatArray) -> Tables:
-    """Widths of the marginals of a posterior, and the correlations of its `draws`, one column a parameter."""
+    """List widths of the marginals of a posterior, and correlations of its `draws`, with one column per parameter."""
     words = [in_words(name) for name in names]
     ratio = np.asarray(data["laplace_deviation"].values / data["posterior_deviation"].values, dtype=np.float64)
     return (
@@ -171,7 +166,7 @@ def corner_tables(names: Sequence[str], data: xr.Dataset, draws: FloatArray) -> 
 
 
 def trace_tables(names: Sequence[str], scores: FloatArray) -> Tables:
-    """Means and standard deviations of walks, shape (ensemble, step, parameter), in standard deviations."""
+    """List means and deviations of walks of shape (ensemble, step, parameter), in the posterior's deviations."""
     columns = ["Parameter", *(f"ensemble {number + 1}" for number in range(len(scores)))]
     words = [in_words(name) for name in names]
     found = {
@@ -184,7 +179,7 @@ def trace_tables(names: Sequence[str], scores: FloatArray) -> Tables:
 
 
 def residual_tables(residual: FloatArray) -> Tables:
-    """Mean residuals, shape (picture, row, column, 2), as (x, y) of every cell."""
+    """List mean residuals of shape (picture, row, column, 2) as x and y of every cell."""
     columns = ("Cell", *(f"column {number + 1}" for number in range(residual.shape[2])))
     return tuple(
         ValueTable(

@@ -1,4 +1,4 @@
-"""Error sources of depth uncertainty: shares of the variance of inverse depth over distance, a panel per camera."""
+"""Error sources of depth: their shares of the variance of inverse depth over distance, with a panel per camera."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ from tradestudy.figures.style import (
 from tradestudy.results.views.depth import nominal, where_measured, where_usable
 from tradestudy.results.views.groups import FloatArray
 
-_LEAST = 0.005  # a share that a panel hardly shows
+_LEAST = 0.005  # a smaller share can hardly be seen
 _NOISE = "#c3c8cf"
-_NEARLY = 0.95  # of the most room
+_NEARLY = 0.95  # of the largest room
 Flags = npt.NDArray[np.bool_]
-_LETTER, _SPARE = 0.62, 0.5  # mean width of a letter, and room above and below lines, in the size of letters
+_LETTER, _SPARE = 0.62, 0.5  # in units of the font size: mean width of a letter, and room above and below lines
 
 
 def largest_shares(depth: xr.Dataset) -> dict[str, float]:
-    """The largest share of each part over all cameras and distances; NaN where none is known."""
+    """The largest share of each part over all cameras and distances; NaN if none is known."""
     rows = depth["variance_share"].transpose("part", ...)
     flat = rows.values.reshape(rows.sizes["part"], -1)
     known = np.where(np.isnan(flat), -np.inf, flat).max(axis=1)
@@ -50,13 +50,13 @@ def largest_shares(depth: xr.Dataset) -> dict[str, float]:
 
 
 def shown_parts(depth: xr.Dataset) -> list[str]:
-    """The parts that somewhere have a share worth drawing, in their own order."""
+    """The parts whose share is worth drawing somewhere, in their own order."""
     return [name for name, largest in largest_shares(depth).items() if largest > _LEAST]
 
 
 @styled()
 def draw_variance_shares(tree: xr.DataTree) -> StudyFigure:
-    """Shares of the variance of inverse depth, stacked to 1, against distance; paler where the camera is not usable."""
+    """Draw shares of the variance of inverse depth against distance, stacked to 1, and paler where not usable."""
     depth, shown = where_measured(nominal(tree)), traces(tree)
     names = shown_parts(depth)
     figure = new_figure(0.7 + 1.25 * -(-len(shown) // PANELS_IN_A_ROW))
@@ -72,12 +72,12 @@ def draw_variance_shares(tree: xr.DataTree) -> StudyFigure:
 
 
 def _color(names: list[str], name: str) -> str:
-    """Of a part: measurement noise is grey, sources that averaging does not reduce are coloured."""
+    """The colour of a part: grey for matching noise, other colours for sources that averaging does not reduce."""
     return _NOISE if name == "noise" else line_style(names.index(name) - ("noise" in names)).color
 
 
 def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: list[str]) -> Iterator[str]:
-    """Draw the areas of a camera, and yield the parts whose area has room for its name."""
+    """Draw the areas of a camera, and yield the parts whose area has room for a name."""
     distance = np.asarray(depth["distance"].values, dtype=np.float64)
     shares = depth["variance_share"].sel(camera=camera.key, part=names).transpose("part", "distance").values
     known = np.isfinite(shares).any(axis=0)
@@ -100,7 +100,7 @@ def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: list[str])
                     yield name
                     break
         bottom = bottom + share
-    nothing = ((distance[0], distance[0]),)  # moved by a page that shows another design
+    nothing = ((distance[0], distance[0]),)  # pages that show another design move it
     for near, far in _not_usable(depth, camera.key, distance) or nothing:
         axes.axvspan(near, far, color="white", alpha=0.6, linewidth=0, zorder=2, gid=f"unusable/{camera.key}")
     distance_axis(axes, (float(distance[0]), float(distance[-1])))
@@ -110,7 +110,7 @@ def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: list[str])
 def _free_place(
     axes: Axes, words: str, bottom: FloatArray, top: FloatArray, known: Flags, usable: Flags
 ) -> tuple[int, float] | None:
-    """Index and height of the middle of words in the middle of where their area, of one shade, is highest."""
+    """Where words fit best: index and height of the middle of the highest stretch of an area in one shade."""
     width, height = panel_size(axes)
     lines = words.split("\n")
     half = int(np.ceil(0.5 * len(bottom) * _LETTER * SMALL * max(map(len, lines)) / width))
@@ -129,7 +129,7 @@ def _free_place(
 
 
 def _not_usable(depth: xr.Dataset, camera: str, distance: FloatArray) -> list[tuple[float, float]]:
-    """The stretches of distance [m] between those where a camera is usable."""
+    """The stretches of distance [m] where a camera is not usable."""
     ends = [float(distance[0])]
     for near, far in where_usable(depth, camera):
         ends += [near, min(far, float(distance[-1]))]

@@ -33,7 +33,7 @@ def worths_drawing(tree: xr.DataTree) -> Drawing | None:
 
 @styled()
 def draw_worths(tree: xr.DataTree) -> StudyFigure:
-    """One dot with its standard error for each assumption, the most valuable on top."""
+    """Draw a dot with its standard error for each assumption, the most valuable on top."""
     found = worths(tree)[:_MOST]
     figure = new_figure(0.8 + 0.3 * len(found))
     axes = figure.subplots()

@@ -1,4 +1,4 @@
-"""Results and figures to HTML, PDF, SVG and CSV; everything is computed elsewhere and only read here."""
+"""Reports as HTML, PDF, SVG and CSV, made from finished results and figures; nothing is computed here."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def write(
     pdf: bool = True,
     drawing: SharedDrawing | None = None,
 ) -> None:
-    """Write what `compose_files` makes of a finished run; see there for the parameters, `place` for the directory."""
+    """Write the report of a finished run: `compose_files` explains the parameters, `place` the directory."""
     place(compose_files(tree, run, pdf=pdf, drawing=drawing), directory)
 
 
@@ -41,7 +41,7 @@ def compose_files(
     pdf
         Whether to make ``report.pdf``.
     drawing
-        Of the figures of these results, begun elsewhere; None draws all here.
+        Figures of these results that another interpreter has begun to draw; None draws all here.
     """
     from tradestudy import figures
     from tradestudy.figures.drawn import drawn_here
@@ -54,11 +54,11 @@ def compose_files(
     document = contents.compose_report(tree, run, drawings)
     made = {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
     values, designs = curve_values(tree), page_designs(tree)
-    # Last, because the other interpreter draws meanwhile.
+    # Last, so that the other interpreter has time to draw.
     pictures = drawn_here(drawings) if drawing is None else drawing.pictures(drawings)
     images = {name: picture.svg for name, picture in pictures.items()}
     made |= {f"figures/{name}.svg": svg for name, svg in images.items()}
-    with ThreadPoolExecutor(1) as pool:  # the typesetter needs no interpreter
+    with ThreadPoolExecutor(1) as pool:  # other threads run while it typesets
         typeset = pool.submit(pdf_format.render_pdf, document, images) if pdf else None
         made["report.html"] = html.render_html(document, pictures, values, designs)
         if typeset is not None:
@@ -79,8 +79,8 @@ def place(made: Mapping[str, bytes], directory: Path) -> None:
     """
     from tradestudy.results.storage import replace_file
 
-    with ThreadPoolExecutor() as pool:  # they wait for the disk
+    with ThreadPoolExecutor() as pool:  # threads, because writing waits for the disk
         list(pool.map(replace_file, (directory / name for name in made), made.values()))
     for old in (*directory.glob("figures/*.svg"), *directory.glob("tables/*.csv")):
         if old.relative_to(directory).as_posix() not in made:
-            old.unlink(missing_ok=True)  # another run on this folder may have been quicker
+            old.unlink(missing_ok=True)  # another run may have removed it first

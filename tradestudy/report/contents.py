@@ -8,7 +8,7 @@ from typing import Any
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Appendices, Contents, PageBreak, Report
+from tradestudy.report.document import Appendices, Contents, PageBreak, Report, literal
 from tradestudy.report.sections.answer import describe_answer
 from tradestudy.report.sections.calibration import describe_calibration
 from tradestudy.report.sections.cost import describe_cost
@@ -58,7 +58,7 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_fresnel_answer(tree, drawings),
         *describe_light_spot_answer(tree, run, drawings),
     )
-    inferred = "calibration" in tree.children  # then it is a result, not an input
+    inferred = "calibration" in tree.children  # an inferred calibration is a result, a declared one an input
     calibration = tuple(describe_calibration(tree, run, drawings))
     sections = (
         Contents(),
@@ -97,6 +97,6 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
     body = (*sections, Appendices(), *appendices) if appendices else sections
     return Report(
         title=str(tree.attrs.get("title", "")),
-        subtitle=str(tree.attrs.get("question", "")),
+        subtitle=literal(str(tree.attrs.get("question", ""))),
         blocks=(*first_page, PageBreak(), *body) if first_page else body,
     )

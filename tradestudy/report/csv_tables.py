@@ -1,4 +1,4 @@
-"""Every number of the results as CSV, one file per group and set of dimensions, SI units in the header."""
+"""All results as CSV: one file per group and set of dimensions, with SI units in the header."""
 
 from __future__ import annotations
 
@@ -43,13 +43,15 @@ def _table(table: Table) -> bytes:
 
 
 def _cells(values: NDArray[Any]) -> list[str]:
-    """Format every distinct value once: most values of a sweep repeat."""
+    """Write cells, but format each distinct value only once, because most values of a sweep repeat."""
     flat = np.ravel(values)
     if flat.dtype.kind not in "fiub":
         cells = [_cell(value) for value in flat.tolist()]
         quoted = {cell: _quoted(cell) for cell in set(cells)}
         return [quoted[cell] for cell in cells]
-    bits = flat.view(f"i{flat.itemsize}") if flat.dtype.kind == "f" else flat  # −0 is another text than 0
+    bits = (
+        flat.view(f"i{flat.itemsize}") if flat.dtype.kind == "f" else flat
+    )  # by bits, because −0 is written differently from 0
     _, first, places = np.unique(bits, return_index=True, return_inverse=True)
     texts: list[str] = np.array([str(number) for number in flat[first].tolist()], dtype=object)[places].tolist()
     return texts
@@ -63,7 +65,7 @@ def _cell(value: object) -> str:
 
 
 def _quoted(cell: str) -> str:
-    """Put a cell in quotes where its row could not be read otherwise."""
+    """Put a cell in quotes if CSV requires it."""
     row = io.StringIO(newline="")
     csv.writer(row, lineterminator="\n").writerow(["", cell])
     return row.getvalue()[1:-1]

@@ -1,4 +1,4 @@
-"""The results behind the curves of figures, so that a page shows exact results."""
+"""The results behind the curves of figures, so that pages show exact values."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class CurveValues:
     Parameters
     ----------
     x, value
-        Distance, and the value there.
+        Distances, and the values there.
     low, high
-        The values shown with it: the ends of an interval, or the value to the other side.
+        Values shown beside it: the ends of an interval, or the steps nearer and farther.
     beside
-        What they are called: "95 %"; empty where they are the value nearer and farther.
+        Name of the interval, such as "95 %"; empty for steps nearer and farther.
     """
 
     x: FloatArray
@@ -35,12 +35,12 @@ class CurveValues:
 
 
 def curve_values(tree: xr.DataTree) -> Mapping[str, CurveValues]:
-    """Curves over distance by the name that figures give them: ``depth_uncertainty/stereo``."""
+    """Curves over distance, by the name that figures give them, such as ``depth_uncertainty/stereo``."""
     return depth_values(nominal(tree))[0] if has(tree, "depth") else {}
 
 
 def depth_values(depth: xr.Dataset) -> list[dict[str, CurveValues]]:
-    """The curves of every design of ``/depth``, the last parameter varying fastest."""
+    """The curves of every design of ``/depth``; the last parameter varies fastest."""
     depth = where_measured(depth)
     x, ends = np.asarray(depth["distance"].values, dtype=np.float64), depth["quantile"].values
     beside = pretty(float(ends[-1] - ends[0]), FRACTION)

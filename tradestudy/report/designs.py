@@ -1,4 +1,4 @@
-"""The designs of a sweep for a page that steps through them: curves, usable ranges, best cameras and sentences."""
+"""The designs of a sweep, for pages that step through them: curves, usable ranges, best cameras and sentences."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tradestudy.results.views.one_design import (
 from tradestudy.results.views.requirement_conclusions import conclusions_of_design
 from tradestudy.wording import listed
 
-MOST_DESIGNS: Final = 500  # with more, a page would be too large to be sent about
+MOST_DESIGNS: Final = 500  # with more designs, a page would be too large to share
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,11 +37,11 @@ class DesignAxis:
     Parameters
     ----------
     says
-        What it is, with its camera.
+        Its name and camera, in words.
     words, values
-        Of every step; values in SI, or None for what is chosen by name.
+        The value of each step in words, and in SI; None for choices by name.
     shown
-        The step that the report shows.
+        Number of the step that the report shows.
     """
 
     says: str
@@ -52,7 +52,7 @@ class DesignAxis:
 
 @dataclass(frozen=True, kw_only=True)
 class PageDesign:
-    """One design: its curves by name, usable stretches [m] by camera, best cameras by stretch, and blocks by name."""
+    """One design: curves by name, usable stretches [m] by camera, best cameras by stretch, and blocks by name."""
 
     curves: Mapping[str, CurveValues]
     usable: Mapping[str, tuple[tuple[float, float], ...]]
@@ -62,14 +62,14 @@ class PageDesign:
 
 @dataclass(frozen=True, kw_only=True)
 class PageDesigns:
-    """All designs, the last parameter varying fastest."""
+    """All designs; the last parameter varies fastest."""
 
     axes: tuple[DesignAxis, ...]
     designs: tuple[PageDesign, ...]
 
 
 def page_designs(tree: xr.DataTree) -> PageDesigns | None:
-    """Every design of a sweep; None without one, or with more designs than a page can contain."""
+    """All designs of a sweep; None without a sweep, or with more designs than a page can contain."""
     places = list(design_places(tree))
     if not 1 < len(places) <= MOST_DESIGNS:
         return None
@@ -103,7 +103,7 @@ def _words(axes: tuple[DesignAxis, ...], place: Mapping[str, int]) -> str:
 def _blocks(
     titles: Mapping[str, str], best: BestCameras | None, rows: Sequence[Mapping[str, Any]], words: str
 ) -> dict[str, Block]:
-    """The blocks of the page about one design, by name."""
+    """The blocks of a page that are about one design, by name."""
     blocks: list[Callout | Table] = [*describe_design(best, conclusions_of_design(rows, titles), words)]
     if rows:
         blocks.append(requirement_table(rows, titles))

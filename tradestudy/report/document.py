@@ -1,7 +1,7 @@
-"""What a report says, before it is HTML or PDF: frozen blocks of text, tables, figures and equations.
+"""The content of a report before it becomes HTML or PDF: frozen blocks of text, tables, figures and equations.
 
-A plain ``str`` is always literal text, whoever wrote it; only :func:`say` reads markup, and only from its
-template. So nothing that comes from a study file can turn into markup or code in any output format.
+A plain ``str`` is always literal text; only :func:`say` reads markup, and only from its template. Therefore nothing
+that comes from a study file can turn into markup or code in any output format.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Align = Literal["left", "right", "center"]
 
 @dataclass(frozen=True)
 class Span:
-    """A run of literal text in one style; a link points to the anchor or the figure named by `target`."""
+    """Literal text in one style; a link points to the anchor or the figure named by `target`."""
 
     text: str
     style: SpanStyle = "plain"
@@ -37,13 +37,13 @@ _MARKUP = re.compile(
     r"|\[(?P<link>.*?)\]\(#(?P<target>[\w.-]+)\)"
 )
 _PLACE = re.compile(r"\{(\w+)\}")
-# Characters that XML forbids, and direction overrides that could make a name read as something else.
+# Characters that XML forbids, and direction overrides, which could make a name look like another one.
 _FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
 _BEFORE_UNIT = re.compile(r"(?<=[\d∞]) (?=(?:[nµmck]?m|[mµ]?s|min|h|[mk]?g|m?W|px|ppm|%)(?!\w))")
 
 
 def literal(text: str) -> str:
-    """Text safe to carry in any output format: forbidden characters become U+FFFD, line ends a space.
+    """Make text safe for every output format: forbidden characters become U+FFFD, and line ends a space.
 
     Units are typeset: "0.2 deg" becomes "0.2°", and no line breaks between a number and its unit.
     """
@@ -52,7 +52,7 @@ def literal(text: str) -> str:
 
 
 def spans(text: Text) -> Spans:
-    """Text as spans; a plain string is one literal span."""
+    """Turn text into spans; a plain string becomes one literal span."""
     return (Span(literal(text)),) if isinstance(text, str) else text
 
 
@@ -60,19 +60,19 @@ _SYMBOL = re.compile(r"(?<!\w)([^\W\d_])_(\w+)")
 
 
 def with_subscripts(text: str) -> Spans:
-    """Text in which symbols such as ``b_L`` have subscripts."""
+    """Give symbols such as ``b_L`` subscripts."""
     parts = _SYMBOL.split(literal(text))
     styles: tuple[SpanStyle, ...] = ("plain", "emphasis", "sub")
     return tuple(Span(part, styles[place % 3]) for place, part in enumerate(parts) if part)
 
 
 def plain_text(text: Text) -> str:
-    """Text alone, for a terminal: no styles, no spaces that do not break."""
+    """Reduce text to plain characters for a terminal: no styles, no no-break spaces."""
     return "".join(span.text for span in spans(text)).replace("\N{NO-BREAK SPACE}", " ")
 
 
 def say(template: LiteralString, **values: Text) -> Spans:
-    """Read light markup from `template` and put `values` into its ``{places}`` as literal text.
+    """Read light markup from `template`, and insert `values` at its ``{places}`` as literal text.
 
     ``**strong**``, ``*emphasis*``, ```code```, ``~subscript~``, ``^superscript^`` and ``[text](#target)``; an
     empty link text is replaced by the number of the figure or table (``Figure 3``) when the document is rendered.
@@ -80,9 +80,9 @@ def say(template: LiteralString, **values: Text) -> Spans:
     Parameters
     ----------
     template
-        Written by the program's authors, never taken from a file.
+        Text by the program's authors, never from a file.
     **values
-        Literal strings, or spans made by another call.
+        Literal strings, or spans from another call.
 
     Raises
     ------
@@ -113,12 +113,12 @@ def _filled(template: str, style: SpanStyle, target: str, values: Mapping[str, T
             value = values[part]
             yield from (Span(literal(value), style, target),) if isinstance(value, str) else value
         elif part:
-            yield Span(part, style, target)
+            yield Span(_BEFORE_UNIT.sub("\N{NO-BREAK SPACE}", part), style, target)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Heading:
-    """A numbered section heading; `anchor` is unique in the document."""
+    """A numbered heading; `anchor` is unique in the document."""
 
     text: Text
     anchor: str
@@ -154,7 +154,7 @@ class Callout:
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """A table column; `weight` 0 takes the width that its content needs, others share the rest."""
+    """A column of a table; one of `weight` 0 is as wide as its content, the others share the rest by weight."""
 
     title: Text
     unit: str = ""
@@ -164,7 +164,7 @@ class Column:
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """A table with a caption above it and notes below; a row of one cell is a heading over the rows that follow."""
+    """A table with a caption above and notes below; a row of one cell is a heading for the rows that follow."""
 
     name: str
     caption: Text
@@ -180,7 +180,7 @@ class Table:
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:
-    """A figure of the run, shown by its name; `alt` says in words what a reader would see, `values` in numbers."""
+    """A figure of the run, by name; `alt` says in words, and `values` in numbers, what it shows."""
 
     name: str
     caption: Text
@@ -190,7 +190,7 @@ class Picture:
 
 @dataclass(frozen=True, kw_only=True)
 class Equation:
-    """A displayed equation in Typst's mathematical notation; `alt` reads it aloud."""
+    """A displayed equation in Typst's mathematical notation; `alt` is the equation as read aloud."""
 
     typst: str
     alt: str
@@ -199,7 +199,7 @@ class Equation:
 
 @dataclass(frozen=True)
 class Contents:
-    """The place of the table of contents in print (the HTML has it next to the text)."""
+    """The place of the table of contents in print; HTML shows it beside the text."""
 
 
 @dataclass(frozen=True)
@@ -209,7 +209,7 @@ class PageBreak:
 
 @dataclass(frozen=True)
 class Appendices:
-    """The sections after this are for specialists: they begin on a new page in print and have letters for numbers."""
+    """The start of the sections for specialists, which have letters as numbers and, in print, begin on a new page."""
 
 
 Block = Heading | Paragraph | Bullets | Callout | Table | Picture | Equation | Contents | PageBreak | Appendices
@@ -229,7 +229,7 @@ class Report:
 
 
 def all_blocks(blocks: tuple[Block, ...]) -> Iterator[Block]:
-    """All blocks in reading order, those inside callouts too."""
+    """All blocks in reading order, including those inside callouts."""
     for block in blocks:
         yield block
         if isinstance(block, Callout):
@@ -237,7 +237,7 @@ def all_blocks(blocks: tuple[Block, ...]) -> Iterator[Block]:
 
 
 def _numbered(blocks: tuple[Block, ...]) -> dict[str, str]:
-    """The number of every heading, figure and table by its name; a name that occurs twice is an error."""
+    """The number of each heading, figure and table, by name; no name may occur twice."""
     numbers: dict[str, str] = {}
     section = [0, 0, 0]
     figures = tables = 0
@@ -267,7 +267,7 @@ def _numbered(blocks: tuple[Block, ...]) -> dict[str, str]:
 
 
 def pictures_of(drawings: Mapping[str, Drawing], *names: str) -> Iterator[Picture]:
-    """Show the figures of these names, in this order; those that the run does not have are left out."""
+    """Show the figures with these names, in this order, except those that the run does not have."""
     for name in names:
         if name in drawings:
             shown = drawings[name]

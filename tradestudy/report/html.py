@@ -1,4 +1,4 @@
-"""A document as one HTML file: styles, script, figures and equations inside, nothing fetched."""
+"""A document as one HTML file, which contains all styles, scripts, figures and equations."""
 
 from __future__ import annotations
 
@@ -39,18 +39,18 @@ def render_html(
 ) -> bytes:
     """Write a document as HTML.
 
-    Figures are part of the page, each with identifiers of its own; equations are images (data URIs).
+    Figures are part of the page, each with its own identifiers; equations are images (data URIs).
 
     Parameters
     ----------
     document
-        What to say.
+        The content.
     pictures
         Every figure that the document shows, by name.
     values
-        What the results say of curves in them, by the name of the curve.
+        Results behind curves of the figures, by the name of the curve.
     designs
-        Of a sweep, for the reader to step through.
+        The designs of a sweep, for the reader to step through.
     """
     blocks = tuple(all_blocks(document.blocks))
     drawn = _drawn_equations(tuple(block for block in blocks if isinstance(block, Equation)))
@@ -81,7 +81,7 @@ def render_html(
 
 
 def script() -> str:
-    """The script of a page: its parts in one scope, without comments and spaces between words."""
+    """The script of a page: its parts in one scope, without comments and needless spaces."""
     return str(rjsmin.jsmin("(() => {" + "\n".join(map(template, SCRIPTS)) + "})();"))
 
 
@@ -90,7 +90,7 @@ def _data_uri(svg: bytes) -> str:
 
 
 def _drawn_equations(equations: tuple[Equation, ...]) -> dict[Equation, _DrawnEquation]:
-    """Every equation drawn once by the typesetter of the PDF, so that both formats show the same."""
+    """Draw every equation once, with the typesetter of the PDF, so that both formats look the same."""
     if not equations:
         return {}
     pages = typeset("equations.typ", {"equations": [vars(one) for one in equations]}, "svg")

@@ -1,4 +1,4 @@
-"""A figure's SVG as a part of a page: identifiers of its own, colours that follow the page, nothing invisible."""
+"""A figure's SVG as part of a page: with its own identifiers, colours that follow the page, and nothing invisible."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _EMPTY: Final = re.compile(r"<defs>\s*</defs>")
 
 
 def inlined(svg: bytes, name: str, alt: str, colors: Collection[str], letters: set[str]) -> str:
-    """The SVG of a figure for use inside HTML.
+    """Prepare the SVG of a figure for use inside HTML.
 
     Parameters
     ----------
     svg
-        As matplotlib writes it.
+        The figure as matplotlib writes it.
     name
-        Prefix of every identifier, so that those of several figures differ.
+        Prefix that makes the identifiers of several figures differ.
     alt
         What the figure shows, in words.
     colors
-        Those (``0072b2``) for which the style sheet has a variable (``--c0072b2``); others stay as they are.
+        Colours (``0072b2``) for which the style sheet has a variable (``--c0072b2``); others stay as they are.
     letters
-        Outlines of letters that earlier figures of the page contain and this one uses too; its own are added.
+        Outlines of letters in earlier figures of the page, which this one uses again; its own are added.
     """
     text = svg.decode()
     start = _BEGINNING.match(text)

@@ -1,4 +1,4 @@
-"""The numbers behind the figures of a page, for its script: curves of the figures, values of the results."""
+"""The numbers that the script of a page needs: curves of its figures, and values of the results."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from tradestudy.report.document import Block
 from tradestudy.results.views.groups import FloatArray
 
 _FARTHEST: Final = 1e9  # m
-_DIGITS: Final = 3  # as the script shows them
-_NEAR_TIE: Final = 1e-3  # of the last digit: far more than a single float is off by
+_DIGITS: Final = 3  # digits that the script shows
+_NEAR_TIE: Final = 1e-3  # of the last digit: far above the rounding error of single floats
 
 
 @dataclass(frozen=True)
 class _Pool:
-    """Arrays of a page, each once, as single floats in base64."""
+    """The arrays of a page, without repetition, as single floats in base64."""
 
     texts: list[str] = field(default_factory=list)
     places: dict[bytes, int] = field(default_factory=dict)
@@ -48,18 +48,18 @@ def page_data(
     designs: PageDesigns | None = None,
     write: Callable[[Block], str] = str,
 ) -> str:
-    """JSON for the script of a page, safe inside its element.
+    """Write JSON for the script of a page, safe inside an HTML element.
 
     Parameters
     ----------
     figures
-        Of the page, by name.
+        Figures of the page, by name.
     values
-        Of the results, by the name of a curve, such as ``depth_uncertainty/stereo``.
+        Results behind curves, by the name of the curve, such as ``depth_uncertainty/stereo``.
     designs
-        Of a sweep.
+        Designs of a sweep.
     write
-        Makes HTML of a block that is said of a design.
+        Turns a block about a design into HTML.
     """
     pool = _Pool()
     data = {
@@ -71,7 +71,7 @@ def page_data(
 
 
 def _panel(figure: str, panel: Panel, values: Mapping[str, CurveValues], pool: _Pool) -> dict[str, Any]:
-    """A panel as the script reads it; identifiers as in the page."""
+    """A panel as the script reads it, with the identifiers of the page."""
     return {
         "id": f"{figure}-{panel.id}",
         "title": panel.title,
@@ -84,7 +84,7 @@ def _panel(figure: str, panel: Panel, values: Mapping[str, CurveValues], pool: _
 
 
 def _curve(figure: str, curve: Curve, values: Mapping[str, CurveValues], pool: _Pool) -> dict[str, Any]:
-    """A curve as the script reads it; without data where the results have its values."""
+    """A curve as the script reads it, without data if the results have its values."""
     fields = {name: getattr(curve, name) for name in ("kind", "label", "name", "color")}
     own = () if "/".join(curve.name.split("/")[:2]) in values else ("x", "y", "top")
     return {
@@ -95,7 +95,7 @@ def _curve(figure: str, curve: Curve, values: Mapping[str, CurveValues], pool: _
 
 
 def _designs(every: PageDesigns, pool: _Pool, write: Callable[[Block], str]) -> dict[str, Any]:
-    """What the sliders need, one list entry for each design; distances with the digits that a figure can show."""
+    """The data of the sliders, with a list entry per design, and distances with as many digits as figures show."""
     return {
         "axes": [vars(axis) for axis in every.axes],
         "curves": {
@@ -115,7 +115,7 @@ def _short(distance: float) -> float:
 
 
 def _displayed_alike(values: FloatArray) -> npt.NDArray[np.float32]:
-    """Single floats that read like the doubles in that many digits: next to a tie, the rounded number itself."""
+    """Single floats that the script writes with the same digits as the doubles; near a tie, the rounded number."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         single = values.astype("<f4")
         digits = np.abs(values) / 10.0 ** (np.floor(np.log10(np.abs(values))) - (_DIGITS - 1))

@@ -28,7 +28,7 @@ def render_pdf(document: Report, pictures: Mapping[str, bytes]) -> bytes:
     Parameters
     ----------
     document
-        What to say.
+        The content.
     pictures
         SVG bytes of every figure that the document shows, by name.
 

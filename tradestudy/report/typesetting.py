@@ -1,4 +1,4 @@
-"""The typesetter: Typst with its own fonts and one more, never those of the machine: the same result everywhere."""
+"""The typesetter: Typst with its own fonts and one more, but none of the machine's, for the same result everywhere."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import typst
 from tradestudy.errors import TradestudyError
 from tradestudy.figures.fonts import font_folder
 
-PDF_STANDARD: Final = "ua-1"  # accessible PDF: tagged, every figure and equation with its alternative text
+PDF_STANDARD: Final = "ua-1"  # accessible PDF: tagged, with alternative texts for all figures and equations
 
 
 def template(name: str) -> str:
@@ -27,7 +27,7 @@ def _fonts() -> typst.Fonts:
 
 
 def typeset(name: str, inputs: Mapping[str, object], output: Literal["pdf", "svg"]) -> list[bytes]:
-    """Compile a template with data; strings go in as they are, anything else as JSON.
+    """Compile a template with data: strings as they are, anything else as JSON.
 
     Returns
     -------

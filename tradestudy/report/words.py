@@ -1,4 +1,4 @@
-"""Numbers and names of the results in words, as sentences and tables write them."""
+"""Numbers and names of the results, as sentences and tables write them."""
 
 from __future__ import annotations
 
@@ -7,15 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.units import FRACTION, LENGTH, pretty, significant
-from tradestudy.wording import distance
+from tradestudy.units import FRACTION, LENGTH, Dimension, display_unit, pretty, significant
+from tradestudy.wording import distance, in_words
 
-_NEGLIGIBLE = 0.01  # of a value: an error that the tolerance of most studies leaves
-
-
-def in_words(name: str) -> str:
-    """Write a name of the results as words."""
-    return name.replace("_", " ")
+_NEGLIGIBLE = 0.01  # of a value: most studies tolerate such an error
 
 
 _PARTS: Final[Mapping[str, str]] = {
@@ -27,29 +22,53 @@ _PARTS: Final[Mapping[str, str]] = {
 
 
 def part_words(name: str) -> str:
-    """Describe a part of the error to a reader who has read nothing else."""
+    """Name a part of the error in words that need no explanation."""
     return _PARTS.get(name, in_words(name))
 
 
 def or_dash(value: float, write: Callable[[float], str] = significant) -> str:
-    """Write a number, or a dash where there is none."""
+    """Write a number, or a dash if it is NaN."""
     return "—" if np.isnan(value) else write(value)
 
 
 def length(value: float, digits: int = 3) -> str:
-    """Write a length with the usual unit, not broken between number and unit."""
+    """Write a length in its usual unit, with a no-break space."""
     return pretty(value, LENGTH, digits).replace(" ", "\N{NO-BREAK SPACE}")
 
 
-def with_error(value: float, error: float, write: Callable[[float, int], str] = length) -> str:
-    """Write a value, and its error where that is not negligible."""
+def with_error(value: float, error: float, dimension: Dimension = LENGTH) -> str:
+    """Write a value as `plus_minus` does, or alone where its error is negligible or unknown."""
+    is_shown = np.isfinite([value, error]).all() and error > _NEGLIGIBLE * abs(value)
+    return plus_minus(value, error if is_shown else 0.0, dimension)
+
+
+def plus_minus(value: float, error: float, dimension: Dimension) -> str:
+    """Write a value and its error in one unit, the error with one digit and the value as far as that digit.
+
+    An error of 0 or NaN is left out.
+    """
+    if not error > 0.0:
+        return pretty(value, dimension).replace(" ", "\N{NO-BREAK SPACE}")
+    unit = display_unit(float(f"{max(abs(value), error):.2e}"), dimension)
+    return _rounded(value / unit.size, error / unit.size, unit.label)
+
+
+def distance_with_error(value: float, error: float) -> str:
+    """Write a distance [m] in the unit of sentences, and its error where that is not negligible."""
     if not np.isfinite([value, error]).all() or error <= _NEGLIGIBLE * abs(value):
-        return write(value, 3)
-    return f"{write(value, 3)} ± {write(error, 1)}"
+        return distance(value)
+    return _rounded(value, error, " m") if abs(value) >= 0.1 else _rounded(1e3 * value, 1e3 * error, " mm")
+
+
+def _rounded(value: float, error: float, unit: str) -> str:
+    shown = float(f"{error:.0e}")
+    decimals = -int(np.floor(np.log10(shown)))
+    number = f"{round(value, decimals):.{max(decimals, 0)}f}".replace("-", "−")
+    return f"{number} ± {significant(shown, 1)}{unit}".replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def interval(low: float, high: float) -> str:
-    """Write the ends of an interval of distances [m], in one unit, with the digits that distinguish them."""
+    """Write the ends of an interval of distances [m] in one unit, with as many digits as distinguish them."""
     if np.isnan([low, high]).any():
         return "—"
     if not np.isfinite([low, high]).all():

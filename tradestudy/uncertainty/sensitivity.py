@@ -14,6 +14,7 @@ from tradestudy.uncertainty.monte_carlo import Sampling, propagate
 from tradestudy.uncertainty.outputs import Propagated, RunningMean
 from tradestudy.uncertainty.sources import Group, Source, Sources
 from tradestudy.uncertainty.streams import point_generator
+from tradestudy.wording import in_words
 
 LARGEST_CORRELATION = 0.3
 """For more strongly correlated parameters, varying one alone describes rigs that the calibration rules out."""
@@ -98,9 +99,10 @@ def _require_weak_correlation(group: Group) -> None:
     correlation = group.correlation - np.eye(len(group.parameters))
     i, j = np.unravel_index(int(np.argmax(np.abs(correlation))), correlation.shape)
     if abs(correlation[i, j]) > LARGEST_CORRELATION:
+        first, second = (in_words(group.parameters[k]) for k in (i, j))
         raise OutOfRangeError(
             "parameters are too strongly correlated for separate bars",
-            value=f"{correlation[i, j]:+.3f} between {group.parameters[i]} and {group.parameters[j]}",
+            value=f"{first} and {second} by {correlation[i, j]:+.3f}",
             limit=f"magnitudes up to {LARGEST_CORRELATION}",
             remedy="use the bar of the whole group, which moves them together",
         )

@@ -83,7 +83,7 @@ class LightSpotProblem(SimulationProblem):
             Slot(
                 name="spectrum",
                 models=(OFF,) if one_line else (OFF, "weighted"),
-                reason="light of one wavelength" if one_line else "",
+                reason="the light has one wavelength" if one_line else "",
             ),
             *(Slot(name=leg, models=self._laws(leg, coherent=coherent)) for leg in LENSES),
             Slot(name="crosstalk", models=(OFF, "coherent"), saves_time=False),

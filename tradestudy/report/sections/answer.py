@@ -21,7 +21,7 @@ from tradestudy.report.document import (
     say,
     with_subscripts,
 )
-from tradestudy.report.words import length, part_words, share, with_error
+from tradestudy.report.words import distance_with_error, length, part_words, share
 from tradestudy.results.views.conclusions import best_ranges, measure_first, question_words, rests_on
 from tradestudy.results.views.decision import answer_title, flips, handovers, solved_questions, tied
 from tradestudy.results.views.depth import least_broken
@@ -44,7 +44,7 @@ _WHICH: Final = "Which camera for which distance"
 
 
 def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Say which camera for which distance, which requirements are met, what decides that, and what would reverse it."""
+    """Say which camera to use at which distance, which requirements are met, and what decides and reverses that."""
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         yield from _requirements(requirement_conclusions(tree))  # of cameras that measure no depth
         if solved := tuple(_solved(tree)):
@@ -80,7 +80,7 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
 def describe_design(
     best: BestCameras | None, requirements: Sequence[RequirementConclusion], words: str
 ) -> Iterator[Callout]:
-    """The part of the first page about one design of a sweep."""
+    """Write the part of the first page that is about one design of a sweep."""
     if best is not None:
         yield Callout(
             title=f"{_which({key: best.titles[key] for key in best.cameras})}, {words}",
@@ -92,12 +92,12 @@ def describe_design(
 
 
 def _which(measuring: Mapping[str, str]) -> str:
-    """The title of the answer, from the titles of the cameras that measure depth."""
+    """The title of the answer, given the titles of the cameras that measure depth."""
     return f"Depth uncertainty of {listed(list(measuring.values()))}" if len(measuring) == 1 else _WHICH
 
 
 def _requirements(requirements: Sequence[RequirementConclusion], of: str = "") -> Iterator[Callout]:
-    """The verdict on every requirement, musts first; `of` names the design in words."""
+    """The verdict on each requirement, those that must hold first; `of` names the design in words."""
     if requirements:
         missed = any(one.met is not True and one.priority == "must" for one in requirements)
         yield Callout(
@@ -109,7 +109,7 @@ def _requirements(requirements: Sequence[RequirementConclusion], of: str = "") -
 
 
 def _solved(tree: xr.DataTree) -> Iterator[Spans]:
-    """Inverse questions and their answers."""
+    """The inverse questions with their answers."""
     for says, answer in solved_questions(tree):
         value, _, more = answer.partition("; ")
         beside = f" ({more})" if more else ""
@@ -122,12 +122,12 @@ def _solved(tree: xr.DataTree) -> Iterator[Spans]:
 
 
 def _requirement(one: RequirementConclusion) -> Spans:
-    """A requirement with its verdict first."""
+    """A requirement, its verdict first."""
     return say("**{verdict}**: {rest}.", verdict=one.verdict.capitalize(), rest=requirement_details(one))
 
 
 def _designs(tree: xr.DataTree) -> Iterator[Spans]:
-    """What the designs of a sweep meet and favour, and how they move the crossover and usable ranges."""
+    """Which requirements and cameras the designs of a sweep favour, and how they move crossovers and usable ranges."""
     sentences = [
         feasible_words(tree),
         f"Best {favoured}" if (favoured := "; ".join(favoured_words(tree))) else "",
@@ -161,14 +161,14 @@ def _taken_as_perfect(tree: xr.DataTree) -> Iterator[Spans]:
 
 
 def _doubted(tree: xr.DataTree) -> Iterator[Spans]:
-    """Rigs whose views support less than their calibration claims, at the distance where the two differ most."""
+    """Rigs whose calibration claims more than its views support, at the distance where the two differ most."""
     if not has(tree, "calibration", "rig_claimed"):
         return
     titles, data = camera_titles(tree), group(tree, "calibration")
     for name in map(str, data["posterior"].values):
         rig = data.sel(posterior=name)
         ratio = rig["rig_halves_difference"].values / rig["rig_halves_claim"].values
-        if not np.any(ratio > 1.0):  # also where no views were compared
+        if not np.any(ratio > 1.0):  # or no views were compared
             continue
         worst = int(np.nanargmax(ratio))
         claimed = float(rig["rig_claimed"].values[worst])
@@ -184,13 +184,13 @@ def _doubted(tree: xr.DataTree) -> Iterator[Spans]:
 
 
 def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
-    """The inputs that decide the answers most, and their bases."""
+    """The inputs on which the answers rest, with the basis of each."""
     if inputs := rests_on(tree):
         yield say("**This rests on** the {inputs}.", inputs="; the ".join(one.removeprefix("the ") for one in inputs))
 
 
 def _at_the_bound(tree: xr.DataTree) -> Iterator[Spans]:
-    """Cameras in the answers whose disparity errors are bounds, without a real matcher."""
+    """The cameras of the answers whose disparity error is a bound, without a real matcher."""
     named = {title for one in best_ranges(tree) for title in one.cameras}
     named |= {one.camera for one in requirement_conclusions(tree)}
     if sentence := best_of_any_matcher(tuple(title for title in at_the_bound(tree) if title in named)):
@@ -198,10 +198,10 @@ def _at_the_bound(tree: xr.DataTree) -> Iterator[Spans]:
 
 
 def _measure_first(tree: xr.DataTree) -> Iterator[Spans]:
-    """Which assumption to replace by a measurement."""
+    """Which assumption to replace by a measurement first."""
     if first := measure_first(tree):
         head, _, rest = first.partition(": ")
-        if rest in rests_on(tree):  # said already
+        if rest in rests_on(tree):  # the sentence before names it
             yield (
                 say("**Measure that first.**")
                 if len(rests_on(tree)) == 1
@@ -212,7 +212,7 @@ def _measure_first(tree: xr.DataTree) -> Iterator[Spans]:
 
 
 def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
-    """Readings under which another of the pair wins, by distance."""
+    """The readings under which the other camera of the pair wins, by distance."""
     found = tuple(flips(tree))
     if not any(one.alternatives for one in found):
         return
@@ -237,7 +237,7 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
 
 
 def _stretches(best: BestCameras) -> Iterator[Spans]:
-    """One sentence per range of distance with one best camera."""
+    """One sentence per range of distances with the same best camera."""
     for start, end, names in best.reported:
         where, camera = span(start, end), answer_title(best.titles, names)
         if not names and len(best.cameras) == 1:
@@ -260,9 +260,9 @@ def _stretches(best: BestCameras) -> Iterator[Spans]:
 
 
 def _why_none(best: BestCameras, start: float, end: float) -> str:
-    """Why none of the candidates is usable in a range of distance [m], and which other cameras are usable there."""
+    """Why no candidate is usable in a range of distances [m], and which other cameras are usable there."""
     measuring = [key for key in best.titles if key in best.cameras]
-    becomes_usable = end < best.distance[-1]  # then the limit that is the last to break there is the most informative
+    becomes_usable = end < best.distance[-1]  # the limit that is the last to fail there tells most
     inside = np.flatnonzero((best.distance > start) & (best.distance < end))
     if not inside.size:
         inside = np.array([best.nearest(float(np.sqrt(start * end)))])
@@ -287,10 +287,10 @@ def _why_none(best: BestCameras, start: float, end: float) -> str:
 
 
 def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:
-    """The uncertainty at both ends of a range, absolute and relative, and what decides it there."""
+    """The uncertainty at both ends of a range, absolute and relative, and what decides it."""
     depth, places = best.cameras[camera], (start, end)
     known = np.isfinite(depth.uncertainty)
-    logs = (np.log(best.distance[known]), np.log(depth.uncertainty[known]))  # a smooth curve between its points
+    logs = (np.log(best.distance[known]), np.log(depth.uncertainty[known]))  # interpolated along a smooth curve
     ends = [float(np.exp(np.interp(np.log(place), *logs))) for place in places]
     near, far = (f"{length(s)} ({share(s / z)})" for s, z in zip(ends, places, strict=True))
     first, last = (part_words(depth.parts[best.nearest(place)] or "nothing") for place in places)
@@ -305,10 +305,10 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     decision, titles = group(tree, "decision").sel(error_source="both"), camera_titles(tree)
     first, second = (titles[decision.attrs[end]] for end in ("first", "second"))
     handed = [list(handovers(decision.isel(reading=row))) for row in range(decision.sizes["reading"])]
-    own = "at " + " and ".join(with_error(*place, distance) for place in handed[0]) if handed[0] else "nowhere"
+    own = "at " + " and ".join(distance_with_error(*place) for place in handed[0]) if handed[0] else "nowhere"
     others = [place for row in handed[1:] for place, _ in row]
     alone = sum(not row for row in handed[1:])
-    if len(handed) == 1:  # the stretches say it
+    if len(handed) == 1:  # other bullets say it already
         return
     ends = list(dict.fromkeys(distance(end) for end in (min(others), max(others)))) if others else []
     where = f"{'between' if len(ends) > 1 else 'at'} {' and '.join(ends)}"
@@ -319,7 +319,7 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
         else ""
     )
     yield say(
-        "Between {first} and {second} the preferred camera switches **{own}**{moved}.",
+        "Between {first} and {second}, the preferred camera switches **{own}**{moved}.",
         first=first,
         second=second,
         own=own,

@@ -1,4 +1,4 @@
-"""Calibration: the source of each, convergence of inferences, the worth of averaging, and which camera errs less."""
+"""Calibration: sources, convergence of inferences, the benefit of averaging, and which camera errs less."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tradestudy.report.sections.uncertain_decision import describe_ranks
 from tradestudy.results.views.depth import decided_by_calibration, nominal, table_depth, table_distances
 from tradestudy.results.views.groups import group, has, titles_in
 from tradestudy.units import significant
-from tradestudy.wording import counted, distance
+from tradestudy.wording import counted, distance, in_words
 
 _TWO_DIGITS = 100.0
 _SOURCES = ("corners", "target", "posterior")
@@ -42,7 +42,7 @@ def describe_calibration(tree: xr.DataTree, run: Mapping[str, Any], drawings: Ma
 
 
 def _sources(tree: xr.DataTree, inputs: Mapping[str, str]) -> Table:
-    """Where each calibration comes from, and which of its errors are declared."""
+    """List where each calibration comes from, and which of its errors are declared."""
     rows: list[tuple[Text, ...]] = []
     for key, title in titles_in(tree, "depth").items():
         start = f"cameras.{key}.calibration."
@@ -54,8 +54,8 @@ def _sources(tree: xr.DataTree, inputs: Mapping[str, str]) -> Table:
             (
                 title,
                 _source(tree, key, own, names),
-                ", ".join(name.replace("_", " ") for name in names) or "none",
-                ", ".join(name.replace("_", " ") for name in since) or "nothing",
+                ", ".join(map(in_words, names)) or "none",
+                ", ".join(map(in_words, since)) or "nothing",
             )
         )
     return Table(
@@ -76,7 +76,7 @@ _SINCE = ("temperature", "pressure", "color", "ageing")
 
 
 def _source(tree: xr.DataTree, key: str, own: Mapping[str, str], errors: list[str]) -> str:
-    """The source of one calibration, in words."""
+    """Describe the source of one calibration."""
     found = next((name for name in _SOURCES if any(path.split(".")[0] == name for path in own)), "")
     if found == "target":
         return (
@@ -94,7 +94,7 @@ def _source(tree: xr.DataTree, key: str, own: Mapping[str, str], errors: list[st
 
 
 def _averaging(tree: xr.DataTree) -> Table:
-    """Number of measurements whose mean has as much noise as calibration uncertainty, at the declared distances."""
+    """List how many measurements it takes until noise equals calibration error, at the declared distances."""
     depth, places = table_depth(tree), table_distances(tree)
 
     def cell(key: str, place: float) -> str:
@@ -104,8 +104,8 @@ def _averaging(tree: xr.DataTree) -> Table:
 
     return Table(
         name="averaging-table",
-        caption="Number of measurements of one point whose mean has as much noise as calibration error, n = (u noise "
-        "/ u calibration)². Averaging more gains little, because calibration errors do not average out.",
+        caption="Number of measurements of one point whose mean has as much noise as calibration error. Averaging more "
+        "gains little, because calibration errors do not average out.",
         columns=(
             Column(title="Camera", weight=1),
             *(Column(title=distance(float(place)), align="right") for place in places),
@@ -121,7 +121,7 @@ def _averaging(tree: xr.DataTree) -> Table:
 
 
 def _readings_worth(noise: float, calibration: float) -> str:
-    """The number of measurements, two digits; a dash where noise or calibration is unbounded or nothing is measured."""
+    """Write the number of measurements with two digits; a dash if noise or calibration error has no bound."""
     if not np.isfinite([noise, calibration]).all():
         return "—"
     if calibration == 0.0:
@@ -131,7 +131,7 @@ def _readings_worth(noise: float, calibration: float) -> str:
 
 
 def _refusals(tree: xr.DataTree) -> Iterator[Block]:
-    """Results withheld because they would mislead, with the reason."""
+    """List results that are withheld because they would mislead, with the reason for each."""
     data, rows = group(tree, "sensitivity"), []
     for key, title in titles_in(tree, "sensitivity").items():
         reason = str(data["parameter_refused"].sel(camera=key).item())

@@ -15,7 +15,7 @@ from tradestudy.wording import listed
 
 
 def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Write the measured costs; nothing without measurements."""
+    """Write what accuracy costs; nothing if that was not measured."""
     if "cost" not in tree.children:
         return
     yield Heading(text="What accuracy costs", anchor="what-accuracy-costs")
@@ -24,7 +24,7 @@ def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterato
 
 
 def answers(cost: xr.Dataset) -> Iterator[Spans]:
-    """Time and error for every camera and picture of a study, and the cost of one more digit."""
+    """Say, for each camera and picture of a study, the time and error of its models and the cost of another digit."""
     for name in cost["problem"].values:
         rows = cost.isel(entry=cost["problem_of"].values == name)
         yield _answer(cost.sel(problem=name), rows.drop_dims("problem").to_dataframe().to_dict("records"))

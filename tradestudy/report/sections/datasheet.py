@@ -1,4 +1,4 @@
-"""Every camera in the terms of depth-camera data sheets, with the conditions and the formula of each value."""
+"""The cameras in the terms of data sheets, with the conditions and definition of each value."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tradestudy.wording import distance, span
 
 
 def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
-    """Explain the values, then write one table for each camera."""
+    """Define the values, then write one table per camera."""
     if not has(tree, "datasheet", "z_accuracy"):
         return
     data, titles = group(tree, "datasheet"), camera_titles(tree)
@@ -51,7 +51,7 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _of_matching(tree: xr.DataTree) -> str:
-    """Cameras whose disparity errors are bounds, and why pixel locking is not temporal noise."""
+    """Name the cameras whose disparity error is a bound, and say why pixel locking is not temporal noise."""
     text = best_of_any_matcher(at_the_bound(tree))
     if declared_matchers(tree):
         text += " Declared pixel locking is not temporal noise: it is the same in every repeated measurement."

@@ -13,7 +13,7 @@ from tradestudy.report.document import Block, Column, Heading, Paragraph, Text, 
 from tradestudy.report.sections.depth_maps import ScoreRow, score_tables
 from tradestudy.report.words import length, share, with_error
 from tradestudy.results.views.groups import camera_titles, group, has
-from tradestudy.units import ELECTRONS, pretty, significant
+from tradestudy.units import ELECTRONS, NUMBER, pretty
 from tradestudy.wording import counted
 
 _PLANES = ("distance", "contrast", "electrons")
@@ -40,14 +40,14 @@ def describe_depth_loop(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
 
 
 def _fitted_matcher(one: xr.Dataset, title: str) -> Text:
-    """The fitted matcher of one camera, or why there is none."""
+    """Describe the fitted matcher of one camera, or say why there is none."""
     declared = str(one["matcher"].item())
     if np.isnan(one["matcher_factor"].item()):
         return say("**{title}**: {why}.", title=title, why=declared)
     over = one["over_matcher"].values[one["fitted"].values == 0.0]
     over = over[np.isfinite(over)]
     text = say("**{title}**: `{matcher}`.", title=title, matcher=declared.partition("  # ")[0])
-    factor = with_error(one["matcher_factor"].item(), one["matcher_factor_error"].item(), significant)
+    factor = with_error(one["matcher_factor"].item(), one["matcher_factor_error"].item(), NUMBER)
     text += say(" Its factor is {factor}.", factor=factor)
     if over.size:
         text += say(

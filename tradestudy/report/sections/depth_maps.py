@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import xarray as xr
 
@@ -10,10 +10,10 @@ from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
 from tradestudy.report.words import length, or_dash, share, with_error
 from tradestudy.results.views.groups import camera_titles, group, has
-from tradestudy.units import significant
+from tradestudy.units import FRACTION, LENGTH, NUMBER, Dimension, significant
 
 ScoreRow = tuple[tuple[Text, ...], xr.Dataset | None]
-"""First cells of a row, and the numbers after them; none after a heading."""
+"""The first cells of a row, and the variables behind the others; None for a heading."""
 
 
 def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -41,7 +41,7 @@ def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
 
 
 def _matcher(title: str, text: str) -> Text:
-    """The key as a study declares it, or why there is nothing to declare."""
+    """Write the matcher as a study would declare it, or why there is none."""
     declared, _, errors = text.partition("  # ")
     if not errors:
         return say("**{title}**: {why}.", title=title, why=text)
@@ -49,7 +49,7 @@ def _matcher(title: str, text: str) -> Text:
 
 
 def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRow]) -> Iterator[Table]:
-    """Achieved against predicted, a row for each set of variables of `score_variables`, behind cells of its own."""
+    """Tables that compare measured depth with its prediction: a row for each of `rows`, after its own first cells."""
     yield Table(
         name=f"{name}-depth-table",
         caption="Measured depth against true depth, ± one standard error.",
@@ -84,22 +84,22 @@ def _columns(*titles: str) -> tuple[Column, ...]:
 
 
 def _of_depth(one: xr.Dataset) -> Iterator[str]:
-    yield _shown(one, "bias", length)
-    yield _shown(one, "spread", length)
+    yield _shown(one, "bias", LENGTH)
+    yield _shown(one, "spread", LENGTH)
     yield or_dash(float(one["depth_predicted"].item()), length)
-    yield _shown(one, "within", share)
-    yield _shown(one, "filled", share)
+    yield _shown(one, "within", FRACTION)
+    yield _shown(one, "filled", FRACTION)
     available, predicted = (float(one[key].item()) for key in ("depth_available", "predicted_availability"))
     yield f"{or_dash(available, share)} ({or_dash(predicted, share)})"
 
 
 def _of_disparity(one: xr.Dataset) -> Iterator[str]:
     for name in ("bias_px", "spread_px", "over_bound", "neighbour_correlation", "window_correlation"):
-        yield _shown(one, name, significant)
+        yield _shown(one, name, NUMBER)
     yield significant(float(one["depth_windows"].item()), 3)
 
 
-def _shown(one: xr.Dataset, name: str, write: Callable[[float, int], str]) -> str:
-    """A number with its error."""
+def _shown(one: xr.Dataset, name: str, dimension: Dimension) -> str:
+    """Write a variable with its error; a dash if it is unknown."""
     value, error = (float(one[key].item()) for key in (f"depth_{name}", f"depth_{name}_error"))
-    return or_dash(value, lambda known: with_error(known, error, write))
+    return or_dash(value, lambda known: with_error(known, error, dimension))

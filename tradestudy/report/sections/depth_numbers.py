@@ -10,18 +10,18 @@ import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
-from tradestudy.report.words import in_words, interval, length, or_dash, share, with_error
+from tradestudy.report.words import distance_with_error, interval, length, or_dash, share, with_error
 from tradestudy.results.views.depth import nominal, shares_at, table_depth, table_distances
 from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, titles_in
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, false_matches_declared
-from tradestudy.wording import distance
+from tradestudy.wording import distance, in_words
 
-_NEGLIGIBLE_SHARE = 1e-6  # the error of the computed share
+_NEGLIGIBLE_SHARE = 1e-6  # what the numerical error of a share amounts to
 _ERROR_SOURCES = ("noise", "calibration", "both")
 
 
 def list_depths(tree: xr.DataTree) -> Iterator[Block]:
-    """Write discrimination, uncertainty, its largest part, equivalent baselines and failed measurements as tables."""
+    """Write tables of discrimination, uncertainty, its largest part, equivalent baselines and failed measurements."""
     if has(tree, "depth"):
         yield Heading(text="Depth at the declared distances", anchor="depth-numbers")
         yield _values_at_places(tree)
@@ -30,7 +30,7 @@ def list_depths(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _values_at_places(tree: xr.DataTree) -> Table:
-    """Numbers behind the curves at the declared distances."""
+    """List the numbers behind the curves at the declared distances."""
     depth = table_depth(tree)
     rows: list[tuple[Text, ...]] = []
     quantiles = depth["quantile"].values
@@ -68,7 +68,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
             Column(title="Usable"),
             Column(title="Discrim­ination", align="right"),
             *(Column(title=f"u {error_source}", align="right") for error_source in _ERROR_SOURCES),
-            Column(title="relative", align="right"),
+            Column(title="Relative", align="right"),
             Column(title=f"{content} interval", align="right"),
         ),
         rows=tuple(rows),
@@ -85,7 +85,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
 
 
 def _noise_is_coarse(tree: xr.DataTree) -> str:
-    """Warn if noise alone has no tolerance and omitted effects change it by more than the tolerance on the whole."""
+    """Warn if noise alone has no tolerance and omitted effects change it by more than the general tolerance."""
     if not has(tree, "effects", "joint_change", "tolerance"):
         return ""
     effects = group(tree, "effects")
@@ -101,7 +101,7 @@ def _noise_is_coarse(tree: xr.DataTree) -> str:
 
 
 def _numerical_error(tree: xr.DataTree) -> str:
-    """How far the computed uncertainty may be from that of the exact camera model, where cameras are usable."""
+    """Say how far the computed uncertainty may be from that of the exact model, where cameras are usable."""
     depth = nominal(tree)
     relative = (depth["depth_uncertainty_error"] / depth["depth_uncertainty"]).where(depth["usable"])
     values = relative.values[np.isfinite(relative.values)]
@@ -109,7 +109,7 @@ def _numerical_error(tree: xr.DataTree) -> str:
 
 
 def _decisive_parts(tree: xr.DataTree) -> Table:
-    """The part with the largest share at the declared distances."""
+    """List the part with the largest share at the declared distances."""
     depth, places = table_depth(tree), table_distances(tree)
 
     def cell(key: str, place: float) -> str:
@@ -135,7 +135,7 @@ def _decisive_parts(tree: xr.DataTree) -> Table:
 
 
 def _over_places(tree: xr.DataTree) -> Iterator[Table]:
-    """Equivalent baselines and failed measurements, one column per declared distance."""
+    """List equivalent baselines and failed measurements, with one column per declared distance."""
     depth, places = table_depth(tree), table_distances(tree)
 
     def table(
@@ -175,7 +175,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
 
 
 def _baseline_note(tree: xr.DataTree, depth: xr.Dataset) -> tuple[Text, ...]:
-    """Why the equivalent baseline is not the camera's own, for studies in which one changes with distance."""
+    """Say why the equivalent baseline of a rig differs from its own, if it does."""
     notes: dict[str, None] = {}
     for key, method in depth_methods(tree).items():
         if note := method["baseline_note"]:
@@ -187,7 +187,7 @@ def _baseline_note(tree: xr.DataTree, depth: xr.Dataset) -> tuple[Text, ...]:
 
 
 def _step(nearer: float, farther: float) -> str:
-    """Write the steps nearer and farther; one number where three digits do not distinguish them."""
+    """Write the steps nearer and farther, as one number if three digits do not distinguish them."""
     near, far = length(nearer), length(farther)
     if near == far:
         return near
@@ -201,23 +201,25 @@ def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
         return
     decision, titles = group(tree, "decision"), camera_titles(tree)
     pair = {end: titles[decision.attrs[end]] for end in ("first", "second")}
+    others = decision.sizes["reading"] > 1
     yield Heading(text="The decision under every reading", anchor="decision")
     yield Paragraph(
         say(
             "{open} The two cameras compared are {first} and {second}.",
             open="Each other reading changes one assumption of the study as declared and nothing else."
-            if decision.sizes["reading"] > 1
-            else "The study declares no other readings.",
+            if others
+            else "The study declares no other reading.",
             **pair,
         )
     )
-    yield _ratio_table(decision, pair)
-    yield from pictures_of(drawings, "readings")
+    if others:
+        yield _ratio_table(decision, pair)
+        yield from pictures_of(drawings, "readings")
     yield from _crossovers(decision)
 
 
 def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
-    """The ratio of uncertainties, noise and calibration together, for every reading and place."""
+    """List the ratio of uncertainties, noise and calibration together, for every reading and place."""
     both = decision.sel(error_source="both")
 
     def cell(reading: Any, place: Any) -> Text:
@@ -247,12 +249,12 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
 
 
 def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
-    """Where the uncertainties of the pair are equal, and how far readings move that."""
+    """Say where the uncertainties of the pair are equal, and how far readings move that."""
     if "crossover_distance" not in decision:
         return
     values = np.asarray(decision["crossover_distance"].sel(error_source="both").values, dtype=np.float64)
     errors = decision["crossover_error"].sel(error_source="both").values[0]
-    own = [with_error(float(v), float(e), distance) for v, e in zip(values[0], errors, strict=True) if np.isfinite(v)]
+    own = [distance_with_error(float(v), float(e)) for v, e in zip(values[0], errors, strict=True) if np.isfinite(v)]
     others = values[1:][np.isfinite(values[1:])]
     declared = (
         f"the two are equally uncertain at {' and '.join(own)}, usable there or not"

@@ -1,4 +1,4 @@
-"""Depth of field: the answer for the first page, the numbers by every criterion, and the comparison of cameras."""
+"""Depth of field: the answer for the first page, numbers by every criterion, and a comparison of the cameras."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _SPOT = {"none": "defocus alone", "fwhm": "with diffraction at half maximum", "a
 
 @dataclass(frozen=True, kw_only=True)
 class _Row:
-    """What a mission engineer wants to know about one camera, by the first blur criterion."""
+    """What one camera keeps sharp by the first blur criterion, and at what expense."""
 
     key: str
     title: str
@@ -86,7 +86,7 @@ def _rows(tree: xr.DataTree) -> Iterator[_Row]:
 
 
 def _criterion(tree: xr.DataTree, key: str, name: str) -> str:
-    """One trade criterion of one camera; a dash where the study does not ask for it."""
+    """The value of a trade criterion for one camera; a dash if the study does not ask for it."""
     if not has(tree, "criteria", "value"):
         return "—"
     data = group(tree, "criteria")
@@ -102,7 +102,9 @@ def _findings(tree: xr.DataTree, rows: list[_Row]) -> Iterator[Spans]:
             "**In one exposure and without a moving part: {best}**, resolving {size}{others}.",
             best=still[0].title,
             size=length(still[0].resolution),
-            others="".join(f"; {row.title} does so at {length(row.resolution)}" for row in still[1:]),
+            others="; also " + "; ".join(f"{row.title} ({length(row.resolution)})" for row in still[1:])
+            if still[1:]
+            else "",
         )
     if keep and keep[0] not in still[:1]:
         yield say(
@@ -118,23 +120,26 @@ def _findings(tree: xr.DataTree, rows: list[_Row]) -> Iterator[Spans]:
     if missing:
         yield say(
             "Not sharp throughout: {cameras}.",
-            cameras=", ".join(f"{row.title} ({share(row.share) if row.share > 0 else 'nothing'})" for row in missing),
+            cameras="; ".join(f"{row.title} ({share(row.share) if row.share > 0 else 'nothing'})" for row in missing),
         )
     yield from _diffraction_finding(tree)
 
 
 def _diffraction_finding(tree: xr.DataTree) -> Iterator[Spans]:
-    """For how many cameras diffraction alone is wider than what counts as sharp, by each criterion that counts it."""
+    """Count the cameras in which diffraction alone leaves nothing sharp, by each criterion that includes it."""
     data = group(tree, "depth_of_field")
     words: list[str] = []
     for name in data["sharp"].values:
         one = data.sel(sharp=name)
         if str(one["diffraction"].item()) != "none":
             blind = int(np.sum(np.asarray(one["extent"].values, dtype=np.float64) == 0.0))
-            of_all = f" of {counted(data.sizes['camera'], 'camera')}" if not words else ""
-            words.append(f"in {blind}{of_all} ({_criterion_words(one)})")
+            words.append(f"{blind or 'none'} ({_criterion_words(one)})")
     if words:
-        yield say("Diffraction alone leaves nothing sharp {words}.", words=listed(words))
+        yield say(
+            "Of {count}, diffraction alone leaves nothing sharp in {words}.",
+            count=counted(data.sizes["camera"], "camera"),
+            words=listed(words),
+        )
 
 
 def _criterion_words(one: xr.Dataset) -> str:
@@ -185,7 +190,7 @@ def _answer_table(tree: xr.DataTree, rows: list[_Row]) -> Table:
 
 
 def describe_depth_of_field(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Write depth of field by every criterion, at equal resolution, and the lateral resolution."""
+    """Write the depth of field by every criterion and at equal resolution, and the lateral resolution."""
     if not has(tree, "depth_of_field", "scene_share"):
         return
     yield Heading(text="Depth of field", anchor="depth-of-field-results")
@@ -242,7 +247,7 @@ def _criteria_of_sharpness(tree: xr.DataTree) -> Table:
 
 
 def _slices(tree: xr.DataTree) -> Iterator[Block]:
-    """Slice by slice, for the cameras that have several."""
+    """List the slices of cameras that have several."""
     data, titles = by_first_criterion(tree), camera_titles(tree)
     rows: list[tuple[Text, ...]] = []
     for key, title in titles.items():
@@ -303,7 +308,7 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _coverage(tree: xr.DataTree) -> Iterator[Block]:
-    """How many microlenses see a point of the scene, for the cameras with microlenses."""
+    """List how many microlenses see a point of the scene."""
     data, titles = group(tree, "depth_of_field"), camera_titles(tree)
     ends = (float(data.attrs["scene_near"]), float(data.attrs["scene_far"]))
     rows = []

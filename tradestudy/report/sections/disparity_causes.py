@@ -17,12 +17,12 @@ from tradestudy.units import significant
 from tradestudy.wording import distance, listed
 
 _COLUMNS: Final = {
-    "no blur": "without blur",
-    "no diffraction": "without diffraction",
-    "light of the brightest": "brightest light",
-    "ten times the light": "tenfold light",
+    "no blur": "Without blur",
+    "no diffraction": "Without diffraction",
+    "light of the brightest": "Brightest light",
+    "ten times the light": "Tenfold light",
 }
-# Removed causes by name; tenfold light is not among them, since it helps every camera.
+# The causes that are removed; tenfold light is not one of them, because it helps every camera.
 _CAUSES: Final = {
     "no blur": "defocus blur",
     "no diffraction": "diffraction",
@@ -31,7 +31,7 @@ _CAUSES: Final = {
 
 
 def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
-    """Write what counts most for every camera whose disparity error is derived, and the table behind it."""
+    """Say what counts most in each derived disparity error, and write the table behind it."""
     if not has(tree, "disparity_causes"):
         return
     found = group(tree, "disparity_causes")
@@ -53,7 +53,7 @@ def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _in_use(tree: xr.DataTree, found: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
-    """Where depth uses other disparity errors, because it leaves effects out: the largest difference of each camera."""
+    """Say how much the disparity errors in use for depth, which leaves effects out, differ from these at most."""
     if not has(tree, "depth", "disparity_error_px"):
         return
     used = table_depth(tree)["disparity_error_px"]
@@ -61,7 +61,9 @@ def _in_use(tree: xr.DataTree, found: xr.Dataset, titles: Mapping[str, str]) -> 
     for key, title in titles.items():
         whole = found["matched_error_px" if _is_real(found.sel(camera=key)) else "disparity_error_px"].sel(camera=key)
         own = used.sel(camera=key, distance=found["distance"])
-        with np.errstate(invalid="ignore", divide="ignore"):  # no texture left to match, or no picture
+        with np.errstate(
+            invalid="ignore", divide="ignore"
+        ):  # where no texture is left to match, or no picture is formed
             apart = np.abs(np.log(own.values / whole.values))
         compared = np.flatnonzero(np.isfinite(apart))
         if not compared.size:
@@ -75,19 +77,20 @@ def _in_use(tree: xr.DataTree, found: xr.Dataset, titles: Mapping[str, str]) -> 
     if differences:
         yield Paragraph(
             say(
-                "These errors include every effect: a cause that is left out would seem to have no influence. Depth "
-                "leaves effects out where that changes it by less than the tolerance, and so uses {differences}.",
+                "These disparity errors include every effect, so that the influence of each shows. Depth is computed "
+                "without effects that change it by less than the tolerance, and therefore with {differences}.",
                 differences=listed(differences),
             )
         )
 
 
 def _of_matchers(tree: xr.DataTree) -> Iterator[Block]:
-    """What each bound leaves out: a real matcher, unless the study declares one."""
+    """Say which bounds leave out a real matcher, and what declared matchers add."""
     if bounds := best_of_any_matcher(at_the_bound(tree)):
         yield Paragraph(
             say(
-                "{bounds} `scene.picture.matcher`, or `depth.matcher` of a camera, declares what a real one adds.",
+                "{bounds} To include what a real matcher adds, declare `scene.picture.matcher`, or `depth.matcher` of "
+                "a camera.",
                 bounds=bounds,
             )
         )
@@ -106,7 +109,7 @@ def _of_matchers(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _largest_cause_in_words(camera: xr.Dataset, titles: Mapping[str, str], middle: int) -> str:
-    """Which cause counts most for one camera at one distance, and where another one does."""
+    """Say which cause counts most for one camera at one distance, and where others do."""
     there = camera.isel(distance=middle)
     own = _largest(there)
     others = [
@@ -151,18 +154,18 @@ def _sentence(there: xr.Dataset, titles: Mapping[str, str]) -> str:
 
 
 def _is_real(there: xr.Dataset) -> bool:
-    """Whether a matcher of the camera is declared."""
+    """Whether the study declares a matcher for the camera."""
     return "matcher" in there and bool(str(there["matcher"].item()))
 
 
 def _changed(there: xr.Dataset) -> dict[str, float]:
-    """The error without each cause that can be taken away."""
+    """The disparity error without each cause that can be removed."""
     changed = {name: float(there["disparity_error_px_changed"].sel(change=name)) for name in _CAUSES}
     return {name: value for name, value in changed.items() if not np.isnan(value)}
 
 
 def _largest(there: xr.Dataset) -> tuple[str, float] | None:
-    """The cause that counts most and how many times smaller the error is without it; None where none counts."""
+    """The cause that counts most, and how many times smaller the error is without it; None if no cause counts."""
     error = float(there["disparity_error_px"])
     factors = {name: _factor(error, value) for name, value in _changed(there).items()}
     name = max(factors, key=lambda name: factors[name], default="")
@@ -170,7 +173,7 @@ def _largest(there: xr.Dataset) -> tuple[str, float] | None:
 
 
 def _change(error: float, changed: float) -> str:
-    """The change in words: the same, or how many times smaller or larger."""
+    """Write a change: the same, or how many times smaller or larger."""
     factor = _factor(error, changed)
     if factor == 1.0:
         return "the same"
@@ -180,7 +183,7 @@ def _change(error: float, changed: float) -> str:
 
 
 def _factor(error: float, changed: float) -> float:
-    """How many times smaller, 1 where three digits do not distinguish them; infinite or 0 where one has no bound."""
+    """How many times smaller an error becomes: 1 if three digits show no change, infinite or 0 if one has no bound."""
     if error == changed:
         return 1.0
     if np.isinf(error) or changed == 0.0:
@@ -200,7 +203,7 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
         rows.append((f"At {distance(float(place))}",))
         rows += [_row(there.sel(camera=key), title, changes) for key, title in titles.items()]
     compared, real = "light of the brightest" in changes, "matched_error_px" in found
-    windows = "matched_window_px" in found  # older results lack it
+    windows = "matched_window_px" in found  # results of earlier versions lack it
     return Table(
         name="disparity-causes-table",
         caption=(
@@ -256,7 +259,7 @@ def _cell(there: xr.Dataset, error: float, change: str) -> str:
 
 
 def _numerical_error(found: xr.Dataset, titles: Mapping[str, str]) -> str:
-    """The largest estimated numerical error, with its camera and distance."""
+    """Say the largest estimated numerical error, with its camera and distance."""
     own, changed = (
         (found[f"{name}_error"] / found[name].where(found[name] > 0.0))
         .where(lambda value: np.isfinite(value))

@@ -11,9 +11,9 @@ import xarray as xr
 
 from tradestudy.accuracy import IN_WORDS, QUANTITIES
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, say
-from tradestudy.report.words import in_words, share
+from tradestudy.report.words import share
 from tradestudy.results.views.groups import group, records
-from tradestudy.wording import distance
+from tradestudy.wording import distance, in_words
 
 _HOW: Final = {
     "computed": "computed",
@@ -22,9 +22,8 @@ _HOW: Final = {
 }
 _FULL: Final = "nothing"
 _COLUMNS: Final = (
-    Column(title="Camera or picture", weight=4),
     Column(title="Effect", weight=4),
-    Column(title="Model", weight=3),
+    Column(title="Model", weight=4),
     Column(title="Leaves out", align="right", weight=3),
     Column(title="Quantity", weight=4),
     Column(title="Evidence", weight=4),
@@ -32,7 +31,7 @@ _COLUMNS: Final = (
 
 
 def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
-    """Write the tolerances, the applied models, and the change that all omissions cause together."""
+    """Write the tolerances, the models in use, and the change that all omissions cause together."""
     rows = _rows(tree)
     if not rows:
         return
@@ -50,7 +49,7 @@ def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
             name="effects-that-matter",
             caption="The model of each effect that matters, and the change that its omissions cause.",
             columns=_COLUMNS,
-            rows=tuple(map(_cells, matter)),
+            rows=tuple(_grouped(matter)),
             notes=tuple(_nothing(rows)),
         )
     else:
@@ -58,7 +57,7 @@ def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
-    """Every model of every effect that had a choice: an appendix."""
+    """List every model of each effect for which there was a choice."""
     rows = [row for row in _rows(tree) if not row["reason"]]
     if rows:
         yield Heading(text="Every model that was compared", anchor="every-model")
@@ -66,12 +65,12 @@ def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
             name="effects-all",
             caption="Every model of every effect, and the change from its omissions alone; a dot marks used models.",
             columns=_COLUMNS,
-            rows=tuple(_cells(row, marked=True) for row in rows),
+            rows=tuple(_grouped(rows, marked=True)),
         )
 
 
 def _rows(tree: xr.DataTree) -> list[dict[str, Any]]:
-    """Decisions, each with the quantity that it changes most relative to its tolerance."""
+    """The decisions on models, each with the quantity that it changes most, relative to its tolerance."""
     rows = records(tree, "effects", "decision")
     if not rows:
         return []
@@ -102,21 +101,28 @@ def _is_simulated(row: Mapping[str, Any]) -> bool:
     return str(row["model"]) != "off" and not row["reason"]
 
 
-def _cells(row: Mapping[str, Any], *, marked: bool = False) -> tuple[str, ...]:
+def _grouped(rows: list[dict[str, Any]], *, marked: bool = False) -> Iterator[tuple[str, ...]]:
+    """Rows of a table, under a heading for each camera or picture."""
+    for title in dict.fromkeys(str(row["title"]) for row in rows):
+        yield (title,)
+        yield from (_cells(row, marked=marked) for row in rows if row["title"] == title)
+
+
+def _cells(row: Mapping[str, Any], *, marked: bool) -> tuple[str, ...]:
     mark = "● " if marked and row["chosen"] else ""
     model = f"{mark}{row['model']}" + (", forced by the study" if row["forced"] else "")
     quantity = IN_WORDS[row["quantity"]]
     if row["forced"]:
-        return str(row["title"]), in_words(str(row["slot"])), model, "see above", "—", "—"
+        return in_words(str(row["slot"])), model, "see above", "—", "—"
     if row["change"] == 0.0:
-        return str(row["title"]), in_words(str(row["slot"])), model, _FULL, "—", "—"
+        return in_words(str(row["slot"])), model, _FULL, "—", "—"
     at = "" if math.isnan(row["at"]) else f", at {distance(row['at'])}"
     known = "unknown" if math.isinf(row["change"]) else f"{_HOW[str(row['evidence'])]}{at}"
-    return str(row["title"]), in_words(str(row["slot"])), model, _share(row["change"]), quantity, known
+    return in_words(str(row["slot"])), model, _share(row["change"]), quantity, known
 
 
 def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """Effects without a choice of models, one sentence for each reason."""
+    """Name the effects without a choice of models, in one sentence for each reason."""
     by_reason: dict[str, dict[str, list[str]]] = {}
     everything = {str(row["title"]) for row in rows}
     for row in rows:
@@ -130,7 +136,7 @@ def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def _together(tree: xr.DataTree) -> Iterator[str]:
-    """The joint change from all omissions, for each quantity with a tolerance, and that from forced models."""
+    """Say how much all omissions together change each quantity with a tolerance, and how much forced models do."""
     data = group(tree, "effects")
     for number in range(len(QUANTITIES)):
         asked, joint = data["tolerance"].values[:, number], data["joint_change"].values[:, number]

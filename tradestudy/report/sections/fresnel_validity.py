@@ -27,11 +27,11 @@ from tradestudy.results.views.groups import FloatArray, group, has
 from tradestudy.results.views.wave_optics import element_title, middle_window, published_place
 from tradestudy.units import significant
 
-_METRICS = {"peak": "peak", "l1": "L1", "largest": "largest"}
+_METRICS = {"peak": "Peak", "l1": "L1", "largest": "Largest"}
 
 
 def describe_fresnel_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Say from which f-number on Fresnel's law may be used, lens by lens, and how the lens phase affects that."""
+    """Say from which f-number on Fresnel's law may be used, for each lens, and how the lens phase affects that."""
     if not has(tree, "fresnel_validity", "psf_error"):
         return
     data = group(tree, "fresnel_validity")
@@ -45,7 +45,7 @@ def describe_fresnel_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) 
 
 
 def describe_fresnel_validity(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Write how the error is measured, its size by every measure, and what the criteria say."""
+    """Explain how the error is measured, and write its size by every measure and the criteria."""
     if not has(tree, "fresnel_validity", "psf_error"):
         return
     data = group(tree, "fresnel_validity")
@@ -61,7 +61,7 @@ def describe_fresnel_validity(tree: xr.DataTree, drawings: Mapping[str, Drawing]
 
 
 def _range(values: FloatArray) -> str:
-    """Two shares as a range; one where they read the same."""
+    """Write the smallest and the largest share as a range, or one share if they read the same."""
     low, high = share(float(np.min(values))), share(float(np.max(values)))
     return low if low == high else f"{low} to {high}"
 
@@ -74,7 +74,7 @@ def _findings(data: xr.Dataset) -> Iterator[Spans]:
         one = data.sel(element=element)
         limits = np.asarray(one["limit_f_number"].sel(lens_phase=first, metric="l1", window=window).values, dtype=float)
         yield say(
-            "**{title}, {phase} phase: from {f_numbers} on** the summed difference {over} stays below {limit}, "
+            "**{title}, {phase} phase: from {f_numbers} on**, the summed difference {over} stays below {limit}, "
             "in light from {start} to {end}.",
             title=element_title(data, str(element)),
             phase=first,
@@ -84,7 +84,7 @@ def _findings(data: xr.Dataset) -> Iterator[Spans]:
             start=length(float(data["wavelength"].values[0])),
             end=length(float(data["wavelength"].values[-1])),
         )
-    yield say("At the f-numbers of the camera: {each}.", each=_as_used(data, window))
+    yield say("At the f-numbers of the camera, the difference is: {each}.", each=_as_used(data, window))
     yield from _off_axis(data, window)
 
 
@@ -107,7 +107,8 @@ def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
         each = [f"{share(float(at.sel(lens_phase=phase)))} ({phase})" for phase in data["lens_phase"].values]
         parts.append(f"{element_title(data, str(element)).lower()}, {', '.join(each)}")
     yield say(
-        "**The lens phase decides more than the propagator.** At the same f-numbers, {angle}° off the axis: {parts}. "
+        "**The lens phase decides more than the propagator.** At the same f-numbers, but {angle}° off the axis, it is: "
+        "{parts}. "
         "Fresnel's approximation has neither the coma nor the distortion of a fixed element.",
         angle=significant(float(np.degrees(data.attrs["field_angle"])), 2),
         parts="; ".join(parts),
@@ -115,7 +116,7 @@ def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
 
 
 def _f_numbers(limits: FloatArray, data: xr.Dataset) -> str:
-    """F-numbers from which a limit holds, over wavelengths."""
+    """Write the f-numbers from which on a limit holds at the wavelengths."""
 
     def one(value: float) -> str:
         if value == 0.0:

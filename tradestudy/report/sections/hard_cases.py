@@ -1,4 +1,4 @@
-"""Hard cases: the usual formula and this program's where formulas break down."""
+"""Hard cases, where formulas break down: the usual formula against that of this program."""
 
 from __future__ import annotations
 
@@ -26,11 +26,12 @@ from tradestudy.report.document import (
 from tradestudy.results.views.groups import records
 from tradestudy.units import significant
 
+_EXPONENT = re.compile(r"\b\d+\.?\d*e[-+]?\d+\b")
 _FLOAT = re.compile(r"-?\b(?:\d+\.?\d*(?:e[-+]\d+)?|inf|nan)\b")
 
 
 def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Write the verdict, the figure, and a table of cases in numbers and one of cases in words for each family."""
+    """Write the verdict, the figure and, for each family, tables of the cases answered by numbers and by words."""
     rows = records(tree, "hard_cases", "case")
     if not rows:
         return
@@ -59,10 +60,9 @@ def _verdict(rows: list[dict[str, Any]]) -> Spans:
     beyond = sum(not row["naive_error"] <= row["bound"] for row in numbers)
     wrong = [str(row["case"]) for row in rows if not row["met"]]
     return say(
-        "**The program meets {met} of {all} hard cases.** Of the {numbers} whose answer is a number, the usual "
+        "**The program meets {met} hard cases.** Of the {numbers} whose answer is a number, the usual "
         "formula misses the same bound in {beyond}.{wrong}",
-        met=str(len(rows) - len(wrong)),
-        all=str(len(rows)),
+        met=f"{len(rows) - len(wrong)} of {len(rows)}" if wrong else f"all {len(rows)}",
         numbers=str(len(numbers)),
         beyond=str(beyond),
         wrong=f" Not met: {'; '.join(wrong)}." if wrong else "",
@@ -124,7 +124,8 @@ def _family(rows: list[dict[str, Any]], family: str) -> Iterator[Block]:
 
 
 def _name(row: Mapping[str, Any]) -> str:
-    return str(row["case"]).removeprefix(f"{row['family']}: ")
+    name = str(row["case"]).removeprefix(f"{row['family']}: ")
+    return _EXPONENT.sub(lambda found: found[0] if np.isinf(float(found[0])) else _number(float(found[0])), name)
 
 
 def _met(row: Mapping[str, Any]) -> Text:
@@ -132,12 +133,12 @@ def _met(row: Mapping[str, Any]) -> Text:
 
 
 def _wrong(error: float, answer: str) -> str:
-    """An error, or the answer itself where it has no finite error."""
+    """Write an error, or the answer itself if its error is not finite."""
     return f"wrong: {_answer(answer)}" if np.isinf(error) else _number(error)
 
 
 def _answer(text: str) -> str:
-    """An answer of a formula as the report writes numbers; a refusal stays as it is, since it quotes its input."""
+    """Write the numbers of an answer as reports do; a refusal stays as it is, because it quotes its input."""
     return text if text.startswith("refused: ") else _FLOAT.sub(lambda found: _number(float(found[0])), text)
 
 

@@ -39,9 +39,11 @@ _SOURCES = {
     "point": "The spot is a point. Its spherical",
 }
 _ERRORS = {
-    True: "source angles and radii against points between them, single points against an independent computation, and "
-    "the integration over pixels. Methods share their nodes, so their difference is more accurate than each image.",
-    False: "the image against one with fewer nodes and samples, and against direct quadrature at random places.",
+    True: "that of the source angles and radii, compared with points between them, of single points, compared with an "
+    "independent computation, and of the integration over pixels. Methods share their nodes, so their difference is "
+    "more accurate than each image.",
+    False: "that of the image, compared with one from fewer nodes and samples, and with direct quadrature at random "
+    "places.",
 }
 _VARIED = {"f_number": "f-number", "wavelength": "wavelength", "field_angle": "field angle", "defocus": "defocus"}
 
@@ -49,7 +51,7 @@ _VARIED = {"f_number": "f-number", "wavelength": "wavelength", "field_angle": "f
 def describe_light_spot_answer(
     tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]
 ) -> Iterator[Block]:
-    """Say how far the methods differ on the detector, and their computing times."""
+    """Say how far the methods differ on the detector, and how long each takes."""
     if not has(tree, "images", "image"):
         return
     data = group(tree, "images")
@@ -65,7 +67,7 @@ def describe_light_spot_answer(
 
 
 def describe_light_spot(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Write how the images are made and how far single points spread."""
+    """Explain how the images are computed, and write how far single points spread."""
     if has(tree, "images", "image"):
         yield Heading(text="How the light spot is computed", anchor="light-spot")
         yield from _method(group(tree, "images"))
@@ -80,7 +82,7 @@ def describe_light_spot(tree: xr.DataTree, run: Mapping[str, Any], drawings: Map
 
 
 def _seconds(run: Mapping[str, Any], name: str) -> float:
-    """Measured seconds from the record of the run; NaN where it contains none."""
+    """The measured seconds in the record of the run; NaN if it has none."""
     seconds = run.get("seconds")
     value = seconds.get(name) if isinstance(seconds, Mapping) else None
     return float(value) if isinstance(value, int | float) else float("nan")
@@ -96,9 +98,11 @@ def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
         one = data.sel(propagator=method)
         published = str(one["published_words"].item())
         seconds = _seconds(run, f"image: {method}")
-        if np.isnan(seconds) and data.sizes["propagator"] == 1:  # no methods are declared: the study's own picture
+        if (
+            np.isnan(seconds) and data.sizes["propagator"] == 1
+        ):  # the study declares no methods: this is its own picture
             seconds = _seconds(run, "image: chosen")
-        took = _duration(seconds) + (f" here (published: {published})" if published else "")
+        took = f"{_duration(seconds)} here" + (f" (published: {published})" if published else "")
         if method == reference:
             yield say("**{method}** is the reference: {took}.", method=long_title(method), took=took)
         else:
@@ -121,7 +125,7 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
     elif same:
         found = "the same picture as above"
     else:
-        took = _duration(_seconds(run, "image: chosen"))
+        took = f"{_duration(_seconds(run, 'image: chosen'))} here"
         found = (
             f"{share(float(abs(picture - compared).sum() / compared.sum()))} summed difference from "
             f"{title_within_a_sentence(reference)}; {took}"
@@ -137,7 +141,7 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
 
 
 def _stated(error: float, asked: float) -> str:
-    """Error of an image, marked if it exceeds the tolerance."""
+    """Write the stated error of an image, marked if it exceeds the tolerance."""
     return share(error) + (f" (above {share(asked)})" if error > asked else "")
 
 
@@ -200,11 +204,11 @@ def _method(data: xr.Dataset) -> Iterator[Block]:
     yield Bullets(
         (
             say(
-                "**Paraxial rays**: areas of the pupil that a pixel sees, exact in one direction; rays on one leg with "
-                "waves on the other are paraxial too. **Exact rays**, used where diffraction is off, follow the "
-                "directions of Kirchhoff's paths: its picture without diffraction and interference. **Boundary "
-                "wave**: rays and the wave from the rim of the main lens, or of every microlens that is lit as a whole "
-                "and out of focus, the leading term of Kirchhoff's integral, which has the rest of the light."
+                "**Paraxial rays**: areas of the pupil that a pixel sees, exact in one direction; rays on one leg, "
+                "combined with waves on the other, are paraxial too. **Exact rays**, used where diffraction is off, "
+                "follow the directions of Kirchhoff's paths: its picture without diffraction and interference. "
+                "**Boundary wave**: the light that rays lack, as a wave from the rim of the main lens, or of every "
+                "microlens that is lit as a whole and out of focus. It is the leading term of Kirchhoff's integral."
             ),
             say(
                 "**Kirchhoff** keeps the exact path and the cosine on each leg (eqs. 9 to 16), **Fresnel** the paths "
@@ -216,7 +220,7 @@ def _method(data: xr.Dataset) -> Iterator[Block]:
 
 
 def _light(data: xr.Dataset) -> str:
-    """One wavelength, or all with their shares."""
+    """Write the wavelength, or all wavelengths with their shares."""
     wavelengths = [length(float(value)) for value in data["wavelength"].values]
     if len(wavelengths) == 1:
         return wavelengths[0]
@@ -233,11 +237,12 @@ def _light(data: xr.Dataset) -> str:
 def _array(data: xr.Dataset) -> str:
     kinds = dict.fromkeys(float(value) for value in data["microlens_focal_length"].values)
     counts = ", ".join(
-        f"{int((data['microlens_focal_length'] == kind).sum())} of {length(kind)}" for kind in sorted(kinds)
+        f"{length(kind)} ({int((data['microlens_focal_length'] == kind).sum())})" for kind in sorted(kinds)
     )
     apertures = f"{data.attrs['microlens_aperture']} apertures {length(float(data.attrs['microlens_aperture_width']))}"
     pitch = length(float(data.attrs["microlens_pitch"]))
-    return f"{data.attrs['microlens_layout']}, {pitch} from lens to lens, {apertures} wide, focal lengths {counts}"
+    layout = data.attrs["microlens_layout"]
+    return f"{layout}, {pitch} from lens to lens, {apertures} wide, focal lengths (and their number) {counts}"
 
 
 def _benchmarks(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Table]:
@@ -280,7 +285,7 @@ def _spread_table(data: xr.Dataset, element: str) -> Table:
             Column(title="Varied", weight=1),
             *(
                 Column(title=title, align="right")
-                for title in ("FWHM", "50 %", "80 %", "rms", "Strehl", "MTF", "outside rays", "neighbours")
+                for title in ("FWHM", "50 %", "80 %", "RMS", "Strehl", "MTF", "Outside rays", "Neighbours")
             ),
         ),
         rows=tuple(rows),

@@ -1,4 +1,4 @@
-"""The method: equations for depth and its uncertainty, for both output formats."""
+"""The method: equations for depth and its uncertainty."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tradestudy.results.views.matching import declared_matchers
 
 
 def describe_method(tree: xr.DataTree) -> Iterator[Block]:
-    """Write the method, for the kinds of camera that the study has."""
+    """Explain the method, for the kinds of camera in the study."""
     if not has(tree, "depth"):
         return
     yield Heading(text="Method", anchor="method")
@@ -42,15 +42,18 @@ def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
         "gamma squared over one minus gamma squared; gamma equals S H squared over S H squared plus N",
     )
     yield Paragraph(
-        "S is the spectrum of the texture in the picture, H the transfer of lenses and pixels, N the noise, W the side "
-        "of the window: the declared one, or the overlap of the compared pictures on an object if that is smaller. "
-        "A good matcher reaches the bound where the error is small compared with a pixel and the "
-        f"window large compared with blur and texture: this requires {needs}. Elsewhere the limit “matching” makes a "
-        f"distance unusable; it depends on the declared window as much as on the camera. If the window is too small, "
-        "declare a larger one, or an estimator that uses nearer microlenses."
+        say(
+            "*S* is the spectrum of the texture in the picture, *H* the transfer of lenses and pixels, *N* the noise, "
+            "*W* the side of the window: the declared one, or the overlap of the compared pictures on an object if "
+            "that is smaller. A good matcher reaches the bound where the error is small compared with a pixel and the "
+            "window large compared with blur and texture: this requires {needs}. Elsewhere the limit “matching” makes "
+            "a distance unusable; it depends on the declared window as much as on the camera. If the window is too "
+            "small, declare a larger one, or an estimator that uses nearer microlenses.",
+            needs=needs,
+        )
     )
     yield Paragraph(
-        "Off the axis the light falls by cos⁴ of the field angle, and further where the picture declares two stops, "
+        "Off the axis, the light falls by cos⁴ of the field angle, and further where the picture declares two stops, "
         "whose rims narrow the pupil most along the radius of the field. Rims dim the whole picture of a stereo rig. "
         "Behind microlenses each pixel sees through one spot of the pupil: rims remove whole views of an unfocused "
         "camera, and narrow the micro-images of a focused one, which leaves fewer lenses and shorter baselines. The "
@@ -64,12 +67,14 @@ def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
         alt="sigma squared equals k sigma d squared, plus f squared, plus half of A squared",
     )
     yield Paragraph(
-        "This is the error of a declared matcher: k is its noise over the bound, f a floor that remains however much "
-        "light there is, A the amplitude of its pixel locking. Pixel locking is a bias that is periodic in the "
-        "disparity. Its phase is unknown for one measurement, so its rms of A/√2 adds like noise, but it does not "
-        "average out at one distance. A false match measures nothing: if a fraction m of the matches is false and a "
-        "fraction f of the others ends beyond infinity, 1 − (1 − f)(1 − m) of all measurements fail, and the depth "
-        "uncertainty is that of the true matches."
+        say(
+            "This is the error of a declared matcher: *k* is its noise over the bound, *f* a floor that remains "
+            "however much light there is, *A* the amplitude of its pixel locking. Pixel locking is a bias that is "
+            "periodic in the disparity. Its phase is unknown for one measurement, so its rms of *A*/√2 adds like "
+            "noise, but it does not average out at one distance. A false match measures nothing: if a fraction *m* of "
+            "the matches is false and a fraction *q* of the others ends beyond infinity, 1 − (1 − *q*)(1 − *m*) of "
+            "all measurements fail, and the depth uncertainty is that of the true matches."
+        )
     )
 
 
@@ -136,7 +141,7 @@ def _uncertainty() -> Iterator[Block]:
 
 
 def _ranges(applied: Collection[str]) -> Iterator[Block]:
-    """The meaning of the limits that apply to a camera of the study."""
+    """Explain the limits that apply to cameras of the study."""
     yield Heading(text="Where a camera counts as usable", anchor="method-usable", level=2)
     yield Paragraph(
         "A distance is usable where every limit that the study declares holds. The report names the limit that sets "

@@ -7,20 +7,22 @@ from collections.abc import Iterator, Mapping
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, pictures_of
+from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, pictures_of, say
 from tradestudy.report.words import length, share
 from tradestudy.results.views.groups import camera_titles, group, has
 
 
 def describe_pictures(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Show the pictures of the scene and say how they were taken; nothing for a study that renders none."""
+    """Show the pictures of the scene, and say how they were made; nothing for a study without any."""
     if not has(tree, "pictures", "brightness"):
         return
     data, titles = group(tree, "pictures"), camera_titles(tree)
     yield Heading(text="Pictures of the scene", anchor="pictures")
     yield Paragraph(
-        "Rays are traced through every lens, with diffraction where its effect is on. The full pictures, their true "
-        "depth and their cameras are in the folder pictures beside this report."
+        say(
+            "Rays are traced through every lens, with diffraction where that effect is simulated. The folder "
+            "`pictures` beside this report contains the full pictures, their true depth and their cameras."
+        )
     )
     yield from pictures_of(drawings, "scene_pictures")
     yield Table(

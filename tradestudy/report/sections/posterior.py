@@ -20,16 +20,16 @@ from tradestudy.report.document import (
     say,
     with_subscripts,
 )
-from tradestudy.report.words import in_words, or_dash, share
+from tradestudy.report.words import or_dash, share
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import significant
-from tradestudy.wording import distance
+from tradestudy.wording import distance, in_words
 
 _CLEARLY = 2.0  # standard errors
 
 
 def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Write the inferred calibrations; nothing if there are none."""
+    """Write the inferred calibrations; nothing for a study without any."""
     if not has(tree, "calibration", "posterior_mean"):
         return
     data, titles = group(tree, "calibration"), camera_titles(tree)
@@ -37,9 +37,9 @@ def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield Paragraph(
         say(
             "The parameters are inferred from pictures of a board, with the poses of the board marginalised view by "
-            "view and the declared errors as priors. emcee runs four independent ensembles; a "
-            "result counts as converged if it meets every limit below. The spread of the draws about their mean "
-            "is propagated to depth, jointly."
+            "view and the declared errors as priors. The sampler emcee runs four independent "
+            "ensembles; a result counts as converged if it meets every limit below. The spread of the draws about "
+            "their mean is propagated to depth, jointly."
         )
     )
     for name in data["posterior"].values:
@@ -80,23 +80,24 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         )
     return Table(
         name="posterior-table",
-        caption="Convergence of the chains: the worst parameter of each.",
+        caption="Convergence of the chains, for the worst parameter of each.",
         columns=(
             Column(title="Camera", weight=1),
-            Column(title="converged"),
+            Column(title="Converged"),
             Column(title="N/τ", align="right"),
             Column(title="R-hat", align="right"),
-            Column(title="bulk ESS", align="right"),
-            Column(title="tail ESS", align="right"),
-            Column(title="acceptance", align="right"),
-            Column(title="poses", align="right"),
-            Column(title="s emcee / Laplace", align="right"),
+            Column(title="Bulk ESS", align="right"),
+            Column(title="Tail ESS", align="right"),
+            Column(title="Acceptance", align="right"),
+            Column(title="Poses", align="right"),
+            Column(title="Seconds, emcee / Laplace", align="right"),
         ),
         rows=tuple(rows),
         notes=(
-            "Limits: N/τ ≥ 50, R-hat ≤ 1.01, effective sizes ≥ 400, acceptance 0.2 to 0.5; poses: effective fraction "
-            "of the draws after reweighting to poses solved again at each draw, at least 0.9. With a finite number of "
-            "draws, a standard deviation, and a depth uncertainty based on it, is uncertain by 1/√(2 ESS): at most "
+            "N/τ: length of the chains in autocorrelation times, at least 50. R-hat: at most 1.01. ESS: effective "
+            "sample size, at least 400. Acceptance: 0.2 to 0.5. Poses: effective fraction of the draws after they are "
+            "weighted for poses that are solved again at each draw, at least 0.9. With a finite number of draws, a "
+            "standard deviation, and a depth uncertainty based on it, is uncertain by 1/√(2 ESS): at most "
             f"{share(1.0 / np.sqrt(2.0 * np.nanmin(data['posterior_tail_size'].values)))} here.",
         ),
     )
@@ -114,19 +115,19 @@ def _parameters(there: xr.Dataset, name: str, title: str) -> Table:
     last = "rig_overconfidence" if with_term else "prior_deviation"
     return Table(
         name=f"parameters-{name}",
-        caption=say("Parameters of {title}, in SI units, or pixels where the name says so.", title=title),
+        caption=say("Parameters of {title}, in SI units, or in pixels where marked [px].", title=title),
         columns=(
             Column(title="Parameter", weight=1),
-            Column(title="mean", align="right"),
-            Column(title="st. dev.", align="right"),
+            Column(title="Mean", align="right"),
+            Column(title="Std. dev.", align="right"),
             Column(title="Laplace", align="right"),
-            Column(title="over that without the term" if with_term else "prior", align="right"),
+            Column(title="Over that without motion" if with_term else "Prior", align="right"),
             Column(title="τ", align="right"),
             Column(title="R-hat", align="right"),
         ),
         rows=tuple(
             (
-                in_words(str(one["parameter"].values[k])),
+                _name(str(one["parameter"].values[k])),
                 _to_the_digit(float(one["posterior_mean"].values[k]), float(one["posterior_deviation"].values[k])),
                 number("posterior_deviation", k),
                 number("laplace_deviation", k),
@@ -139,8 +140,12 @@ def _parameters(there: xr.Dataset, name: str, title: str) -> Table:
     )
 
 
+def _name(parameter: str) -> str:
+    return in_words(parameter) + " [px]" * parameter.endswith("_px")
+
+
 def _to_the_digit(value: float, deviation: float) -> str:
-    """A value to the second digit of its standard deviation."""
+    """Write a value as far as the second digit of its standard deviation."""
     if not (np.isfinite(value) and deviation > 0.0):
         return significant(value)
     digits = 2 + max(0, int(np.floor(np.log10(abs(value) / deviation)))) if value else 2
@@ -148,35 +153,36 @@ def _to_the_digit(value: float, deviation: float) -> str:
 
 
 def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
-    rows = zip(data["rig_camera"].values, data["rig_quantity"].values, data["rig_value"].values, strict=True)
+    found = list(zip(data["rig_camera"].values, data["rig_quantity"].values, data["rig_value"].values, strict=True))
+    rows: list[tuple[Text, ...]] = []
+    for rig in dict.fromkeys(camera for camera, _, _ in found):
+        rows.append((titles[str(rig)],))
+        rows += [(with_subscripts(str(name)), str(value)) for camera, name, value in found if camera == rig]
     return Table(
         name="rig-table",
         caption="Fits to the corners of the real rig: each camera alone, the pair with one relative pose, and the "
         "pair with a small left–right motion of the board in each view, which view means of opposite sign in the two "
         "cameras suggest.",
         columns=(
-            Column(title="Rig", weight=1),
-            Column(title="Quantity", weight=2),
+            Column(title="Quantity", weight=1),
             Column(title="Value", weight=1, align="right"),
         ),
-        rows=tuple(
-            (titles[str(camera)], with_subscripts(str(quantity)), str(value)) for camera, quantity, value in rows
-        ),
+        rows=tuple(rows),
         notes=(
-            "Residuals are root mean square lengths per corner. Without the motion term the residual of the pair "
+            "Residuals are root mean square lengths per corner. Without the motion, the residual of the pair "
             "counts as noise of its corners, and the standard deviations of the relative pose are too small by the "
             "factors in the table above.",
             "Standard deviations are those of generalised least squares: the noise differs from view to view and "
             "neighbours on the board share it, both estimated by restricted likelihood; outlying corners have little "
-            "or no weight, and the fit includes bending of the board. Good to: the claimed uncertainty, times the "
-            "ratio of the halves where that is above 1. Corners cannot reveal the size of the "
-            "squares: 0.1 % of it is 0.3 mm at 0.3 m.",
+            "or no weight, and the fit includes bending of the board. Accuracy: the claimed uncertainty, times the "
+            "ratio of the halves where that is above 1. Corners cannot reveal the size of the squares: an error of "
+            "0.1 % in it is one of 0.3 mm at 0.3 m.",
         ),
     )
 
 
 def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
-    """Which lens model the corners support, and what each would change in depth."""
+    """Say which lens model the corners support, and how each would change depth."""
     rows: list[tuple[Text, ...]] = []
     for name in map(str, data["posterior"].values):
         compared = data.sel(posterior=name).dropna("lens_model", subset=["rig_lens_support"])
@@ -188,9 +194,9 @@ def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
         ]
     yield Table(
         name="lens-model-table",
-        caption="Lens models compared: by how much more likely views, each left out in turn, are than under the "
-        "model in use (log likelihood ± standard error over views), and what the model changes in depth midway "
-        "between the cameras (mm ± standard error by the jackknife over views).",
+        caption="Other lens models. Support: gain in log likelihood over the model in use, for views left out of the "
+        "fit one at a time, ± standard error over views. By distance: the change of depth midway between the cameras "
+        "[mm], ± standard error by the jackknife over views.",
         columns=(
             Column(title="Rig", weight=1),
             Column(title="Lens model", weight=2),
@@ -205,9 +211,9 @@ def _supported(compared: xr.Dataset, title: str) -> Text:
     support = compared["rig_lens_support"]
     best = compared.isel(lens_model=int(np.argmax(support.values)))
     if float(best["rig_lens_support"]) > _CLEARLY * float(best["rig_lens_support_deviation"]):
-        what = "The corners of {title} support another lens model than the one in use: {model}."
+        what = "The corners of {title} clearly favour another lens model than the one in use: {model}."
         return say(what, title=title, model=str(best["lens_model"].item()))
-    return say("The corners of {title} clearly support no other lens model.", title=title)
+    return say("The corners of {title} do not clearly favour another lens model than the one in use.", title=title)
 
 
 def _lens_cells(compared: xr.Dataset, model: str) -> Iterator[str]:
@@ -218,6 +224,6 @@ def _lens_cells(compared: xr.Dataset, model: str) -> Iterator[str]:
 
 
 def _with_error(value: float, error: float) -> str:
-    """A number and its standard error, both to two digits of the latter."""
+    """Write a number and its standard error as far as the second digit of the error."""
     decimals = max(0, 1 - int(np.floor(np.log10(error)))) if error > 0.0 else 3
     return f"{value:+.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final
@@ -22,19 +23,26 @@ from tradestudy.report.document import (
     say,
     with_subscripts,
 )
-from tradestudy.report.words import in_words, or_dash
+from tradestudy.report.words import or_dash
 from tradestudy.results.storage import CHECKSUM
 from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
 from tradestudy.units import significant
+from tradestudy.wording import in_words, listed
 
 _MARKS = "abcdefgh"  # of the bases in the table of criteria
-_BASES = ("set for this run", "assumed", "derived", "datasheet", "measured", "paper")
-_FROM = {"datasheet": "from a data sheet", "paper": "from a paper"}
-_COUNTED = {"taken up": "reused from an earlier run"}  # words of the record
+_BASES: Final[Mapping[str, str]] = {
+    "set for this run": "set for this run",
+    "assumed": "assumed",
+    "derived": "derived",
+    "datasheet": "from data sheets",
+    "measured": "measured",
+    "paper": "from the paper",
+}
+_PAIR: Final = re.compile(r"\[(\d+), (\d+)\]")  # width and height of a sensor
 
 
 def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
-    """Write one line per camera."""
+    """Introduce each camera in one line."""
     rows = records(tree, "cameras", "camera")
     if not rows:
         return
@@ -53,7 +61,7 @@ def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def describe_properties(tree: xr.DataTree) -> Iterator[Block]:
-    """Write the properties of the cameras that follow from their inputs, one table per family."""
+    """Write the derived properties of the cameras, with one table per family."""
     families = camera_families(tree) if has(tree, "cameras", "property_camera") else {}
     tables = [
         table
@@ -102,17 +110,16 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
     known = [basis for basis in _BASES if counts[basis]] + sorted(set(counts) - set(_BASES))
     yield Paragraph(
         say(
-            "The study says where these values come from: {counts}. Assumed values come first, because a verdict can "
-            "rest on them{given}.",
-            counts=", ".join(f"{counts[basis]} {_FROM.get(basis, basis)}" for basis in known),
-            given=", after values set for this run alone, on the command line or in Python"
-            if counts[_BASES[0]]
-            else "",
+            "The study says where these values come from: {counts}.{order}",
+            counts=listed(
+                [f"{counts[one]} {'is' if counts[one] == 1 else 'are'} {_BASES.get(one, one)}" for one in known]
+            ),
+            order=_ORDER.format(given=_SET if known[0] in _SET else "") if len(known) > 1 else "",
         )
     )
     yield Table(
         name="assumption-register",
-        caption="Assumptions register.",
+        caption="Assumptions register; a value that several cameras share is listed once.",
         columns=(
             Column(title="Camera", weight=3),
             Column(title="Input", weight=3),
@@ -120,23 +127,27 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
             Column(title="Note", weight=5),
         ),
         rows=tuple(_by_basis(rows, known, tree)),
-        notes=("A value that several cameras share is listed once.",),
     )
 
 
+_SET: Final = ", after values set for this run alone, on the command line or in Python"
+_ORDER: Final = " Assumed values come first{given}, because a verdict can rest on them."
+
+
 def _by_basis(rows: list[dict[str, Any]], bases: list[str], tree: xr.DataTree) -> Iterator[tuple[Text, ...]]:
-    """Rows under a heading for every basis."""
+    """Rows of the register, under a heading for every basis."""
     for basis in bases:
         of_basis = [row for row in rows if str(row["basis"]) == basis]
-        yield (f"{_FROM.get(basis, basis).capitalize()} ({len(of_basis)})",)
+        yield (f"{_BASES.get(basis, basis).capitalize()} ({len(of_basis)})",)
         for row in of_basis:
             what = in_words(str(row["path"]).replace(".", " › "))
             owners = [key for key in str(row["cameras"]).split(", ") if key]
-            yield _shared(owners, tree) or "study", what, str(row["value"]), str(row["note"])
+            value = _PAIR.sub(r"\1 × \2", str(row["value"]))
+            yield _shared(owners, tree) or "study", what, value, str(row["note"])
 
 
 def _shared(owners: list[str], tree: xr.DataTree) -> str:
-    """Name the cameras that share a value, all of a larger family at once."""
+    """Name the cameras that share a value; a family of more than two counts as one."""
     titles, families = camera_titles(tree), camera_families(tree)
     left, parts = list(owners), []
     for family in dict.fromkeys(families.values()):
@@ -257,13 +268,13 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
     return Table(
         name="requirement-table",
         caption="Requirements of the study, each with the camera that comes closest; a positive margin is room to "
-        "spare, in % of the worst value and as a multiple of that value's estimated numerical error.",
+        "spare, in % of the worst value and as a multiple of the estimated numerical error of that value.",
         columns=(
             Column(title="Requirement", weight=3),
-            Column(title="Met"),
+            Column(title="Met", weight=2),
             Column(title="Camera", weight=2),
             Column(title="Margin", unit="%", align="right"),
-            Column(title="Margin over its numerical error", align="right"),
+            Column(title="Over its error", align="right"),
             Column(title="Why", weight=3),
         ),
         rows=tuple(
@@ -285,7 +296,7 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
 
 
 def _times_the_error(margin: float) -> str:
-    """A margin as a multiple of its numerical error; beyond a thousand, only ">1000"."""
+    """Write a margin as a multiple of its numerical error; beyond a thousand, only "> 1000"."""
     if not math.isfinite(margin):
         return "—"
     if abs(margin) > 1000.0:
@@ -294,7 +305,7 @@ def _times_the_error(margin: float) -> str:
 
 
 def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
-    """Compare the cameras by scalar criteria: moving parts, images per scene, data volume."""
+    """Compare the cameras by scalar criteria, such as moving parts, images per scene and data volume."""
     if not has(tree, "criteria", "value"):
         return
     data, titles = group(tree, "criteria"), camera_titles(tree)
@@ -332,7 +343,7 @@ def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
 def describe_provenance(run: Mapping[str, Any]) -> Iterator[Block]:
     """Write the content of ``run.json`` as a table.
 
-    Without the inputs, which earlier sections show, and the checksum, which is not known yet.
+    It lacks the inputs, which earlier sections show, and the checksum, which is not known yet.
     """
     rows = tuple(_recorded({key: value for key, value in run.items() if key not in ("inputs", CHECKSUM)}))
     if rows:
@@ -346,15 +357,21 @@ def describe_provenance(run: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def _recorded(content: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
-    """Plain values first, then every group of values under its name."""
+    """Rows of plain values first, then those of every group of values under its name."""
     groups = {key: value for key, value in content.items() if isinstance(value, Mapping)}
-    yield from (
-        (_COUNTED.get(key, in_words(key)), _shown(value)) for key, value in content.items() if key not in groups
-    )
+    yield from ((in_words(key), _shown(value)) for key, value in content.items() if key not in groups)
     for key, values in groups.items():
         if values:
             yield (in_words(key).capitalize(),)
-            yield from _recorded(values)
+            yield from map(_points, values.items()) if key == "points" else _recorded(values)
+
+
+def _points(one: tuple[str, Mapping[str, int]]) -> tuple[str, str]:
+    """How many points of a step a run computed, and reused from an interrupted run."""
+    name, counts = one
+    taken = counts.get("taken up", 0)
+    reused = f", {taken} reused from an interrupted run" if taken else ""
+    return in_words(name), f"{counts['computed']} computed{reused}"
 
 
 def _shown(value: Any) -> str:
@@ -362,4 +379,4 @@ def _shown(value: Any) -> str:
         return "—"
     if isinstance(value, float):
         return significant(value)
-    return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+    return ", ".join(map(str, value)) or "none" if isinstance(value, list | tuple) else str(value)

@@ -10,21 +10,20 @@ import xarray as xr
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of
 from tradestudy.report.sections.disparity_causes import describe_disparity_causes
-from tradestudy.report.words import in_words
 from tradestudy.results.views.depth import least_broken, nominal
 from tradestudy.results.views.groups import group, has, titles_in
-from tradestudy.wording import distance
+from tradestudy.wording import distance, in_words
 
 _NOWHERE = "nowhere"
-_MISSING = " A camera that is usable nowhere is shown with the limits that it breaks where it breaks fewest."
+_MISSING = " For a camera that is usable nowhere, the table names the limits that fail where the fewest do."
 
 
 def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Write the results, one part per question; parts without their group are left out."""
+    """Write the results, one part per question; a part whose group is missing is left out."""
     if has(tree, "depth"):
         yield Heading(text="Results", anchor="results")
         yield from _usable_range(tree)
-        if "requirement_margins" in drawings:  # which replaces it on the first page
+        if "requirement_margins" in drawings:  # the first page shows margins instead
             yield from pictures_of(drawings, "whole_range")
         yield Heading(text="What decides the uncertainty", anchor="parts", level=2)
         yield from pictures_of(drawings, "variance_shares")
@@ -37,14 +36,14 @@ def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iter
 
 
 def _pictured(drawings: Mapping[str, Drawing], title: str, anchor: str, *names: str) -> Iterator[Block]:
-    """Figures under a heading of their own; empty if the run has none of them."""
+    """Show figures under a heading of their own; nothing if the run has none of them."""
     if pictures := tuple(pictures_of(drawings, *names)):
         yield Heading(text=title, anchor=anchor, level=2)
         yield from pictures
 
 
 def _over_the_picture(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Maps of depth uncertainty, one for each rig that has any."""
+    """Show maps of depth uncertainty for each rig that has any."""
     if not has(tree, "depth_map"):
         return
     yield Heading(text="Over the picture", anchor="depth-map", level=2)
@@ -88,7 +87,7 @@ def _usable_range(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _what_is_missing(camera: xr.Dataset) -> str:
-    """For a camera that is usable nowhere, the limits that fail at the distance where fewest do."""
+    """Name the limits that fail at the distance where the fewest do, for a camera that is usable nowhere."""
     broken = camera["limit_met"].transpose("distance", "limit").values == 0
     best = least_broken(broken)
     names = camera["limit"].values[broken[best]]

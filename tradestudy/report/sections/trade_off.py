@@ -1,4 +1,4 @@
-"""Weighed criteria: the camera that ranks first under which weights, and the Pareto-optimal designs."""
+"""Weighed criteria: which camera ranks first under which weights, and the Pareto-optimal designs."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, pictures_of, say
-from tradestudy.report.words import share
+from tradestudy.report.words import plus_minus
 from tradestudy.results.views.groups import group
 from tradestudy.results.views.trade_off import candidates_by_rank, pareto_front, trade_off_conclusion, weight_words
+from tradestudy.units import FRACTION
 
 _MOST_ROWS = 10
 
@@ -33,15 +34,13 @@ def describe_trade_off(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> It
             Column(title="Camera", weight=3),
             *(Column(title=str(name), align="right") for name in data["weighed"].values),
             Column(title="Ranks first", align="right"),
-            Column(title="with these weights", weight=3),
+            Column(title="With these weights", weight=3),
         ),
         rows=tuple(
             (
                 one.title + ("" if one.is_feasible else " †"),
                 *one.values,
-                f"{share(one.ranks[0])} ± {share(one.first_error, digits=1)}"
-                if one.first_error
-                else share(one.ranks[0]),
+                plus_minus(one.ranks[0], one.first_error, FRACTION),
                 one.central,
             )
             for one in found[:_MOST_ROWS]

@@ -14,7 +14,7 @@ from tradestudy.wording import distance
 
 
 def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
-    """How likely the first pair's verdict holds for one rig and for one measurement; then every pair by distance."""
+    """Say how likely the first camera of the main pair errs less, for a rig and a measurement; then list all pairs."""
     decision, titles, places = group(tree, "decision"), camera_titles(tree), table_distances(tree)
     pair = decision.isel(pair=0)
     first, second = (titles[str(pair[name].item())] for name in ("pair_first", "pair_second"))
@@ -43,7 +43,7 @@ def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _rank_table(tree: xr.DataTree) -> Table:
-    """Probabilities of the ranks of every pair at the declared distances."""
+    """List the probabilities of the ranks of every pair at the declared distances."""
     data, titles = group(tree, "decision"), camera_titles(tree)
     places = [float(place) for place in table_distances(tree)]
 

@@ -8,16 +8,17 @@ import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, pictures_of, say
-from tradestudy.report.words import share
+from tradestudy.report.words import plus_minus, share
 from tradestudy.results.views.conclusions import worths
 from tradestudy.results.views.groups import camera_titles, group, has
+from tradestudy.units import FRACTION
 from tradestudy.wording import distance
 
 _MOST_ROWS = 10
 
 
 def describe_value_of_information(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Rank the assumptions by the worth of knowing them, and say how often each camera is best."""
+    """Rank the assumptions by the worth of knowing them, and list how often each camera is best."""
     if not has(tree, "value_of_information", "worth"):
         return
     data, titles = group(tree, "value_of_information"), camera_titles(tree)
@@ -27,12 +28,11 @@ def describe_value_of_information(tree: xr.DataTree, drawings: Mapping[str, Draw
             "In each of {draws} combinations every assumption takes a value from its range. The best camera has the "
             "lowest relative depth uncertainty, averaged over {places}; a distance at which it is not "
             "usable counts {unusable}. Knowing an assumption before choosing a camera lowers that average by the "
-            "worth of the assumption. Knowing all of them is worth {whole} ± {error}.",
+            "worth of the assumption. Knowing all of them is worth {whole}.",
             draws=str(int(data.attrs["draws"])),
             places=", ".join(distance(float(place)) for place in data["place"].values),
             unusable=share(float(data.attrs["unusable"])),
-            whole=share(float(data.attrs["worth_of_all"]), digits=2),
-            error=share(float(data.attrs["worth_of_all_error"]), digits=1),
+            whole=plus_minus(float(data.attrs["worth_of_all"]), float(data.attrs["worth_of_all_error"]), FRACTION),
         )
     )
     ranked = worths(tree)
@@ -44,12 +44,8 @@ def describe_value_of_information(tree: xr.DataTree, drawings: Mapping[str, Draw
             Column(title="Assumption", weight=4),
             Column(title="Range", weight=3),
             Column(title="Worth", align="right"),
-            Column(title="Standard error", align="right"),
         ),
-        rows=tuple(
-            (one.says, one.between, share(one.worth, digits=2), share(one.error, digits=1))
-            for one in ranked[:_MOST_ROWS]
-        ),
+        rows=tuple((one.says, one.between, plus_minus(one.worth, one.error, FRACTION)) for one in ranked[:_MOST_ROWS]),
     )
     yield from pictures_of(drawings, "assumption_worths")
     yield Table(

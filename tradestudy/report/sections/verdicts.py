@@ -1,4 +1,4 @@
-"""Which camera noise and calibration each favour, and the verdict on the main pair under other readings."""
+"""Which camera noise and calibration favour, and the verdict on the main pair under other readings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tradestudy.wording import counted, distance
 
 
 def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
-    """What noise and calibration favour by themselves, and the verdict on the pair under other readings."""
+    """Say which camera noise and calibration favour on their own, and list the verdict under other readings."""
     favoured, table = tuple(_favoured_cameras(tree)), tuple(_stability(tree))
     if table:
         yield Heading(text="Which camera each error source favours", anchor="verdicts")
@@ -24,7 +24,7 @@ def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _favoured_cameras(tree: xr.DataTree) -> Iterator[Spans]:
-    """The cameras that noise alone and calibration alone favour, with the number of declared distances."""
+    """Say which camera noise alone and calibration alone favour, and at how many declared distances."""
     if not has(tree, "decision", "more_certain", "uncertainty_ratio"):
         return
     decision, titles = group(tree, "decision"), camera_titles(tree)
@@ -39,7 +39,7 @@ def _favoured_cameras(tree: xr.DataTree) -> Iterator[Spans]:
 
 
 def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], error_source: str) -> str:
-    """Wins, ties and undecided distances of one error source; equal uncertainties count as ties."""
+    """Count the wins, ties and undecided distances of one error source; equal uncertainties are ties."""
     names = [str(name) for name in decision["more_certain"].values]
     neither = np.asarray(decision["uncertainty_ratio"].values, dtype=np.float64)[[not name for name in names]]
     undecided = int(np.isnan(neither).sum())
@@ -57,7 +57,7 @@ def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], 
 
 
 def _stability(tree: xr.DataTree) -> Iterator[Block]:
-    """The verdict on the main pair under the other readings, at each declared distance."""
+    """List the verdict on the main pair under the other readings, at each declared distance."""
     found = tuple(flips(tree))
     if not found:
         return
@@ -90,7 +90,7 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _factor(ratio: float) -> str:
-    """The factor by which the better camera is more certain, from a ratio in either direction."""
+    """Write the factor by which the better camera is more certain, from a ratio in either direction."""
     if np.isnan(ratio):
         return "—"
     if not 0.0 < ratio < np.inf:

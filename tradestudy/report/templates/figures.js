@@ -30,7 +30,7 @@ class Figure {
     const tool = (text, says, onclick) => html("button", { type: "button", "aria-label": `${says}, ${this.number}`, onclick }, text);
     bar.append(html("span", { class: "tools" }, tool("+", "Zoom in", () => this.zoomBy(0.5)),
       tool("−", "Zoom out", () => this.zoomBy(2)), tool("Reset", "Reset zoom", () => this.reset())));
-    this.note = html("p", { class: "note" });
+    this.note = html("p", { class: "now-shown" });
     this.frame.after(this.note, bar);
     let details = $("details", this.element); // there where a figure has bars, maps or pictures
     if (this.readable) {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -30,7 +30,7 @@ from tradestudy.units import (
     rounded_up,
     significant,
 )
-from tradestudy.wording import counted, distance, listed
+from tradestudy.wording import counted, distance, in_words, listed
 
 BY_UNIT: Final = {one.unit: one for one in (LENGTH, ANGLE, PIXELS, DURATION, MASS, POWER, DATA, SOLID_ANGLE)}
 _STRUCTURE: Final = frozenset(("lenses", "depth", "sensor"))  # parts of a path that its words leave out
@@ -99,6 +99,15 @@ def path_words(tree: xr.DataTree, path: str) -> str:
     return f"{words} of {title}" if title else words
 
 
+def parameter_words(tree: xr.DataTree, paths: Iterable[str]) -> str:
+    """Paths of the study in words, those of one camera together: "baseline and focal length of Head A"."""
+    by_camera: dict[str, list[str]] = {}
+    for path in paths:
+        words, title = _words_and_camera(tree, path)
+        by_camera.setdefault(title, []).append(words)
+    return listed([f"{listed(own)} of {title}" if title else listed(own) for title, own in by_camera.items()])
+
+
 def _words_and_camera(tree: xr.DataTree, path: str) -> tuple[str, str]:
     """A path in words, and the title of its camera; an empty title where it belongs to none."""
     parts = path.removeprefix("cameras.").removeprefix("scene.picture.").split(".")
@@ -106,7 +115,7 @@ def _words_and_camera(tree: xr.DataTree, path: str) -> tuple[str, str]:
     words = [part for part in parts[1:] if part not in _STRUCTURE] if title else parts
     if words[:2] == ["calibration", "errors"] and len(words) > _SHORTEST_SPREAD:
         words = [words[2], "spread"]
-    return " ".join(word.replace("_", " ") for word in words), title
+    return " ".join(map(in_words, words)), title
 
 
 def design_words(tree: xr.DataTree, values: Mapping[str, str]) -> str:

@@ -92,10 +92,10 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     baseline = float(np.linalg.norm(shared[TRANSLATION]))
     direction = shared[TRANSLATION] / baseline
     deviation = float(np.sqrt(direction @ covariance[TRANSLATION, TRANSLATION] @ direction))
-    yield "baseline", f"{pretty(baseline, LENGTH, digits=5)} ± {pretty(deviation, LENGTH)}"
+    yield "baseline", f"{_digits(1e3 * baseline, 1e3 * deviation)} mm"
     for name, k in (("pitch", -6), ("yaw", -5), ("roll", -4)):
         spread = float(np.sqrt(covariance[k, k]))
-        yield f"relative {name}", f"{pretty(float(shared[k]), ANGLE)} ± {pretty(spread, ANGLE)}"
+        yield f"relative {name}", f"{_digits(float(np.degrees(shared[k])), float(np.degrees(spread)))}°"
 
 
 def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str]]:
@@ -103,7 +103,7 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
         where, to, says = (pretty(float(length), LENGTH, digits=3) for length in (z, good, claimed))
         yield f"accuracy of this calibration at {where}", f"{to}; it claims {says}"
     yield (
-        f"random halves of the views: difference over √(C_A + C_B), {trust.halves} splits",
+        f"random halves of the views: their difference over the claimed one, {trust.halves} splits",
         ", ".join(
             f"{ratio:.2f} at {pretty(float(z), LENGTH)}" for z, ratio in zip(trust.distances, trust.ratio, strict=True)
         ),
@@ -122,7 +122,7 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
     yield from _outlier_rows(fit)
     names = ("bowl", "saddle along the edges", "saddle along the diagonals")
     for name, value, deviation in zip(names, fit.warp, fit.warp_deviation, strict=True):
-        yield f"warp of the board, {name}", f"{pretty(float(value), LENGTH)} ± {pretty(float(deviation), LENGTH)}"
+        yield f"warp of the board, {name}", f"{_digits(1e6 * float(value), 1e6 * float(deviation))} µm"
     yield (
         "synchrony of the cameras",
         f"views differ as if the board moved {pretty(fit.explained.motion_scale, LENGTH)} between the exposures",

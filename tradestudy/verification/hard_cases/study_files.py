@@ -10,6 +10,7 @@ from typing import Any, Final
 from tradestudy.errors import StudyError
 from tradestudy.study.loading import load_definition
 from tradestudy.verification.hard_cases.case import Family, OutcomeCase
+from tradestudy.wording import counted
 
 LONGEST_SECONDS: Final = 10.0
 
@@ -174,7 +175,7 @@ def _check(path: Path) -> str:
     except StudyError as error:
         return f"refused: {'; '.join(problem.what for problem in error.problems[:2])}"
     case = definition.case
-    return f"accepted: {len(case.all_cameras)} cameras, {len(case.distance)} distances"
+    return f"accepted: {counted(len(case.all_cameras), 'camera')}, {counted(len(case.distance), 'distance')}"
 
 
 def _plainly(text: str) -> str:
@@ -188,7 +189,7 @@ def _plainly(text: str) -> str:
     except Exception as error:
         return _short(f"{type(error).__name__}: {' '.join(str(error).split())}")
     count = _count(loaded, {})
-    return f"accepted: {count:.3g} values" if count >= 1e6 else f"accepted: {count} values"
+    return f"accepted: {count:.3g} values" if count >= 1e6 else f"accepted: {counted(int(count), 'value')}"
 
 
 def _count(value: Any, known: dict[int, float]) -> float:
