@@ -45,7 +45,7 @@ def test_errors_that_are_drawn_jointly_have_no_bars_of_their_own() -> None:
     )
     found = sensitivity_of("rig", stereo(calibration=Calibration(groups=(joint,))), AT, 0.0)
     assert found.parameters is None
-    assert "left_focal_length and right_focal_length by +0.900" in found.refused
+    assert "left focal length and right focal length by +0.900" in found.refused
     assert set(found.groups.names) == {"tied", "pixel_noise"}
 
 

@@ -113,7 +113,7 @@ SPOT = optics.PointSpread(
 )
 STAR = optics.PointSource.at_infinity()
 NOWHERE = np.full((1, 2), np.nan)
-CAMERA = optics.MicrolensCamera(
+MICROLENS_CAMERA = optics.MicrolensCamera(
     focal_length=2e-3,
     f_number=8,
     array_distance=2.5e-3,
@@ -175,13 +175,13 @@ IMPOSSIBLE: dict[str, Callable[[], object]] = {
     "no ring counts": lambda: optics.disc_nodes(radius=1.0, radial_count=2, angular_count=np.zeros(0, dtype=int)),
     "pixels about no point": lambda: optics.PixelGrid(pitch=1e-6, shape=(3, 3), centre=(np.nan, 0.0)),
     "microlens at no point": lambda: replace(
-        CAMERA.light_path(STAR, wavelength=550e-9).microlenses.only(0), centres=NOWHERE
+        MICROLENS_CAMERA.light_path(STAR, wavelength=550e-9).microlenses.only(0), centres=NOWHERE
     ),
     "microlenses on no plane": lambda: replace(
-        CAMERA.light_path(STAR, wavelength=550e-9).microlenses.only(0), centres=NOWHERE[0, 0]
+        MICROLENS_CAMERA.light_path(STAR, wavelength=550e-9).microlenses.only(0), centres=NOWHERE[0, 0]
     ),
     "dark main lens": lambda: optics.microlens_image(
-        replace(CAMERA, pupil=optics.Pupil(amplitude=lambda x, _y: 0.0 * x)), STAR, wavelength=550e-9
+        replace(MICROLENS_CAMERA, pupil=optics.Pupil(amplitude=lambda x, _y: 0.0 * x)), STAR, wavelength=550e-9
     ),
     "error of another shape": lambda: optics.Measured(value=np.ones(3), error=np.ones(2)),
 }
@@ -204,7 +204,7 @@ def test_plot_refuses_a_file_that_it_cannot_write(tmp_path: Path) -> None:
 def test_an_image_on_the_array_is_refused_as_such() -> None:
     on_array = optics.PointSource(distance=10e-3)
     with pytest.raises(OutOfRangeError, match="on the microlens array"):
-        optics.microlens_image(CAMERA, on_array, wavelength=550e-9)
+        optics.microlens_image(MICROLENS_CAMERA, on_array, wavelength=550e-9)
 
 
 def test_arrays_without_any_number_can_be_printed() -> None:

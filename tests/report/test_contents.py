@@ -192,7 +192,7 @@ def test_the_record_says_how_many_points_were_computed(tree: xr.DataTree) -> Non
         ["options", "none"],
         ["Points"],
         ["depth", "3 computed"],
-        ["ranks", "1 computed, 2 taken up from an interrupted run"],
+        ["ranks", "1 computed, 2 reused from an interrupted run"],
     ]
 
 

@@ -204,7 +204,7 @@ def test_the_first_page_says_what_flips_the_verdict(page: Page) -> None:
     assert ["0.3 m", r5, "0 of 3", stereo, "3.4"] in page.rows
     assert ["1 m", stereo, "0 of 3", stereo, "4.1"] in page.rows
     # Handed over at 0.391 m, under one reading at 0.391 m, under another at 0.52 m, under the last nowhere.
-    assert "the preferred camera switches at 0.391 m; under other readings, between 0.391 m and 0.52 m" in page.text
+    assert "the preferred camera switches at 0.391 m; under the other readings between 0.391 m and 0.52 m" in page.text
     assert "and nowhere under 1 of 3" in page.text
 
 

@@ -157,7 +157,7 @@ def findings(result: Result, data: xr.Dataset) -> list[str]:
 
 def test_the_answer_describes_the_picture_of_the_study(result: Result) -> None:
     data = result.data["images"].to_dataset()
-    assert findings(result, data)[-1].endswith(" s.")
+    assert findings(result, data)[-1].endswith(" s here.")
     for method, said in (
         ("kirchhoff", "the reference itself."),
         ("geometric", "the same picture as above."),

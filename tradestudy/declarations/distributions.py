@@ -66,7 +66,7 @@ class DistributionPart(Part, Generic[Signed, Positive]):
         default=None, description="Half-width of a uniform, triangular, arcsine or curvilinear-trapezoid error."
     )
     inexactness: Positive | None = Field(
-        default=None, description="How much the half-width of a curvilinear trapezoid may differ from half_width."
+        default=None, description="Largest deviation of a curvilinear trapezoid from half_width."
     )
     scale: Positive | None = Field(
         default=None, description="Scale of a Student-t error: s/√n for n measurements with standard deviation s."

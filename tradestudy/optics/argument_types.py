@@ -200,7 +200,7 @@ def _tuple(rules: Sequence[_Rule], value: Any) -> Any:
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if not isinstance(value, (tuple, list)) or len(value) != len(rules):
-        raise _UnfitError(f"{len(rules)} values", f"give {len(rules)} values in parentheses")
+        raise _UnfitError(f"{len(rules)} values", f"give them as ({', '.join('abcdef'[: len(rules)])})")
     return tuple(one if type(one) in rule.at_once else rule.taken(one) for rule, one in zip(rules, value, strict=True))
 
 

@@ -60,6 +60,7 @@ def noll_order(index: int) -> tuple[int, int]:
             limit=f"a whole number from 1 to {_LARGEST_INDEX}",
             remedy="give Noll's j instead of (n, m): 4 is defocus, 7 and 8 are coma, 11 is spherical aberration",
         )
+    index = int(index)  # NumPy's small integers would overflow
     n = math.ceil((math.sqrt(8 * index + 1) - 3) / 2)
     place = index - n * (n + 1) // 2 - 1  # within its order
     m = 2 * ((place + 1 + n % 2) // 2) - n % 2
@@ -386,7 +387,7 @@ class MapPath:
     100.0 nm, slope 1.0e-04
     >>> path.expansion(0.0, 0.0)
     Traceback (most recent call last):
-    tradestudy.errors.OutOfRangeError: rays or boundary waves behind a pupil whose path is a function or an array
+    tradestudy.errors.OutOfRangeError: rays or boundary waves behind a pupil: a path given as a function or an array
     (allowed: a path of Zernike coefficients); fit Zernike coefficients to the path, or use method 'fresnel' or
     'kirchhoff'
     """

@@ -125,6 +125,8 @@ class TargetGrid:
     ------
     OutOfRangeError
         A coordinate is not finite, a pitch or the distance is not positive, or a count is below 1.
+    UnaffordableError
+        A count is above 10⁷.
 
     Examples
     --------

@@ -158,7 +158,7 @@ class SolvePart(Part):
 
 
 class ExpectPart(Part):
-    """The expected value of a claim: about a value, or a bound."""
+    """The expected value of a claim: a value or a bound."""
 
     about: QuantityText | None = Field(default=None, description="The expected value.")
     within: PositiveFraction | None = Field(default=None, description="Relative tolerance on the expected value.")
