@@ -110,14 +110,14 @@ def _sentence(text: str) -> str:
 
 _COMMAND_LINE: Final = """
 `tradestudy COMMAND` and `python -m tradestudy COMMAND` do the same. `--help` after a command prints what this page
-says of it, and `python -m tradestudy --version` prints the version.
+says about it, and `python -m tradestudy --version` prints the version.
 
 | exit status | means |
 |---|---|
 | 0 | done |
 | 1 | any other error: one line says what happened and names a log file |
 | 2 | the input is wrong, or asks for an accuracy that cannot be reached |
-| 3 | with `--strict`, a requirement that must hold is not met or undecided |
+| 3 | with `--strict`, a requirement that must hold is missed or undecided |
 | 130 | interrupted; finished parts are kept |
 """
 

@@ -1,4 +1,4 @@
-"""The fenced blocks of README and documentation, and how each is run.
+"""The fenced blocks of the README and the documentation, and how each is run.
 
 A block of `sh` holds commands of the program, run in a folder with the shipped studies. One of `python` runs in the
 namespace of its page, as a doctest where it shows a session. One of `yaml` is a study or, with a base to be merged

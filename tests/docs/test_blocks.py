@@ -1,4 +1,4 @@
-"""README and documentation: their blocks run, their links lead somewhere."""
+"""The README and the documentation: their blocks run, their links lead somewhere."""
 
 from __future__ import annotations
 
