@@ -13,7 +13,7 @@ EFFECT: Final[Mapping[SlotName, str]] = {
     "microlens_diffraction": "diffraction at the microlenses",
     "crosstalk": "crosstalk between microlenses",
     "pixel_integration": "integration over the pixel",
-    "source_extent": "extent of the source",
+    "source_extent": "the extent of the source",
     "spectrum": "the spectrum",
     "vignetting": "vignetting",
     "sensor_noise": "sensor noise",

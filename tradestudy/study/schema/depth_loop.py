@@ -27,7 +27,7 @@ class DepthLoopPart(Part):
     )
     fitted_at: Annotated[
         tuple[ObjectDistance, ...], Field(min_length=1, max_length=_MOST), AfterValidator(distinct)
-    ] = Field(description="Distances to whose errors the matcher is fitted; they share one seed.")
+    ] = Field(description="Distances at which the matcher is fitted to the errors; they share one seed.")
     cameras: Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(
         default=None, description="Cameras to test; default: all that measure depth."
     )
@@ -49,7 +49,7 @@ class DepthLoopPart(Part):
     )
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
         default=64,
-        description="Rays for each pixel and lens; many, so that their sampling error does not pass for the matcher's.",
+        description="Rays per pixel and lens; many of them keep the sampling error from passing for the matcher's.",
     )
 
     @model_validator(mode="after")

@@ -89,13 +89,14 @@ class LightPart(Part):
     """Light and exposure, the same for all cameras."""
 
     electrons: PositiveElectrons | None = Field(
-        default=None, description="Mean number of electrons in a pixel on the axis, at at_f_number."
+        default=None, description="Mean number of electrons in a pixel on the axis."
     )
     photons: PositivePhotons | None = Field(
         default=None,
-        description="Instead of electrons: mean photons on a pixel, which each sensor's quantum_efficiency converts.",
+        description="Instead of electrons: mean number of photons on a pixel; each sensor's quantum_efficiency "
+        "converts them to electrons.",
     )
-    at_f_number: FNumber = Field(description="Working f-number: image distance over pupil diameter.")
+    at_f_number: FNumber = Field(description="Working f-number (image distance over pupil diameter) for this light.")
     at_pixel_pitch: PixelPitch | None = Field(
         default=None,
         description="Pitch of the pixel that collects this light; default: every pixel collects it, whatever its size.",
@@ -140,13 +141,13 @@ class PicturePart(Part):
 
     texture: TexturePart
     matching_window: PictureWindow = Field(
-        description="Side of the square matching window, in pixels or as a length on the object. It is at most the "
-        "overlap of the compared pictures, which is smaller for micro-images of lenses farther apart."
+        description="Side of the square matching window, in pixels or as a length on the object; never larger than "
+        "what the compared pictures share. Micro-images share less, the farther apart their microlenses are."
     )
     matcher: MatcherPart | None = Field(
         default=None,
-        description="What a real matcher adds to the bound. A camera's own depth.matcher overrides it, key by key; "
-        "without either, a derived error is the smallest that any matcher can reach.",
+        description="What a real matcher adds to the smallest error that any matcher can reach. A camera's own "
+        "depth.matcher overrides it, key by key; without either, a derived error is that smallest error.",
     )
     light: LightPart
     read_noise: NonNegativeElectrons = Field(
@@ -160,7 +161,7 @@ class PicturePart(Part):
     field_angle: FieldAngle = Field(
         default=0.0,
         description="Field angle whose illumination is used for depth on the axis; each of propagation.field_places "
-        "uses its own. The model off of vignetting ignores both.",
+        "uses its own. Both are ignored where vignetting is left out.",
     )
     stop_separation: NonNegativeLength = Field(
         default=0.0,

@@ -23,7 +23,7 @@ class ScenePart(Part):
     ) = Field(description="Distances at which cameras are evaluated: a range or a list.")
     wavelength: PositiveWavelength = Field(description="Wavelength of the light.")
     picture: PicturePart | None = Field(
-        default=None, description="Texture, light and sensor: the inputs of derived disparity errors."
+        default=None, description="Texture, light and sensor, from which disparity errors are derived."
     )
 
     image: SceneImagePart | None = Field(

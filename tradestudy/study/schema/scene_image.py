@@ -39,8 +39,8 @@ class PlanePart(Part):
     distance: ObjectDistance = Field(description="Distance of its centre along the axis.")
     centre: Place = Field(default=(0.0, 0.0), description="Offsets to the right of the axis and below it.")
     size: tuple[DetailSize, DetailSize] | None = Field(default=None, description="Width and height; default: infinite.")
-    tilt_x: Tilt = Field(default=0.0, description="Slope along x: farther away to the right.")
-    tilt_y: Tilt = Field(default=0.0, description="Slope along y: farther away downwards.")
+    tilt_x: Tilt = Field(default=0.0, description="Slope along x; above 0°, the right is farther away.")
+    tilt_y: Tilt = Field(default=0.0, description="Slope along y; above 0°, the bottom is farther away.")
 
 
 class StairsPart(Part):
@@ -52,9 +52,9 @@ class StairsPart(Part):
     treads: Annotated[int, Field(strict=True, ge=2, le=MOST_STEPS)] = Field(default=2, description="Number of treads.")
     tread_width: DetailSize | None = Field(
         default=None,
-        description="Width of each tread except the first and the last, which are infinite; not for a step.",
+        description="Width of each tread except the first and the last, which are infinitely wide; not for a step.",
     )
-    edge: Length = Field(default=0.0, description="Centre of the edges, to the right of the axis.")
+    edge: Length = Field(default=0.0, description="Position of the middle of all edges, to the right of the axis.")
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -112,7 +112,7 @@ class DepthMapPart(Part):
     )
     picture: FileName | None = Field(
         default=None,
-        description="Image file of its brightness, grey or in colour, linear, with rows in the same order.",
+        description="Image file of its brightness, grey or in colour, with linear values and rows in the same order.",
     )
 
     @model_validator(mode="after")
@@ -142,12 +142,12 @@ class MosaicPart(Part):
 
 
 class SceneImagePart(Part):
-    """Surfaces of which `render` makes pictures, and how it does so.
+    """Surfaces, and how `render` makes pictures of them.
 
-    Texture, light, noise, fill factor and stops are those of scene.picture; its window, matcher, field angle, spectrum
-    and lens phase apply to derived errors alone. Pictures show the whole field. They are rendered by
-    rays, or by waves of the scene's wavelength where diffraction matters or effects force it (main_lens_diffraction,
-    microlens_diffraction: fresnel).
+    Texture, light, noise, fill factor and stops are those of scene.picture; its other keys (window, matcher, field
+    angle, spectrum and lens phase) do not change the pictures. Pictures show the whole field. They are rendered by
+    rays, or by waves of the scene's wavelength where diffraction matters or where effects force it
+    (main_lens_diffraction, microlens_diffraction: fresnel).
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(
@@ -161,18 +161,18 @@ class SceneImagePart(Part):
     )
     rig: Rig = Field(
         default="as-designed",
-        description="as-designed: cameras without errors; drawn: each with errors drawn once from its calibration.",
+        description="as-designed: without errors; drawn: with errors drawn once from the calibration of each camera.",
     )
     noise: SensorNoiseModel = Field(
         default="shot+read+quantisation",
-        description="Noise of the pictures; quantised ones are 16-bit PNG in digital numbers, others TIFF floats in "
-        "electrons.",
+        description="Noise of the pictures; quantised pictures are 16-bit PNG files in digital numbers, others are "
+        "floating-point TIFF files in electrons.",
     )
     black_level: NonNegativeElectrons = Field(default=0.0, description="Electrons added before digitising.")
     mosaic: MosaicPart | None = Field(default=None, description="Colour filters; default: none.")
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] | None = Field(
         default=None,
-        description="Rays for each pixel and lens, half as many where a lens is barely lit; camera.json states the "
+        description="Rays per pixel and lens, half as many where a lens is barely lit; camera.json states the "
         "resulting error. Default: 12 for unfocused plenoptic cameras, 8 for others.",
     )
     depth_maps: bool = Field(
