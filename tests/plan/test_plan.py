@@ -56,7 +56,7 @@ def test_a_small_omission_is_stated_with_its_number(close_plan: Plan) -> None:
     change = declared.choice.changes["depth_uncertainty"].relative
     assert 0.0 < change < 1e-5
     line = str(close_plan).split("pair-declared")[1].splitlines()[0].replace("\N{NO-BREAK SPACE}", " ")
-    assert "geometry only (the disparity error is declared, 0.1 px)" in line
+    assert "geometry only (the disparity error is declared as 0.1 px)" in line
     assert (
         f"leaving out the nonlinearity of depth changes the depth uncertainty by about {1e6 * change:.2g} ppm" in line
     )
@@ -108,7 +108,7 @@ def test_the_verbose_plan_lists_every_decision_and_every_step(close_plan: Plan) 
 def test_a_declared_disparity_error_leaves_the_picture_out_and_says_why(close_plan: Plan) -> None:
     declared = next(one for one in close_plan.problems if one.name == "pair-declared")
     assert set(declared.models.values()) - {declared.models["calibration"]} == {"off"}
-    assert declared.reasons["main_lens_diffraction"].startswith("the disparity error is declared, 0.1 px")
+    assert declared.reasons["main_lens_diffraction"].startswith("the disparity error is declared as 0.1 px")
 
 
 def test_a_hand_lens_that_asks_for_noise_simulates_diffraction(close_plan: Plan) -> None:

@@ -239,7 +239,7 @@ def test_one_reading_that_reverses_the_verdict_is_named(tree: xr.DataTree) -> No
     turning = data["reading"].values[np.asarray(data["flips"].transpose("reading", ...)).any(axis=1)]
     assert len(turning) == 1
     texts = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if isinstance(b, Paragraph)]
-    assert any("Reversed at " in text and f" under the reading {turning[0]} (" in text for text in texts)
+    assert any("The verdict is reversed at " in text and f" under the reading {turning[0]} (" in text for text in texts)
 
 
 def test_the_method_explains_only_limits_that_apply_in_the_study(tree: xr.DataTree) -> None:

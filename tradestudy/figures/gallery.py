@@ -94,7 +94,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
         caption += (
             " Last bar: the usable camera with the smallest uncertainty"
             + (f" of the candidates {listed(among)}" if among else "")
-            + ", and any whose uncertainty differs from it by less than the numerical error."
+            + ", and any other whose uncertainty differs from this by less than the numerical error."
         )
     return Drawing(
         name="whole_range",
@@ -246,8 +246,8 @@ def _readings(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="readings",
         caption=f"Which assumption reverses the verdict: uncertainty of {numerator} over that of {denominator}, under "
-        f"every reading of the open questions. Left of 1 (shaded) {numerator} is better, right of it "
-        f"{denominator}; open marks: the verdict differs from that as declared."
+        f"every reading of the open questions. Left of 1 (shaded), {numerator} is better; right of 1, "
+        f"{denominator}. Open marks: the verdict differs from that of the declared study."
         + (f" {listed(signs)} at the edge: one of the two uncertainties has no bound." if signs else ""),
         alt=f"Dot chart of the uncertainty of {numerator} over that of {denominator}, one row per reading, one mark "
         "per distance, three panels: noise and calibration, noise only, calibration only. " + "".join(sentences),

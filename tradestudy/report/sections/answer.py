@@ -225,7 +225,7 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
         by_name = {1: "under the reading *{first}*", 2: "under the readings *{first}* and *{last}*"}
         by = by_name.get(len(names), "under {counts} of {all} other readings")
         yield say(
-            "**Reversed** at {places} " + by + " ([](#verdict-table)).",
+            "The verdict is **reversed** at {places} " + by + " ([](#verdict-table)).",
             places=listed([distance(one.place) for one in turned]),
             first=names[0],
             last=names[-1],
@@ -233,7 +233,7 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
             all=str(max(one.alternatives for one in found)),
         )
     else:
-        yield say("No other reading reverses it.")
+        yield say("No other reading reverses the verdict.")
 
 
 def _stretches(best: BestCameras) -> Iterator[Spans]:

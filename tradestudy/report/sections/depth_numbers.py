@@ -257,7 +257,7 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
     own = [distance_with_error(float(v), float(e)) for v, e in zip(values[0], errors, strict=True) if np.isfinite(v)]
     others = values[1:][np.isfinite(values[1:])]
     declared = (
-        f"the two are equally uncertain at {' and '.join(own)}, usable there or not"
+        f"the two are equally uncertain at {' and '.join(own)}, whether or not they are usable there"
         if own
         else "the curves do not cross"
     )

@@ -116,7 +116,7 @@ def _cells(row: Mapping[str, Any], *, marked: bool) -> tuple[str, ...]:
         return in_words(str(row["slot"])), model, "see above", "—", "—"
     if row["change"] == 0.0:
         return in_words(str(row["slot"])), model, _FULL, "—", "—"
-    at = "" if math.isnan(row["at"]) else f", at {distance(row['at'])}"
+    at = "" if math.isnan(row["at"]) else f", largest at {distance(row['at'])}"
     known = "unknown" if math.isinf(row["change"]) else f"{_HOW[str(row['evidence'])]}{at}"
     return in_words(str(row["slot"])), model, _share(row["change"]), quantity, known
 

@@ -15,7 +15,9 @@ from tradestudy.results.views.groups import group, has, titles_in
 from tradestudy.wording import distance, in_words
 
 _NOWHERE = "nowhere"
-_MISSING = " For a camera that is usable nowhere, the table names the limits that fail where the fewest do."
+_MISSING = (
+    " For a camera that is usable nowhere, the table names the limits that fail at the distance where the fewest fail."
+)
 
 
 def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:

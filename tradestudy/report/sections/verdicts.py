@@ -1,4 +1,4 @@
-"""Which camera noise and calibration favour, and the verdict on the main pair under other readings."""
+"""The camera that noise and calibration favour, and the verdict on the main pair under other readings."""
 
 from __future__ import annotations
 
