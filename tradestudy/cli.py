@@ -291,7 +291,7 @@ def new(
         if kinds and from_:
             raise _InputError("the calibration files determine the kind of camera", value=kinds[0], remedy="omit it")
         if set_ and not from_:
-            raise _InputError("--set applies to a camera imported with --from", remedy="give --from, too")
+            raise _InputError("--set applies to a camera imported with --from", remedy="give --from too")
         said = [_line(one) for one in set_ or ()]
         kind = kinds[0].removeprefix("--") if len(kinds) == 1 else ""
         text = starter(name, kind, calibration_files=from_ or (), said=said)

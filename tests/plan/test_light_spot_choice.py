@@ -156,9 +156,9 @@ def test_probes_span_the_disc_and_the_microlenses_it_lights() -> None:
 def test_rays_act_on_both_legs_or_on_none() -> None:
     rays = chosen(spot(*SMALL), 0.05, {"main_lens_diffraction": "off"})
     assert spot_models(rays.models).method == "exact-rays"
-    with pytest.raises(OutOfRangeError, match="off on both legs"):
+    with pytest.raises(OutOfRangeError, match="set both legs to 'off'"):
         LightSpotProblem(spot(), {"main_lens_diffraction": "off", "microlens_diffraction": "kirchhoff"})
-    with pytest.raises(OutOfRangeError, match=r"pixel_integration: off.*; force off on both legs"):
+    with pytest.raises(OutOfRangeError, match=r"pixel_integration: off.*; set both legs to 'off'"):
         LightSpotProblem(spot(), {"main_lens_diffraction": "off", "pixel_integration": "off"})
 
 

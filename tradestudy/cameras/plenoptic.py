@@ -164,7 +164,7 @@ class PlenopticCamera(DepthCamera):
         require_known(errors, PLENOPTIC_ERRORS, "a plenoptic camera")
         if stop_separation > 0.0:
             raise OutOfRangeError(
-                "a plenoptic camera with a second stop cannot be rendered; scene.picture.stop_separation",
+                "a plenoptic camera cannot be rendered with a second stop: scene.picture.stop_separation",
                 value=f"{stop_separation * 1e3:g} mm",
                 limit="0 mm",
                 remedy="remove it",

@@ -97,7 +97,7 @@ class LightSpotProblem(SimulationProblem):
                 "forced models of the light spot cannot be combined",
                 value=", ".join(f"{name}: {model}" for name, model in self._forced.items()),
                 limit="rays on both legs with integrated pixels, or waves on both legs",
-                remedy="force off on both legs, or a wave law on both",
+                remedy="set both legs to 'off', or both to a wave law",
             )
         self._complete = complete
 

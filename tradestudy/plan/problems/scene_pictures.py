@@ -99,7 +99,7 @@ class ScenePicturesProblem(SimulationProblem):
                 f"forced models of the pictures of {pictures[0].camera} cannot be combined",
                 value=", ".join(f"{leg}: {model}" for leg, model in self._forced.items()),
                 limit="rays on both legs, or waves on both",
-                remedy="force off on both legs, or fresnel on both",
+                remedy="set both legs to 'off', or both to fresnel",
             )
         self._done: list[tuple[float, float]] = []
 

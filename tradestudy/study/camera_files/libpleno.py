@@ -42,7 +42,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     metre, unit = request.metres(behind, stated="mm", why="the convention of libpleno")
     mla_distance, gap = abs(behind.number()) * metre, (abs(plane.number()) - abs(behind.number())) * metre
     if not gap > 0.0:
-        raise plane.fail("the sensor lies in front of the microlens array; it must lie behind")
+        raise plane.fail("the sensor lies in front of the microlens array; it must lie behind the array")
     lengths = tuple(length * metre for length in focal_lengths.numbers())
     relay, mode = _relay(focal_lengths, lengths, gap), top.find("mode")
     mode_text = "" if mode is None else _MODES.get(mode.text(), "unknown")

@@ -193,7 +193,7 @@ def _matrix(value: Located, *counts: int) -> tuple[float, ...]:
     numbers = value.need("data").numbers(*counts)
     if math.prod(extent.count() for extent in extents) != len(numbers):
         announced = " × ".join(extent.text() for extent in extents)
-        raise value.fail(f"{announced} elements are declared, but {len(numbers)} given")
+        raise value.fail(f"{announced} elements are declared, but {len(numbers)} are given")
     return numbers
 
 
