@@ -73,7 +73,7 @@ def draw_hard_cases(tree: xr.DataTree) -> StudyFigure:
 
 
 def _frame(axes: Axes) -> None:
-    """Label axes with powers of ten, and places for exact and for wrong values."""
+    """Label the axes: powers of ten, with "exact" before them and "wrong" after them."""
     ticks = [_EXACT, *_TICKS, _WRONG]
     labels = ["exact", *(f"10{str(t).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}" for t in _TICKS), "wrong"]
     labels[labels.index("10⁰")] = "1"

@@ -90,7 +90,7 @@ def _image_words(data: xr.Dataset, reference: str) -> str:
 
 @styled()
 def draw_light_spot(tree: xr.DataTree) -> StudyFigure:
-    """Draw the images, below them their signed differences from the reference, and at the foot a cut through all."""
+    """Draw the images, their signed differences from the reference below them, and a cut through all at the foot."""
     data = tree["images"].to_dataset()
     reference = reference_method(data)
     others = [str(name) for name in data["propagator"].values if name != reference]

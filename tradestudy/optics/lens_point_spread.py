@@ -53,8 +53,8 @@ _ON_AXIS_AT_INFINITY = PointSource.at_infinity()
 class LensPointSpread(PointSpread):
     """Result of `point_spread`: the samples of a `PointSpread` with the data of the lens.
 
-    The methods of this class return their numbers with errors. The inherited `at` returns interpolated intensities
-    alone, of samples whose errors are at most `sample_error`.
+    The methods of this class return their numbers with errors. The inherited `at` returns only intensities,
+    interpolated between samples whose errors are at most `sample_error`.
 
     Attributes
     ----------

@@ -45,7 +45,7 @@ class Chosen:
 
 def problems(definition: StudyDefinition, forced: Models) -> Iterator[SimulationProblem]:
     """Every problem of a study that needs models, in the order in which a run solves them."""
-    # Imported only where needed, because `check` calls this, too, and few studies simulate light.
+    # Imported only where needed, because `check` calls this too, and few studies simulate light.
     file, case = definition.file, definition.case
     if case.cameras:
         from tradestudy.plan.problems.depth import depth_problems

@@ -203,7 +203,7 @@ class _Prediction:
 
     @cached_property
     def cameras(self) -> dict[str, tuple[float, float]]:
-        """Times of every camera [s]; a camera whose calibration the run still infers is timed with its priors."""
+        """Times of every camera [s]; a camera whose calibration the run has yet to infer is timed with its priors."""
         found = {}
         priors = {
             asked.name: getattr(asked, "groups", ()) for asked in self.definition.calibrations_to_infer().values()

@@ -78,7 +78,7 @@ class EveryObjectFocus:
         return self._magnified(distance, self.sample_pitch)
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
-        """Width ``∝ λ a/A`` [m] of the diffraction spot, ``∝ λ b/A`` on the sensor, projected to an object in focus."""
+        """Width ``∝ λ a/A`` [m] of the diffraction spot on an object in focus; on the sensor it is ``∝ λ b/A``."""
         a, f = np.asarray(distance, dtype=np.float64), self.lens.focal_length
         spot = diffraction_diameter(wavelength, 1.0 / self.lens.pupil_diameter, measure)
         return np.asarray(np.where(a > f, spot * a, np.nan))

@@ -101,7 +101,7 @@ class Rational(LensModel):
         return self._on_tilted(u, v) if self._tilted else (u, v)
 
     def sees(self, x: FloatArray, y: FloatArray, z: FloatArray) -> BoolArray:
-        """See `LensModel.sees`, by slopes."""
+        """See `LensModel.sees`; compares slopes rather than angles."""
         end = np.asarray(self.valid_field)
         whole = end >= np.pi / 2.0
         if np.all(whole):

@@ -57,7 +57,7 @@ def titles_in(tree: xr.DataTree, name: str) -> dict[str, str]:
 
 
 def depth_methods(tree: xr.DataTree) -> dict[str, dict[str, Any]]:
-    """Get the method by which each camera measures depth, by camera key; only of cameras that measure depth."""
+    """Get the method by which each camera measures depth, by camera key; cameras that measure no depth are left out."""
     return {key: json.loads(method) for key, method in _by_key(tree, "method").items() if method}
 
 
