@@ -126,8 +126,8 @@ class _Prediction:
         if file.scene is not None and file.scene.image is not None:
             from tradestudy.plan.rendering_pilot import scene_work
 
-            for name, seconds, work in scene_work(self.definition):
-                yield PredictedStep(name=name, seconds=seconds, work=work)
+            for name, by_camera, work in scene_work(self.definition):
+                yield PredictedStep(name=name, seconds=math.fsum(by_camera), work=work, parts=by_camera)
         if file.depth_loop is not None:
             from tradestudy.plan.rendering_pilot import loop_work
 

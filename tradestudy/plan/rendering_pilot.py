@@ -31,28 +31,30 @@ _PIXELS_OF_A_LOOP: Final = 5.0  # rendered per pixel of the windows; 3.5 for a s
 _READING: Final = 2.0  # rendering and reading depth, relative to rendering alone
 # Computing the tables of spreads takes most of the difference, and would take as long in a pilot.
 _WAVES_OVER_RAYS: Final = 2.0  # 1.1 for a stereo pair, 3 for a raw plenoptic picture
-_READING_OF_A_SCENE: Final = 1.3  # reading depth relative to rendering by rays; 0.2 for a stack, 1.5 for a raw picture
 _PATTERN: Final = 512  # samples of a texture, whose size hardly matters for the time
 
 
-def scene_work(definition: StudyDefinition) -> Iterator[tuple[str, float, str]]:
-    """Steps of rendering the scene with the chosen models: name, processor time [s], amount of work in words."""
+def scene_work(definition: StudyDefinition) -> Iterator[tuple[str, tuple[float, ...], str]]:
+    """Steps of rendering the scene with the chosen models: name, processor time of each camera [s], work in words."""
     image, picture = declared_image(definition)
     scene, cameras = set_up(definition, rig="as-designed", texture_side=TRIAL_TEXTURE)
-    rendering, reading, pixels = 0.0, 0.0, 0
+    rendering: list[float] = []
+    reading: list[float] = []
+    pixels = 0
     for taken in cameras:
         recording = recording_of(image, picture, taken.camera.sensor)
         pictures = whole_pictures(definition, image, scene, taken, recording)
         by_rays = len(pictures) * picture_seconds(pictures[0])
         models = definition.models.get(name_of(taken.name), {})
         by_waves = models.get("main_lens_diffraction", OFF) != OFF
-        rendering += by_rays * (_WAVES_OVER_RAYS if by_waves else 1.0)
-        reading += by_rays * _READING_OF_A_SCENE
+        rendering.append(by_rays * (_WAVES_OVER_RAYS if by_waves else 1.0))
+        if image.depth_maps and (reader := definition.file.cameras[taken.name].reader) is not None:
+            reading.append(by_rays * reader.relative_effort)
         pixels += sum(one.rows[1] * one.columns[1] for one in pictures)
     work = f"{pixels / 1e6:.3g} million pixels of {counted(len(cameras), 'camera')}"
-    yield "rendering", rendering, work
+    yield "rendering", tuple(rendering), work
     if image.depth_maps:
-        yield "depth maps", reading, work
+        yield "depth maps", tuple(reading), work
 
 
 def picture_seconds(whole: Tile) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -80,7 +81,7 @@ class Rendering:
     pictures: Sequence[TakenPicture]
 
 
-def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
+def render_scene(definition: StudyDefinition, steps: Steps, seconds: Sequence[float] = ()) -> Rendering:
     """Render every picture of the study's scene.
 
     Parameters
@@ -89,6 +90,8 @@ def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
         A study with ``scene.image``, its calibrations inferred.
     steps
         How tiles are computed.
+    seconds
+        Predicted for each camera that takes pictures, in their order; progress counts these. Empty: pixels count.
 
     Raises
     ------
@@ -109,7 +112,7 @@ def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
     _refuse_too_large(whole, scene, workers=int(getattr(steps.executor, "count", 1)))
     tiles = [tiles_of(one) for one in whole]
     flat = [tile for some in tiles for tile in some]
-    efforts = [float((tile.rows[1] - tile.rows[0]) * (tile.columns[1] - tile.columns[0])) for tile in flat]
+    efforts = _efforts(flat, dict(zip((one.name for one in cameras), seconds, strict=bool(seconds))))
     labels = [f"{tile.camera} {tile.exposure.name}, row {tile.rows[0]}, column {tile.columns[0]}" for tile in flat]
     rendered = iter(steps.map(STEP, render_tile, flat, labels, efforts))
     pictures = [
@@ -131,6 +134,18 @@ def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
         text = json.dumps(facts, indent=2, ensure_ascii=False)
         replace_file(directory / taken.name / "camera.json", f"{text}\n".encode())
     return written
+
+
+def _efforts(tiles: Sequence[Tile], seconds: Mapping[str, float]) -> list[float]:
+    """Predicted seconds of each tile; without predictions by camera, its number of pixels."""
+    pixels = [(one.rows[1] - one.rows[0]) * (one.columns[1] - one.columns[0]) for one in tiles]
+    totals: Counter[str] = Counter()
+    for one, count in zip(tiles, pixels, strict=True):
+        totals[one.camera] += count
+    return [
+        count * seconds.get(one.camera, totals[one.camera]) / totals[one.camera]
+        for one, count in zip(tiles, pixels, strict=True)
+    ]
 
 
 def _models(definition: StudyDefinition) -> list[tuple[bool, float]]:

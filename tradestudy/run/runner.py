@@ -152,7 +152,8 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
         from tradestudy.run.scene_pictures import take_scene
 
         depth = file.scene.image.depth_maps
-        groups["/pictures"] = pictures_group(take_scene(definition, asked.pictures, asked.steps, depth=depth))
+        taken = take_scene(definition, asked.pictures, asked.steps, plan, depth=depth)
+        groups["/pictures"] = pictures_group(taken)
     if file.depth_loop is not None:
         from tradestudy.run.groups.depth_loop import depth_loop_group
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tradestudy.execution import Steps
+from tradestudy.plan.plan import Plan
+from tradestudy.run import depth_maps, pictures
 from tradestudy.run.depth_maps import MeasuredDepth, measure_depth, set_up_readers, write_depth
 from tradestudy.run.pictures import Rendering, render_scene, write_pictures
 from tradestudy.study.definition import StudyDefinition
@@ -31,7 +33,9 @@ class TakenScene:
     written: Sequence[Path]
 
 
-def take_scene(definition: StudyDefinition, directory: Path | None, steps: Steps, *, depth: bool) -> TakenScene:
+def take_scene(
+    definition: StudyDefinition, directory: Path | None, steps: Steps, plan: Plan | None = None, *, depth: bool
+) -> TakenScene:
     """Render every picture of the study's scene, measure depth in them if requested, and write both.
 
     Parameters
@@ -43,6 +47,8 @@ def take_scene(definition: StudyDefinition, directory: Path | None, steps: Steps
         None writes nothing.
     steps
         How tiles and maps are computed.
+    plan
+        Its predictions weight the progress; without it, pixels and maps count.
     depth
         Whether to measure depth.
 
@@ -56,9 +62,9 @@ def take_scene(definition: StudyDefinition, directory: Path | None, steps: Steps
         A camera cannot measure depth in its pictures; raised before anything is rendered.
     """
     readers = set_up_readers(definition) if depth else []
-    rendering = render_scene(definition, steps)
+    rendering = render_scene(definition, steps, plan.parts(pictures.STEP) if plan else ())
     written = write_pictures(rendering, directory) if directory is not None else []
-    depths = measure_depth(rendering, readers, steps)
+    depths = measure_depth(rendering, readers, steps, plan.parts(depth_maps.STEP) if plan else ())
     if directory is not None:
         for one in depths:
             write_depth(one, directory / one.camera, rendering.image.depth_format)

@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,8 @@ class RawPictureReader(DepthReader):
     camera, search
         The camera, and the depths to search.
     """
+
+    relative_effort: ClassVar[float] = 2.7
 
     camera: FocusedPlenoptic
     search: DepthSearch

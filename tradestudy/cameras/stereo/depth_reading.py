@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, ClassVar, Final, Literal
 
 import numpy as np
 
@@ -45,6 +45,8 @@ class PairReader(DepthReader):
     camera, search
         The rig, and the depths to search.
     """
+
+    relative_effort: ClassVar[float] = 1.7
 
     camera: StereoRig
     search: DepthSearch
