@@ -43,18 +43,28 @@ DirectoryArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder o
 OutOption = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="DIR", help="Output folder.", show_default="reports/<study name, and any changed values>"
+        "--out",
+        metavar="DIR",
+        help="Folder for the output.",
+        show_default="reports/STUDY, with any changed values in the name",
     ),
 ]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", metavar="PATH=VALUE", help="Replace a value, such as stereo-short.baseline='50 mm'; repeatable."
+        "--set",
+        metavar="PATH=VALUE",
+        help="Use another value for this command, such as stereo-short.baseline='50 mm'; repeatable.",
     ),
 ]
 ToleranceOption = Annotated[
     str | None,
-    typer.Option("--tolerance", metavar="X", help="Tolerance for every quantity, such as '1 %'.", show_default=False),
+    typer.Option(
+        "--tolerance",
+        metavar="X",
+        help="Tolerance of every quantity, such as '1 %', instead of the study's.",
+        show_default=False,
+    ),
 ]
 JobsOption = Annotated[
     int | None, typer.Option("--jobs", metavar="N", help="Compute on N worker processes.", show_default=False)
@@ -67,7 +77,7 @@ DaskOption = Annotated[
 ]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Ignore the results of earlier runs.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
-DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+DebugOption = Annotated[bool, typer.Option("--debug", help="Show the Python traceback of an error.")]
 
 
 def _print_version(asked: bool) -> None:
@@ -112,7 +122,8 @@ def run(
         bool, typer.Option("--strict", help="Exit with status 3 if a 'must' requirement is missed or undecided.")
     ] = False,
     with_cost: Annotated[
-        bool, typer.Option("--with-cost", help="Also measure what accuracy costs and show it in the report.")
+        bool,
+        typer.Option("--with-cost", help="Also measure and report error and computing time of every choice of models."),
     ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the conclusions as one JSON object instead of lines.")
@@ -160,7 +171,7 @@ def render(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Write only the pictures of a study's scene, with the true depth and a description of each camera."""
+    """Render the pictures of a study's scene. Write with them the true depth and a description of each camera."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
@@ -190,14 +201,16 @@ def export(
     set_: SetOption = None,
     formats: Annotated[
         list[str] | None,
-        typer.Option("--format", metavar="NAME", help="opencv, ros, kalibr, mrcal or posterior; repeatable."),
+        typer.Option(
+            "--format", metavar="NAME", help="opencv, ros, kalibr, mrcal or posterior; repeatable. Without it: all."
+        ),
     ] = None,
     lossy: Annotated[
-        bool, typer.Option("--lossy", help="Leave out what a format cannot represent, and list it.")
+        bool, typer.Option("--lossy", help="Leave out what a format cannot represent, and list what was left out.")
     ] = False,
     debug: DebugOption = False,
 ) -> None:
-    """Write a declared or fitted camera as calibration files of other programs and as a posterior."""
+    """Write a camera's calibration as files for other programs. The format posterior is for other studies."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
@@ -215,11 +228,12 @@ def plan(
     set_: SetOption = None,
     tolerance: ToleranceOption = None,
     verbose: Annotated[
-        bool, typer.Option("--verbose", help="Show every decision with its numbers, and every step.")
+        bool,
+        typer.Option("--verbose", help="Show every choice of a model with its numbers, and every step of the run."),
     ] = False,
     debug: DebugOption = False,
 ) -> None:
-    """Say which effects a run will simulate, which it leaves out and why, and how long it will take."""
+    """Say what a run will simulate and how long it will take. Also say which effects it will leave out, and why."""
     _stay_on_one_core()
     with _reporting_errors(debug=debug):
         from tradestudy import api
@@ -235,12 +249,14 @@ def cost(
     tolerance: ToleranceOption = None,
     budget: Annotated[
         float,
-        typer.Option("--budget", metavar="SECONDS", help="Time for all measurements; what does not fit is left out."),
+        typer.Option(
+            "--budget", metavar="SECONDS", help="Longest time for all measurements; those that do not fit are left out."
+        ),
     ] = DEFAULT_BUDGET,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Measure error against computing time for all models that can answer a study; write cost.json and cost.svg."""
+    """Measure error and computing time of every choice of models. Write them to cost.json and cost.svg."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
@@ -270,7 +286,11 @@ def new(
     plenoptic: Annotated[bool, typer.Option("--plenoptic", help="Compare two plenoptic cameras.")] = False,
     from_: Annotated[
         list[Path] | None,
-        typer.Option("--from", metavar="FILE", help="Calibration file of the camera; repeatable: left, then right."),
+        typer.Option(
+            "--from",
+            metavar="FILE",
+            help="Study one calibrated camera, read from this file; for two files, left first.",
+        ),
     ] = None,
     set_: Annotated[
         list[str] | None,
@@ -280,7 +300,7 @@ def new(
     ] = None,
     debug: DebugOption = False,
 ) -> None:
-    """Write a commented starter study, NAME.yaml: by default a plenoptic camera against a stereo rig."""
+    """Write a commented study to start from, NAME.yaml. By default it compares a plenoptic camera with a stereo rig."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.study.starter import starter
@@ -316,7 +336,7 @@ def report(
     no_pdf: Annotated[bool, typer.Option("--no-pdf", help="Leave report.pdf as it is.")] = False,
     debug: DebugOption = False,
 ) -> None:
-    """Render the report of a finished run again."""
+    """Write the report of a finished run again, from its results."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
@@ -335,7 +355,7 @@ def compare(
     ] = None,
     debug: DebugOption = False,
 ) -> None:
-    """Show runs side by side: changed conclusions, differing inputs, results that differ by more than their error."""
+    """Compare runs: conclusions, inputs and results. A result counts if it differs by more than its error."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.results.storage import replace_file
