@@ -7,11 +7,11 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any, Final
 
-_WORTH_SHARING: Final = 60  # characters; a reference takes about thirty
+_WORTH_SHARING: Final = 50  # characters; a reference takes about thirty
 
 
 def shared(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """The same JSON Schema, with alternatives that occur several times moved to ``$defs`` and referenced there.
+    """The same JSON Schema, with schemas that occur several times moved to ``$defs`` and referenced there.
 
     Parameters
     ----------
@@ -59,5 +59,5 @@ def _count(below: Any, counts: Counter[str]) -> None:
 
 
 def _is_shared(below: Mapping[str, Any], count: int, text: str) -> bool:
-    is_schema = "type" in below or "anyOf" in below or "oneOf" in below or "enum" in below
+    is_schema = any(key in below for key in ("type", "anyOf", "oneOf", "enum")) or {"$ref", "description"} <= {*below}
     return is_schema and count > 1 and len(text) > _WORTH_SHARING
