@@ -69,7 +69,8 @@ def _option(option: Any) -> Iterator[str]:
     written = option.opts[0] if option.is_flag else f"{option.opts[0]} {option.metavar or option.name.upper()}"
     default = option.show_default if isinstance(option.show_default, str) else option.default
     yield f"`{written}`"
-    yield f": {option.help}" + ("" if option.is_flag or default in (None, ()) else f" Default: {default}.")
+    text = default if isinstance(default, str) else f"{default:g}" if isinstance(default, float) else str(default)
+    yield f": {option.help}" + ("" if option.is_flag or default in (None, ()) else f" Default: {text}.")
 
 
 def results_page() -> str:

@@ -43,18 +43,25 @@ DirectoryArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder o
 OutOption = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="DIR", help="Output folder.", show_default="reports/<study name, and any changed values>"
+        "--out",
+        metavar="DIR",
+        help="Output folder.",
+        show_default="reports/NAME, with the name of the study and any changed values",
     ),
 ]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", metavar="PATH=VALUE", help="Replace a value, such as stereo-short.baseline='50 mm'; repeatable."
+        "--set",
+        metavar="PATH=VALUE",
+        help="Replace a value of the study, such as stereo-short.baseline='50 mm'; may be repeated.",
     ),
 ]
 ToleranceOption = Annotated[
     str | None,
-    typer.Option("--tolerance", metavar="X", help="Tolerance for every quantity, such as '1 %'.", show_default=False),
+    typer.Option(
+        "--tolerance", metavar="X", help="Use one tolerance for every quantity, such as '1 %'.", show_default=False
+    ),
 ]
 JobsOption = Annotated[
     int | None, typer.Option("--jobs", metavar="N", help="Compute on N worker processes.", show_default=False)
@@ -63,7 +70,7 @@ ThreadsOption = Annotated[
     int | None, typer.Option("--threads", metavar="N", help="Compute on N threads.", show_default=False)
 ]
 DaskOption = Annotated[
-    str | None, typer.Option("--dask", metavar="ADDRESS", help="Compute on a Dask cluster, tcp://HOST:PORT.")
+    str | None, typer.Option("--dask", metavar="ADDRESS", help="Compute on the Dask cluster at tcp://HOST:PORT.")
 ]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Ignore the results of earlier runs.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
@@ -112,7 +119,7 @@ def run(
         bool, typer.Option("--strict", help="Exit with status 3 if a 'must' requirement is missed or undecided.")
     ] = False,
     with_cost: Annotated[
-        bool, typer.Option("--with-cost", help="Also measure what accuracy costs and show it in the report.")
+        bool, typer.Option("--with-cost", help="Also measure error against computing time, and show it in the report.")
     ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the conclusions as one JSON object instead of lines.")
@@ -190,10 +197,14 @@ def export(
     set_: SetOption = None,
     formats: Annotated[
         list[str] | None,
-        typer.Option("--format", metavar="NAME", help="opencv, ros, kalibr, mrcal or posterior; repeatable."),
+        typer.Option(
+            "--format",
+            metavar="NAME",
+            help="Format to write: opencv, ros, kalibr, mrcal or posterior; may be repeated. Default: all.",
+        ),
     ] = None,
     lossy: Annotated[
-        bool, typer.Option("--lossy", help="Leave out what a format cannot represent, and list it.")
+        bool, typer.Option("--lossy", help="Leave out what a format cannot represent, and list what is left out.")
     ] = False,
     debug: DebugOption = False,
 ) -> None:
@@ -215,7 +226,8 @@ def plan(
     set_: SetOption = None,
     tolerance: ToleranceOption = None,
     verbose: Annotated[
-        bool, typer.Option("--verbose", help="Show every decision with its numbers, and every step.")
+        bool,
+        typer.Option("--verbose", help="Show every decision on a model with its numbers, and every step of the run."),
     ] = False,
     debug: DebugOption = False,
 ) -> None:
@@ -235,7 +247,9 @@ def cost(
     tolerance: ToleranceOption = None,
     budget: Annotated[
         float,
-        typer.Option("--budget", metavar="SECONDS", help="Time for all measurements; what does not fit is left out."),
+        typer.Option(
+            "--budget", metavar="SECONDS", help="Time for all measurements [s]; those that do not fit are left out."
+        ),
     ] = DEFAULT_BUDGET,
     quiet: QuietOption = False,
     debug: DebugOption = False,
@@ -270,12 +284,18 @@ def new(
     plenoptic: Annotated[bool, typer.Option("--plenoptic", help="Compare two plenoptic cameras.")] = False,
     from_: Annotated[
         list[Path] | None,
-        typer.Option("--from", metavar="FILE", help="Calibration file of the camera; repeatable: left, then right."),
+        typer.Option(
+            "--from",
+            metavar="FILE",
+            help="Start from the camera of this calibration file; for a pair, repeat it: left, then right.",
+        ),
     ] = None,
     set_: Annotated[
         list[str] | None,
         typer.Option(
-            "--set", metavar="KEY=VALUE", help="Value of the imported camera, such as length_unit=mm; repeatable."
+            "--set",
+            metavar="KEY=VALUE",
+            help="Further value of the imported camera, such as length_unit=mm; may be repeated.",
         ),
     ] = None,
     debug: DebugOption = False,
@@ -331,7 +351,11 @@ def compare(
     ],
     html: Annotated[
         Path | None,
-        typer.Option("--html", metavar="FILE", help="Also write a page, with a figure of the curves that changed."),
+        typer.Option(
+            "--html",
+            metavar="FILE",
+            help="Also write the comparison as a page, with a figure of the curves that changed.",
+        ),
     ] = None,
     debug: DebugOption = False,
 ) -> None:
