@@ -59,6 +59,12 @@ _EXAMPLES: Final = {
     "image_scale": "14.5 um",
     "working_distance": "22.5 mm",
     # Calibrations
+    "FocusedPlenopticDeclaration.calibration": "{errors: {mla_distance: {standard_deviation: 1 um}}}",
+    "UnfocusedPlenopticDeclaration.calibration": "{errors: {mla_distance: {standard_deviation: 1 um}}}",
+    "target": (
+        "{views: 20, columns: 9, rows: 6, spacing: 25 mm, distances: [0.4 m, 1 m], half_field_angle: 15 deg, "
+        "tilt: 20 deg, corner_noise: 0.1 px}"
+    ),
     "StereoCalibration.correlations": "{yaw: {principal_point: -0.9}}",
     "correlations": "{mla_distance: {focal_length: 0.9}}",
     "StereoErrors.baseline": "{standard_deviation: 50 um}",
@@ -729,9 +735,8 @@ _INDEX = """
 A study is one YAML file. These pages list its keys, each with the values it accepts, its default and an example. They
 are made from the JSON Schema that `python -m tradestudy schema` prints; editors complete keys with it.
 
-Every section describes one mapping. Below its heading stands where in the file that mapping belongs: `NAME` is a name
-that you choose, and `[]` an item of a list. A *required* key must be given; an *optional* key has no default value, and
-its text says what holds without it where that is not obvious.
+Every section describes one mapping. Below its heading stands the place of that mapping in the file, where `NAME` is a
+name that you choose, and `[]` an item of a list. Sections without a place describe mappings that belong in several.
 
 Write a quantity that has a unit with that unit: `12.5 mm`, not `12.5`. Every value may carry its basis:
 `{value: 12.5 mm, basis: datasheet, note: where it comes from}`, where `basis` is `paper`, `datasheet`, `measured`,

@@ -161,8 +161,8 @@ class CalibrationPart(Part):
     )
     correlations: dict[str, dict[str, Correlation]] = Field(
         default={},
-        description="Correlation coefficients, from −1 to 1, between the normal scores of two errors; each pair is "
-        "given once.",
+        description="Correlation coefficients, from −1 to 1, of the normal scores of two errors (for normal "
+        "errors, of the errors themselves); each pair is given once.",
     )
     corners: CornersPart | None = None
     target: TargetPart | None = None

@@ -135,8 +135,8 @@ class DisparityPart(Part):
     )
     error_of: Literal["disparity", "coordinate"] = Field(
         default="disparity",
-        description="Whether disparity_error is the error of the disparity or that of each image coordinate, from "
-        "which the error of the disparity follows as √2 times as much.",
+        description="Whether disparity_error is the error of the disparity or of each image coordinate, which "
+        "makes the error of the disparity √2 times as large.",
     )
     discrimination_step: PositivePixels = Field(
         default="0.1 px",

@@ -28,7 +28,7 @@ class DepthLoopPart(Part):
     fitted_at: Annotated[
         tuple[ObjectDistance, ...], Field(min_length=1, max_length=_MOST), AfterValidator(distinct)
     ] = Field(
-        description="Distances, out of those above, at which the matcher is fitted to the errors; their planes "
+        description="Distances, out of `distances`, at which the matcher is fitted to the errors; their planes "
         "share one random seed."
     )
     cameras: Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(

@@ -86,7 +86,7 @@ class TexturePart(Part):
 
 
 class LightPart(Part):
-    """The light that a pixel collects during an exposure; all cameras share it."""
+    """The light that a pixel of any camera collects during an exposure."""
 
     electrons: PositiveElectrons | None = Field(
         default=None, description="Mean number of electrons that a pixel on the optical axis collects."

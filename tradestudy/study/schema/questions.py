@@ -82,8 +82,8 @@ class DecisionPart(Part):
     )
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1)] | None = Field(
         default=None,
-        description="Cameras among which the best one is named; default: all. If the study declares several "
-        "versions of a device, list only one of them.",
+        description="Cameras among which the best one is named; default: all. Of cameras that stand for the same "
+        "device, list only one.",
     )
 
     @property
@@ -128,7 +128,7 @@ class SolvePart(Part):
     at: ObjectDistance | None = Field(
         default=None,
         description="Distance at which the two cameras are compared, or at which the camera must reach the depth "
-        "uncertainty; left out for a requirement, which has its own distances.",
+        "uncertainty. Leave it out for a requirement, which has its own distances.",
     )
     errors: ErrorSources = Field(
         default="both", description="Error sources that count: noise, calibration errors, or both."
@@ -205,7 +205,7 @@ class _ClaimPart(Part):
 
 
 class LimitDistanceClaim(_ClaimPart):
-    """Distance at which one limit of the usable range begins or ceases to hold, regardless of the other limits."""
+    """A claim about the distance at which one limit of the usable range begins or ceases to hold by itself."""
 
     quantity: Literal["limit_distance"]
     camera: CameraName = Field(description="Camera that the claim is about.")
@@ -221,7 +221,7 @@ class LimitDistanceClaim(_ClaimPart):
 
 
 class UncertaintyRatioClaim(_ClaimPart):
-    """Largest ratio of one camera's depth uncertainty to another's over a range of distances."""
+    """A claim about the largest ratio of one camera's depth uncertainty to another's over a range of distances."""
 
     quantity: Literal["uncertainty_ratio"]
     camera: CameraName = Field(description="Camera whose uncertainty is the numerator.")
@@ -233,7 +233,11 @@ class UncertaintyRatioClaim(_ClaimPart):
 
 
 class ShareBetterClaim(_ClaimPart):
-    """Fraction of a range (on a log scale) where one camera is usable and another is less certain or not usable."""
+    """A claim about the fraction of a range of distances in which one camera beats another.
+
+    It does so where it is usable and the other is unusable or less certain; the fraction is that of a logarithmic
+    scale.
+    """
 
     quantity: Literal["share_better"]
     camera: CameraName = Field(description="Camera claimed to be more certain.")
@@ -245,25 +249,27 @@ class ShareBetterClaim(_ClaimPart):
 
 
 class RelativeUncertaintyDistanceClaim(_ClaimPart):
-    """Distance beyond which the depth uncertainty stays above a given fraction of the distance."""
+    """A claim about the distance beyond which the relative depth uncertainty stays above a threshold."""
 
     quantity: Literal["relative_uncertainty_distance"]
     camera: CameraName = Field(description="Camera that the claim is about.")
-    threshold: PositiveFraction = Field(description="The given fraction: a depth uncertainty relative to the distance.")
+    threshold: PositiveFraction = Field(
+        description="Threshold of the depth uncertainty, as a fraction of the distance."
+    )
     errors: ErrorSources = Field(
         default="both", description="Error sources that count: noise, calibration errors, or both."
     )
 
 
 class DepthOfFieldClaim(_ClaimPart, BlurPart):
-    """Total depth of field of a camera: the sum of all ranges in which it is sharp."""
+    """A claim about the total depth of field of a camera: the sum of all ranges in which it is sharp."""
 
     quantity: Literal["depth_of_field"]
     camera: CameraName = Field(description="Camera that the claim is about.")
 
 
 class DepthOfFieldRatioClaim(_ClaimPart):
-    """Ratio of one camera's depth of field to another's, at equal blur or at equal resolution."""
+    """A claim about the ratio of one camera's depth of field to another's, at equal blur or at equal resolution."""
 
     quantity: Literal["depth_of_field_ratio"]
     camera: CameraName = Field(description="Camera whose depth of field is the numerator.")
@@ -294,7 +300,7 @@ class DepthOfFieldRatioClaim(_ClaimPart):
 
 
 class PsfErrorClaim(_ClaimPart):
-    """Difference between Fresnel's and Kirchhoff's point-spread functions on axis, at one f-number."""
+    """A claim about the difference of Fresnel's point-spread function from Kirchhoff's, on axis at one f-number."""
 
     quantity: Literal["psf_error"]
     element: ElementName = Field(description="Lens of fresnel_validity that the claim is about.")
@@ -311,7 +317,7 @@ class PsfErrorClaim(_ClaimPart):
 
 
 class FresnelFNumberClaim(_ClaimPart):
-    """Smallest f-number from which Fresnel's point-spread function on axis errs by no more than a limit."""
+    """A claim about the f-number from which Fresnel's point-spread function on axis errs by no more than a limit."""
 
     quantity: Literal["fresnel_f_number"]
     element: ElementName = Field(description="Lens of fresnel_validity that the claim is about.")
@@ -330,7 +336,7 @@ class FresnelFNumberClaim(_ClaimPart):
 
 
 class CriterionFNumberClaim(_ClaimPart):
-    """Smallest f-number that a closed-form criterion gives for Fresnel."""
+    """A claim about the minimum f-number that a closed-form criterion gives for Fresnel."""
 
     quantity: Literal["criterion_f_number"]
     element: ElementName = Field(description="Lens of fresnel_validity that the claim is about.")
@@ -351,7 +357,7 @@ class CriterionFNumberClaim(_ClaimPart):
 
 
 class ImageDifferenceClaim(_ClaimPart):
-    """Sum of absolute differences between two pictures of the light spot, over the sum of the second."""
+    """A claim about the sum of absolute differences between two pictures of the light spot, relative to the second."""
 
     quantity: Literal["image_difference"]
     method: MethodName = Field(description="Method whose picture is tested.")
@@ -359,7 +365,7 @@ class ImageDifferenceClaim(_ClaimPart):
 
 
 class LitPixelsClaim(_ClaimPart):
-    """Number of pixels that one method lights, divided by the number that another method lights."""
+    """A claim about the number of pixels that one method lights, divided by the number that another method lights."""
 
     quantity: Literal["lit_pixels_ratio"]
     method: MethodName = Field(description="Method whose lit pixels are the numerator.")

@@ -169,8 +169,8 @@ class SceneImagePart(Part):
 
     Texture, light, noise, fill factor and stops are those of scene.picture; its other keys (window, matcher, field
     angle, spectrum and lens phase) do not change the pictures. Pictures show the whole field. They are rendered by
-    rays, or by waves of the scene's wavelength where diffraction matters or where effects force it
-    (main_lens_diffraction, microlens_diffraction: fresnel).
+    rays, or by waves of the scene's wavelength where diffraction matters or where effects.main_lens_diffraction or
+    effects.microlens_diffraction is fresnel.
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(
