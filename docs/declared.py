@@ -52,7 +52,7 @@ def command_line_page() -> str:
             "",
             f"`python -m tradestudy {name} {arguments}`".replace(" `", "`"),
         ]
-        lines += ["", command.help.replace("\n", " "), ""]
+        lines += ["", _code(command.help.replace("\n", " ")), ""]
         for one in command.params:
             if one.param_type_name == "option" and "--help" not in one.opts:
                 lines += [*_option(one), ""]
@@ -70,7 +70,7 @@ def _option(option: Any) -> Iterator[str]:
     default = option.show_default if isinstance(option.show_default, str) else option.default
     yield f"`{written}`"
     text = default if isinstance(default, str) else f"{default:g}" if isinstance(default, float) else str(default)
-    yield f": {option.help}" + ("" if option.is_flag or default in (None, ()) else f" Default: {text}.")
+    yield f": {_code(option.help)}" + ("" if option.is_flag or default in (None, ()) else f" Default: {text}.")
 
 
 def results_page() -> str:
@@ -94,7 +94,7 @@ def _variable(name: str, one: Variable) -> Iterator[str]:
     yield f": {_sentence(one.long_name)}"
     facts = {
         "Symbol": f"{one.symbol}.",
-        "Source": f"{one.reference}.",
+        "Source": _sentence(one.reference) if one.reference else ".",
         "Error": _sentence(one.error) if one.error else ".",
     }
     reported = " ".join(f"*{title}:* {text}" for title, text in facts.items() if text != ".")
@@ -108,7 +108,12 @@ def _sentence(text: str) -> str:
     escaped = text.replace("*", "\\*").replace("<", "&lt;")
     begins_with_name = "_" in text.split(" ", 1)[0]
     sentence = escaped if begins_with_name else escaped[:1].upper() + escaped[1:]
-    return re.sub(r"(?<![\w/`])[a-z]\w*(?:[._][a-z0-9]\w*)+", r"`\g<0>`", sentence) + "."
+    return _code(sentence) + "."
+
+
+def _code(text: str) -> str:
+    """Mark values in quotes, and names of keys, variables and files, as code; typesetting would change their quotes."""
+    return re.sub(r"\S*'[^']+'|(?<![\w/`])[a-z]\w*(?:[._=][a-z0-9]\w*)+", r"`\g<0>`", text)
 
 
 _COMMAND_LINE: Final = """

@@ -67,7 +67,7 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "scene_share": Variable(
         dims=("camera", "sharp"),
         units="1",
-        long_name="fraction of the range that must be sharp in which the camera is sharp",
+        long_name="fraction of depth_of_field.range in which the camera is sharp",
         error=ROUNDING,
     ),
     "images": Variable(
@@ -94,11 +94,9 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
         "Airy pattern of the limiting pupil: lens, microlens, or part of the pupil of one view",
     ),
     "scene_resolution": _length(
-        ("camera",), "coarsest geometric resolution on the object within the scene", "r", _RESOLUTION
+        ("camera",), "coarsest geometric resolution on the object within depth_of_field.range", "r", _RESOLUTION
     ),
-    "scene_diffraction": _length(
-        ("camera",), "widest diffraction spot at half maximum on the object within the scene", "", _RESOLUTION
-    ),
+    "scene_diffraction": _length(("camera",), "largest diffraction_width within depth_of_field.range", "", _RESOLUTION),
     "microlenses_seeing": Variable(
         dims=("camera", "distance"),
         units="1",
@@ -115,25 +113,31 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     ),
     "resolved_near": _length(
         ("camera", "resolved"),
-        "near end of a range resolved at the study's equal resolution",
+        "near end of a range in which the camera resolves depth_of_field.equal_resolution",
         "",
         _RESOLUTION,
     ),
     "resolved_far": _length(
-        ("camera", "resolved"), "far end of a range resolved at the study's equal resolution", "", _RESOLUTION
+        ("camera", "resolved"),
+        "far end of a range in which the camera resolves depth_of_field.equal_resolution",
+        "",
+        _RESOLUTION,
     ),
     "resolved_extent": _length(
-        ("camera",), "total length of the ranges resolved at the study's equal resolution", "", _RESOLUTION
+        ("camera",),
+        "total length of the ranges in which the camera resolves depth_of_field.equal_resolution",
+        "",
+        _RESOLUTION,
     ),
     "resolved_scene_share": Variable(
         dims=("camera",),
         units="1",
-        long_name="fraction of the range that must be sharp that is resolved at the study's equal resolution",
+        long_name="fraction of depth_of_field.range in which the camera resolves depth_of_field.equal_resolution",
         error=ROUNDING,
     ),
     "resolved_reason": Variable(
         dims=("camera",),
         units="",
-        long_name="why nothing is resolved at the study's equal resolution; empty where it is",
+        long_name="why the camera resolves depth_of_field.equal_resolution nowhere; empty where it does somewhere",
     ),
 }
