@@ -58,6 +58,7 @@ _EXAMPLES: Final = {
     "FocusStackPart.to": "160 mm",
     "image_scale": "14.5 um",
     "working_distance": "22.5 mm",
+    "StereoDeclaration.principal_distance": "focused",
     # Calibrations
     "FocusedPlenopticDeclaration.calibration": "{errors: {mla_distance: {standard_deviation: 1 um}}}",
     "UnfocusedPlenopticDeclaration.calibration": "{errors: {mla_distance: {standard_deviation: 1 um}}}",

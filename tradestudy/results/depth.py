@@ -261,8 +261,9 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "disparity_error_px_changed": Variable(
         dims=("camera", "distance", "change"),
         units="px",
-        long_name="disparity_error_px after a single change: everything in focus; no diffraction; as many electrons as "
-        "the brightest unsaturated camera at that distance (NaN for that camera); ten times its own electrons",
+        long_name="disparity_error_px after a single change: everything in focus; no diffraction; as many "
+        "electrons as the brightest unsaturated camera has at that distance (NaN for that camera); ten times the "
+        "camera's own electrons",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_changed_error",

@@ -110,7 +110,9 @@ DECISION: Final[Mapping[str, Variable]] = {
         error="an estimate of an error",
     ),
     "design_crossover_nearer": Variable(
-        dims=("design_crossing",), units="", long_name="more certain camera on the near side of that crossover"
+        dims=("design_crossing",),
+        units="",
+        long_name="more certain camera on the near side of design_crossover_distance",
     ),
     "cause": Variable(
         dims=("camera",),

@@ -61,7 +61,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "rank_acceptability_error": Variable(
         dims=("candidate", "rank"),
         units="1",
-        long_name="standard error over independent scrambles; at least one draw where anything is drawn",
+        long_name="standard error over independent scrambles, at least that of a single draw where anything is drawn",
         error="an estimate of an error",
     ),
     "central_weight": Variable(

@@ -78,7 +78,7 @@ class StereoDeclaration(DepthCameraDeclaration):
     baseline: Baseline | None = Field(
         default=None,
         validate_default=True,
-        description="Distance between the centres of projection of the two cameras.",
+        description="Distance between the centres of projection of the two cameras; needed unless `geometry` is given.",
     )
     convergence_distance: ObjectDistanceOrInfinity = Field(
         default="infinity",

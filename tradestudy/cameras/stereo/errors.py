@@ -65,7 +65,7 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
             ErrorParameter(
                 unit="m",
                 part=INTERIOR,
-                meaning=f"Principal point of the {side} camera {where}, on its sensor.",
+                meaning=f"Position of the principal point of the {side} camera {where}, on its sensor.",
             ),
         )
     for name, power in (("k1", "square"), ("k2", "fourth power")):
