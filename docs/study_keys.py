@@ -27,37 +27,312 @@ _PAGES: Final = {
 _OTHER_PAGE: Final = ("questions", "Questions")
 _LONGEST_EXAMPLE: Final = 90
 _BASIS: Final = {"value", "basis", "note"}
-# Keys that no shipped study uses.
+# Keys that no shipped study uses, or whose value there would mislead; a key alone applies wherever it occurs.
 _EXAMPLES: Final = {
+    # Cameras
+    "read_as": "{file: OpenCV FileStorage}",
+    "note": "the wide head of the data sheet",
+    "stated": "{field_of_view: 65.24 deg}",
+    "field_of_view": "65.24 deg",
+    "field_curvature": "0.2 mm",
+    "microlens_gap": "0.45 mm",
+    "StatedPart.mla_distance": "15.3 mm",
+    "hyperfocal_distance": "7.5 m",
+    "absolute_sensitivity_threshold": "22 photons",
+    "StatedPart.depth_of_field": "0.82 mm",
+    "envelope": "[60 mm, 60 mm, 90 mm]",
+    "quantum_efficiency": "60 %",
+    "temporal_dark_noise": "7 electrons",
+    "saturation_capacity": "10500 electrons",
+    "system_gain": "0.39 DN/electron",
+    "factor": "1.5",
+    "floor": "0.05 px",
+    "pixel_locking": "0.05 px",
+    "false_matches": "1 %",
+    "focal_lengths": "[0.38 mm, 0.41 mm, 0.45 mm]",
+    "FocusPart.mla_distance": "15.3 mm",
+    "UnfocusedMicrolensesPart.aperture_diameter": "126.5 um",
+    "images": "8",
+    "time_per_image": "5 s",
+    "FocusStackPart.from": "140 mm",
+    "FocusStackPart.to": "160 mm",
+    "image_scale": "14.5 um",
+    "working_distance": "22.5 mm",
+    "StereoDeclaration.principal_distance": "focused",
+    # Calibrations
+    "FocusedPlenopticDeclaration.calibration": "{errors: {mla_distance: {standard_deviation: 1 um}}}",
+    "UnfocusedPlenopticDeclaration.calibration": "{errors: {mla_distance: {standard_deviation: 1 um}}}",
+    "target": (
+        "{views: 20, columns: 9, rows: 6, spacing: 25 mm, distances: [0.4 m, 1 m], half_field_angle: 15 deg, "
+        "tilt: 20 deg, corner_noise: 0.1 px}"
+    ),
+    "StereoCalibration.correlations": "{yaw: {principal_point: -0.9}}",
+    "correlations": "{mla_distance: {focal_length: 0.9}}",
+    "StereoErrors.baseline": "{standard_deviation: 50 um}",
+    "StereoErrors.yaw": "{standard_deviation: 0.01 deg}",
+    "StereoErrors.pitch": "{standard_deviation: 0.01 deg}",
+    "StereoErrors.roll": "{standard_deviation: 0.01 deg}",
+    "StereoErrors.baseline_direction_y": "{standard_deviation: 0.02 deg}",
+    "StereoErrors.baseline_direction_z": "{standard_deviation: 0.02 deg}",
+    "StereoErrors.principal_point": "{standard_deviation: 0.3 px}",
+    "StereoErrors.left_focal_length": "{standard_deviation: 0.5 px}",
+    "StereoErrors.right_focal_length": "{standard_deviation: 0.5 px}",
+    "StereoErrors.left_principal_point_x": "{standard_deviation: 0.5 px}",
+    "StereoErrors.left_principal_point_y": "{standard_deviation: 0.5 px}",
+    "StereoErrors.right_principal_point_x": "{standard_deviation: 0.5 px}",
+    "StereoErrors.right_principal_point_y": "{standard_deviation: 0.5 px}",
+    "left_distortion_k1": "{standard_deviation: 0.001}",
+    "left_distortion_k2": "{standard_deviation: 0.005}",
+    "right_distortion_k1": "{standard_deviation: 0.001}",
+    "right_distortion_k2": "{standard_deviation: 0.005}",
+    "distortion_k1": "{standard_deviation: 0.001}",
+    "distortion_k2": "{standard_deviation: 0.005}",
+    "depth_distortion": "{standard_deviation: 0.01}",
+    "microlens_pitch": "{standard_deviation: 10 nm}",
+    "array_rotation": "{standard_deviation: 0.005 deg}",
+    "array_tilt_x": "{standard_deviation: 0.02 deg}",
+    "array_tilt_y": "{standard_deviation: 0.02 deg}",
+    "array_offset_x": "{standard_deviation: 1 um}",
+    "array_offset_y": "{standard_deviation: 1 um}",
+    "pupil_distance": "{standard_deviation: 0.5 mm}",
+    "principal_point_x": "{standard_deviation: 50 um}",
+    "principal_point_y": "{standard_deviation: 50 um}",
+    "FocusedPlenopticErrors.field_curvature": "{standard_deviation: 5 um}",
+    "UnfocusedPlenopticErrors.field_curvature": "{standard_deviation: 5 um}",
+    "microlens_center_scatter": "{standard_deviation: 0.1 um}",
+    "color": "{half_width: 5 um}",
+    "StereoStability.ageing": "{yaw: {standard_deviation: 0.005 deg}}",
+    "LengthDistribution.standard_deviation": "50 um",
+    "LengthOrPixelsDistribution.standard_deviation": "5 um",
+    "AngleDistribution.standard_deviation": "0.01 deg",
+    "LengthDistribution.mean": "0.1 mm",
+    "LengthDistribution.half_width": "0.2 mm",
+    "LengthDistribution.inexactness": "50 um",
+    "LengthDistribution.scale": "50 um",
+    "LengthOrPixelsDistribution.mean": "5 um",
+    "LengthOrPixelsDistribution.half_width": "20 um",
+    "LengthOrPixelsDistribution.inexactness": "5 um",
+    "LengthOrPixelsDistribution.scale": "0.5 px",
+    "AngleDistribution.mean": "0.01 deg",
+    "AngleDistribution.half_width": "0.02 deg",
+    "AngleDistribution.inexactness": "0.005 deg",
+    "AngleDistribution.scale": "0.01 deg",
+    "NumberDistribution.mean": "0.001",
+    "NumberDistribution.standard_deviation": "0.001",
+    "NumberDistribution.half_width": "0.002",
+    "NumberDistribution.inexactness": "0.0005",
+    "NumberDistribution.scale": "0.001",
+    "PressureDistribution.mean": "-1 kPa",
+    "PressureDistribution.standard_deviation": "2 kPa",
+    "PressureDistribution.half_width": "3 kPa",
+    "PressureDistribution.inexactness": "0.5 kPa",
+    "PressureDistribution.scale": "1 kPa",
+    "TemperatureDistribution.mean": "5 K",
+    "TemperatureDistribution.inexactness": "2 K",
+    "TemperatureDistribution.scale": "3 K",
     "degrees_of_freedom": "9",
+    "CornersPart.file": "corners.csv",
+    "PosteriorPart.file": "posterior.nc",
+    "AngleDistribution.file": "yaw.csv",
+    "AngleDistribution.column": "yaw",
+    "file": "calibration.csv",
+    "column": "baseline",
+    "NumberDistribution.column": "distortion_k1",
+    "TemperatureDistribution.file": "weather.csv",
+    "TemperatureDistribution.column": "temperature_change",
+    "PressureDistribution.file": "weather.csv",
+    "PressureDistribution.column": "pressure_change",
+    "square_size_uncertainty": "0.1 %",
+    "max_steps": "50000",
+    "rotation_known_to": "0.05 deg",
+    "position_known_to": "0.1 mm",
+    "PosePart.rotation": "[20 deg, -10 deg, 0 deg]",
+    "position": "[50 mm, -30 mm, 600 mm]",
+    "housing_expansion": "23 ppm/K",
+    "focal_length_expansion": "10 ppm/K",
+    "glass_index": "1.52",
+    # Lens models
+    "GeometryPart.rotation": "[0.1 deg, -0.3 deg, 0.05 deg]",
+    "translation": "[-62.4 mm, 0.3 mm, -0.1 mm]",
+    "CalibratedCameraPart.focal_length": "[882.5 px, 881.9 px]",
+    "CalibratedCameraPart.principal_point": "[639.2 px, 402.7 px]",
+    "KannalaBrandtPart.k3": "-0.001",
+    "FittedKannalaBrandtPart.k3": "-0.001",
+    "KannalaBrandtPart.k4": "0.0002",
+    "FittedKannalaBrandtPart.k4": "0.0002",
     "k1": "-0.02",
     "k2": "0.003",
-    "over": "[0.4 m, 3 m]",
-    "above": "40 mm",
-    "below": "500 g",
+    "k3": "-0.004",
+    "k4": "0.05",
+    "k5": "-0.01",
+    "k6": "0.002",
+    "p1": "0.0005",
+    "p2": "-0.0003",
+    "s1": "0.0002",
+    "s2": "-0.0001",
+    "s3": "0.0003",
+    "s4": "-0.0002",
+    "tau_x": "0.2 deg",
+    "tau_y": "-0.1 deg",
+    "w": "53 deg",
+    "OmnidirectionalPart.xi": "1.2",
+    "FittedOmnidirectionalPart.xi": "1.2",
+    "xi": "-0.2",
+    "alpha": "0.6",
+    "beta": "1.1",
+    "FittedRationalPart.fitted": "[k1, k2, p1, p2]",
+    "FittedKannalaBrandtPart.fitted": "[k1, k2]",
+    "FittedOmnidirectionalPart.fitted": "[xi, k1, k2]",
+    "FittedDoubleSpherePart.fitted": "[xi, alpha]",
+    "FittedExtendedUnifiedPart.fitted": "[alpha, beta]",
+    # Scene
+    "PicturePart.lens_phase": "parabolic",
+    "field_angle": "10 deg",
+    "stop_separation": "5 mm",
+    "linear_fill_factor": "90 %",
+    "PicturePart.spectrum": "[{wavelength: 500 nm, weight: 1}, {wavelength: 600 nm, weight: 2}]",
+    "photons": "12000 photons",
+    "weight": "2",
+    "background": "10 %",
+    "noise": "shot+read",
+    "SceneImagePart.samples": "16",
+    "depth_format": "npy",
+    "PlanePart.distance": "1 m",
+    "SpherePart.distance": "1 m",
+    "centre": "[50 mm, -20 mm]",
+    "PlanePart.size": "[400 mm, 300 mm]",
+    "tilt_x": "20 deg",
+    "tilt_y": "-10 deg",
+    "StairsPart.near": "0.9 m",
+    "StairsPart.far": "1.1 m",
+    "treads": "5",
+    "tread_width": "40 mm",
+    "edge": "10 mm",
+    "radius": "150 mm",
+    "hurst": "70 %",
+    "depth": "map.png",
+    "unit": "1 mm",
+    "width": "800 mm",
+    "DepthMapPart.picture": "photo.png",
+    "mosaic": "{pattern: RGGB, response: [30 %, 40 %, 25 %]}",
+    "response": "[30 %, 40 %, 25 %]",
+    "contrasts": "[5 %, 20 %]",
+    "DepthLoopPart.electrons": "[1000 electrons, 10000 electrons]",
+    "DepthLoopPart.windows": "3000",
+    "DepthLoopPart.samples": "100",
+    # Accuracy and effects
+    "AccuracyPart.depth_uncertainty": "2 %",
+    "AccuracyPart.usable_range": "0.5 %",
+    "AccuracyPart.depth_of_field": "0.5 %",
+    "pixel_intensity": "2 %",
+    "psf_width": "2 %",
+    "time_limit": "10 min",
+    "effects": "{main_lens_diffraction: kirchhoff, crosstalk: 'off'}",
+    "defocus_blur": "disc",
+    "main_lens_diffraction": "fresnel",
+    "microlens_diffraction": "kirchhoff",
+    "EffectsPart.calibration": "linear",
+    "sensor_noise": "shot+read",
+    "EffectsPart.spectrum": "weighted",
+    "seed": "7",
+    "max_draws": "262144",
+    "coverage": "[90 %, 99 %]",
+    # Wave optics
+    "SpotMicrolensesPart.layout": "hexagonal",
+    "SpotMicrolensesPart.aperture": "square",
+    "aperture_width": "120 um",
+    "SpotSourcePart.x": "1 mm",
+    "SpotSourcePart.y": "-0.5 mm",
+    "LightSpotPart.spectrum": "{wavelengths: [500 nm, 550 nm, 600 nm], weights: [1, 2, 1]}",
+    "SpectrumPart.wavelengths": "[500 nm, 550 nm, 600 nm]",
+    "weights": "[1, 2, 1]",
+    "families": "[thin-lens, triangulation]",
+    # Questions
     "cameras": "[stereo-50mm, stereo-75mm]",
     "candidates": "[stereo-50mm, stereo-75mm]",
-    "column": "yaw_deg",
     "compare": "[[stereo-50mm, raytrix-r5], [stereo-75mm, raytrix-r5]]",
-    "correlations": "{mla_distance: {focal_length: 0.9}}",
-    "criterion": "two pixels",
-    "depth": "map.png",
-    "field_of_view": "65.24 deg",
-    "file": "calibration.csv",
-    "glass_index": "1.52",
-    "high": "0.05 deg",
+    "AssumptionPart.says": "long-term stability of yaw",
+    "LitPixelsClaim.says": "diffraction lights more pixels than geometrical optics predicts",
+    "RelativeUncertaintyDistanceClaim.says": "10 % of the distance at 1 m",
+    "vary": "stereo-75mm.calibration.errors.yaw.standard_deviation",
     "low": "0.002 deg",
-    "name": "mass",
-    "order": "[accuracy, mass]",
-    "picture": "photo.png",
-    "read_as": "{file: OpenCV FileStorage}",
+    "high": "0.05 deg",
+    "requirement": "far",
     "reading": "galilean",
     "readings": "[galilean]",
-    "note": "what the data sheet calls the wide head",
-    "requirement": "far",
-    "says": "1 % from 0.4 to 3 m",
     "tolerance_reason": "printed as one digit",
-    "vary": "stereo-75mm.calibration.errors.yaw.standard_deviation",
+    "over": "[0.4 m, 3 m]",
+    "overlap": "{above: 80 %, over: [0.4 m, 3 m]}",
+    "ShareAbovePart.above": "80 %",
+    "lateral_resolution": "{below: 0.5 mm, over: [0.4 m, 3 m]}",
+    "LengthBelowPart.below": "0.5 mm",
+    "RequirementPart.failed_fraction": "{below: 1 %, over: [0.4 m, 3 m]}",
+    "ShareBelowPart.below": "1 %",
+    "SharpPart.above": "40 mm",
+    "RequirementPart.depth_of_field": "{over: [140 mm, 160 mm]}",
+    "SharpPart.over": "[140 mm, 160 mm]",
+    "SharpPart.criterion": "two-pixels",
+    "RequirementPart.criterion": "{name: mass, below: 500 g}",
+    "CriterionPart.name": "mass",
+    "CriterionPart.below": "500 g",
+    "CriterionPart.above": "5 mm",
+    "guard_band": "{risk: 5 %}",
+    "standard_errors": "2",
+    "risk": "5 %",
+    "ValueOfInformationPart.at": "[0.4 m, 1 m, 3 m]",
+    "unusable": "50 %",
+    "ValueOfInformationPart.draws": "1024",
+    "order": "[accuracy, mass]",
+    "sweep": "{stereo-75mm.baseline: [50 mm, 75 mm, 100 mm]}",
+}
+# Parts whose class name makes no heading.
+_TITLES: Final = {
+    "BlurPart": "Blur criterion",
+    "BoundOverPart": "Bound on depth uncertainty",
+    "CalibratedAtPart": "Air during the calibration",
+    "CriterionPart": "Bound on a criterion",
+    "DoubleSpherePart": "Double-sphere lens model",
+    "ElementPart": "Lens",
+    "ExpectPart": "Expected value",
+    "ExtendedUnifiedPart": "Extended unified lens model",
+    "FieldOfViewPart": "Field-of-view lens model",
+    "FittedDoubleSpherePart": "Fitted double-sphere lens model",
+    "FittedExtendedUnifiedPart": "Fitted extended unified lens model",
+    "FittedFieldOfViewPart": "Fitted field-of-view lens model",
+    "FittedKannalaBrandtPart": "Fitted Kannala–Brandt lens model",
+    "FittedOmnidirectionalPart": "Fitted omnidirectional lens model",
+    "FittedRationalPart": "Fitted rational lens model",
+    "GeometryPart": "Geometry of a calibrated pair",
+    "KannalaBrandtPart": "Kannala–Brandt lens model",
+    "LengthBelowPart": "Upper bound of a length",
+    "LensPart": "Main lens of a camera",
+    "LengthOrPixelsDistribution": "Distribution of a length or pixels",
+    "LengthDistribution": "Distribution of a length",
+    "AngleDistribution": "Distribution of an angle",
+    "NumberDistribution": "Distribution of a number",
+    "PressureDistribution": "Distribution of a pressure change",
+    "TemperatureDistribution": "Distribution of a temperature change",
+    "MainLensPart": "Main lens of the light path",
+    "OffAxisPart": "Off-axis comparison",
+    "OmnidirectionalPart": "Omnidirectional lens model",
+    "RationalPart": "Rational lens model",
+    "ReferenceScalePart": "Reference focus setting",
+    "ShareAbovePart": "Lower bound of a fraction",
+    "ShareBelowPart": "Upper bound of a fraction",
+    "ShareBetterClaim": "Better share claim",
+    "SharpPart": "Bound on depth of field",
+    "SolvePart": "Inverse question",
+    "StatedPart": "Stated values",
+    "StereoLensPart": "Stereo lenses",
+    "TradeOffPart": "Trade-off",
+    "UsablePart": "Usable distances",
+    "WeighedPart": "Weighted criterion",
+}
+# What the keys that choose between parts say, instead of the description of the part they stand in.
+_CHOOSES: Final = {
+    "kind": "Kind of camera that the keys of this section describe.",
+    "shape": "Kind of surface that the keys of this section describe.",
+    "quantity": "Kind of claim that the keys of this section describe.",
 }
 _SPELLED: Final = {"[Kk]annala brandt": "Kannala–Brandt", "Psf": "PSF", r"\b([Ff]) number": r"\1-number"}
 _DIMENSIONS: Final = sorted(
@@ -148,39 +423,53 @@ class Reference:
 
     def takes(self, schema: Schema) -> str:
         """What may stand at a key, in words."""
-        words = dict.fromkeys(self._takes_one(name, one) for name, one in self.alternatives(schema))
-        return " or ".join(words)
+        found = sorted(self.alternatives(schema), key=lambda one: any(True for _ in _items(one[1])))  # lists last
+        words = dict.fromkeys(word for name, one in found for word in self._takes_one(name, one))
+        if "a number" in words:
+            words.pop("a whole number", None)
+        return _either([*words])
 
-    def _takes_one(self, name: str, schema: Schema) -> str:
+    def _takes_one(self, name: str, schema: Schema) -> Iterator[str]:
+        if not name and "enum" in schema:
+            yield from (f"`{_flow(one)}`" for one in schema["enum"] if one is not None)
+        elif not name and schema.get("type") == "boolean":
+            yield from ("`true`", "`false`")
+        else:
+            yield self._kind(name, schema)
+
+    def _kind(self, name: str, schema: Schema) -> str:
         if name:
             return f"[{_spoken(name)}](#{self.part(name, '').anchor})"
         if "const" in schema:
             return f"`{_flow(schema['const'])}`"
-        if "enum" in schema:
-            return " or ".join(f"`{_flow(one)}`" for one in schema["enum"] if one is not None)
         if "title" in schema and "examples" in schema:
             return str(schema["title"])
         if "prefixItems" in schema:
-            inner = dict.fromkeys(self.takes(one) for one in schema["prefixItems"])
-            return f"a list of {len(schema['prefixItems'])}: {', '.join(inner)}"
+            inner = [self.takes(one) for one in schema["prefixItems"]]
+            each = f", each {inner[0]}" if len(set(inner)) == 1 else f": {', '.join(inner)}"
+            return f"a list of {len(inner)} values{each}"
         if schema.get("type") == "array":
-            return f"a list of: {self.takes(schema['items'])}"
+            each = self.takes(schema["items"])
+            return f"a list of {_count(schema)}, each {each}"
         if members := list(_members(schema)):
-            return f"by name: {self.takes(members[0])}"
+            of = self.takes(members[0])
+            return f"a mapping from names to {of.replace('a mapping from', 'mappings from')}"
         if "properties" in schema:
             return f"a mapping with {' and '.join(f'`{key}`' for key in schema['properties'])}"
         if isinstance(schema["type"], list):
             return "a number"
-        plain = {"boolean": "`true` or `false`", "integer": "a whole number", "number": "a number", "string": "text"}
+        plain = {"integer": "a whole number", "number": "a number", "string": "text"}
         return plain[schema["type"]] + _limits(schema)
 
     def example(self, owner: str, key: str, schema: Schema) -> str:
         """One value that may stand at a key: from a study, else from its schema; a link where only parts may."""
+        if (own := f"{owner}.{key}") in _EXAMPLES:
+            return f"`{key}: {_EXAMPLES[own]}`"
         if (owner, key) in self.examples:
             return f"`{key}: {self.examples[owner, key]}`"
         if key in _EXAMPLES:
             value = YAML(typ="safe", pure=True).load(_EXAMPLES[key])
-            if any(not name and _fits(value, one) for name, one in self.alternatives(schema)):
+            if any(_fits(value, one) for _, one in self.alternatives(schema)):
                 return f"`{key}: {_EXAMPLES[key]}`"
         for name, one in self.alternatives(schema):
             text = self._made_part(name) if name else self._made(one)
@@ -244,6 +533,8 @@ class Reference:
         required = schema.get("required", ())
         for key, below in schema["properties"].items():
             meaning, takes = below.get("description") or self._described(below), self.takes(below)
+            if meaning == schema.get("description"):
+                meaning = _CHOOSES.get(key, meaning)
             if not (meaning and takes):
                 raise ValueError(f"{owner}.{key} has no text")
             yield f"`{key}`"
@@ -270,12 +561,19 @@ class Reference:
             return "*Optional.*"
         if isinstance(schema["default"], Mapping):
             return "*Default:* the defaults of its keys."
-        titles = [one["title"] for _, one in self.alternatives(schema) if "title" in one]
+        return f"*Default:* `{self._with_units(schema['default'], schema)}`."
+
+    def _with_units(self, value: Any, schema: Schema) -> str:
+        """A default value, or each value of a list, in its unit."""
+        kinds = [one for _, one in self.alternatives(schema)]
+        if isinstance(value, list | tuple):
+            items = next((list(_items(one)) for one in kinds if any(True for _ in _items(one))), [])
+            return f"[{', '.join(self._with_units(one, items[0]) if items else _flow(one) for one in value)}]"
+        titles = [one["title"] for one in kinds if "title" in one]
         dimension = next((one for one in _DIMENSIONS for title in titles[:1] if title.startswith(one.name)), None)
-        value = schema["default"]
         if isinstance(value, float) and dimension is not None:
-            return f"*Default:* `{units.pretty(value, dimension)}`."
-        return f"*Default:* `{_flow(value)}`."
+            return units.pretty(value, dimension, digits=6)
+        return _flow(value)
 
 
 def _members(schema: Schema) -> Iterator[Schema]:
@@ -318,10 +616,26 @@ def _without_basis(value: Any) -> Any:
     return {key: _without_basis(one) for key, one in value.items()}
 
 
+def _either(words: list[str]) -> str:
+    """Alternatives as an enumeration."""
+    return " or ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def _count(schema: Schema) -> str:
+    """How many values a list has, as far as its schema says."""
+    least, most = schema.get("minItems", 0), schema.get("maxItems")
+    if least == most:
+        return f"{least} values"
+    return f"{least} or more values" if least > 1 else "values"
+
+
 def _limits(schema: Schema) -> str:
     low, high = schema.get("minimum"), schema.get("maximum")
+    above, below = schema.get("exclusiveMinimum"), schema.get("exclusiveMaximum")
+    if above is not None and below is not None:
+        return f" above {above:g} and below {below:g}"
     if low is not None and high is not None:
-        return f" from {low} to {high}"
+        return f" from {low} to {'2⁶⁴ − 1' if high == 2**64 - 1 else high}"
     return f" of {low} or more" if low is not None else ""
 
 
@@ -344,6 +658,8 @@ def _flow(value: Any) -> str:
 
 def _spoken(name: str) -> str:
     """``LengthDistribution`` as "Length distribution"."""
+    if name in _TITLES:
+        return _TITLES[name]
     words = re.findall(r"[A-Z][a-z]*", name.removesuffix("Part").removesuffix("Declaration"))
     text = " ".join([words[0], *(word.lower() for word in words[1:])])
     for pattern, spelled in _SPELLED.items():
@@ -352,8 +668,10 @@ def _spoken(name: str) -> str:
 
 
 def _prose(text: str) -> str:
-    """A description as Markdown: one paragraph, its angle brackets kept from being tags."""
-    return " ".join(text.replace("``", "`").replace("<", "&lt;").split())
+    """A description as Markdown: one paragraph, paths of keys as code, angle brackets kept from being tags."""
+    parts = " ".join(text.replace("``", "`").replace("<", "&lt;").split()).split("`")
+    parts[::2] = [re.sub(r"\b[a-z]\w*(?:[._][a-z]\w*)+", r"`\g<0>`", part) for part in parts[::2]]  # outside code
+    return "`".join(parts)
 
 
 def study_pages(root: Path) -> dict[str, str]:
@@ -418,7 +736,15 @@ _INDEX = """
 A study is one YAML file. These pages list its keys, each with the values it accepts, its default and an example. They
 are made from the JSON Schema that `python -m tradestudy schema` prints; editors complete keys with it.
 
-Every value may carry its basis: `{value: 12.5 mm, basis: datasheet, note: where it comes from}`, where `basis` is
-`paper`, `datasheet`, `measured`, `assumed` or `derived`. A quantity with a unit must be written with it. `null` removes
-a value that a shared camera file declares. For a study of format 1, `check` says key by key what to write instead.
+Every section describes one mapping. Below its heading stands the place of that mapping in the file, where `NAME` is a
+name that you choose, and `[]` an item of a list. Sections without a place describe mappings that belong in several.
+
+Write a quantity that has a unit with that unit: `12.5 mm`, not `12.5`. Every value may carry its basis:
+`{value: 12.5 mm, basis: datasheet, note: where it comes from}`, where `basis` is `paper`, `datasheet`, `measured`,
+`assumed` or `derived`. `null` removes a value that a shared camera file declares.
+
+Some keys take the *path* of a value in the study: the keys that lead to it, joined by dots, such as `scene.wavelength`.
+The path of a value of a camera may begin with the name of the camera: `stereo-75mm.baseline`.
+
+For a study of format 1, `python -m tradestudy check` says key by key what to write instead.
 """

@@ -133,7 +133,7 @@ class Study:
         return f"{self.name}: {words or 'no mistakes'}{ends}"
 
     def check(self) -> str:
-        """Refuse a study that no run could answer, as `plan` does; return, in one line, what the study will compute.
+        """Check that a run can answer the study, as `plan` does, and return in one line what the study will compute.
 
         Models are chosen only if the study declares an accuracy or forces effects other than calibration, which every
         camera that measures depth has. The time of the run is not predicted.
@@ -143,7 +143,7 @@ class Study:
         UnaffordableError
             If even the most complete models exceed a tolerance.
         StudyError
-            If the study forces a model that applies to nothing in it.
+            If the study forces a model of an effect that none of its cameras, lenses and light paths has.
         """
         forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
         if forced or self.definition.under_tolerance.entry("accuracy") is not None:

@@ -45,8 +45,8 @@ OutOption = Annotated[
     typer.Option(
         "--out",
         metavar="DIR",
-        help="Folder for the output.",
-        show_default="reports/STUDY, with any changed values in the name",
+        help="Output folder.",
+        show_default="reports/NAME, with the name of the study and any changed values",
     ),
 ]
 SetOption = Annotated[
@@ -54,7 +54,7 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="PATH=VALUE",
-        help="Use another value for this command, such as stereo-short.baseline='50 mm'; repeatable.",
+        help="Replace a value of the study for this command, such as stereo-short.baseline='50 mm'; may be repeated.",
     ),
 ]
 ToleranceOption = Annotated[
@@ -73,7 +73,7 @@ ThreadsOption = Annotated[
     int | None, typer.Option("--threads", metavar="N", help="Compute on N threads.", show_default=False)
 ]
 DaskOption = Annotated[
-    str | None, typer.Option("--dask", metavar="ADDRESS", help="Compute on a Dask cluster, tcp://HOST:PORT.")
+    str | None, typer.Option("--dask", metavar="ADDRESS", help="Compute on the Dask cluster at tcp://HOST:PORT.")
 ]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Ignore the results of earlier runs.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
@@ -122,8 +122,7 @@ def run(
         bool, typer.Option("--strict", help="Exit with status 3 if a 'must' requirement is missed or undecided.")
     ] = False,
     with_cost: Annotated[
-        bool,
-        typer.Option("--with-cost", help="Also measure and report error and computing time of every choice of models."),
+        bool, typer.Option("--with-cost", help="Also measure error against computing time, and show it in the report.")
     ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the conclusions as one JSON object instead of lines.")
@@ -202,11 +201,13 @@ def export(
     formats: Annotated[
         list[str] | None,
         typer.Option(
-            "--format", metavar="NAME", help="opencv, ros, kalibr, mrcal or posterior; repeatable. Without it: all."
+            "--format",
+            metavar="NAME",
+            help="Format to write: opencv, ros, kalibr, mrcal or posterior; may be repeated. Default: all.",
         ),
     ] = None,
     lossy: Annotated[
-        bool, typer.Option("--lossy", help="Leave out what a format cannot represent, and list what was left out.")
+        bool, typer.Option("--lossy", help="Leave out what a format cannot represent, and list what is left out.")
     ] = False,
     debug: DebugOption = False,
 ) -> None:
@@ -289,13 +290,15 @@ def new(
         typer.Option(
             "--from",
             metavar="FILE",
-            help="Study one calibrated camera, read from this file; for two files, left first.",
+            help="Start from the camera of this calibration file; for a pair, repeat it: left, then right.",
         ),
     ] = None,
     set_: Annotated[
         list[str] | None,
         typer.Option(
-            "--set", metavar="KEY=VALUE", help="Value of the imported camera, such as length_unit=mm; repeatable."
+            "--set",
+            metavar="KEY=VALUE",
+            help="Further value of the imported camera, such as length_unit=mm; may be repeated.",
         ),
     ] = None,
     debug: DebugOption = False,
@@ -351,7 +354,11 @@ def compare(
     ],
     html: Annotated[
         Path | None,
-        typer.Option("--html", metavar="FILE", help="Also write a page, with a figure of the curves that changed."),
+        typer.Option(
+            "--html",
+            metavar="FILE",
+            help="Also write the comparison as a page, with a figure of the curves that changed.",
+        ),
     ] = None,
     debug: DebugOption = False,
 ) -> None:

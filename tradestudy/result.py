@@ -63,34 +63,39 @@ class Result:
         return tuple(terminal_lines(self.data, most))
 
     def conclusions(self, directory: str | Path | None = None) -> dict[str, Any]:
-        """The conclusions as ``--json`` prints them, numbers in SI.
+        """The conclusions as ``--json`` prints them, with numbers in SI.
 
-        - ``format`` increases when a key changes its meaning; ``study``, ``title``, ``question`` are the study's own.
-        - ``best``: for each range of distance ``near``, ``far`` [m] and ``cameras`` (titles; empty where none is
-          usable).
-        - ``requirements``: ``name``, ``says``, ``priority``, ``met`` (null where undecided), ``camera``, ``margin``
-          (fraction by which the worst value could be worse), ``place`` [m], ``conformity``, ``reason``, ``rests_on``,
-          ``probability`` (fraction of the combinations of unknown values that meet it; null if the study declares no
-          unknown values); in a sweep ``designs_met`` and ``designs``; for one swept number ``met_with``:
-          ``parameter``, ``from``, ``to``, ``error``, ``camera``. If a matcher is declared, ``bound_alone``: ``met``,
-          ``camera`` and ``reason`` if matching reached its bound.
-        - ``designs``, in a sweep with requirements: their ``count``, how many are ``feasible``, and the ``best``:
-          ``values`` by path and least ``margin``.
-        - ``questions``: the inverse questions with ``name``, ``says``, ``answer`` in words, first ``value`` with
-          ``error`` in ``units`` (null where there is none) and the number of ``solutions``.
-        - ``trade_off``: by ``camera`` the fraction of the possible weights that rank it ``first``, and its ``error``.
+        - ``format``: version of these keys, which increases when a key changes its meaning; ``study``, ``title`` and
+          ``question`` are those of the study.
+        - ``best``: for each range of distances, its ends ``near`` and ``far`` [m] and the best ``cameras`` in it
+          (titles; empty where no camera is usable).
+        - ``requirements``: for each requirement, its ``name``, ``says`` and ``priority``; whether it is ``met`` (null
+          where undecided); the ``camera``, the ``margin`` (fraction by which the worst value could be worse), the
+          ``place`` [m] and the ``reason`` of the answer; ``conformity`` and ``rests_on`` as in the results; and the
+          ``probability`` that it is met (fraction of the combinations of unknown values; null if the study declares no
+          unknown values). In a sweep, ``designs_met`` says how many of the ``designs`` meet it; in a sweep of one
+          number, ``met_with`` gives the ``parameter``, the range ``from`` and ``to`` in which it is met, their
+          ``error`` and the ``camera``. If a matcher is declared, ``bound_alone`` gives ``met``, ``camera`` and
+          ``reason`` for a matcher as precise as its bound.
+        - ``designs``, in a sweep with requirements: their ``count``, how many are ``feasible``, and the ``best``
+          design: its ``values`` by path and its smallest ``margin``.
+        - ``questions``: for each inverse question, its ``name`` and ``says``, the ``answer`` in words, the smallest
+          ``value`` with its ``error`` in ``units`` (null where there is none), and the number of ``solutions``.
+        - ``trade_off``: for each ``camera``, the fraction of the possible weights that rank it ``first``, and the
+          ``error`` of this fraction.
         - ``measured``: depth that each ``camera`` measured in pictures ``of`` the ``scene`` or of a ``plane`` (at its
           ``distance`` [m], ``contrast`` and ``electrons``): ``spread`` and ``bias`` with the standard errors
           ``spread_error`` and ``bias_error``, the ``predicted`` spread [m], and the fraction ``filled`` of the points
-          that it could measure.
-        - ``light_spot``: for each picture its ``method``, stated ``error`` and ``difference`` from the ``reference``.
-        - ``fresnel_validity``: for each ``element`` and ``lens_phase`` the ``f_number`` from which Fresnel's law stays
-          within ``limit`` of Kirchhoff's over a ``window`` [Airy radii]; 0 if always, null if never.
-        - ``hard_cases``: the number of ``cases`` and of those ``met``.
+          that the camera could measure.
+        - ``light_spot``: for each picture, its ``method``, its stated ``error`` and its ``difference`` from the
+          ``reference``.
+        - ``fresnel_validity``: for each ``element`` and ``lens_phase``, the ``f_number`` from which Fresnel's law stays
+          within ``limit`` of Kirchhoff's over a ``window`` [Airy radii]; 0 if it always does, null if it never does.
+        - ``hard_cases``: the number of ``cases``, and the number of those ``met``.
         - ``rests_on``: the limits and inputs that decide the answers, in words.
-        - ``measure_first``: what to measure next, in words, or empty; ``assumptions``: the value of knowing each, the
-          most valuable first: ``assumption``, ``between``, ``worth`` and its standard ``error`` (fractions of the
-          distance).
+        - ``measure_first``: what to measure next, in words, or empty.
+        - ``assumptions``: for each ``assumption``, the most valuable first, the range ``between`` which it lies, and
+          the ``worth`` of knowing it with its standard ``error`` (fractions of the distance).
         - ``report``: path of the report.
         """
         from tradestudy.results.views.conclusions_json import conclusions_as_json
@@ -144,7 +149,8 @@ class Result:
         pdf
             Whether to write the PDF too.
         drawer
-            Writes the results and draws figures in another process while the report is composed; None does all here.
+            Writes the results and draws figures in another process while this one composes the report; None: this
+            process does everything.
         """
         from tradestudy import report as renderer
         from tradestudy.results import storage
@@ -184,7 +190,8 @@ def open_result(directory: str | Path) -> Result:
     Raises
     ------
     ResultsError
-        If it is missing, unreadable or damaged, or the run was killed between writing its record and its results.
+        If the result is missing, unreadable or damaged, or the run was killed between writing its record and its
+        results.
     """
     from tradestudy.results import storage
 

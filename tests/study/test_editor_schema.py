@@ -70,9 +70,9 @@ def test_is_small_enough_for_editors_to_load_at_once() -> None:
 
 def test_says_within_which_limits_a_quantity_lies() -> None:
     parts = schema()["$defs"]
-    radius = parts["SpherePart"]["properties"]["radius"]
-    while "$ref" in radius:
-        radius = parts[radius["$ref"].rpartition("/")[2]]
+    radius = dict(parts["SpherePart"]["properties"]["radius"])
+    while "$ref" in radius:  # what stands beside a reference applies as well
+        radius = {**parts[radius.pop("$ref").rpartition("/")[2]], **radius}
     assert radius["description"] == "Radius of the sphere."
     plain = radius["anyOf"][0]
     assert parts[plain["$ref"].rpartition("/")[2]]["title"] == "a length above 0 m"

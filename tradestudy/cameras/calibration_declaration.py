@@ -40,7 +40,7 @@ _ROUNDING: Final = 1e-9  # of correlations that are written with nine digits, as
 
 
 class ErrorsPart(Part):
-    """Errors of a camera's parameters by name, each with its distribution."""
+    """Errors of a camera's parameters: for each uncertain parameter, the distribution of its error."""
 
     def given(self) -> dict[str, AnyDistribution]:
         """The declared errors by name."""
@@ -57,27 +57,33 @@ class CalibratedAtPart(Part):
 class StabilityPart(Part):
     """Changes since the calibration; by default, none."""
 
-    temperature: TemperatureDistribution | None = Field(default=None, description="Change of air temperature.")
-    pressure: PressureDistribution | None = Field(default=None, description="Change of air pressure.")
+    temperature: TemperatureDistribution | None = Field(
+        default=None, description="Change of the air temperature since the calibration."
+    )
+    pressure: PressureDistribution | None = Field(
+        default=None, description="Change of the air pressure since the calibration."
+    )
     color: LengthDistribution | None = Field(
-        default=None, description="Focal length for the object's colour minus that for the target's colour."
+        default=None,
+        description="Focal length in the colour of the object minus focal length in the colour of the calibration "
+        "target.",
     )
     ageing: ErrorsPart = Field(
-        default_factory=ErrorsPart, description="Errors that parameters have gained since the calibration."
+        default_factory=ErrorsPart, description="Errors that have been added to the parameters since the calibration."
     )
     calibrated_at: CalibratedAtPart = Field(
         default_factory=CalibratedAtPart, description="Temperature and pressure of the air during the calibration."
     )
     housing_expansion: ThermalExpansion | None = Field(
-        default=None, description="Coefficient of linear thermal expansion of the housing; needed with temperature."
+        default=None, description="Coefficient of linear thermal expansion of the housing; needed with `temperature`."
     )
     focal_length_expansion: ThermalExpansion | None = Field(
-        default=None, description="Relative change of the focal length per kelvin; needed with temperature."
+        default=None, description="Relative change of the focal length per kelvin; needed with `temperature`."
     )
     glass_index: Annotated[float, Field(gt=1.1, lt=5.0)] | None = Field(
         default=None,
-        description="Refractive index of the lens, treated as a single glass, which determines how the surrounding air "
-        "changes the focal length; needed with temperature or pressure.",
+        description="Refractive index of the lens, treated as a single glass. It determines how the surrounding "
+        "air changes the focal length; needed with `temperature` or `pressure`.",
     )
 
     @model_validator(mode="after")
@@ -112,41 +118,51 @@ class StabilityPart(Part):
 
 
 class CornersPart(Part):
-    """A measured calibration: corners of a board seen by both cameras of the rig."""
+    """A measured calibration of a stereo rig: corners of a board that both of its cameras see."""
 
-    file: Text = Field(description="CSV file of corners, relative to this file.")
+    file: Text = Field(description="CSV file of the corners; the path is relative to the file that contains this key.")
     lens_model: FittedLensModel | None = Field(
-        default=None, description="Lens model of both cameras; default: radial distortion with k1 and k2."
+        default=None,
+        description="Lens model of both cameras; default: radial distortion with the coefficients `k1` and `k2`.",
     )
     compared_with: Annotated[tuple[FittedLensModel, ...], Field(max_length=10)] = Field(
         default=(),
-        description="Other lens models to fit; the report says whether the corners support them and how depth changes.",
+        description="Other lens models to fit; the report says whether the corners support them and how they "
+        "change depth.",
     )
     square_size_uncertainty: SquareSizeUncertainty = Field(
         default=0.0,
-        description="Relative standard deviation of the size of the squares, which the corners cannot determine.",
+        description="Relative standard deviation of the size of the board's squares, which the corners cannot "
+        "determine.",
     )
-    max_steps: MostSteps = Field(default=20_000, description="Largest number of steps of each posterior sampler.")
+    max_steps: MostSteps = Field(
+        default=20_000, description="Largest number of steps that each sampler of the posterior takes."
+    )
 
 
 class PosteriorPart(Part):
-    """A saved calibration: a covariance or joint draws."""
+    """A saved calibration: a covariance, or joint draws of the errors."""
 
-    file: Text = Field(description="CSV or NetCDF file, relative to this file.")
+    file: Text = Field(
+        description="CSV or NetCDF file of the calibration; the path is relative to the file that contains this key."
+    )
 
 
 class CalibrationPart(Part):
-    """The calibration of a camera: its errors, at most one source of them, and its stability."""
+    """The calibration of a camera: its errors, at most one source (corners, target or posterior), and later changes."""
 
     camera: ClassVar[type[DepthCamera]]
     kind: ClassVar[str]
 
     errors: ErrorsPart = Field(
         default_factory=ErrorsPart,
-        description="Without a source, all errors; with one, the priors and the errors that it does not determine.",
+        description="Without a source, all errors; with a target or a posterior, the priors and the errors that "
+        "this source does not determine.",
     )
     correlations: dict[str, dict[str, Correlation]] = Field(
-        default={}, description="Correlations between the normal scores of two errors; each pair once."
+        default={},
+        description="Correlation coefficients, from −1 to 1, of the normal scores of two errors (for normal "
+        "errors, of the errors themselves); each pair is given once.",
     )
     corners: CornersPart | None = None
     target: TargetPart | None = None

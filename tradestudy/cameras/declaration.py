@@ -51,15 +51,16 @@ class LensPart(Part):
     """How many of the keys focal_length and field_of_view a lens may have."""
 
     focal_length: FocalLengthOrPixels | None = Field(
-        default=None, description="Focal length f, as a length or, as calibrations give it, in px (pixel pitches)."
+        default=None, description="Focal length, as a length or, as in calibration files, in pixels."
     )
     field_of_view: PositiveAngle | None = Field(
-        default=None, description="Full field of view when focused at infinity, instead of focal_length."
+        default=None,
+        description="Instead of focal_length: full field of view of the lens when it is focused at infinity.",
     )
     across: Literal["width", "diagonal"] = Field(
-        default="width", validate_default=True, description="The extent of the sensor that the field of view covers."
+        default="width", validate_default=True, description="Extent of the sensor that field_of_view covers."
     )
-    f_number: FNumber = Field(description="Focal length over pupil diameter.")
+    f_number: FNumber = Field(description="F-number: focal length divided by pupil diameter.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -92,10 +93,14 @@ class LensPart(Part):
 class SensorPart(Part):
     """The sensor, an array of pixels."""
 
-    pixels: tuple[PixelCount, PixelCount] = Field(description="Columns and rows.", examples=[[1280, 800]])
+    pixels: tuple[PixelCount, PixelCount] = Field(
+        description="Number of columns and number of rows.", examples=[[1280, 800]]
+    )
     pixel_pitch: PixelPitch = Field(description="Distance between neighbouring pixel centres.")
     quantum_efficiency: QuantumEfficiency | None = Field(
-        default=None, description="Electrons per photon (EMVA 1288: η); needed with scene.picture.light.photons."
+        default=None,
+        description="Quantum efficiency, in electrons per photon (EMVA 1288: η); needed with "
+        "scene.picture.light.photons.",
     )
     temporal_dark_noise: NonNegativeElectrons | None = Field(
         default=None, description="Dark noise of this sensor (EMVA 1288: σ_d), instead of scene.picture.read_noise."
@@ -104,7 +109,8 @@ class SensorPart(Part):
         default=None, description="Full well of this sensor (EMVA 1288: μ_e.sat), instead of scene.picture.full_well."
     )
     system_gain: SystemGain | None = Field(
-        default=None, description="Gain (EMVA 1288: K); default: the one that maps the full well to the full bit depth."
+        default=None,
+        description="System gain (EMVA 1288: K); default: the gain that maps the full well to the largest raw value.",
     )
 
     def sensor(self) -> Sensor:
@@ -124,20 +130,24 @@ class DisparityPart(Part):
     """The precision with which disparity is measured."""
 
     disparity_error: PositivePixels | Literal["derived"] = Field(
-        description="Standard deviation of one measurement; derived: the Cramér–Rao bound of matching the picture "
-        "of the scene's texture (scene.picture)."
+        description="Standard deviation of one measured disparity, or `derived` for the Cramér–Rao bound of "
+        "matching pictures of the scene's texture (scene.picture)."
     )
     error_of: Literal["disparity", "coordinate"] = Field(
         default="disparity",
-        description="Whether the error is that of the disparity or of each image coordinate; that of the disparity "
-        "is √2 times that of a coordinate.",
+        description="Whether disparity_error is the error of the disparity or of each image coordinate, which "
+        "makes the error of the disparity √2 times as large.",
     )
     discrimination_step: PositivePixels = Field(
-        default="0.1 px", validate_default=True, description="Disparity step of the depth discrimination."
+        default="0.1 px",
+        validate_default=True,
+        description="Change of disparity that counts as discernible. The depth discrimination is the change of "
+        "true depth that causes it.",
     )
     matcher: MatcherPart | None = Field(
         default=None,
-        description="Errors that a real matcher adds to a derived error; default: those of scene.picture.matcher.",
+        description="Errors that a real matcher adds to a derived disparity error; default: those of "
+        "scene.picture.matcher.",
     )
 
     @model_validator(mode="after")
@@ -183,20 +193,20 @@ class DisparityPart(Part):
 
 
 class AttributesPart(Part):
-    """Attributes to compare besides the curves; omitted ones are derived where possible."""
+    """Attributes by which the report compares cameras, besides depth; omitted ones are derived where possible."""
 
     moving_parts: Count | None = Field(
         default=None, description="Number of moving parts; default: one for each lens with a focus mechanism."
     )
     bits_per_pixel: PositiveCount | None = Field(
-        default=None, description="Bits per pixel of a raw image; needed for data volumes."
+        default=None, description="Number of bits per pixel of a raw image; needed to derive the volume of data."
     )
     envelope: tuple[PositiveLength, PositiveLength, PositiveLength] | None = Field(
         default=None, description="Length, width and height of the whole instrument."
     )
     others: dict[AttributeName, Annotated[QuantityText, Field(min_length=1, max_length=200)]] = Field(
         default={},
-        description="Anything else worth a row of the comparison: words, or a number with its unit (mass: 380 g) that "
+        description="Further attributes to compare, by name: words, or a number with its unit (`mass: 380 g`) that "
         "requirements and trade-offs can use.",
     )
 
@@ -211,12 +221,15 @@ class CameraDeclaration(Part, ABC):
     imports: ClassVar[tuple[type, ...]] = ()
     """Types of calibration-file contents that can become such a camera."""
 
-    title: str = Field(default="", max_length=80, description="Name in figures and tables; default: its key.")
+    title: str = Field(
+        default="", max_length=80, description="Name in figures and tables; default: the key of the camera."
+    )
     note: str | None = Field(default=None, max_length=2000, description="What a reader should know about the camera.")
     stated: StatedPart | None = None
     attributes: AttributesPart = AttributesPart()
     read_as: dict[AttributeName, Text] = Field(
-        default={}, description="How the calibration file of this camera was read: each convention with its meaning."
+        default={},
+        description="Conventions by which the calibration file of this camera was read, each with its meaning.",
     )
     kind: str
 

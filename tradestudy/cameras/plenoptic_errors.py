@@ -8,75 +8,84 @@ from tradestudy.cameras.error_vocabulary import INTERIOR, NOISE_PARAMETER, PIXEL
 from tradestudy.uncertainty.error_class import ErrorClass
 
 PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
-    "mla_distance": ErrorParameter(unit="m", part=INTERIOR, meaning="Distance from the main lens to the array."),
+    "mla_distance": ErrorParameter(
+        unit="m", part=INTERIOR, meaning="Distance from the main lens to the microlens array."
+    ),
     "focal_length": ErrorParameter(unit="m", part=INTERIOR, meaning="Focal length of the main lens."),
-    "microlens_gap": ErrorParameter(unit="m", part=INTERIOR, meaning="Distance from the array to the sensor."),
+    "microlens_gap": ErrorParameter(
+        unit="m", part=INTERIOR, meaning="Distance from the microlens array to the sensor."
+    ),
     "microlens_pitch": ErrorParameter(
         unit="m", part="array", meaning="Mean distance between neighbouring microlens centres."
     ),
     "array_rotation": ErrorParameter(
-        unit="rad", part="array", meaning="Rotation of the array relative to the pixel rows, about the optical axis."
+        unit="rad",
+        part="array",
+        meaning="Rotation of the microlens array about the optical axis, relative to the rows of pixels.",
     ),
     "array_tilt_x": ErrorParameter(
         unit="rad",
         part="array",
-        meaning="Slope of the array relative to the sensor along x: at larger x it is farther from the main lens and "
-        "nearer to the sensor.",
+        meaning="Slope of the microlens array along x, relative to the sensor; if positive, the array is "
+        "nearer to the sensor at larger x.",
     ),
     "array_tilt_y": ErrorParameter(
         unit="rad",
         part="array",
-        meaning="Slope of the array relative to the sensor along y, defined like array_tilt_x.",
+        meaning="Slope of the microlens array along y, relative to the sensor; if positive, the array is "
+        "nearer to the sensor at larger y.",
     ),
     "array_offset_x": ErrorParameter(
-        unit="m", part="array", meaning="Position of the array's centre on the sensor along x."
+        unit="m", part="array", meaning="Position of the centre of the microlens array on the sensor, along x."
     ),
     "array_offset_y": ErrorParameter(
-        unit="m", part="array", meaning="Position of the array's centre on the sensor along y."
+        unit="m", part="array", meaning="Position of the centre of the microlens array on the sensor, along y."
     ),
     "pupil_distance": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Distance from exit pupil to array minus that from main lens to array; it shifts the centres of white "
-        "images relative to microlens centres.",
+        meaning="Distance from exit pupil to microlens array, minus the distance from main lens to array. It "
+        "shifts the centres of the micro-images of a white scene relative to the centres of the microlenses.",
     ),
     "principal_point_x": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Where the axis of the main lens meets the array along x: the centre of distortion and curvature.",
+        meaning="Position along x at which the axis of the main lens meets the microlens array: the centre of "
+        "distortion and field curvature.",
     ),
     "principal_point_y": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Where the axis of the main lens meets the array along y: the centre of distortion and curvature.",
+        meaning="Position along y at which the axis of the main lens meets the microlens array: the centre of "
+        "distortion and field curvature.",
     ),
     "field_curvature": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="How much farther from the main lens its image lies in the corner than known field curvature implies; "
-        "it grows with the square of the distance from the axis.",
+        meaning="How much farther from the main lens its image lies, in the corner of the sensor, than the "
+        "known field curvature implies; the error grows with the square of the distance from the axis.",
     ),
     "depth_distortion": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Relative change, in the corner, of the distance from image to array; it grows with the square of the "
-        "distance from the axis.",
+        meaning="Relative change of the distance from image to microlens array, in the corner of the sensor; "
+        "the change grows with the square of the distance from the axis.",
     ),
     "distortion_k1": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Radial distortion coefficient of the main lens, for the square of the slope.",
+        meaning="Radial distortion coefficient of the main lens, which multiplies the square of a ray's slope.",
     ),
     "distortion_k2": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Radial distortion coefficient of the main lens, for the fourth power of the slope.",
+        meaning="Radial distortion coefficient of the main lens, which multiplies the fourth power of a ray's slope.",
     ),
     "microlens_center_scatter": ErrorParameter(
         unit="m",
         part="microlens centres",
-        meaning="One coordinate of a microlens centre, the origin of coordinates in its micro-image; the disparity of "
-        "two microlenses contains √2 times this error.",
+        meaning="Each coordinate of a microlens centre, which is the origin of positions in its micro-image; "
+        "the disparity between two microlenses contains √2 times this error.",
         error_class=ErrorClass.ELEMENT,
     ),
     PIXEL_NOISE: NOISE_PARAMETER,

@@ -9,7 +9,7 @@ from tradestudy.declarations.quantities import Angle, Length, PositiveLength, Po
 
 
 class StatedPart(Part):
-    """Values of a data sheet or paper that others already determine; they are checked against these and never used."""
+    """Further values that a data sheet or paper states; they are compared with the declared values, and never used."""
 
     field_of_view: Angle | None = Field(default=None, description="Full field of view that the data sheet states.")
     microlens_gap: Length | None = Field(
@@ -23,8 +23,9 @@ class StatedPart(Part):
     )
     absolute_sensitivity_threshold: PositivePhotons | None = Field(
         default=None,
-        description="Stated EMVA 1288 threshold μ_p.min: the number of photons at which signal and noise are equal.",
+        description="Absolute sensitivity threshold that the data sheet states (EMVA 1288: μ_p.min): the number of "
+        "photons at which signal and noise are equal.",
     )
     depth_of_field: PositiveLength | None = Field(
-        default=None, description="Stated depth of field of one image of a conventional camera."
+        default=None, description="Depth of field that the data sheet states for one image of a conventional camera."
     )

@@ -37,13 +37,15 @@ _REMEDY: Final = "tilt it by some 20 deg, differently in each view, or declare p
 class PosePart(Part):
     """The pose of the board in one view: its rotation about its centre, and its position in the frame of the camera.
 
-    For a stereo rig, the origin is midway between the cameras; x points right, y down, z along the axis.
+    The axis x points right, y down and z along the optical axis; for a stereo rig, the origin is midway between the
+    cameras.
     """
 
     rotation: tuple[Angle, Angle, Angle] = Field(
-        description="Rotation vector: its direction is the axis, its length the angle; 0 deg faces the camera."
+        description="Rotation vector: its direction is the axis of rotation, its length the angle; at 0 deg, the "
+        "board faces the camera."
     )
-    position: tuple[Length, Length, ObjectDistance] = Field(description="Position of the board's centre: x, y, z.")
+    position: tuple[Length, Length, ObjectDistance] = Field(description="Position of the board's centre: x, y and z.")
 
     @property
     def normal(self) -> tuple[float, float, float]:
@@ -65,31 +67,39 @@ class TargetPart(Part):
         default=None, description="Number of pictures taken of the board."
     )
     columns: Annotated[int, Field(ge=2, le=100, strict=True)] = Field(
-        description="Inner corners of the board along its rows."
+        description="Number of inner corners in each row of the board."
     )
     rows: Annotated[int, Field(ge=2, le=100, strict=True)] = Field(
-        description="Inner corners of the board along its columns."
+        description="Number of inner corners in each column of the board."
     )
-    spacing: PositiveLength = Field(description="Distance between neighbouring corners.")
-    distances: Span | None = Field(default=None, description="Nearest and farthest distance of the board.")
+    spacing: PositiveLength = Field(description="Distance between neighbouring corners of the board.")
+    distances: Span | None = Field(default=None, description="Nearest and farthest distance of the board in the views.")
     half_field_angle: HalfFieldAngle | None = Field(
-        default=None, description="Largest angle of the board's centre from the optical axis."
+        default=None, description="Largest angle between the optical axis and the direction of the board's centre."
     )
     tilt: PositiveAngle | None = Field(
-        default=None, description="Standard deviation of each component of the board's rotation."
+        default=None, description="Standard deviation of each component of the board's rotation vector over the views."
     )
     poses: Annotated[tuple[PosePart, ...], Field(min_length=3, max_length=MOST_VIEWS)] | None = Field(
-        default=None, description="Poses of all views, instead of views, distances, half_field_angle and tilt."
+        default=None,
+        description="Instead of `views`, `distances`, half_field_angle and `tilt`: the pose of the board in each view.",
     )
-    corner_noise: PositivePixels = Field(description="Standard deviation of one image coordinate of a corner.")
+    corner_noise: PositivePixels = Field(
+        description="Standard deviation of each measured image coordinate of a corner."
+    )
     rotation_known_to: PositiveAngle | None = Field(
         default=None,
-        description="Standard deviation of each rotation component if rotations are known; default: unknown.",
+        description="Standard deviation with which each component of the board's rotation is known; default: the "
+        "rotation is unknown.",
     )
     position_known_to: PositiveLength | None = Field(
-        default=None, description="Standard deviation of each coordinate if positions are known; default: unknown."
+        default=None,
+        description="Standard deviation with which each coordinate of the board's position is known; default: the "
+        "position is unknown.",
     )
-    max_steps: MostSteps = Field(default=20_000, description="Largest number of steps of each posterior sampler.")
+    max_steps: MostSteps = Field(
+        default=20_000, description="Largest number of steps that each sampler of the posterior takes."
+    )
 
     @property
     def half_field(self) -> float:

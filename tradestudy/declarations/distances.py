@@ -23,7 +23,7 @@ class DistanceRangePart(Part):
         description="Number of distances, including both ends."
     )
     spacing: Literal["log", "linear"] = Field(
-        default="log", description="Spacing: equal ratios (log) or equal differences (linear)."
+        default="log", description="Spacing of the distances: equal ratios (log) or equal differences (linear)."
     )
 
     @model_validator(mode="after")

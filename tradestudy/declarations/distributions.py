@@ -57,28 +57,37 @@ class DistributionPart(Part, Generic[Signed, Positive]):
 
     spreads: ClassVar[tuple[str, ...]] = tuple(dict.fromkeys(key for keys in _NEEDS.values() for key in keys))
 
-    shape: Shape | None = Field(default=None, description="Default: normal or uniform, depending on the spread given.")
-    mean: Signed | None = Field(
-        default=None, description="Mean of the error (its median if there is no mean); default: 0."
+    shape: Shape | None = Field(
+        default=None,
+        description="Shape of the distribution; default: normal with standard_deviation, uniform with half_width.",
     )
-    standard_deviation: Positive | None = Field(default=None, description="Standard deviation of a normal error.")
+    mean: Signed | None = Field(
+        default=None, description="Mean of the distribution, or its median if the mean does not exist; default: 0."
+    )
+    standard_deviation: Positive | None = Field(
+        default=None, description="Standard deviation of a normal distribution."
+    )
     half_width: Positive | None = Field(
-        default=None, description="Half-width of a uniform, triangular, arcsine or curvilinear-trapezoid error."
+        default=None, description="Half-width of a uniform, triangular, arcsine or curvilinear-trapezoid distribution."
     )
     inexactness: Positive | None = Field(
-        default=None, description="Largest deviation of a curvilinear trapezoid from half_width."
+        default=None,
+        description="Largest deviation of the true half-width from half_width, for a curvilinear trapezoid.",
     )
     scale: Positive | None = Field(
-        default=None, description="Scale of a Student-t error: s/√n for n measurements with standard deviation s."
+        default=None,
+        description="Scale of a Student-t distribution: s/√n for the mean of n measurements with standard deviation s.",
     )
     degrees_of_freedom: PositiveNumber | None = Field(
-        default=None, description="Degrees of freedom of a Student-t error: n − 1."
+        default=None,
+        description="Degrees of freedom of a Student-t distribution: n − 1 for the mean of n measurements.",
     )
     file: Text | None = Field(
         default=None,
-        description="CSV file with draws of an empirical error in SI units; its first line names the columns.",
+        description="CSV file with the draws of an empirical distribution, in SI units; its first line names the "
+        "columns.",
     )
-    column: Text | None = Field(default=None, description="Column of file.")
+    column: Text | None = Field(default=None, description="Name of the column of `file` that contains the draws.")
 
     @model_validator(mode="after")
     def _fits_its_shape(self) -> Self:
@@ -132,11 +141,11 @@ def lowest(part: DistributionPart[Any, Any]) -> float:
 
 
 class LengthDistribution(DistributionPart[Length, PositiveLength]):
-    """The distribution of an error of a length."""
+    """The distribution of the error of a length."""
 
 
 class LengthOrPixelsDistribution(DistributionPart[LengthOrPixels, PositiveLengthOrPixels]):
-    """The distribution of an error of a length inside a camera, which may be counted in pixels of its sensor."""
+    """The distribution of the error of a length inside a camera, in units of length or in pixels of the sensor."""
 
     def in_lengths(self, pixel_pitch: float) -> LengthDistribution:
         """The same distribution for a pixel pitch [m], with no value in pixels."""
@@ -146,11 +155,11 @@ class LengthOrPixelsDistribution(DistributionPart[LengthOrPixels, PositiveLength
 
 
 class AngleDistribution(DistributionPart[Angle, PositiveAngle]):
-    """The distribution of an error of an angle."""
+    """The distribution of the error of an angle."""
 
 
 class NumberDistribution(DistributionPart[Number, PositiveNumber]):
-    """The distribution of an error of a plain number."""
+    """The distribution of the error of a plain number."""
 
 
 class TemperatureDistribution(DistributionPart[TemperatureDifference, PositiveTemperatureDifference]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 import re
 from functools import reduce
 from operator import or_
@@ -20,6 +21,14 @@ from tradestudy.optics.lens_models.lens_model import LensModel
 from tradestudy.optics.lens_models.rational import Rational
 
 _MODEL = "Name of the lens model."
+_ABOUT = {
+    "rational": "Radial, tangential and thin-prism distortion with a tilted sensor, as in OpenCV",
+    "kannala-brandt": "The fisheye model of Kannala and Brandt, as in OpenCV and Kalibr (equidistant)",
+    "fov": "The fisheye model of Devernay and Faugeras, which has a single coefficient",
+    "omni": "The omnidirectional model of Mei and Rives, with radial and tangential distortion",
+    "double-sphere": "The double-sphere model of Usenko, Demmel and Cremers",
+    "eucm": "The extended unified camera model of Khomutenko, Garcia and Martinet",
+}
 
 
 class LensModelPart(Part):
@@ -81,19 +90,21 @@ def _fitted_part_of(family: type[LensModel]) -> type[FittedLensModelPart]:
         "model": (Literal[family.name], Field(description=_MODEL)),
         "fitted": (
             tuple[one_of, ...],
-            Field(default=usual, description="Coefficients that the corners determine."),
+            Field(default=usual, description="Names of the coefficients that are fitted to the corners."),
         ),
     }
     meanings = _meanings(family)
     for name in names:
         unit = units.ANGLE if name in ANGLES else units.NUMBER
-        what = Field(
-            default=None,
-            description=f"{meanings[name]} The starting value of the fit, or the fixed value if it is not fitted.",
-        )
+        start = STARTS.get(family.name, {}).get(name, 0.0)
+        default = f"{math.degrees(start):.3g} deg" if name in ANGLES else f"{start:g}"
+        what = Field(default=None, description=f"{meanings[name]} Default: {default}.")
         fields[name] = (Annotated[float, *quantity(unit)] | None, what)
     made = create_model(
-        f"Fitted{family.__name__}Part", __base__=FittedLensModelPart, __doc__=FittedLensModelPart.__doc__, **fields
+        f"Fitted{family.__name__}Part",
+        __base__=FittedLensModelPart,
+        __doc__=f"{_ABOUT[family.name]}. The fit starts from these values and keeps those that `fitted` omits.",
+        **fields,
     )
     made.family = family
     return made
@@ -107,7 +118,7 @@ def _part_of(family: type[LensModel]) -> type[LensModelPart]:
         unit = units.ANGLE if name in ANGLES else units.NUMBER
         what = Field(default=0.0 if name in optional else ..., description=meanings[name])
         fields[name] = (Annotated[float, *quantity(unit)], what)
-    made = create_model(f"{family.__name__}Part", __base__=LensModelPart, __doc__=LensModelPart.__doc__, **fields)
+    made = create_model(f"{family.__name__}Part", __base__=LensModelPart, __doc__=f"{_ABOUT[family.name]}.", **fields)
     made.family = family
     return made
 

@@ -18,19 +18,19 @@ FalseShare = Annotated[Share, Field(lt=1.0)]
 
 
 class MatcherPart(Part):
-    """Errors that a real matcher adds to the bound of a derived disparity error; omitted keys add nothing."""
+    """Errors that a real matcher adds to the Cramér–Rao bound of a disparity error; omitted keys add nothing."""
 
     factor: NoiseFactor | None = Field(
-        default=None, description="Ratio of the matcher's noise to the bound, 1 or more."
+        default=None, description="Noise of the matcher, relative to the Cramér–Rao bound."
     )
     floor: NoiseFloor | None = Field(
         default=None,
-        description="Standard deviation of noise that more light does not reduce; it adds in quadrature.",
+        description="Standard deviation of the noise that more light does not reduce; it adds in quadrature.",
     )
     pixel_locking: LockingAmplitude | None = Field(
         default=None,
-        description="Amplitude of a bias that is periodic in the disparity. Its phase is unknown, so amplitude/√2 adds "
-        "in quadrature; it does not average out within one distance.",
+        description="Amplitude of a bias that is periodic in the disparity. Its phase is unknown, so amplitude/√2 "
+        "adds in quadrature; the bias does not average out over measurements at one distance.",
     )
     false_matches: FalseShare | None = Field(
         default=None, description="Fraction of the matches that are false; they count as failed measurements."

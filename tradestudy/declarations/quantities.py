@@ -93,7 +93,7 @@ def _json_schema(dimension: Dimension, limits: str, *, infinite: bool) -> dict[s
     pattern = f"^{_NUMBER}" + (r"\s*(1?/)?[A-Za-z%°µμÅ].*$" if dimension.unit else r"(\s*%)?$")
     schema: dict[str, Any] = {
         "type": ["string"] if dimension.unit else ["number", "string"],
-        "title": f"{dimension.name} {limits}",
+        "title": f"{dimension.name} {limits}" + (" (or infinity)" if infinite else ""),
         "examples": [dimension.example],
         "pattern": f"{pattern}|^\\.?inf(inity)?$" if infinite else pattern,
     }

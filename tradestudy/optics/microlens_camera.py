@@ -55,12 +55,17 @@ class MicrolensCamera:
         Diameter [m]. Default: the pitch.
     gaps
         ``opaque`` or ``clear``: the area between the apertures.
-    lens_phase, microlens_phase
-        ``perfect``, ``stigmatic`` or ``parabolic``, as in `CircularLens`; stigmatic lenses are exact for the source.
-    pupil, microlens_pupil
-        Amplitude and aberrations of the main lens and of every microlens.
+    lens_phase
+        Phase of the main lens: ``perfect``, ``stigmatic`` or ``parabolic``, as in `CircularLens`; a stigmatic lens is
+        exact for the source.
+    microlens_phase
+        Phase of every microlens, named like that of the main lens; a stigmatic microlens is exact for the source too.
+    pupil
+        Amplitude and aberrations of the main lens.
+    microlens_pupil
+        Amplitude and aberrations of every microlens.
     odd_pixels
-        For (rows, columns): whether the sensor has an odd number, so that the axis meets the middle of a pixel.
+        Whether the sensor has an odd number of (rows, columns), so that the axis meets the middle of a pixel.
 
     Raises
     ------

@@ -90,9 +90,11 @@ def disc_nodes(
     ----------
     radius
         Radius of the disc [m], > 0.
-    radial_count, angular_count
-        Number of rings, and of nodes on each ring, ≥ 1. An array of shape (radial_count,) gives each ring its own
-        number, from the innermost outwards: a smaller ring crosses fewer periods of a wave.
+    radial_count
+        Number of rings, ≥ 1.
+    angular_count
+        Number of nodes on each ring, ≥ 1. An array of shape (radial_count,) gives each ring its own number, from the
+        innermost outwards: a smaller ring crosses fewer periods of a wave.
     centre
         Centre of the disc [m].
 
@@ -154,8 +156,10 @@ def rectangle_nodes(
 
     Parameters
     ----------
-    width, height
-        Sides along x and y [m], > 0.
+    width
+        Side along x [m], > 0.
+    height
+        Side along y [m], > 0.
     counts
         Number of nodes along x and y, ≥ 1; the rule is exact to degree 2n − 1 in each.
     centre

@@ -337,8 +337,10 @@ def diffraction_limited_peak(*, pupil_power: float, pupil_area: float, wavelengt
         P, power through the pupil [W].
     pupil_area
         A, area of the pupil [m²].
-    wavelength, distance
-        λ and the distance z from the pupil to the image [m].
+    wavelength
+        λ [m].
+    distance
+        z, distance from the pupil to the image [m].
 
     Returns
     -------

@@ -21,34 +21,41 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_lengths": Variable(
         dims=("posterior",),
         units="1",
-        long_name="kept steps divided by the longest autocorrelation time",
+        long_name="number of kept steps, divided by the longest autocorrelation time",
         symbol="N/τ",
     ),
     "posterior_acceptance": Variable(
-        dims=("posterior", "ensemble"), units="1", long_name="fraction of accepted proposals"
+        dims=("posterior", "ensemble"), units="1", long_name="fraction of proposed steps that the sampler accepts"
     ),
     "posterior_marginal_efficiency": Variable(
         dims=("posterior",),
         units="1",
         long_name="effective fraction of draws after reweighting them with poses refitted at each draw",
     ),
-    "posterior_evaluations": Variable(dims=("posterior",), units="1", long_name="evaluations of the log posterior"),
-    "posterior_seconds": Variable(dims=("posterior",), units="s", long_name="time of sampling"),
-    "laplace_seconds": Variable(dims=("posterior",), units="s", long_name="time of the normal approximation"),
+    "posterior_evaluations": Variable(
+        dims=("posterior",), units="1", long_name="number of evaluations of the log posterior"
+    ),
+    "posterior_seconds": Variable(dims=("posterior",), units="s", long_name="computing time of the sampling"),
+    "laplace_seconds": Variable(dims=("posterior",), units="s", long_name="computing time of the normal approximation"),
     "posterior_mean": Variable(
         dims=("posterior", "parameter"),
         units="mixed",
-        long_name="posterior mean, in SI or, where the name says so, in pixels; NaN where not inferred",
+        long_name="posterior mean of a parameter, in SI or, where the name of the parameter says so, in pixels; "
+        "NaN where it is not inferred",
         error="posterior_deviation over the square root of posterior_bulk_size",
     ),
     "posterior_deviation": Variable(
-        dims=("posterior", "parameter"), units="mixed", long_name="posterior standard deviation"
+        dims=("posterior", "parameter"), units="mixed", long_name="posterior standard deviation of a parameter"
     ),
     "prior_deviation": Variable(
-        dims=("posterior", "parameter"), units="mixed", long_name="prior standard deviation; infinite where flat"
+        dims=("posterior", "parameter"),
+        units="mixed",
+        long_name="prior standard deviation of a parameter; infinite where the prior is flat",
     ),
     "laplace_deviation": Variable(
-        dims=("posterior", "parameter"), units="mixed", long_name="standard deviation of the normal approximation"
+        dims=("posterior", "parameter"),
+        units="mixed",
+        long_name="standard deviation of a parameter by the normal approximation",
     ),
     "posterior_autocorrelation": Variable(
         dims=("posterior", "parameter"), units="1", long_name="integrated autocorrelation time [steps]", symbol="τ"
@@ -78,7 +85,9 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
         "that are parameters, and the starting point of the fit",
     ),
     "posterior_pixels": Variable(
-        dims=("posterior", "side"), units="px", long_name="columns and rows of the calibration pictures; 0 if none"
+        dims=("posterior", "side"),
+        units="px",
+        long_name="number of columns and rows of the calibration pictures; 0 if there are none",
     ),
     "posterior_draw": Variable(
         dims=("posterior", "draw", "parameter"), units="mixed", long_name="joint draws from all chains"
@@ -86,11 +95,11 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_trace": Variable(
         dims=("posterior", "ensemble", "step", "parameter"),
         units="mixed",
-        long_name="trace of each ensemble's first walker, at steps spread over the kept chain",
+        long_name="positions of each ensemble's first walker, at steps spread over the kept chain",
     ),
-    "rig_quantity": Variable(dims=("rig_row",), units="", long_name="finding about a real rig"),
-    "rig_camera": Variable(dims=("rig_row",), units="", long_name="the rig"),
-    "rig_value": Variable(dims=("rig_row",), units="", long_name="the value, with its unit"),
+    "rig_quantity": Variable(dims=("rig_row",), units="", long_name="name of a finding about a real rig"),
+    "rig_camera": Variable(dims=("rig_row",), units="", long_name="name of the rig"),
+    "rig_value": Variable(dims=("rig_row",), units="", long_name="value of the finding, with its unit"),
     "rig_claimed": Variable(
         dims=("posterior", "rig_distance"),
         units="m",
@@ -104,14 +113,14 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_halves_claim": Variable(
         dims=("posterior", "rig_distance"),
         units="m",
-        long_name="that difference as predicted from the covariances of the two halves",
+        long_name="rig_halves_difference as predicted from the covariances of the two halves",
         symbol="√(C_A + C_B)",
     ),
     "rig_lens_support": Variable(
         dims=("posterior", "lens_model"),
         units="1",
-        long_name="gain in log likelihood, for views left out in turn, of another lens model over the one in use; "
-        "NaN where that was not compared",
+        long_name="gain in log likelihood, for views left out in turn, of another lens model over the one in "
+        "use; NaN where the model was not compared",
         error="rig_lens_support_deviation",
     ),
     "rig_lens_support_deviation": Variable(
@@ -140,7 +149,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_overconfidence": Variable(
         dims=("posterior", "parameter"),
         units="1",
-        long_name="standard deviation with the left–right term relative to that without it; NaN without that term",
+        long_name="standard deviation of a parameter with the term for differences between left and right, "
+        "relative to that without this term; NaN without the term",
     ),
 }
 
@@ -148,7 +158,7 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
     "source_uncertainty": Variable(
         dims=("camera", "field", "distance", "source"),
         units="m",
-        long_name="half the central 68.27 % interval of depth from one independent error source alone",
+        long_name="half the width of the central 68.27 % interval of depth from one independent error source alone",
         error="source_uncertainty_error",
     ),
     "source_uncertainty_error": Variable(
@@ -163,14 +173,15 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
     "parameter_uncertainty": Variable(
         dims=("camera", "field", "distance", "parameter"),
         units="m",
-        long_name="half the central 68.27 % interval of depth from one parameter alone; NaN where that would mislead",
+        long_name="half the width of the central 68.27 % interval of depth from one parameter alone; NaN where "
+        "that would mislead",
         error="parameter_uncertainty_error",
     ),
     "parameter_uncertainty_error": Variable(
         dims=("camera", "field", "distance", "parameter"), units="m", long_name=_REPLICATES, error=_ESTIMATE
     ),
     "parameter_refused": Variable(
-        dims=("camera",), units="", long_name="why there is no tornado chart by parameter; empty where there is one"
+        dims=("camera",), units="", long_name="why the report has no tornado chart by parameter; empty where it has one"
     ),
     "first_index": Variable(
         dims=("camera", "field", "distance", "source"),
@@ -193,7 +204,9 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
         dims=("camera", "field", "distance", "source"), units="1", long_name=_REPLICATES, error=_ESTIMATE
     ),
     "index_refused": Variable(
-        dims=("camera", "field", "distance"), units="", long_name="why there are no indices; empty where they exist"
+        dims=("camera", "field", "distance"),
+        units="",
+        long_name="why first_index and total_index are not computed; empty where they are",
     ),
 }
 
@@ -213,6 +226,6 @@ RANKS: Final[Mapping[str, Variable]] = {
         long_name="probability that the depth error of the second camera is the smaller one",
         error="rank_first_error",
     ),
-    "pair_first": Variable(dims=("pair",), units="", long_name="first camera"),
-    "pair_second": Variable(dims=("pair",), units="", long_name="second camera"),
+    "pair_first": Variable(dims=("pair",), units="", long_name="first camera of the pair"),
+    "pair_second": Variable(dims=("pair",), units="", long_name="second camera of the pair"),
 }

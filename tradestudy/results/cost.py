@@ -16,8 +16,8 @@ def _words(dims: tuple[str, ...], long_name: str) -> Variable:
 
 
 COST: Final[Mapping[str, Variable]] = {
-    "problem_of": _words(_ENTRY, "camera or light path, by its name in problem"),
-    "models": _words(_ENTRY, "models and settings, in words"),
+    "problem_of": _words(_ENTRY, "camera or light path, by its name along the dimension problem"),
+    "models": _words(_ENTRY, "models and settings of the entry, in words"),
     "relative_error": Variable(
         dims=_ENTRY,
         units="1",
@@ -34,14 +34,16 @@ COST: Final[Mapping[str, Variable]] = {
     "chosen": Variable(dims=_ENTRY, units="1", long_name="whether a run of the study uses these models"),
     "frontier": Variable(dims=_ENTRY, units="1", long_name="whether no other entry is as accurate in as little time"),
     "next_digit": Variable(
-        dims=_ENTRY, units="1", long_name="whether it is the fastest with at most a tenth of the chosen entry's error"
+        dims=_ENTRY,
+        units="1",
+        long_name="whether this entry is the fastest with at most a tenth of the error of the chosen entry",
     ),
-    "title": _words(_PROBLEM, "name in figures and sentences"),
-    "reference": _words(_PROBLEM, "reference of the errors; empty where there was no time for one"),
+    "title": _words(_PROBLEM, "name of the camera or light path in figures and sentences"),
+    "reference": _words(_PROBLEM, "computation to which errors refer, in words; empty where there was no time for it"),
     "reference_error": Variable(
         dims=_PROBLEM,
         units="1",
-        long_name="relative error of the reference; NaN without one",
+        long_name="relative error of the reference; NaN without a reference",
         error="an estimate itself",
     ),
     "left_out": _words(_PROBLEM, "what was not measured and why, one line each"),

@@ -13,15 +13,15 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "z_accuracy": Variable(
         dims=_OVER,
         units="m",
-        long_name="half the central 68.27 % interval of depth from calibration errors alone, which averaging does "
-        "not reduce",
+        long_name="half the width of the central 68.27 % interval of depth from calibration errors alone, which "
+        "averaging does not reduce",
         error=SEE_ERROR,
     ),
     "temporal_noise": Variable(
         dims=_OVER,
         units="m",
-        long_name="half the central 68.27 % interval of depth from noise alone, as repeated measurements of one pixel "
-        "show it",
+        long_name="half the width of the central 68.27 % interval of depth from noise alone, as repeated "
+        "measurements of one pixel show it",
         error=SEE_ERROR,
     ),
     "subpixel_rms": Variable(
@@ -33,32 +33,42 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "plane_fit_rms": Variable(
         dims=_OVER,
         units="m",
-        long_name="deviation from a plane fitted to a flat target across the axis: noise alone, because calibration "
-        "errors shift and tilt the whole plane",
+        long_name="root-mean-square deviation from a plane fitted to a flat target perpendicular to the axis: "
+        "noise alone, because calibration errors shift and tilt the whole plane",
         error=SEE_ERROR,
     ),
     "fill_rate": Variable(
         dims=_OVER,
         units="1",
-        long_name="fraction of the picture with a depth: the fraction common to the views or microlenses, times one "
-        "minus the failed fraction; 0 where the camera is not usable",
+        long_name="fraction of the picture in which depth is measured: the fraction common to the views or "
+        "microlenses, times one minus the failed fraction; 0 where the camera is not usable",
         error="that of the failed fraction",
     ),
     "field_width": Variable(
         dims=_OVER,
         units="m",
-        long_name="width of the field of view at that distance, w Z/b with b from lens to sensor",
+        long_name="width of the field of view at this distance Z: w Z/b, with the width w of the sensor and the "
+        "distance b from lens to sensor",
         error="exact",
     ),
     "field_height": Variable(
-        dims=_OVER, units="m", long_name="height of the field of view at that distance, h Z/b", error="exact"
+        dims=_OVER,
+        units="m",
+        long_name="height of the field of view at this distance Z: h Z/b, with the height h of the sensor",
+        error="exact",
     ),
-    "usable": Variable(dims=_OVER, units="1", long_name="whether the camera is usable there", error="exact"),
+    "usable": Variable(dims=_OVER, units="1", long_name="whether the camera is usable at this distance", error="exact"),
     "horizontal_field_of_view": Variable(
-        dims=("camera",), units="rad", long_name="2 atan(w/2b), focused at the middle distance", error="exact"
+        dims=("camera",),
+        units="rad",
+        long_name="full horizontal field of view, 2 atan(w/2b), focused at the middle distance",
+        error="exact",
     ),
     "vertical_field_of_view": Variable(
-        dims=("camera",), units="rad", long_name="2 atan(h/2b), focused at the middle distance", error="exact"
+        dims=("camera",),
+        units="rad",
+        long_name="full vertical field of view, 2 atan(h/2b), focused at the middle distance",
+        error="exact",
     ),
     "near_limit": Variable(
         dims=("camera",),

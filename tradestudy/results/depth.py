@@ -29,7 +29,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_uncertainty": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="half the central 68.27 % interval of one measured depth, from noise and calibration; "
+        long_name="half the width of the central 68.27 % interval of one measured depth, from noise and calibration; "
         f"infinite where the interval has no far end, {_UNSEEN}",
         symbol="u(a)",
         reference="JCGM 101:2008, 7.7",
@@ -39,7 +39,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="m",
         long_name="standard error of depth_uncertainty over scrambles of the draws; with linear propagation, its "
-        "measured difference from draws",
+        "difference from a computation with draws",
         error="an estimate of an error; NaN where the interval is not bounded",
     ),
     "depth_uncertainty_by_error_source": Variable(
@@ -59,8 +59,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "variance_share": Variable(
         dims=("camera", "distance", "part"),
         units="1",
-        long_name="share of the variance of inverse depth due to one part of the errors; all parts sum to 1; "
-        "NaN where a camera has no such part",
+        long_name="share of the variance of inverse depth due to one group of errors (part); the shares of all "
+        "groups sum to 1; NaN where a camera has no such group",
         symbol="φ_i",
         reference="Owen and Prieur, SIAM/ASA J. Uncertainty Quantification 5 (2017) 986",
         error="that of the linearisation in inverse depth",
@@ -68,7 +68,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_quantile": Variable(
         dims=("camera", "distance", "error_source", "quantile"),
         units="m",
-        long_name=f"quantile of one measured depth; infinite where that is at or beyond infinity, {_UNSEEN}",
+        long_name=f"quantile of one measured depth; infinite where the quantile is at or beyond infinity, {_UNSEEN}",
         symbol="a_p",
         error=SEE_ERROR,
     ),
@@ -89,14 +89,15 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "converged": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="whether the Student t interval of every reported half width is within the tolerance; where an "
-        "interval has no far end, that of the failed fraction",
+        long_name="whether the Student t interval of every reported half-width is within the tolerance or, where "
+        "an interval has no far end, whether that of the failed fraction is",
         error="a comparison",
     ),
     "equivalent_baseline": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="baseline of the equally precise stereo rig with the same focal length and disparity error",
+        long_name="baseline of a stereo rig that measures depth equally well with the same focal length and "
+        "disparity error",
         symbol="B_eq",
         error=DEPTH_ROUNDING,
     ),
@@ -135,14 +136,14 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "usable": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="whether every declared limit holds",
+        long_name="whether the camera is usable: every declared limit holds",
         error="a comparison; ends are in usable_near and usable_far",
     ),
     "limit_value": Variable(
         dims=("camera", "distance", "limit"),
         units="mixed",
-        long_name="value that is compared with a limit, in the unit of limit_units; infinite where the measured "
-        "quantity is; NaN where the limit does not apply",
+        long_name="value that is compared with a limit, in the unit of limit_units; infinite where the quantity "
+        "is infinite; NaN where the limit does not apply",
         error=DEPTH_ROUNDING,
     ),
     "limit_met": Variable(
@@ -166,8 +167,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "usable_near_error": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="standard error over scrambles of the draws; 0 where no draws decide the end, infinite where not "
-        "every scramble has it, NaN where a camera has fewer intervals",
+        long_name="standard error over scrambles of the draws; 0 where no draws decide the end, infinite where "
+        "not every scramble has this end, NaN where a camera has fewer intervals",
         error="an estimate of an error",
     ),
     "usable_far": Variable(
@@ -179,12 +180,16 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "usable_far_error": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="standard error over scrambles of the draws; 0 where no draws decide the end, infinite where not "
-        "every scramble has it, NaN where a camera has fewer intervals",
+        long_name="standard error over scrambles of the draws; 0 where no draws decide the end, infinite where "
+        "not every scramble has this end, NaN where a camera has fewer intervals",
         error="an estimate of an error",
     ),
-    "near_limit": Variable(dims=("camera", "interval"), units="", long_name="limit that sets the near end"),
-    "far_limit": Variable(dims=("camera", "interval"), units="", long_name="limit that sets the far end"),
+    "near_limit": Variable(
+        dims=("camera", "interval"), units="", long_name="limit that sets the near end of the usable interval"
+    ),
+    "far_limit": Variable(
+        dims=("camera", "interval"), units="", long_name="limit that sets the far end of the usable interval"
+    ),
 }
 
 _OF_FIELD: Final = (
@@ -201,9 +206,10 @@ DEPTH_MAP: Final[Mapping[str, Variable]] = {
     "depth_uncertainty": Variable(
         dims=("camera", "distance", "down", "across"),
         units="m",
-        long_name="half the central 68.27 % interval of one measured depth over the picture, down and across as shares "
-        "of half the sensor from its middle, with noise exact and calibration linear in inverse depth; infinite where "
-        "the interval has no far end, NaN where only one camera sees the point, or neither",
+        long_name="half the width of the central 68.27 % interval of one measured depth over the picture, with "
+        "noise exact and calibration linear in inverse depth; down and across are distances from the middle of the "
+        "sensor, as fractions of half its height and width; infinite where the interval has no far end, NaN where "
+        "only one camera sees the point, or neither",
         symbol="u(a)",
         error=SEE_ERROR,
     ),
@@ -221,9 +227,10 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "matched_window_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="side of the square matching window: the declared one, or the largest part of an object that the "
-        "compared pictures share; for several pairs, that of a single pair with the same information; px as in "
-        "disparity_error_px; 0 where they share nothing, NaN where the camera forms no image",
+        long_name="side of the square matching window: the declared window or, if smaller, the largest part of "
+        "the object that the compared pictures share; for several pairs, the window of a single pair with the same "
+        "information; px as in disparity_error_px; 0 where the pictures share nothing, NaN where the camera forms "
+        "no image",
         symbol="W",
         error=ROUNDING + "; up to 8 % too small for least squares",
     ),
@@ -254,8 +261,9 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "disparity_error_px_changed": Variable(
         dims=("camera", "distance", "change"),
         units="px",
-        long_name="disparity_error_px after a single change: everything in focus; no diffraction; as many electrons as "
-        "the brightest unsaturated camera at that distance (NaN for that camera); ten times its own electrons",
+        long_name="disparity_error_px after a single change: everything in focus; no diffraction; as many "
+        "electrons as the brightest unsaturated camera has at that distance (NaN for that camera); ten times the "
+        "camera's own electrons",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_changed_error",

@@ -21,8 +21,8 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     "over_matcher": Variable(
         dims=_POINT,
         units="1",
-        long_name="standard deviation of the errors of true matches, relative to the fitted matcher's prediction for "
-        "their windows",
+        long_name="standard deviation of the errors of true matches, relative to what the fitted matcher "
+        "predicts for their windows",
         error="see over_matcher_error",
     ),
     "over_matcher_error": Variable(
@@ -38,15 +38,21 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
         dims=_CAMERA, units="", long_name="fitted matcher, in the notation of study files, or why there is none"
     ),
     "matcher_factor": Variable(
-        dims=_CAMERA, units="1", long_name="matching noise relative to its bound", error="see matcher_factor_error"
+        dims=_CAMERA,
+        units="1",
+        long_name="fitted factor: noise of the matcher, relative to the Cramér–Rao bound",
+        error="see matcher_factor_error",
     ),
     "matcher_factor_error": Variable(dims=_CAMERA, units="1", long_name="error of matcher_factor", error=_FIT),
     "matcher_floor": Variable(
-        dims=_CAMERA, units="px", long_name="noise that remains in any light", error="see matcher_floor_error"
+        dims=_CAMERA,
+        units="px",
+        long_name="fitted floor: noise that more light does not reduce",
+        error="see matcher_floor_error",
     ),
     "matcher_floor_error": Variable(dims=_CAMERA, units="px", long_name="error of matcher_floor", error=_FIT),
     "matcher_false_matches": Variable(
-        dims=_CAMERA, units="1", long_name="fraction of false matches", error="see matcher_false_matches_error"
+        dims=_CAMERA, units="1", long_name="fitted fraction of false matches", error="see matcher_false_matches_error"
     ),
     "matcher_false_matches_error": Variable(
         dims=_CAMERA, units="1", long_name="error of matcher_false_matches", error=_FIT

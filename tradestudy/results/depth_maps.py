@@ -13,31 +13,45 @@ _ESTIMATE: Final = "an estimate of an error, good to about a fifth"
 # name → unit and long name; each has a standard error beside it
 _ESTIMATES: Final = {
     "bias": ("m", "median of measured minus true depth"),
-    "spread": ("m", "half the central 68.27 % interval of measured minus true depth"),
-    "own": ("m", "median standard deviation of depth from noise, given each window's texture, to first order"),
+    "spread": ("m", "half the width of the central 68.27 % interval of measured minus true depth"),
+    "own": (
+        "m",
+        "median, over matching windows, of the standard deviation of depth that noise causes with the "
+        "window's own texture; to first order",
+    ),
     "predicted": ("m", "median of the camera's depth uncertainty at the true distances; NaN where none is predicted"),
-    "relative_bias": ("1", "median of the errors, each divided by the prediction at its distance"),
-    "relative_spread": ("1", "half the central 68.27 % interval of the errors, each divided by its prediction"),
-    "within": ("1", "fraction of the errors within three predicted standard deviations"),
-    "filled": ("1", "fill rate: points with a depth, divided by points that appear in two of the compared pictures"),
+    "relative_bias": (
+        "1",
+        "median of the depth errors, each divided by the depth uncertainty predicted at its distance",
+    ),
+    "relative_spread": (
+        "1",
+        "half the width of the central 68.27 % interval of the depth errors, each divided by the depth "
+        "uncertainty predicted at its distance",
+    ),
+    "within": ("1", "fraction of the depth errors within three predicted depth uncertainties"),
+    "filled": (
+        "1",
+        "fill rate: points with a measured depth, divided by points that appear in two of the compared pictures",
+    ),
     "available": ("1", "points that appear in two of the compared pictures, divided by all points that show a surface"),
-    "bias_px": ("px", "median error of the disparity"),
-    "spread_px": ("px", "half the central 68.27 % interval of the errors of the disparity"),
+    "bias_px": ("px", "median of the disparity errors"),
+    "spread_px": ("px", "half the width of the central 68.27 % interval of the disparity errors"),
     "over_bound": (
         "1",
-        "half the central 68.27 % interval of the errors, each divided by its prediction from noise and the window's "
-        "texture",
+        "half the width of the central 68.27 % interval of the depth errors, each divided by the "
+        "standard deviation that noise causes with the window's own texture",
     ),
-    "neighbour_correlation": ("1", "correlation of the errors of adjacent points"),
-    "window_correlation": ("1", "correlation of the errors of points one matching window apart"),
+    "neighbour_correlation": ("1", "correlation of the depth errors of adjacent points"),
+    "window_correlation": ("1", "correlation of the depth errors of points one matching window apart"),
 }
 ESTIMATES: Final = tuple(_ESTIMATES)
 _COUNTS: Final = {
-    "points": "points that show a surface within the searched distances",
-    "seen": "unoccluded points that appear in two of the compared pictures",
-    "measured": "unoccluded points that appear in two of the compared pictures and have a depth",
-    "measured_unseen": "points with a depth that do not appear in two of the compared pictures",
-    "windows": "non-overlapping matching windows that the measured points fill",
+    "points": "number of points that show a surface within the searched distances",
+    "seen": "number of unoccluded points that appear in two of the compared pictures",
+    "measured": "number of unoccluded points that appear in two of the compared pictures and have a measured depth",
+    "measured_unseen": "number of points with a measured depth that do not appear in two of the compared pictures",
+    "windows": "number of non-overlapping matching windows that the measured points fill",
 }
 COUNTS: Final = tuple(_COUNTS)
 
@@ -72,11 +86,21 @@ _AS_MAP: Final = "see depth_spread"
 DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     **score_variables(("mapped_camera",)),
     "matcher": Variable(
-        dims=("mapped_camera",), units="", long_name="matcher fitted to the errors, in the notation of study files"
+        dims=("mapped_camera",),
+        units="",
+        long_name="matcher fitted to the depth errors, in the notation of study files",
     ),
-    "map_block": Variable(dims=("mapped_camera",), units="px", long_name="side of the blocks of a map", error="exact"),
+    "map_block": Variable(
+        dims=("mapped_camera",),
+        units="px",
+        long_name="side of the square blocks of points over which a map is reduced",
+        error="exact",
+    ),
     "map_depth": Variable(
-        dims=_MAP, units="m", long_name="median measured depth of a block; NaN where no point has one", error=_AS_MAP
+        dims=_MAP,
+        units="m",
+        long_name="median measured depth in a block; NaN where no point of the block has a measured depth",
+        error=_AS_MAP,
     ),
     "map_depth_error": Variable(
         dims=_MAP, units="m", long_name="median of measured minus true depth in a block", error=_AS_MAP
@@ -90,8 +114,8 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "map_sharp": Variable(
         dims=_MAP,
         units="1",
-        long_name="all-in-focus picture that the camera computes from its depth, divided by that of a white scene; NaN "
-        "where it computes none",
+        long_name="all-in-focus picture that the camera computes with the measured depth, divided by that of a "
+        "white scene; NaN where the camera computes none",
         error="that of the depths used, and the noise of the picture",
     ),
     "class_distance": Variable(
@@ -100,12 +124,14 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
         long_name="middle of a class of true depths; all classes have the same number of points",
         error="half the width of the class",
     ),
-    "class_bias": Variable(dims=_CLASS, units="m", long_name="median error of the class", error="see class_bias_error"),
+    "class_bias": Variable(
+        dims=_CLASS, units="m", long_name="median depth error of the class", error="see class_bias_error"
+    ),
     "class_bias_error": Variable(dims=_CLASS, units="m", long_name="standard error of class_bias", error=_ESTIMATE),
     "class_spread": Variable(
         dims=_CLASS,
         units="m",
-        long_name="half the central 68.27 % interval of the errors of the class",
+        long_name="half the width of the central 68.27 % interval of the depth errors of the class",
         error="see class_spread_error",
     ),
     "class_spread_error": Variable(dims=_CLASS, units="m", long_name="standard error of class_spread", error=_ESTIMATE),

@@ -26,63 +26,77 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "diffraction": Variable(
         dims=("sharp",),
         units="",
-        long_name="width of the diffraction spot that counts in addition to defocus: none, fwhm, airy-diameter",
+        long_name="width of the diffraction spot that counts in addition to defocus: none, fwhm or airy-diameter",
     ),
     "slice_name": Variable(
         dims=("camera", "sharp", "slice"),
         units="",
-        long_name="image of a focus stack, microlens type, or lens; empty for none",
+        long_name="name of a slice (an image of a focus stack, a microlens type, or the lens); empty beyond the "
+        "last slice",
     ),
-    "slice_near": _length(("camera", "sharp", "slice"), "near limit of a slice; NaN where nothing is sharp"),
+    "slice_near": _length(
+        ("camera", "sharp", "slice"), "near limit of sharpness of a slice; NaN where nothing is sharp"
+    ),
     "slice_far": _length(
         ("camera", "sharp", "slice"),
-        "far limit of a slice; infinite from the hyperfocal distance on; NaN where nothing is sharp",
+        "far limit of sharpness of a slice; infinite from the hyperfocal distance on; NaN where nothing is sharp",
     ),
     "sharp_near": _length(
-        ("camera", "sharp", "stretch"), "near end of a range that is sharp in some slice; NaN beyond the last one"
+        ("camera", "sharp", "stretch"), "near end of a range that is sharp in some slice; NaN beyond the last range"
     ),
     "sharp_far": _length(
         ("camera", "sharp", "stretch"),
-        "far end of a range that is sharp in some slice; infinite where a far limit is; NaN beyond the last one",
+        "far end of a range that is sharp in some slice; infinite where a far limit is; NaN beyond the last range",
     ),
-    "gap_near": _length(("camera", "sharp", "gap"), "near end of a gap between slices; NaN beyond the last one"),
-    "gap_far": _length(("camera", "sharp", "gap"), "far end of a gap between slices; NaN beyond the last one"),
+    "gap_near": _length(
+        ("camera", "sharp", "gap"), "near end of a gap between slices, where nothing is sharp; NaN beyond the last gap"
+    ),
+    "gap_far": _length(
+        ("camera", "sharp", "gap"), "far end of a gap between slices, where nothing is sharp; NaN beyond the last gap"
+    ),
     "overlap_near": _length(
         ("camera", "sharp", "overlap"),
-        "near end of a range that is sharp in two or more slices; NaN beyond the last one",
+        "near end of a range that is sharp in two or more slices; NaN beyond the last range",
     ),
     "overlap_far": _length(
         ("camera", "sharp", "overlap"),
-        "far end of a range that is sharp in two or more slices; infinite if a far limit is; NaN beyond the last one",
+        "far end of a range that is sharp in two or more slices; infinite where a far limit is; NaN "
+        "beyond the last range",
     ),
     "extent": _length(("camera", "sharp"), "total length of all sharp ranges; infinite where a far limit is"),
     "scene_share": Variable(
-        dims=("camera", "sharp"), units="1", long_name="fraction of the scene that is sharp", error=ROUNDING
+        dims=("camera", "sharp"),
+        units="1",
+        long_name="fraction of depth_of_field.range in which the camera is sharp",
+        error=ROUNDING,
     ),
     "images": Variable(
         dims=("camera", "sharp"),
         units="1",
-        long_name="number of images taken of the scene; 0 where no number suffices",
+        long_name="number of images that the camera takes of the scene; 0 where no number of images suffices",
         error="a count",
     ),
     "reason": Variable(
-        dims=("camera", "sharp"), units="", long_name="why nothing is sharp, or a slice is not; empty if all slices are"
+        dims=("camera", "sharp"),
+        units="",
+        long_name="why nothing is sharp, or why a slice is not; empty if all slices are",
     ),
     "lateral_resolution": _length(
-        ("camera", "distance"), "size of the smallest geometrically resolved detail on the object", "r", _RESOLUTION
+        ("camera", "distance"),
+        "size of the smallest detail on the object that is resolved geometrically",
+        "r",
+        _RESOLUTION,
     ),
     "diffraction_width": _length(
         ("camera", "distance"),
-        "width at half maximum of the diffraction spot, projected to the object",
+        "full width at half maximum of the diffraction spot, projected to the object",
         "1.03 λ N_w/m",
         "Airy pattern of the limiting pupil: lens, microlens, or part of the pupil of one view",
     ),
     "scene_resolution": _length(
-        ("camera",), "coarsest geometric resolution on the object within the scene", "r", _RESOLUTION
+        ("camera",), "coarsest geometric resolution on the object within depth_of_field.range", "r", _RESOLUTION
     ),
-    "scene_diffraction": _length(
-        ("camera",), "widest diffraction spot at half maximum on the object within the scene", "", _RESOLUTION
-    ),
+    "scene_diffraction": _length(("camera",), "largest diffraction_width within depth_of_field.range", "", _RESOLUTION),
     "microlenses_seeing": Variable(
         dims=("camera", "distance"),
         units="1",
@@ -93,30 +107,37 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     ),
     "total_covering_plane": _length(
         ("camera",),
-        "distance where the absolute virtual depth is 2; NaN where there is none, or for other kinds of camera",
+        "distance at which the magnitude of the virtual depth is 2; NaN where there is none, or for "
+        "other kinds of camera",
         reference="from there on, with matched f-numbers, two microlenses see every point",
     ),
     "resolved_near": _length(
         ("camera", "resolved"),
-        "near end of a range resolved at the study's equal resolution",
+        "near end of a range in which the camera resolves depth_of_field.equal_resolution",
         "",
         _RESOLUTION,
     ),
     "resolved_far": _length(
-        ("camera", "resolved"), "far end of a range resolved at the study's equal resolution", "", _RESOLUTION
+        ("camera", "resolved"),
+        "far end of a range in which the camera resolves depth_of_field.equal_resolution",
+        "",
+        _RESOLUTION,
     ),
     "resolved_extent": _length(
-        ("camera",), "total length of the ranges resolved at the study's equal resolution", "", _RESOLUTION
+        ("camera",),
+        "total length of the ranges in which the camera resolves depth_of_field.equal_resolution",
+        "",
+        _RESOLUTION,
     ),
     "resolved_scene_share": Variable(
         dims=("camera",),
         units="1",
-        long_name="fraction of the scene resolved at the study's equal resolution",
+        long_name="fraction of depth_of_field.range in which the camera resolves depth_of_field.equal_resolution",
         error=ROUNDING,
     ),
     "resolved_reason": Variable(
         dims=("camera",),
         units="",
-        long_name="why nothing is resolved at the study's equal resolution; empty where it is",
+        long_name="why the camera resolves depth_of_field.equal_resolution nowhere; empty where it does somewhere",
     ),
 }

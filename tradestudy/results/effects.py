@@ -18,8 +18,10 @@ def _words(dims: tuple[str, ...], long_name: str) -> Variable:
 
 
 EFFECTS: Final[Mapping[str, Variable]] = {
-    "problem_of": _words(_DECISION, "camera, lens or light path that the model belongs to, by its name in problem"),
-    "slot": _words(_DECISION, "effect"),
+    "problem_of": _words(
+        _DECISION, "camera, lens or light path to which the model belongs, by its name along the dimension problem"
+    ),
+    "slot": _words(_DECISION, "effect that the model describes"),
     "model": _words(_DECISION, "model of the effect; off leaves the effect out"),
     "chosen": Variable(dims=_DECISION, units="1", long_name="whether the model is applied", error="exact"),
     "forced": Variable(dims=_DECISION, units="1", long_name="whether the study forces the model", error="exact"),

@@ -26,12 +26,12 @@ def _error(long_name: str) -> Variable:
 
 
 HARD_CASES: Final[Mapping[str, Variable]] = {
-    "family": _text("part of the program, by its name in a study file"),
-    "family_title": _text("part of the program"),
-    "law": _text("what is computed"),
-    "naive_answer": _text("answer of the formula as usually written"),
+    "family": _text("family of the case, by its name in a study file"),
+    "family_title": _text("family of the case, in words"),
+    "law": _text("quantity that is computed"),
+    "naive_answer": _text("answer of the usual formula"),
     "our_answer": _text("answer of this program"),
-    "expected": _text("multiple-precision reference, shortened, or the right answer in words"),
+    "expected": _text("right answer: a multiple-precision number, shortened, or words"),
     "outcome": Variable(
         dims=_CASE, units="1", long_name="whether the right answer is in words (a refusal, a sign, a count)"
     ),
@@ -50,5 +50,5 @@ HARD_CASES: Final[Mapping[str, Variable]] = {
         f"jump; {_OUTCOME}",
         error="four digits",
     ),
-    "met": Variable(dims=_CASE, units="1", long_name="whether this program is right"),
+    "met": Variable(dims=_CASE, units="1", long_name="whether the answer of this program is right"),
 }

@@ -21,35 +21,38 @@ PICTURES: Final[Mapping[str, Variable]] = {
     "detail": Variable(
         dims=("picture", "detail_row", "detail_column"),
         units="1",
-        long_name="pixels in the middle of the picture, relative to the brightest pixel; NaN beyond the picture",
+        long_name="values of the pixels in the middle of the picture, relative to the brightest pixel; NaN "
+        "beyond the picture",
         error=_SAMPLED,
     ),
     "true_depth": Variable(
         dims=_WHOLE,
         units="m",
-        long_name="depth of the middle pixel of each block, along the axis of the camera; infinite where the pixel "
-        "sees nothing, NaN where the pupil sends no light",
+        long_name="true depth of the middle pixel of each block, along the axis of the camera; infinite where "
+        "the pixel sees nothing, NaN where no light reaches it through the pupil",
         error="that of the rays: rounding",
     ),
     "camera_of": Variable(dims=_OF, units="", long_name="camera that takes the picture"),
-    "block": Variable(dims=_OF, units="px", long_name="side of the blocks of pixels", error="exact"),
-    "columns": Variable(dims=_OF, units="px", long_name="width of the picture", error="exact"),
-    "rows": Variable(dims=_OF, units="px", long_name="height of the picture", error="exact"),
-    "pixel_pitch": Variable(dims=_OF, units="m", long_name="pixel pitch", error="as declared"),
+    "block": Variable(dims=_OF, units="px", long_name="side of the square blocks of pixels", error="exact"),
+    "columns": Variable(dims=_OF, units="px", long_name="number of columns of the picture", error="exact"),
+    "rows": Variable(dims=_OF, units="px", long_name="number of rows of the picture", error="exact"),
+    "pixel_pitch": Variable(dims=_OF, units="m", long_name="pixel pitch of the camera", error="as declared"),
     "saturated": Variable(dims=_OF, units="1", long_name="number of saturated pixels", error="exact"),
     "sampling_error": Variable(
         dims=_OF,
         units="1",
-        long_name="relative difference (root mean square) from a picture with 16 times the rays, without noise; by "
-        "waves, also from a picture with twice as many point-spread functions along each axis",
+        long_name="relative root-mean-square difference from a picture with 16 times as many rays, without "
+        "noise; for a picture by waves, also from one with twice as many point-spread functions along each axis",
         error="an estimate of an error, from places all over the picture",
     ),
-    "by_waves": Variable(dims=_OF, units="1", long_name="1 by waves, 0 by rays", error="exact"),
+    "by_waves": Variable(
+        dims=_OF, units="1", long_name="whether the picture is rendered by waves (1) or by rays (0)", error="exact"
+    ),
     "model_error": Variable(
         dims=_OF,
         units="1",
-        long_name="by rays, relative change (L2) due to leaving out diffraction; by waves, fraction of the light "
-        "that is diffracted beyond the computed range",
+        long_name="for pictures by rays, the relative change, in the L2 norm, due to leaving out diffraction; "
+        "for pictures by waves, the fraction of the light that is diffracted beyond the computed range",
         error="an estimate of an error: by rays from places all over the picture, with a margin of 30 %",
     ),
 }

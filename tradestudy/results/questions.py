@@ -11,8 +11,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "best_camera": Variable(
         dims=("distance", "error_source"),
         units="",
-        long_name="usable candidate with the lowest depth uncertainty, and those that differ from it by no more than "
-        "both errors; empty where none is usable",
+        long_name="usable candidate with the lowest depth uncertainty, and all whose depth uncertainty exceeds "
+        "it by no more than the two errors together; empty where none is usable",
     ),
     "winner": Variable(
         dims=("reading", "place", "error_source"),
@@ -41,13 +41,13 @@ DECISION: Final[Mapping[str, Variable]] = {
     "flips": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
-        long_name="whether the winner differs from that under the study's reading",
+        long_name="whether the winner differs from the winner in the study as declared",
     ),
     "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes"),
     "certainty_flips": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
-        long_name="whether the more certain camera, usable or not, differs from that under the study's reading",
+        long_name="whether the more certain camera, usable or not, differs from that in the study as declared",
     ),
     "change_distance": Variable(
         dims=("reading", "error_source", "change"),
@@ -89,7 +89,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "design_best_camera": Variable(
         dims=("design_place",),
         units="",
-        long_name="best_camera of each design of a sweep at a few distances, interpolated from its curves",
+        long_name="best_camera of each design of a sweep at a few distances, interpolated from the curves of the "
+        "design",
     ),
     "design_best_camera_along": Variable(
         dims=("distance",), units="", long_name="best_camera of each design of a sweep over distance"
@@ -97,28 +98,33 @@ DECISION: Final[Mapping[str, Variable]] = {
     "design_crossover_distance": Variable(
         dims=("design_crossing",),
         units="m",
-        long_name="distance where the main pair is equally uncertain in each design, interpolated from its curves",
+        long_name="distance where the main pair is equally uncertain in each design, interpolated from the "
+        "curves of the design",
         error="design_crossover_error",
     ),
     "design_crossover_error": Variable(
         dims=("design_crossing",),
         units="m",
-        long_name="error of the curves, including their curvature between two distances, divided by their slope",
+        long_name="error of the two curves, including their curvature between two distances, divided by the "
+        "difference of their slopes",
         error="an estimate of an error",
     ),
     "design_crossover_nearer": Variable(
-        dims=("design_crossing",), units="", long_name="more certain camera on the near side of that crossover"
+        dims=("design_crossing",),
+        units="",
+        long_name="more certain camera on the near side of design_crossover_distance",
     ),
     "cause": Variable(
         dims=("camera",),
         units="",
-        long_name="uncertain input that contributes most to the variance, averaged over the usable distances, "
-        "and its basis",
+        long_name="uncertain input that contributes most to the variance of depth, averaged over the usable "
+        "distances, and its basis",
     ),
     "cause_share": Variable(
         dims=("camera",),
         units="1",
-        long_name="share of the variance that this input contributes, correlations included; by linear propagation",
+        long_name="share of the variance of depth that the input named in cause contributes, correlations "
+        "included; by linear propagation",
         error="that of the linearisation",
     ),
     "solution_count": Variable(
@@ -127,8 +133,7 @@ DECISION: Final[Mapping[str, Variable]] = {
     "solved_value": Variable(
         dims=("question",),
         units="mixed",
-        long_name="smallest value of the varied input that makes two cameras equally certain, or one as certain as "
-        "required, in solved_units",
+        long_name="smallest value of the varied input that answers the inverse question, in solved_units",
         error="solved_error",
     ),
     "solved_error": Variable(
@@ -137,7 +142,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         long_name="standard error over independent scrambles, in solved_units",
         error="an estimate of an error",
     ),
-    "solved_units": Variable(dims=("question",), units="", long_name="SI unit of the solved value"),
+    "solved_units": Variable(dims=("question",), units="", long_name="SI unit of solved_value"),
     "solved_says": Variable(dims=("question",), units="", long_name="the inverse question"),
     "solved_answer": Variable(dims=("question",), units="", long_name="the answer in words"),
 }
@@ -146,17 +151,25 @@ CLAIMS: Final[Mapping[str, Variable]] = {
     "value": Variable(
         dims=("claim", "reading"),
         units="mixed",
-        long_name="value under a reading; NaN where not tried",
+        long_name="value of the claimed quantity under a reading; NaN where the claim is not tested",
         error=SEE_ERROR,
     ),
-    "met": Variable(dims=("claim", "reading"), units="1", long_name="1 met, 0 not met, −1 not tried"),
-    "value_text": Variable(dims=("claim", "reading"), units="", long_name="that value, with its unit"),
+    "met": Variable(
+        dims=("claim", "reading"),
+        units="1",
+        long_name="whether the claim is met under a reading: 1 met, 0 not met, −1 not tested",
+    ),
+    "value_text": Variable(dims=("claim", "reading"), units="", long_name="value, written with its unit"),
     "says": Variable(dims=("claim",), units="", long_name="the claim in the words of its source"),
     "source": Variable(dims=("claim",), units="", long_name="where the claim is made"),
     "expected": Variable(dims=("claim",), units="", long_name="expected value or bound"),
-    "quantity": Variable(dims=("claim",), units="", long_name="quantity that answers it; cameras by their titles"),
+    "quantity": Variable(
+        dims=("claim",), units="", long_name="quantity that answers the claim, with cameras by their titles"
+    ),
     "tolerance_reason": Variable(
-        dims=("claim",), units="", long_name="how the expectation and its tolerance follow from the wording"
+        dims=("claim",),
+        units="",
+        long_name="how the expected result and its tolerance follow from the wording of the source",
     ),
     "verdict": Variable(dims=("claim",), units="", long_name="met, not met, or cannot be decided from the paper"),
     "reason": Variable(dims=("claim",), units="", long_name="reason for the verdict"),
@@ -172,23 +185,31 @@ _OF_REQUIREMENT: Final = ("requirement",)
 _OF_CAMERA: Final = ("requirement", "camera")
 REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "says": Variable(dims=_OF_REQUIREMENT, units="", long_name="the requirement"),
-    "priority": Variable(dims=_OF_REQUIREMENT, units="", long_name="must (enforced by --strict) or should"),
+    "priority": Variable(
+        dims=_OF_REQUIREMENT, units="", long_name="priority of the requirement: must (enforced by --strict) or should"
+    ),
     "quantity": Variable(dims=_OF_REQUIREMENT, units="", long_name="quantity that is compared with the bound"),
     "of": Variable(dims=_OF_REQUIREMENT, units="", long_name="camera that the requirement concerns, or any, or all"),
-    "met": Variable(dims=_OF_REQUIREMENT, units="1", long_name="1 met, 0 not met, −1 cannot be decided"),
+    "met": Variable(
+        dims=_OF_REQUIREMENT,
+        units="1",
+        long_name="whether the requirement is met: 1 met, 0 not met, −1 cannot be decided",
+    ),
     "camera_deciding": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="camera with the largest margin; for requirements on all cameras, the one with the smallest",
+        long_name="camera with the largest margin or, for a requirement on all cameras, with the smallest",
     ),
     "value": Variable(
         dims=_OF_REQUIREMENT, units="mixed", long_name="worst value over the distances, in SI", error="value_error"
     ),
     "value_error": Variable(
-        dims=_OF_REQUIREMENT, units="mixed", long_name="estimated error of that value", error="an estimate of an error"
+        dims=_OF_REQUIREMENT, units="mixed", long_name="estimated error of value", error="an estimate of an error"
     ),
     "bound": Variable(dims=_OF_REQUIREMENT, units="mixed", long_name="bound on the quantity, in SI", error="exact"),
-    "place": Variable(dims=_OF_REQUIREMENT, units="m", long_name="distance of the worst value", error="1e-4, relative"),
+    "place": Variable(
+        dims=_OF_REQUIREMENT, units="m", long_name="distance at which the worst value lies", error="1e-4, relative"
+    ),
     "margin_percent": Variable(
         dims=_OF_REQUIREMENT,
         units="percent",
@@ -224,21 +245,21 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "rests_on": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="limit that decides, or uncertain input that contributes most to the variance at the worst distance, "
-        "with its basis",
+        long_name="what the answer rests on: the limit that decides, or the uncertain input that contributes "
+        "most to the variance at the worst distance, with its basis",
     ),
     "rests_on_share": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="share of the variance that this input contributes, correlations included; by linear propagation; "
-        "NaN where no input decides",
+        long_name="share of the variance that the input named in rests_on contributes, correlations included; by "
+        "linear propagation; NaN where no input decides",
         error="that of the linearisation",
     ),
     "bound_alone_met": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="met if matching reached its bound instead of the declared matcher's noise; −1 where undecided, or "
-        "where no matcher makes a difference",
+        long_name="met if matching were as precise as its bound instead of having the errors of the declared "
+        "matcher; −1 where undecided, or where no matcher makes a difference",
     ),
     "bound_alone_camera": Variable(
         dims=_OF_REQUIREMENT,
@@ -262,14 +283,18 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     ),
     "bound_alone_reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="reason at the matching bound"),
     "camera_met": Variable(
-        dims=_OF_CAMERA, units="1", long_name="1 met by this camera, 0 not met, −1 cannot be decided or not required"
+        dims=_OF_CAMERA,
+        units="1",
+        long_name="whether this camera meets the requirement: 1 met, 0 not met, −1 cannot be decided or not required",
     ),
     "camera_margin_percent": Variable(
         dims=_OF_CAMERA, units="percent", long_name="margin_percent of this camera", error="as that of its value"
     ),
-    "camera_reason": Variable(dims=_OF_CAMERA, units="", long_name="its worst value and where it lies"),
+    "camera_reason": Variable(dims=_OF_CAMERA, units="", long_name="worst value of this camera, and where it lies"),
     "design_met": Variable(
-        dims=_OF_REQUIREMENT, units="1", long_name="1 met in this design, 0 not met, −1 cannot be decided"
+        dims=_OF_REQUIREMENT,
+        units="1",
+        long_name="whether the requirement is met in this design: 1 met, 0 not met, −1 cannot be decided",
     ),
     "design_camera": Variable(dims=_OF_REQUIREMENT, units="", long_name="camera that decides in this design"),
     "design_margin_percent": Variable(
@@ -284,19 +309,26 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "met_from": Variable(
         dims=("requirement", "stretch"),
         units="mixed",
-        long_name="start of a range of the one swept parameter in which the requirement is met, in its SI unit",
+        long_name="start of a range of the only swept parameter in which the requirement is met, in the SI unit "
+        "of that parameter",
         error="met_to_within",
     ),
     "met_to": Variable(
-        dims=("requirement", "stretch"), units="mixed", long_name="end of that range", error="met_to_within"
+        dims=("requirement", "stretch"),
+        units="mixed",
+        long_name="end of the range that begins at met_from",
+        error="met_to_within",
     ),
     "met_to_within": Variable(
         dims=("requirement", "stretch"),
         units="mixed",
-        long_name="error of those ends: half the bracket of the root; 0 at an end of the sweep",
+        long_name="error of met_from and met_to: half the width of the bracket around the root; 0 at an end of "
+        "the sweep",
         error="an estimate of an error",
     ),
     "met_camera": Variable(
-        dims=("requirement", "stretch"), units="", long_name="deciding cameras in this range, by increasing parameter"
+        dims=("requirement", "stretch"),
+        units="",
+        long_name="cameras that decide in this range, in the order of the increasing parameter",
     ),
 }

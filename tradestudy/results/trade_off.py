@@ -20,40 +20,48 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "weighed_value_error": Variable(
         dims=_BOTH, units="mixed", long_name="standard error of weighed_value", error="an estimate of an error"
     ),
-    "weighed_units": Variable(dims=("weighed",), units="", long_name="SI unit of a criterion"),
+    "weighed_units": Variable(dims=("weighed",), units="", long_name="SI unit of weighed_value, worst and best"),
     "weighed_says": Variable(dims=("weighed",), units="", long_name="meaning of the criterion"),
     "worst": Variable(dims=("weighed",), units="mixed", long_name="value that scores 0", error="declared"),
     "best": Variable(dims=("weighed",), units="mixed", long_name="value that scores 1", error="declared"),
     "worth": Variable(
         dims=_BOTH,
         units="1",
-        long_name="score of weighed_value, linear from 0 at worst to 1 at best, and clipped; 0 where that is NaN",
+        long_name="score of weighed_value, linear from 0 at worst to 1 at best, and clipped beyond; 0 where "
+        "weighed_value is NaN",
         error="that of weighed_value over best minus worst",
     ),
     "clipped": Variable(
         dims=_BOTH, units="1", long_name="whether weighed_value lies beyond worst or best", error="exact"
     ),
-    "weight_low": Variable(dims=("weighed",), units="1", long_name="smallest possible weight", error="declared"),
-    "weight_high": Variable(dims=("weighed",), units="1", long_name="largest possible weight", error="declared"),
+    "weight_low": Variable(
+        dims=("weighed",), units="1", long_name="smallest possible weight of the criterion", error="declared"
+    ),
+    "weight_high": Variable(
+        dims=("weighed",), units="1", long_name="largest possible weight of the criterion", error="declared"
+    ),
     "weight_order": Variable(
         dims=("weighed",),
         units="1",
-        long_name="position in the declared order of importance, from 1; 0 where no order is declared",
+        long_name="position of the criterion in the declared order of importance, counted from 1; 0 where no "
+        "order is declared",
         error="declared",
     ),
-    "weight_mean": Variable(dims=("weighed",), units="1", long_name="mean of all possible weights", error="below 1e-3"),
+    "weight_mean": Variable(
+        dims=("weighed",), units="1", long_name="mean of all possible weights of the criterion", error="below 1e-3"
+    ),
     "rank_acceptability": Variable(
         dims=("candidate", "rank"),
         units="1",
         symbol="b_i^r",
         reference=_SMAA,
-        long_name="fraction of the possible weights and errors of the values that give a candidate this rank",
+        long_name="fraction of the possible weights and errors that give a candidate this rank",
         error="rank_acceptability_error",
     ),
     "rank_acceptability_error": Variable(
         dims=("candidate", "rank"),
         units="1",
-        long_name="standard error over independent scrambles; at least one draw where anything is drawn",
+        long_name="standard error over independent scrambles, at least that of a single draw where anything is drawn",
         error="an estimate of an error",
     ),
     "central_weight": Variable(

@@ -26,9 +26,9 @@ VALUE_OF_INFORMATION: Final[Mapping[str, Variable]] = {
         long_name="upward bias of worth due to noise in the maximum over cameras; already subtracted",
         error="an estimate of an error",
     ),
-    "says": Variable(dims=("assumption",), units="", long_name="the assumption"),
+    "says": Variable(dims=("assumption",), units="", long_name="name of the assumption"),
     "varied": Variable(dims=("assumption",), units="", long_name="paths of the varied values"),
-    "between": Variable(dims=("assumption",), units="", long_name="ends of their range"),
+    "between": Variable(dims=("assumption",), units="", long_name="ends of the range of the varied values"),
     "expected_utility": Variable(
         dims=("candidate",),
         units="1",

@@ -19,7 +19,11 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "title": Variable(dims=("element",), units="", long_name="name of the lens in figures and tables"),
     "focal_length": Variable(dims=("element",), units="m", long_name="focal length", symbol="f", error="declared"),
     "object_distance": Variable(
-        dims=("element",), units="m", long_name="distance of the object in focus", symbol="a", error="declared"
+        dims=("element",),
+        units="m",
+        long_name="distance of the object in focus from the lens",
+        symbol="a",
+        error="declared",
     ),
     "image_distance": Variable(
         dims=("element",), units="m", long_name="in-focus image distance", symbol="b", error=ROUNDING
@@ -27,7 +31,10 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "camera_f_number": _f_number(("element",), "f-number at which the camera uses the lens", "", "declared"),
     "published_f_number": _f_number(("element",), "f-number of a published error; NaN if none", "", "declared"),
     "published_error": Variable(
-        dims=("element",), units="1", long_name="published error there; NaN if none", error="as its source states it"
+        dims=("element",),
+        units="1",
+        long_name="published error at published_f_number; NaN if none",
+        error="as its source states it",
     ),
     "published_minimum": _f_number(
         ("element",), "published minimum f-number for Fresnel; NaN if none", f"{PAPER}, section 5.3", "as printed"
@@ -48,7 +55,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "off_axis_error": Variable(
         dims=("element", "lens_phase", "f_number", "metric", "window"),
         units="1",
-        long_name="psf_error off the axis, about the thin-lens image",
+        long_name="psf_error off the axis, in a window about the thin-lens image",
         reference=_MEASURED,
         error="see off_axis_error_numerical",
     ),
@@ -105,14 +112,14 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "paper_eq27_f_number": _f_number(
         (*_ELEMENT, "zero"),
-        "both zeros of the criterion as printed; not to be trusted, see condition",
+        "both zeros of the criterion as printed; not to be trusted, see paper_eq27_condition",
         f"{PAPER}, eq. 27",
     ),
     "paper_eq27_condition": Variable(
         dims=_ELEMENT,
         units="1",
-        long_name="factor by which a relative change of a length is magnified in the fractional part that decides the "
-        "criterion as printed",
+        long_name="factor by which the criterion as printed, through the fractional part that decides it, "
+        "magnifies a relative change of a length",
         reference=f"{PAPER}, eq. 27",
         error=ROUNDING,
     ),
@@ -123,11 +130,14 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "path_error_f_number": _f_number(
         (*_ELEMENT, "path_error"),
-        "minimum f-number at which the omitted path stays within its bound",
+        "minimum f-number at which the optical path that Fresnel omits stays within its bound",
         "(f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼; the next term is smaller by r²/(2 b²)",
     ),
     "goodman_f_number": _f_number(
-        _ELEMENT, "minimum f-number at which each leg alone omits at most 1 rad", "Goodman 2005, section 4.2.2"
+        _ELEMENT,
+        "minimum f-number at which Fresnel omits at most 1 rad of phase on each leg (object to lens, "
+        "lens to image) alone",
+        "Goodman 2005, section 4.2.2",
     ),
     "southwell_f_number": _f_number(
         _ELEMENT,
@@ -141,26 +151,26 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "image": Variable(
         dims=("propagator", "row", "column"),
         units="1",
-        long_name="fraction of the power in the main pupil that falls on a pixel",
+        long_name="fraction of the power in the pupil of the main lens that falls on a pixel",
         reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
         error="see numerical_error",
     ),
     "numerical_error": Variable(
         dims=("propagator",),
         units="1",
-        long_name="relative L2 error over the pixels",
+        long_name="numerical error of image, relative, in the L2 norm over the pixels",
         error="an estimate itself",
     ),
     "power": Variable(
         dims=("propagator",),
         units="1",
-        long_name="fraction of the power in the main pupil that falls on the detector",
+        long_name="fraction of the power in the pupil of the main lens that falls on the detector",
         error="at most numerical_error relative",
     ),
     "lit_pixels": Variable(
         dims=("propagator",),
         units="1",
-        long_name="number of pixels with more than a hundredth of the brightest pixel's light",
+        long_name="number of pixels with more than a hundredth of the light of the brightest pixel",
         error="a count",
     ),
     "outside_geometric": Variable(
@@ -172,17 +182,21 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "difference": Variable(
         dims=("propagator", "against"),
         units="1",
-        long_name="sum over pixels of |difference|, divided by the sum of the image that it is compared with",
+        long_name="sum over the pixels of the absolute difference between two images, divided by the sum over "
+        "the pixels of the second one",
         error="at most the numerical errors of both images together; less where they share it",
     ),
     "difference_l2": Variable(
         dims=("propagator", "against"),
         units="1",
-        long_name="relative L2 difference over pixels",
+        long_name="difference between two images in the L2 norm over the pixels, relative to the second one",
         error="at most the numerical errors of both images together; less where they share it",
     ),
     "chosen": Variable(
-        dims=("propagator",), units="1", long_name="1 for the methods that the tolerance requires", error="a choice"
+        dims=("propagator",),
+        units="1",
+        long_name="1 for the methods that the tolerance requires, 0 for others",
+        error="a choice",
     ),
     "chosen_image": Variable(
         dims=("row", "column"),
@@ -198,13 +212,16 @@ IMAGES: Final[Mapping[str, Variable]] = {
         error="an estimate itself",
     ),
     "spectral_share": Variable(
-        dims=("wavelength",), units="1", long_name="fraction of the light at a wavelength", error="declared"
+        dims=("wavelength",), units="1", long_name="fraction of the light that has this wavelength", error="declared"
     ),
     "microlens_x": Variable(
-        dims=("microlens",), units="m", long_name="centre of a microlens, along a row", error=ROUNDING
+        dims=("microlens",), units="m", long_name="position of the centre of a microlens, along a row", error=ROUNDING
     ),
     "microlens_y": Variable(
-        dims=("microlens",), units="m", long_name="centre of a microlens, across the rows", error=ROUNDING
+        dims=("microlens",),
+        units="m",
+        long_name="position of the centre of a microlens, perpendicular to the rows",
+        error=ROUNDING,
     ),
     "microlens_focal_length": Variable(
         dims=("microlens",), units="m", long_name="focal length of a microlens", symbol="f_L", error="declared"
@@ -212,7 +229,8 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "benchmark_error": Variable(
         dims=("benchmark",),
         units="1",
-        long_name="stated relative L2 error of the intensities; the seconds are in the record of the run",
+        long_name="relative error of the intensities in the L2 norm, as the computation states it; the seconds "
+        "are in run.json",
         error="an estimate itself",
     ),
     "published_seconds": Variable(
@@ -245,29 +263,47 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
     "value": Variable(
         dims=("element", "varied", "step"),
         units="mixed",
-        long_name="value of the varied input, in the SI unit of varied_units; NaN beyond the last",
+        long_name="value of the varied input, in the unit of varied_units; NaN beyond the last value",
         error="declared",
     ),
     "chosen": Variable(
-        dims=("propagator",), units="1", long_name="1 for the method that the tolerance requires", error="a choice"
+        dims=("propagator",),
+        units="1",
+        long_name="1 for the method that the tolerance requires, 0 for others",
+        error="a choice",
     ),
-    "varied_units": Variable(dims=("varied",), units="", long_name="SI unit of the value"),
+    "varied_units": Variable(dims=("varied",), units="", long_name="SI unit of value"),
     "standing": Variable(
-        dims=("element", "varied"), units="mixed", long_name="value while another input is varied", error="declared"
+        dims=("element", "varied"),
+        units="mixed",
+        long_name="value of this input while another input is varied",
+        error="declared",
     ),
-    **_spread("full_width", "m", "full width at half maximum, across the direction of the field angle"),
-    **_spread("half_energy_radius", "m", "radius that contains 50 % of the pupil's power, about the thin-lens image"),
     **_spread(
-        "energy_radius_80", "m", "radius that contains 80 % of the pupil's power; NaN where the window contains less"
+        "full_width",
+        "m",
+        "full width at half maximum of the image of a point, perpendicular to the direction of the field angle",
     ),
-    **_spread("rms_width", "m", "root-mean-square distance from the thin-lens image within the declared radius"),
-    **_spread("strehl_ratio", "1", "largest intensity relative to that of the same pupil without aberration"),
+    **_spread(
+        "half_energy_radius",
+        "m",
+        "radius of the circle about the thin-lens image that contains 50 % of the pupil's power",
+    ),
+    **_spread(
+        "energy_radius_80",
+        "m",
+        "radius of the circle about the thin-lens image that contains 80 % of the pupil's power; NaN "
+        "where the window contains less",
+    ),
+    **_spread(
+        "rms_width", "m", "root-mean-square distance of the light from the thin-lens image, within the declared radius"
+    ),
+    **_spread("strehl_ratio", "1", "largest intensity, relative to that of the same pupil without aberration"),
     **_spread("transfer_half_nyquist", "1", "modulation transfer at half the Nyquist frequency of the pixels"),
     **_spread(
         "outside_geometric",
         "1",
-        "fraction of the pupil's power outside the disc filled by paraxial rays; all of it in focus, where that is a "
-        "point",
+        "fraction of the pupil's power outside the disc that paraxial rays fill; 1 in focus, where the disc is a point",
     ),
     **_spread("neighbour_share", "1", "fraction of the pupil's power on the eight pixels around the central one"),
 }

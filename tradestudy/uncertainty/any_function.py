@@ -36,13 +36,17 @@ class Spread:
     ----------
     coverage
         Probabilities of the intervals.
-    median, standard_deviation
-        In the unit of the output. If the standard deviation does not exist, this value grows with the number of draws.
-    low, high
-        Ends of the central intervals, with equal probability outside on both sides; shape (coverages, …).
+    median
+        Median of the output, in its unit.
+    standard_deviation
+        Standard deviation of the output, in its unit. If it does not exist, this value grows with the number of draws.
+    low
+        Lower ends of the central intervals, with equal probability outside on both sides; shape (coverages, …).
+    high
+        Upper ends of these intervals, shape (coverages, …).
     error
-        Standard error of the ends, shape (coverages, …): the larger of both, from the scatter of independent
-        replicates.
+        Standard error of the ends, shape (coverages, …): the larger one of the two ends, from the scatter of
+        independent replicates.
     draws
         Total number of evaluations.
     converged

@@ -136,8 +136,10 @@ class Triangular:
 
     Parameters
     ----------
-    low, mode, high : float
-        Limits and peak [unit of the error], low <= mode <= high.
+    low, high : float
+        Limits [unit of the error], low <= high.
+    mode : float
+        Peak [unit of the error], low <= mode <= high.
 
     Raises
     ------

@@ -30,14 +30,14 @@ class ReferenceScalePart(Part):
     """A focus setting from a data sheet, which locates the principal plane behind the front of the lens."""
 
     working_distance: ObjectDistance = Field(description="Distance from the object to the front of the lens.")
-    image_scale: DetailSize = Field(description="Size that one pixel covers on the object.")
+    image_scale: DetailSize = Field(description="Size that one pixel covers on the object, at this focus setting.")
 
 
 class FocusStackPart(Part):
-    """A stack of images at different focus distances: as few as cover the range, up to a maximum."""
+    """A stack of images at different focus distances: as few as cover a range of distances, up to a maximum."""
 
-    start: ObjectDistance = Field(alias="from", description="Nearest distance to cover.")
-    stop: ObjectDistanceOrInfinity = Field(alias="to", description="Farthest distance to cover; may be infinity.")
+    start: ObjectDistance = Field(alias="from", description="Nearest distance of the range to cover.")
+    stop: ObjectDistanceOrInfinity = Field(alias="to", description="Farthest distance of the range to cover.")
     images: PositiveCount = Field(description="Largest number of images in one stack.")
     time_per_image: PositiveDuration | None = Field(
         default=None, description="Time from one image to the next, including refocusing."
@@ -54,13 +54,15 @@ class ConventionalFocusPart(Part):
     """The focus of a conventional camera, by distance, by image scale or by the working distance of a data sheet."""
 
     distance: ObjectDistanceOrInfinity | None = Field(
-        default=None, description="Distance from the object to the principal plane of the lens."
+        default=None, description="Distance from the object in focus to the principal plane of the lens."
     )
     image_scale: DetailSize | None = Field(
-        default=None, description="Size that one pixel covers on the object in focus."
+        default=None, description="Instead of `distance`: size that one pixel covers on an object in focus."
     )
     working_distance: ObjectDistance | None = Field(
-        default=None, description="Distance from the object to the front of the lens; needs a reference."
+        default=None,
+        description="Instead of `distance`: distance from the object in focus to the front of the lens; needs "
+        "`reference`.",
     )
     reference: ReferenceScalePart | None = None
     stack: FocusStackPart | None = Field(default=None, description="A focus stack instead of a single image.")
@@ -95,9 +97,11 @@ class ConventionalFocusPart(Part):
 
 
 class ConventionalLensPart(LensPart):
-    """The lens of a conventional camera; its f-number has a default."""
+    """The lens of a conventional camera."""
 
-    f_number: FNumber = Field(default="2.8", validate_default=True, description="Focal length over pupil diameter.")
+    f_number: FNumber = Field(
+        default="2.8", validate_default=True, description="F-number: focal length divided by pupil diameter."
+    )
 
 
 class ConventionalDeclaration(CameraDeclaration):

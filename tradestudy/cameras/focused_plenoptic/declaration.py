@@ -37,13 +37,14 @@ class MicrolensesPart(Part):
     layout: Literal["hexagonal", "square"] = Field(description="Arrangement of the microlenses.")
     pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres.")
     gap: LensToSensor | Literal["f-number-matching"] = Field(
-        description="Distance from array to sensor; f-number-matching: pitch × mla_distance / pupil diameter."
+        description="Distance from the microlens array to the sensor, or `f-number-matching`, which makes the "
+        "f-numbers of microlenses and main lens equal: pitch × mla_distance / pupil diameter."
     )
-    types: Literal[1, 3] = Field(default=1, description="Number of microlens types, by focal length.")
+    types: Literal[1, 3] = Field(default=1, description="Number of microlens types, which differ in focal length.")
     focal_lengths: tuple[FocalLength, ...] | None = Field(
         default=None,
-        description="One per type; default: chosen so that the depths of field for one pixel of blur adjoin, starting "
-        "at the total covering plane.",
+        description="Focal length of each microlens type; default: chosen so that the depths of field of the "
+        "types, for one pixel of blur, adjoin each other, starting at the total covering plane.",
     )
     aperture_diameter: MicrolensPitch | None = Field(
         default=None, description="Diameter of one microlens; default: the pitch."
@@ -67,15 +68,19 @@ class MicrolensesPart(Part):
 
 
 class FocusPart(Part):
-    """Position of the array, given directly or by the total covering plane."""
+    """Position of the microlens array, given directly or by the total covering plane."""
 
-    mla_distance: LensToSensor | None = Field(default=None, description="Distance z from main lens to array.")
+    mla_distance: LensToSensor | None = Field(
+        default=None, description="Distance from the main lens to the microlens array."
+    )
     total_covering_plane: ObjectDistanceOrInfinity | None = Field(
-        default=None, description="Object distance at which |virtual depth| is 2; may be infinity."
+        default=None,
+        description="Instead of mla_distance: object distance at which the magnitude of the virtual depth is 2.",
     )
     relay: Literal["keplerian", "galilean"] | None = Field(
         default=None,
-        description="Whether the main lens forms its image in front of (keplerian) or behind (galilean) the array.",
+        description="Whether the main lens forms its image in front of (`keplerian`) or behind (`galilean`) the "
+        "microlens array; needed with total_covering_plane.",
     )
 
     @model_validator(mode="after")
@@ -90,10 +95,14 @@ class FocusPart(Part):
 class PlenopticDepthPart(DisparityPart):
     """How the camera measures depth from its micro-images."""
 
-    estimator: PlenopticEstimator = Field(description="Which micro-images are compared.")
+    estimator: PlenopticEstimator = Field(
+        description="Micro-images that are compared: those of two adjacent microlenses, of the two nearest "
+        "microlenses of the same type, of the two microlenses farthest apart that see the point, or of all that see "
+        "it by least squares."
+    )
     microlenses: UsedLenses | None = Field(
         default=None,
-        description="Which microlenses widest-pair and least-squares use; default: sharpest-type.",
+        description="Microlenses that the estimators `widest-pair` and `least-squares` use; default: `sharpest-type`.",
     )
 
     @model_validator(mode="after")
@@ -125,8 +134,8 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
     depth: PlenopticDepthPart
     field_curvature: Length = Field(
         default=0.0,
-        description="How much farther from the main lens its image lies in the corner of the sensor than on the axis. "
-        "Depth measurement corrects for it.",
+        description="How much farther from the main lens its image lies in the corner of the sensor than on the "
+        "axis. Measured depths are corrected for this.",
     )
     calibration: FocusedPlenopticCalibration = Field(default_factory=FocusedPlenopticCalibration)
 

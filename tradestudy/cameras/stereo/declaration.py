@@ -30,11 +30,13 @@ _NEARLY_PARALLEL: Final = 0.05
 
 
 class StereoLensPart(LensPart):
-    """The lenses of both cameras; a calibrated pair takes its focal length from its geometry."""
+    """The lenses of both cameras; ``geometry``, if given, determines their focal length."""
 
     counts_given: ClassVar[tuple[int, ...]] = (0, 1)
 
-    f_number: FNumber = Field(default="2.8", validate_default=True, description="Focal length over pupil diameter.")
+    f_number: FNumber = Field(
+        default="2.8", validate_default=True, description="F-number: focal length divided by pupil diameter."
+    )
 
 
 class StereoDepthPart(DisparityPart):
@@ -43,7 +45,8 @@ class StereoDepthPart(DisparityPart):
     estimator: Literal["disparity", "midpoint"] = Field(
         default="disparity",
         validate_default=True,
-        description="Depth is computed from the disparity along the baseline, or from the midpoint between both rays.",
+        description="How depth is computed: from the disparity along the baseline (`disparity`), or from the "
+        "midpoint between the two rays (`midpoint`).",
     )
     disparity_error: PositivePixels | Literal["derived"] = Field(
         default="0.1 px", validate_default=True, description=DisparityPart.model_fields["disparity_error"].description
@@ -69,29 +72,35 @@ class StereoDeclaration(DepthCameraDeclaration):
     sensor: SensorPart
     geometry: GeometryPart | None = Field(
         default=None,
-        description="Both cameras as calibrated, instead of focal length and baseline; used to measure depth.",
+        description="Geometry of both cameras as calibrated, instead of focal length and baseline; depth is "
+        "measured with it.",
     )
     baseline: Baseline | None = Field(
-        default=None, validate_default=True, description="Distance between the two centres of projection."
+        default=None,
+        validate_default=True,
+        description="Distance between the centres of projection of the two cameras; needed unless `geometry` is given.",
     )
     convergence_distance: ObjectDistanceOrInfinity = Field(
         default="infinity",
         validate_default=True,
-        description="Distance at which the optical axes meet; infinity for parallel axes.",
+        description="Distance at which the optical axes of the two cameras meet; infinity for parallel axes.",
     )
     focus_distance: ObjectDistanceOrInfinity | Literal["autofocus"] = Field(
         default="autofocus",
         validate_default=True,
-        description="Distance in focus; with autofocus, a mechanism focuses the lenses on every object.",
+        description="Distance on which the lenses are focused; with `autofocus`, a mechanism focuses them on every "
+        "object.",
     )
     principal_distance: Literal["focal_length", "focused"] = Field(
         default="focal_length",
-        description="Distance from lens to sensor, which converts disparity to depth: the focal length (from a "
-        "calibration in pixels, or focused at infinity), or the image distance of focus_distance.",
+        description="Distance from lens to sensor with which disparity is converted to depth: the focal length "
+        "(for a calibration in pixels, or lenses focused at infinity) or, with `focused`, the image distance of "
+        "focus_distance.",
     )
     depth: StereoDepthPart = Field(default_factory=StereoDepthPart)
     distortion: AnyLensModel | None = Field(
-        default=None, description="Lens model of both cameras, without errors; default: none."
+        default=None,
+        description="Lens model of both cameras, assumed to be free of errors; default: no distortion.",
     )
     calibration: StereoCalibration = Field(default_factory=StereoCalibration)
 

@@ -10,7 +10,7 @@ from tradestudy.cameras.stereo.pair import SIDES
 
 _OF_BOTH: Final[ErrorVocabulary] = {
     "baseline": ErrorParameter(
-        unit="m", part="relative position", meaning="Distance between the two centres of projection."
+        unit="m", part="relative position", meaning="Distance between the centres of projection of the two cameras."
     ),
     "baseline_direction_y": ErrorParameter(
         unit="rad", part="relative position", meaning="Angle by which the right camera lies below the left one."
@@ -38,12 +38,13 @@ _OF_BOTH: Final[ErrorVocabulary] = {
     "focal_length": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Principal distance common to both cameras; a calibration in pixels calls it the focal length.",
+        meaning="Principal distance of both cameras, which a calibration in pixels calls the focal length.",
     ),
     "principal_point": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Right minus left principal point along the baseline, on the sensor; each camera has half of it.",
+        meaning="Difference between the right and the left principal point along the baseline, on the sensor; "
+        "each camera has half of it.",
     ),
 }
 
@@ -55,16 +56,16 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
         ErrorParameter(
             unit="m",
             part=INTERIOR,
-            meaning=f"Principal distance of the {side} camera, in addition to the common error.",
+            meaning=f"Principal distance of the {side} camera, in addition to the error of focal_length.",
         ),
     )
-    for axis, where in (("x", "along the baseline"), ("y", "across the baseline")):
+    for axis, where in (("x", "along the baseline"), ("y", "perpendicular to the baseline")):
         yield (
             f"principal_point_{axis}",
             ErrorParameter(
                 unit="m",
                 part=INTERIOR,
-                meaning=f"Principal point of the {side} camera {where}, on its sensor.",
+                meaning=f"Position of the principal point of the {side} camera {where}, on its sensor.",
             ),
         )
     for name, power in (("k1", "square"), ("k2", "fourth power")):
@@ -73,7 +74,7 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
             ErrorParameter(
                 unit="1",
                 part=INTERIOR,
-                meaning=f"Radial distortion coefficient of the {side} lens, for the {power} of the slope.",
+                meaning=f"Radial distortion coefficient of the {side} lens, for the {power} of a ray's slope.",
             ),
         )
 

@@ -17,11 +17,15 @@ from tradestudy.optics.lens_models.rational import IDEAL
 
 
 class CalibratedCameraPart(Part):
-    """One camera of a calibrated pair; the centre of the first pixel is (0, 0), x to the right and y down."""
+    """One camera of a calibrated pair; (0, 0) is the centre of its first pixel, x points right and y down."""
 
     focal_length: tuple[PositivePixels, PositivePixels] = Field(description="Horizontal and vertical focal length.")
-    principal_point: tuple[Pixels, Pixels] = Field(description="Where the optical axis meets the picture.")
-    distortion: AnyLensModel | None = Field(default=None, description="Lens model; default: none.")
+    principal_point: tuple[Pixels, Pixels] = Field(
+        description="Point (x, y) of the picture that the optical axis meets."
+    )
+    distortion: AnyLensModel | None = Field(
+        default=None, description="Lens model of this camera; default: no distortion."
+    )
 
     def lens_model(self) -> LensModel:
         """The lens model in SI."""
@@ -34,15 +38,17 @@ class CalibratedCameraPart(Part):
 
 
 class GeometryPart(Part):
-    """Two cameras as calibrated; ``x_right = R x_left + t``."""
+    """Two cameras as calibrated; a point ``x_left`` of the left frame is ``x_right = R x_left + t`` in the right."""
 
     left: CalibratedCameraPart
     right: CalibratedCameraPart
     rotation: tuple[Angle, Angle, Angle] = Field(
-        default=(0.0, 0.0, 0.0), description="Rotation vector of R, from the left camera's frame to the right one's."
+        default=(0.0, 0.0, 0.0),
+        description="Rotation vector of R, from the frame of the left camera to that of the right one.",
     )
     translation: tuple[Length, Length, Length] = Field(
-        description="t: position of the left camera in the right one's frame; its first component is about −baseline."
+        description="Translation t: position of the left camera in the frame of the right one; its first component "
+        "is about −baseline."
     )
 
     @model_validator(mode="after")

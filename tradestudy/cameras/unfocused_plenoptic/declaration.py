@@ -31,16 +31,20 @@ class UnfocusedMicrolensesPart(Part):
     """The microlens array of an unfocused plenoptic camera, one microlens focal length in front of the sensor."""
 
     layout: Literal["hexagonal", "square"] = Field(description="Arrangement of the microlenses.")
-    pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres, the lateral sample.")
+    pitch: MicrolensPitch = Field(
+        description="Distance between neighbouring microlens centres; each microlens is one lateral sample."
+    )
     focal_length: FocalLength | Literal["f-number-matching"] = Field(
-        description="Focal length of a microlens, also its distance to the sensor; f-number-matching: pitch × "
-        "mla_distance / pupil diameter."
+        description="Focal length of a microlens, which is also its distance from the sensor, or "
+        "`f-number-matching`, which makes the f-numbers of microlenses and main lens equal: pitch × mla_distance / "
+        "pupil diameter."
     )
     aperture_diameter: MicrolensPitch | None = Field(
         default=None, description="Diameter of one microlens; default: the pitch."
     )
     f_number: FNumber | None = Field(
-        default=None, description="Focal length over aperture of one microlens, instead of aperture_diameter."
+        default=None,
+        description="Instead of aperture_diameter: focal length divided by aperture diameter of a microlens.",
     )
 
     @model_validator(mode="after")
@@ -51,15 +55,19 @@ class UnfocusedMicrolensesPart(Part):
 
 
 class UnfocusedFocusPart(Part):
-    """Where an unfocused plenoptic camera is focused."""
+    """The distance on which an unfocused plenoptic camera is focused."""
 
-    distance: ObjectDistance = Field(description="Object distance that is imaged onto the microlenses.")
+    distance: ObjectDistance = Field(
+        description="Distance of the objects that the main lens images onto the microlenses."
+    )
 
 
 class UnfocusedDepthPart(DisparityPart):
-    """Depth from views through parts of the pupil; 1 px of disparity is one microlens, the sample of a view."""
+    """How depth is measured from views through parts of the pupil; 1 px of disparity is the width of one microlens."""
 
-    estimator: ViewEstimator = Field(description="Which views are compared.")
+    estimator: ViewEstimator = Field(
+        description="Views that are compared: the two outermost views of a row, or all views by least squares."
+    )
 
 
 if TYPE_CHECKING:
@@ -82,8 +90,8 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
     depth: UnfocusedDepthPart
     field_curvature: Length = Field(
         default=0.0,
-        description="How much farther from the main lens its image lies in the corner of the sensor than on the axis. "
-        "Depth measurement corrects for it.",
+        description="How much farther from the main lens its image lies in the corner of the sensor than on the "
+        "axis. Measured depths are corrected for this.",
     )
     calibration: UnfocusedPlenopticCalibration = Field(default_factory=UnfocusedPlenopticCalibration)
 

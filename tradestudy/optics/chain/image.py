@@ -286,8 +286,12 @@ def separate_image(
 
     Parameters
     ----------
-    path, source, wavelength, legs, accuracy, rng, done, compute
-        As in `chain_image`; `done` is called after every microlens, and `compute` computes the microlenses.
+    path, source, wavelength, legs, accuracy, rng
+        As in `chain_image`.
+    done
+        Called with the completed fraction of the microlenses, after each of them.
+    compute
+        Computes groups of microlenses, here or on workers; the image does not depend on where.
 
     Returns
     -------

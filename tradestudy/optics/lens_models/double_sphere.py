@@ -19,7 +19,7 @@ class DoubleSphere(LensModel):
     Parameters
     ----------
     xi
-        Distance between the centres of the two spheres, ξ [1], above −1 and at most 1.
+        Distance ξ [1] between the centres of the two spheres, above −1 and at most 1.
     alpha
         Blending factor α [1] between the second sphere and the pinhole behind it, from 0 to 1.
 

@@ -21,7 +21,7 @@ class ExtendedUnified(LensModel):
     alpha
         Blending factor α [1] between the ellipsoid and the pinhole, from 0 to 1.
     beta
-        Shape of the ellipsoid, β [1], above 0; 1 is a sphere.
+        Shape β [1] of the ellipsoid, above 0; 1 makes it a sphere.
 
     Notes
     -----

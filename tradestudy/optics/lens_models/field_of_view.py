@@ -19,7 +19,7 @@ class FieldOfView(LensModel):
     Parameters
     ----------
     w
-        Field of view of the ideal fisheye lens [rad], above 0 and below π.
+        Field of view [rad] of the ideal fisheye lens, above 0° and below 180°.
 
     Notes
     -----

@@ -23,8 +23,14 @@ class KannalaBrandt(LensModel):
 
     Parameters
     ----------
-    k1, k2, k3, k4
-        Coefficient of the odd polynomial in the angle [1].
+    k1
+        Coefficient of θ³ [1] in the image radius, with the angle θ from the optical axis.
+    k2
+        Coefficient of θ⁵ [1] in the image radius, with the angle θ from the optical axis.
+    k3
+        Coefficient of θ⁷ [1] in the image radius, with the angle θ from the optical axis.
+    k4
+        Coefficient of θ⁹ [1] in the image radius, with the angle θ from the optical axis.
 
     Notes
     -----

@@ -21,11 +21,11 @@ class Omnidirectional(LensModel):
     Parameters
     ----------
     xi
-        Distance of the second centre from that of the sphere ξ [1], at least 0; 0 is a pinhole, 1 a parabolic mirror.
+        Distance ξ [1] from the centre of the sphere to the second centre of projection, at least 0 (pinhole).
     k1, k2
-        Radial distortion [1].
+        Coefficient of radial distortion [1].
     p1, p2
-        Tangential distortion [1].
+        Coefficient of tangential distortion [1].
 
     Notes
     -----

@@ -28,12 +28,14 @@ class Rational(LensModel):
 
     Parameters
     ----------
-    k1, k2, k3, k4, k5, k6
-        Radial distortion [1].
+    k1, k2, k3
+        Coefficient in the numerator of the radial distortion [1].
+    k4, k5, k6
+        Coefficient in the denominator of the radial distortion [1].
     p1, p2
-        Tangential distortion [1].
+        Coefficient of tangential distortion [1].
     s1, s2, s3, s4
-        Thin prism [1].
+        Coefficient of thin-prism distortion [1].
     tau_x, tau_y
         Tilt of the sensor [rad].
 

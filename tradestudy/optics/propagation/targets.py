@@ -113,11 +113,13 @@ class TargetGrid:
     Parameters
     ----------
     x_start, y_start
-        Position of element [0, 0] [m].
+        Position of element [0, 0] along this axis [m].
     x_pitch, y_pitch
-        Steps [m], > 0.
-    x_count, y_count
-        Numbers of columns and rows, ≥ 1.
+        Distance between neighbouring points along this axis [m], > 0.
+    x_count
+        Number of columns, ≥ 1.
+    y_count
+        Number of rows, ≥ 1.
     distance
         Distance behind the lens plane [m], > 0.
 

@@ -23,24 +23,31 @@ class AccuracyPart(Part):
     """Largest relative changes that simplifications may cause, and the time limit of a run."""
 
     tolerance: Tolerance = Field(
-        default=0.01, description="Tolerance on every quantity without a tolerance of its own."
+        default=0.01, description="Tolerance on every quantity that has no tolerance of its own below."
     )
     depth_uncertainty: Tolerance | None = Field(
-        default=None, description="Tolerance on depth uncertainty from noise and calibration together."
+        default=None,
+        description="Tolerance on depth uncertainty from noise and calibration together; default: `tolerance`.",
     )
     usable_range: Tolerance | None = Field(
-        default=None, description="Tolerance on the near and far ends of the usable range."
+        default=None, description="Tolerance on the near and far ends of the usable range; default: `tolerance`."
     )
     depth_noise: Tolerance | None = Field(
-        default=None, description="Tolerance on depth uncertainty from noise alone; ignored unless given."
+        default=None,
+        description="Tolerance on depth uncertainty from noise alone; without it, this quantity does not affect "
+        "the choice of models.",
     )
     depth_of_field: Tolerance | None = Field(
-        default=None, description="Tolerance on the near and far ends of the depth of field."
+        default=None, description="Tolerance on the near and far ends of the depth of field; default: `tolerance`."
     )
     pixel_intensity: Tolerance | None = Field(
-        default=None, description="Tolerance on pixel intensity: L2 norm over the pixels of a picture."
+        default=None,
+        description="Tolerance on pixel intensities, as the relative change of a whole picture in the L2 norm; "
+        "default: `tolerance`.",
     )
-    psf_width: Tolerance | None = Field(default=None, description="Tolerance on the width of a point's image.")
+    psf_width: Tolerance | None = Field(
+        default=None, description="Tolerance on the width of the image of a point; default: `tolerance`."
+    )
     time_limit: PositiveDuration | None = Field(default=None, description="Time limit of the whole run; default: none.")
 
     def asked(self) -> accuracy.Accuracy:
@@ -57,8 +64,26 @@ class AccuracyPart(Part):
         )
 
 
+_AT_A_LENS = (
+    "none, an Airy pattern in focus, the wave from the rim of the aperture to first order, Fresnel's approximation, or "
+    "Kirchhoff's integral with exact paths"
+)
+_MODELS = {
+    "defocus_blur": "none, or a disc of uniform light",
+    "main_lens_diffraction": _AT_A_LENS,
+    "microlens_diffraction": _AT_A_LENS,
+    "crosstalk": "none, the share of light from neighbouring microlenses, or waves from all microlenses that interfere",
+    "pixel_integration": "one sample at the centre of each pixel (off), or the mean over its square active area",
+    "source_extent": "a point (off), or a disc",
+    "spectrum": "the central wavelength alone (off), or all wavelengths with their weights",
+    "vignetting": "none, or the cos⁴ law together with the stops",
+    "sensor_noise": "the terms that are included",
+    "calibration": "none, errors propagated to depth linearly, or errors propagated exactly",
+}
+
+
 class _EffectsPart(Part):
-    """Forced models: each replaces the automatic choice for its effect."""
+    """Models that the study forces; each replaces the model that the program would choose for its effect."""
 
     def forced(self) -> dict[SlotName, str]:
         """The forced models, by effect."""
@@ -74,7 +99,10 @@ else:  # one optional key for each effect
         __base__=_EffectsPart,
         __doc__=_EffectsPart.__doc__,
         **{
-            slot: (Literal[models_of(slot)] | None, Field(default=None, description=f"Model of {EFFECT[slot]}."))
+            slot: (
+                Literal[models_of(slot)] | None,
+                Field(default=None, description=f"Model of {EFFECT[slot]}: {_MODELS[slot]}."),
+            )
             for slot in EFFECTS
         },
     )

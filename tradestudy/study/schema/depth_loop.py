@@ -16,40 +16,49 @@ _MOST = 50
 
 
 class DepthLoopPart(Part):
-    """Planes across the axis, rendered and measured, each with its own texture and noise.
+    """A test of predicted depth uncertainties on rendered pictures of planes perpendicular to the axis.
 
-    Texture, light, noise and window are those of scene.picture. The matcher is fitted to the errors at some distances
-    and tested on those at all others.
+    Each plane has its own texture and noise; texture, light, noise and window are those of scene.picture. The matcher
+    is fitted to the errors at some distances and tested on those at all others.
     """
 
     distances: Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=_MOST)] = Field(
-        description="Distances of the planes, increasing."
+        description="Distances of the planes, in increasing order."
     )
     fitted_at: Annotated[
         tuple[ObjectDistance, ...], Field(min_length=1, max_length=_MOST), AfterValidator(distinct)
-    ] = Field(description="Distances at which the matcher is fitted to the errors; they share one seed.")
+    ] = Field(
+        description="Distances, out of `distances`, at which the matcher is fitted to the errors; their planes "
+        "share one random seed."
+    )
     cameras: Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(
         default=None, description="Cameras to test; default: all that measure depth."
     )
     contrasts: (
         Annotated[tuple[PositiveFraction, ...], Field(min_length=1, max_length=_MOST), AfterValidator(distinct)] | None
-    ) = Field(default=None, description="Contrasts of the texture; default: that of scene.picture.")
+    ) = Field(
+        default=None, description="Contrasts of the texture to test; default: the contrast in scene.picture.texture."
+    )
     electrons: (
         Annotated[tuple[PositiveElectrons, ...], Field(min_length=1, max_length=_MOST), AfterValidator(distinct)] | None
-    ) = Field(default=None, description="Mean number of electrons in a pixel; default: that of scene.picture.light.")
+    ) = Field(
+        default=None,
+        description="Mean numbers of electrons in a pixel to test; default: the number in scene.picture.light.",
+    )
     texture_scaled_from: ObjectDistance | None = Field(
         default=None,
-        description="Distance at which the texture has its declared correlation length; elsewhere the length scales "
-        "with distance, so that a camera sees the same texture at all distances; default: no scaling.",
+        description="Distance at which the texture has its declared correlation length. At other distances the "
+        "length scales with the distance, so that a camera sees the same texture everywhere. Default: no scaling.",
     )
     windows: Annotated[int, Field(strict=True, ge=100, le=1_000_000)] = Field(
         default=1500,
-        description="Number of non-overlapping matching windows on each plane, at most as many as eight pictures "
-        "contain; the relative error of the measured spread is about 1/sqrt(windows).",
+        description="Number of non-overlapping matching windows to measure on each plane, at most as many as eight "
+        "pictures contain; the measured spread then has a relative error of about 1/√windows.",
     )
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
         default=64,
-        description="Rays per pixel and lens; many of them keep the sampling error from passing for the matcher's.",
+        description="Number of rays per pixel and lens; with too few, the sampling error would pass for an error "
+        "of the matcher.",
     )
 
     @model_validator(mode="after")

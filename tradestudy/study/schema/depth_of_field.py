@@ -22,11 +22,12 @@ class BlurPart(Part):
     """What counts as sharp: an upper bound on geometric blur and diffraction spot, added in quadrature."""
 
     blur: PositivePixels = Field(
-        description="Largest blur, in lateral samples: pixels, or microlenses of an unfocused plenoptic camera."
+        description="Largest blur, in lateral samples: pixels or, for an unfocused plenoptic camera, microlenses."
     )
     diffraction: Diffraction = Field(
         default="none",
-        description="Measured width of the diffraction spot: none, first dark ring, or full width at half maximum.",
+        description="Width of the diffraction spot that counts: none, its first dark ring (`airy-diameter`), or "
+        "its full width at half maximum (`fwhm`).",
     )
 
     def criterion(self, wavelength: float) -> BlurCriterion:
@@ -38,13 +39,15 @@ class DepthOfFieldPart(Part):
     """The depth of field of every camera."""
 
     range: tuple[PositiveLength, PositiveLength] = Field(
-        description="Nearest and farthest distance that must be sharp."
+        description="Nearest and farthest distance of the range that must be sharp."
     )
     criteria: Annotated[dict[CriterionName, BlurPart], Field(min_length=1, max_length=20)] = Field(
         description="Blur criteria by name; the answer uses the first one."
     )
     equal_resolution: PositiveLength | None = Field(
-        default=None, description="Size of detail on the object at which depths of field are also compared."
+        default=None,
+        description="Size of detail on the object; the report also compares the ranges in which each camera "
+        "resolves it.",
     )
 
     @model_validator(mode="after")
@@ -55,13 +58,13 @@ class DepthOfFieldPart(Part):
 
 
 class ReliefPart(Part):
-    """The relief for which scalar trade criteria are derived, in the middle of the range that must be sharp."""
+    """Relief in the middle of depth_of_field.range; it implies criteria such as the strip hidden beside a step."""
 
     step_height: PositiveLength = Field(
-        description="Height of a depth step that hides a strip beside it from one view."
+        description="Height of a depth step, which hides a strip beside it from one of two views."
     )
     surface_tilt: NonNegativeAngle = Field(
-        description="Tilt of a surface that two views see foreshortened by different amounts."
+        description="Tilt of a surface, which two views see foreshortened by different amounts."
     )
 
     @model_validator(mode="after")

@@ -45,7 +45,10 @@ def editor_schema(model: type[BaseModel]) -> dict[str, Any]:
 
 
 def _described(part: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
-    """Give every key of a part a description; a key without its own takes that of the part it contains or selects."""
+    """Give every key of a part a description; a key without its own takes that of the part it contains or selects.
+
+    A key that only refers to a part needs no copy, since editors follow the reference.
+    """
 
     def meaning(schema: Mapping[str, Any]) -> str:
         if "description" in schema:
@@ -55,10 +58,11 @@ def _described(part: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, A
         possible = [below for below in schema.get("anyOf", ()) if below.get("type") != "null"]
         return meaning(possible[0] if len(possible) == 1 else part)
 
-    described = dict(part)
+    described = {name: of for name, of in part.items() if name != "title"}  # the name of a class
     if "properties" in part:
         described["properties"] = {
-            key: {**_telling(below), "description": meaning(below)} for key, below in part["properties"].items()
+            key: _telling(below) if {*below} == {"$ref"} else {**_telling(below), "description": meaning(below)}
+            for key, below in part["properties"].items()
         }
     return described
 
@@ -73,7 +77,7 @@ def _telling(schema: Mapping[str, Any]) -> dict[str, Any]:
 
 def _opened(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
     """Let every value below a schema have a basis."""
-    opened = dict(schema)
+    opened = {name: of for name, of in schema.items() if name != "discriminator"}  # OpenAPI, which no editor reads
     for place in ("properties", "patternProperties"):
         if place in schema:
             opened[place] = {name: _with_basis(_opened(below, parts), parts) for name, below in schema[place].items()}

@@ -18,5 +18,5 @@ class HardCasesPart(Part):
     """Numerically hard cases, computed by the usual formula and by this program."""
 
     families: Annotated[tuple[FamilyName, ...], Field(min_length=1, max_length=len(EVERY_FAMILY))] = Field(
-        default=EVERY_FAMILY, description="Families of cases; default: all."
+        default=EVERY_FAMILY, description="Families of cases to compute."
     )

@@ -75,34 +75,45 @@ class MainLensPart(Part):
     """The main lens in the light path."""
 
     focal_length: FocalLength = Field(description="Focal length of the main lens.")
-    f_number: FNumber = Field(description="Focal length over the diameter of the aperture.")
+    f_number: FNumber = Field(description="F-number: focal length divided by the diameter of the aperture.")
     lens_phase: LensPhaseName = Field(
-        description="Phase that the lens adds: perfect focus of one point (stigmatic), or parabolic."
+        description="Phase that the lens adds: a `perfect` lens images every point without aberration, a "
+        "`stigmatic` lens only the axial point in focus; `parabolic` is the lens of the paper, which has spherical "
+        "aberration."
     )
 
 
 class SpotMicrolensesPart(Part):
     """An array of equally wide microlenses, centred on the axis, with one or several focal lengths."""
 
-    layout: Literal["square", "hexagonal"] = Field(default="square", description="A hexagonal array has rows along x.")
+    layout: Literal["square", "hexagonal"] = Field(
+        default="square", description="Arrangement of the microlenses; the rows of a hexagonal array run along x."
+    )
     lenses_across: Annotated[int, Field(ge=1, le=15, strict=True)] = Field(
-        description="Number of microlenses along a side of a square array, or along the middle row of a hexagon (odd)."
+        description="Number of microlenses along one side of a square array, or along the middle row of a "
+        "hexagonal array (an odd number)."
     )
     pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres.")
     focal_length: OneLength | Annotated[tuple[FocalLength, ...], Field(min_length=2, max_length=4)] = Field(
-        description="One focal length, or one for each type: the types alternate along a row and shift by one from "
-        "row to row; the first is on the axis."
+        description="Focal length of all microlenses, or a list with that of each type. The types alternate along "
+        "a row and shift by one from row to row; the first type is on the axis."
     )
     aperture: Literal["circular", "square"] = Field(default="circular", description="Shape of each microlens aperture.")
     f_number: FNumber | None = Field(
-        default=None, description="Focal length over aperture width; only with a single focal length."
+        default=None,
+        description="F-number of the microlenses: focal length divided by aperture width; only with a single focal "
+        "length.",
     )
     aperture_width: MicrolensPitch | None = Field(
         default=None, description="Instead of f_number: diameter of circular apertures, or side of square ones."
     )
     gap: LensToSensor = Field(description="Distance from the array to the detector.")
-    interstices: Literal["opaque", "clear"] = Field(description="Whether light passes between the apertures.")
-    lens_phase: LensPhaseName = Field(description="Phase that each microlens adds.")
+    interstices: Literal["opaque", "clear"] = Field(
+        description="Whether light passes between the apertures of the microlenses (`clear`) or not (`opaque`)."
+    )
+    lens_phase: LensPhaseName = Field(
+        description="Phase that each microlens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
+    )
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -160,21 +171,23 @@ class SpotMicrolensesPart(Part):
 
 
 class SpotDetectorPart(Part):
-    """The pixels, centred on the axis."""
+    """The pixels of a square detector, centred on the axis."""
 
-    pixels: Annotated[int, Field(ge=3, le=1000, strict=True)] = Field(description="Pixels along a side.")
+    pixels: Annotated[int, Field(ge=3, le=1000, strict=True)] = Field(
+        description="Number of pixels along each side of the square detector."
+    )
     pixel_pitch: PixelPitch = Field(description="Distance between neighbouring pixel centres.")
 
 
 class SpotSourcePart(Part):
-    """A uniformly bright disc, or a point."""
+    """The light source: a uniformly bright disc, or a point."""
 
-    diameter: NonNegativeLength = Field(description="Diameter of the disc; 0 mm is a point.")
+    diameter: NonNegativeLength = Field(description="Diameter of the disc; 0 mm makes it a point.")
     distance: ObjectDistance = Field(description="Distance from the main lens to the source.")
     x: Length = Field(default=0.0, description="Horizontal offset of the source from the axis.")
     y: Length = Field(default=0.0, description="Vertical offset of the source from the axis.")
     coherent: bool = Field(
-        default=False, description="Whether the disc radiates in phase; otherwise its points are incoherent."
+        default=False, description="Whether all points of the disc radiate in phase; otherwise they are incoherent."
     )
 
     @model_validator(mode="after")
@@ -193,10 +206,10 @@ class SpectrumPart(Part):
     """Light of several wavelengths, whose intensities add."""
 
     wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=2, max_length=20)] = Field(
-        description="Wavelengths at which the light is sampled."
+        description="Wavelengths of the light, in increasing order."
     )
     weights: Annotated[tuple[Weight, ...], Field(min_length=2, max_length=20)] = Field(
-        description="Power in the pupil at each wavelength; only the ratios matter."
+        description="Power in the pupil at each wavelength, in the same order; only the ratios matter."
     )
 
     @model_validator(mode="after")
@@ -215,7 +228,7 @@ class SpectrumPart(Part):
 
 
 class PublishedTimePart(Part):
-    """The published computing time of the same picture."""
+    """A published computing time for the same picture."""
 
     method: MethodName = Field(description="Method that was timed.")
     says: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="The time in the words of its source.")
@@ -224,26 +237,32 @@ class PublishedTimePart(Part):
 
 
 class LightSpotPart(Part):
-    """A spot of light through main lens and microlenses, by several methods."""
+    """The picture of a spot of light behind main lens and microlenses, computed by several methods."""
 
     main_lens: MainLensPart
     mla_distance: LensToSensor = Field(description="Distance from the main lens to the microlens array.")
     microlenses: SpotMicrolensesPart
     detector: SpotDetectorPart
     spot: SpotSourcePart
-    wavelength: PositiveWavelength | None = Field(default=None, description="Wavelength of monochromatic light.")
+    wavelength: PositiveWavelength | None = Field(
+        default=None, description="Wavelength of the light, if it has only one."
+    )
     spectrum: SpectrumPart | None = Field(
-        default=None, description="Instead of wavelength: light of several wavelengths."
+        default=None, description="Instead of `wavelength`: light of several wavelengths."
     )
     methods: Annotated[tuple[MethodName, ...], Field(max_length=4)] = Field(
-        default=(), description="Methods to compare, in addition to the models chosen for the tolerance."
+        default=(),
+        description="Methods to compare, in addition to the models chosen for the tolerance. A pair of names, such "
+        "as `kirchhoff-fresnel`, gives the method up to the microlens array and the method behind it.",
     )
     tolerance: ImageTolerance = Field(
         default=0.01, description="Largest relative numerical error of the compared pictures."
     )
-    seed: Seed = Field(default=0, description="Seed of the points drawn on the source.")
+    seed: Seed = Field(default=0, description="Random seed of the points drawn on the source.")
     benchmarks: bool = Field(
-        default=False, description="Whether to time one aperture and one source point too, regardless of the methods."
+        default=False,
+        description="Whether to time also the computation of one aperture and of one source point, whatever the "
+        "methods.",
     )
     published_times: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = Field(
         default=(), description="Published computing times, shown next to the measured ones."

@@ -77,7 +77,7 @@ LinearFillFactor = Annotated[float, *quantity(units.FRACTION, above=0.0, at_most
 
 
 class TexturePart(Part):
-    """The surface: a random texture whose autocorrelation falls off exponentially."""
+    """The texture of the surfaces: random, with an autocorrelation that falls off exponentially."""
 
     contrast: PositiveFraction = Field(description="Standard deviation of the radiance, relative to its mean.")
     correlation_length: DetailSize = Field(
@@ -86,20 +86,23 @@ class TexturePart(Part):
 
 
 class LightPart(Part):
-    """Light and exposure, the same for all cameras."""
+    """The light that a pixel of any camera collects during an exposure."""
 
     electrons: PositiveElectrons | None = Field(
-        default=None, description="Mean number of electrons in a pixel on the axis."
+        default=None, description="Mean number of electrons that a pixel on the optical axis collects."
     )
     photons: PositivePhotons | None = Field(
         default=None,
-        description="Instead of electrons: mean number of photons on a pixel; each sensor's quantum_efficiency "
-        "converts them to electrons.",
+        description="Instead of `electrons`: mean number of photons that reach a pixel on the optical axis; each "
+        "sensor's quantum_efficiency converts them to electrons.",
     )
-    at_f_number: FNumber = Field(description="Working f-number (image distance over pupil diameter) for this light.")
+    at_f_number: FNumber = Field(
+        description="Working f-number (image distance over pupil diameter) at which a pixel collects this light."
+    )
     at_pixel_pitch: PixelPitch | None = Field(
         default=None,
-        description="Pitch of the pixel that collects this light; default: every pixel collects it, whatever its size.",
+        description="Pitch of a pixel that collects this light, so that larger pixels collect more; default: every "
+        "pixel collects it, whatever its size.",
     )
 
     @model_validator(mode="after")
@@ -130,50 +133,59 @@ class LightPart(Part):
 
 
 class SpectralLinePart(Part):
-    """A wavelength and its weight."""
+    """One wavelength of the light, and its weight."""
 
     wavelength: PositiveWavelength = Field(description="Wavelength of this line.")
-    weight: PositiveNumber = Field(description="Light in this line, relative to the others.")
+    weight: PositiveNumber = Field(description="Amount of light at this wavelength, relative to the other lines.")
 
 
 class PicturePart(Part):
-    """Inputs of derived disparity errors, the same for every camera."""
+    """Inputs from which disparity errors are derived; they apply to every camera."""
 
     texture: TexturePart
     matching_window: PictureWindow = Field(
-        description="Side of the square matching window, in pixels or as a length on the object; never larger than "
-        "what the compared pictures share. Micro-images share less, the farther apart their microlenses are."
+        description="Side of the square matching window, in pixels or as a length on the object. Where the "
+        "compared pictures share less than the window, only the shared part is matched; micro-images share less, "
+        "the farther apart their microlenses are."
     )
     matcher: MatcherPart | None = Field(
         default=None,
-        description="What a real matcher adds to the smallest error that any matcher can reach. A camera's own "
-        "depth.matcher overrides it, key by key; without either, a derived error is that smallest error.",
+        description="Errors that a real matcher adds to the smallest possible matching error (the Cramér–Rao "
+        "bound). A camera's own depth.matcher overrides these keys one by one; without any matcher, a derived error "
+        "equals the bound.",
     )
     light: LightPart
     read_noise: NonNegativeElectrons = Field(
-        description="Standard deviation of one reading of a pixel; a sensor's own temporal_dark_noise overrides it."
+        description="Standard deviation of the noise that reading a pixel adds; a sensor's own temporal_dark_noise "
+        "overrides it."
     )
     full_well: PositiveElectrons = Field(
-        description="Electrons at which a pixel saturates, the top of the digitised scale; a sensor's own "
-        "saturation_capacity and system_gain override it."
+        description="Number of electrons at which a pixel saturates; it maps to the largest raw value. A sensor's "
+        "own saturation_capacity and system_gain override it."
     )
-    bit_depth: Annotated[int, Field(strict=True, ge=1, le=32)] = Field(description="Bits of a raw value.")
+    bit_depth: Annotated[int, Field(strict=True, ge=1, le=32)] = Field(
+        description="Number of bits of a raw pixel value."
+    )
     field_angle: FieldAngle = Field(
         default=0.0,
-        description="Field angle whose illumination is used for depth on the axis; each of propagation.field_places "
-        "uses its own. Both are ignored where vignetting is left out.",
+        description="Field angle at which vignetting is computed for the depth on the axis; each of "
+        "propagation.field_places uses its own angle. It has no effect where vignetting is left out.",
     )
     stop_separation: NonNegativeLength = Field(
         default=0.0,
-        description="Distance between two equal round stops that vignette the pupil off the axis; 0 m: none.",
+        description="Distance between two equal round stops that vignette the pupil off the axis; at 0 m, they do "
+        "not vignette.",
     )
-    linear_fill_factor: LinearFillFactor = Field(default=1.0, description="Active width of a pixel over its pitch.")
+    linear_fill_factor: LinearFillFactor = Field(
+        default=1.0, description="Width of the light-sensitive area of a pixel, relative to the pixel pitch."
+    )
     spectrum: Annotated[tuple[SpectralLinePart, ...], Field(min_length=1, max_length=100)] | None = Field(
-        default=None, description="Wavelengths with weights; default: the wavelength of the scene alone."
+        default=None, description="Wavelengths of the light with their weights; default: scene.wavelength alone."
     )
     lens_phase: Literal["perfect", "parabolic"] = Field(
         default="perfect",
-        description="Lens of the Kirchhoff model: well corrected (perfect), or with the parabolic phase of the paper.",
+        description="Lens in the Kirchhoff model of diffraction: well corrected (`perfect`), or with the parabolic "
+        "phase of the paper (`parabolic`).",
     )
 
     def noise(self, sensor: Sensor | None) -> SensorNoise:

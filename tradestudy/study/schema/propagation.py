@@ -22,11 +22,10 @@ class PropagationPart(Part):
     seed: Seed = Field(default=0, description="Seed of all random numbers.")
     field_places: Annotated[tuple[Share, ...], Field(max_length=10), AfterValidator(distinct)] = Field(
         default=(),
-        description="Field positions at which depth is computed as well: 0 is the axis, 100 % the corner of the "
-        "sensor.",
+        description="Field positions at which depth is also computed: 0 % is the axis, 100 % the corner of the sensor.",
     )
     max_draws: Annotated[int, Field(ge=2**12, le=2**26, strict=True)] = Field(
-        default=2**16, description="Largest number of draws for each camera, field position and kind of error."
+        default=2**16, description="Largest number of random draws for each camera, field position and error source."
     )
     coverage: Annotated[tuple[Coverage, ...], Field(max_length=10), AfterValidator(distinct)] = Field(
         default=(0.6827, 0.95),

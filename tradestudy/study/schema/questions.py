@@ -35,17 +35,21 @@ class UsableRangePart(Part):
     )
     availability: Share | None = Field(
         default=None,
-        description="Smallest fraction of points that two microlenses of the estimator see; default: any above 0 %.",
+        description="Smallest fraction of object points that two of the microlenses used by the estimator see; "
+        "default: any above 0 %.",
     )
     virtual_depth: PositiveNumber | None = Field(
         default=None, description="Smallest magnitude of the virtual depth; it is 2 at the total covering plane."
     )
-    blur: PositivePixels | None = Field(default=None, description="Largest geometric blur.")
+    blur: PositivePixels | None = Field(default=None, description="Largest geometric blur in the picture.")
     disparity_step: PositivePixels | None = Field(
-        default=None, description="Smallest difference between the disparity at a usable distance and that at infinity."
+        default=None,
+        description="Smallest difference between the disparity at a usable distance and the disparity at infinity.",
     )
     failed_fraction: Share | None = Field(
-        default=None, description="Largest fraction of measurements that end beyond infinity or are false matches."
+        default=None,
+        description="Largest fraction of measurements that fail: their disparity lies beyond that of infinity, or "
+        "they are false matches.",
     )
     relative_uncertainty: PositiveFraction | None = Field(
         default=None, description="Largest depth uncertainty, relative to the distance."
@@ -73,11 +77,13 @@ class DecisionPart(Part):
     )
     compare: Annotated[tuple[Pair, ...], Field(max_length=20), AfterValidator(distinct)] = Field(
         default=(),
-        description="Pairs for which the probability of ranking first is computed; default: that of the main question.",
+        description="Pairs of cameras; for each camera of a pair, the program computes the probability that its "
+        "depth error is the smaller one. Default: the pair of the main question.",
     )
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1)] | None = Field(
         default=None,
-        description="Cameras among which the best is named; default: all. Name each device once.",
+        description="Cameras among which the best one is named; default: all. Of cameras that stand for the same "
+        "device, list only one.",
     )
 
     @property
@@ -87,44 +93,46 @@ class DecisionPart(Part):
 
 
 class ReadingPart(Part):
-    """Another reading of the assumptions: values that replace those of the study."""
+    """Another reading of the study's assumptions: values that replace the declared ones."""
 
     says: Text = Field(description="What this reading assumes, in words.")
     set: Annotated[dict[str, Scalar], Field(min_length=1)] = Field(
-        description="Values that replace those of the study, by path."
+        description="Values that replace the declared ones, by path."
     )
 
 
 class SolvePart(Part):
-    """The values for which two cameras are equally certain, one is certain enough, or a requirement is met."""
+    """Values of an input for which two cameras are equally certain, one is certain enough, or a requirement is met."""
 
     says: Text = Field(description="The question in words.")
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
         description="Path of the value to vary; several paths all take the same value."
     )
-    low: QuantityText = Field(description="Smallest value to try.")
-    high: QuantityText = Field(description="Largest value to try.")
-    equal: Pair | None = Field(default=None, description="Two cameras that must be equally certain.")
+    low: QuantityText = Field(description="Smallest value to try, with its unit.")
+    high: QuantityText = Field(description="Largest value to try, with its unit.")
+    equal: Pair | None = Field(default=None, description="Two cameras that must have the same depth uncertainty.")
     camera: CameraName | None = Field(
         default=None,
-        description="Instead of equal: the camera that must reach the depth uncertainty given by relative or "
-        "uncertainty.",
+        description="Instead of `equal`: the camera that must reach the depth uncertainty given by `relative` or "
+        "`uncertainty`.",
     )
     relative: PositiveFraction | None = Field(
         default=None, description="Depth uncertainty that the camera must reach, relative to the distance."
     )
     uncertainty: PositiveLength | None = Field(
-        default=None, description="Instead of relative: the depth uncertainty that the camera must reach."
+        default=None, description="Instead of `relative`: the depth uncertainty that the camera must reach."
     )
     requirement: CameraName | None = Field(
-        default=None, description="Instead of equal: the requirement to meet, on any quantity."
+        default=None, description="Instead of `equal`: name of the requirement to meet."
     )
     at: ObjectDistance | None = Field(
         default=None,
-        description="Distance at which the cameras are compared or one must reach its uncertainty; omit it for a "
-        "requirement.",
+        description="Distance at which the two cameras are compared, or at which the camera must reach the depth "
+        "uncertainty. Leave it out for a requirement, which has its own distances.",
     )
-    errors: ErrorSources = Field(default="both", description="Error sources to include.")
+    errors: ErrorSources = Field(
+        default="both", description="Error sources that count: noise, calibration errors, or both."
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -158,12 +166,18 @@ class SolvePart(Part):
 
 
 class ExpectPart(Part):
-    """The expected value of a claim: a value or a bound."""
+    """The result that a claim leads to expect: a value with a tolerance, or a bound."""
 
-    about: QuantityText | None = Field(default=None, description="The expected value.")
-    within: PositiveFraction | None = Field(default=None, description="Relative tolerance on the expected value.")
-    above: QuantityText | None = Field(default=None, description="The result is expected to exceed this.")
-    below: QuantityText | None = Field(default=None, description="The result is expected to stay below this.")
+    about: QuantityText | None = Field(default=None, description="Expected value, with its unit.")
+    within: PositiveFraction | None = Field(
+        default=None, description="Relative tolerance on the expected value; needed with `about`."
+    )
+    above: QuantityText | None = Field(
+        default=None, description="Instead of `about`: value that the result is expected to exceed, with its unit."
+    )
+    below: QuantityText | None = Field(
+        default=None, description="Instead of `about`: value below which the result is expected to stay, with its unit."
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -177,78 +191,104 @@ class ExpectPart(Part):
 class _ClaimPart(Part):
     says: Text = Field(description="The claim in the words of its source.")
     source: Text = Field(description="Where the claim was published.")
-    tolerance_reason: Text = Field(description="Why this expectation and tolerance follow from the source's wording.")
+    tolerance_reason: Text = Field(
+        description="Why the expected result and its tolerance follow from the wording of the source."
+    )
     expect: ExpectPart
     reading: CameraName | None = Field(
-        default=None, description="The reading on which the claim rests; default: the study as declared."
+        default=None, description="Reading on which the claim rests; default: the study as declared."
     )
     under: tuple[CameraName, ...] | Literal["all"] = Field(
-        default=(), description="Readings under which the claim is tested as well; all: every reading of the study."
+        default=(),
+        description="Readings under which the claim is also tested; `all` stands for every reading of the study.",
     )
 
 
 class LimitDistanceClaim(_ClaimPart):
-    """Distance at which one limit of the usable range begins or ceases to hold, regardless of the others."""
+    """A claim about the distance at which one limit of the usable range begins or ceases to hold by itself."""
 
     quantity: Literal["limit_distance"]
     camera: CameraName = Field(description="Camera that the claim is about.")
     limit: Literal[
         "overlap", "availability", "total_covering_plane", "focus", "last_disparity_step", "failed_fraction",
         "relative_uncertainty", "saturation", "matching",
-    ] = Field(description="Limit whose distance is claimed.")  # fmt: skip
-    end: Literal["near", "far"] = Field(description="Near or far end of the range.")
+    ] = Field(
+        description="Limit that the claim is about: `total_covering_plane` is the limit on virtual_depth, `focus` the "
+        "limit on blur, `last_disparity_step` the limit on disparity_step; `saturation` and `matching` are limits of a "
+        "derived disparity error."
+    )  # fmt: skip
+    end: Literal["near", "far"] = Field(description="Whether the limit sets the near or the far end of the range.")
 
 
 class UncertaintyRatioClaim(_ClaimPart):
-    """Largest ratio of one camera's depth uncertainty to another's over a range of distances."""
+    """A claim about the largest ratio of one camera's depth uncertainty to another's over a range of distances."""
 
     quantity: Literal["uncertainty_ratio"]
     camera: CameraName = Field(description="Camera whose uncertainty is the numerator.")
     against: CameraName = Field(description="Camera whose uncertainty is the denominator.")
-    over: Span = Field(description="Distances that the claim covers: from, to.")
-    errors: ErrorSources = Field(default="both", description="Error sources to include.")
+    over: Span = Field(description="Nearest and farthest distance that the claim covers.")
+    errors: ErrorSources = Field(
+        default="both", description="Error sources that count: noise, calibration errors, or both."
+    )
 
 
 class ShareBetterClaim(_ClaimPart):
-    """Fraction of a range, on a log scale, where one camera is usable and the other is unusable or less certain."""
+    """A claim about the fraction of a range of distances in which one camera beats another.
+
+    It does so where it is usable and the other is unusable or less certain; the fraction is that of a logarithmic
+    scale.
+    """
 
     quantity: Literal["share_better"]
     camera: CameraName = Field(description="Camera claimed to be more certain.")
-    against: CameraName = Field(description="Camera that it is compared with.")
-    over: Span = Field(description="Distances that the claim covers: from, to.")
-    errors: ErrorSources = Field(default="both", description="Error sources to include.")
+    against: CameraName = Field(description="Camera with which it is compared.")
+    over: Span = Field(description="Nearest and farthest distance that the claim covers.")
+    errors: ErrorSources = Field(
+        default="both", description="Error sources that count: noise, calibration errors, or both."
+    )
 
 
 class RelativeUncertaintyDistanceClaim(_ClaimPart):
-    """The distance beyond which depth uncertainty stays above a given fraction of the distance."""
+    """A claim about the distance beyond which the relative depth uncertainty stays above a threshold."""
 
     quantity: Literal["relative_uncertainty_distance"]
     camera: CameraName = Field(description="Camera that the claim is about.")
-    threshold: PositiveFraction = Field(description="Depth uncertainty over distance.")
-    errors: ErrorSources = Field(default="both", description="Error sources to include.")
+    threshold: PositiveFraction = Field(
+        description="Threshold of the depth uncertainty, as a fraction of the distance."
+    )
+    errors: ErrorSources = Field(
+        default="both", description="Error sources that count: noise, calibration errors, or both."
+    )
 
 
 class DepthOfFieldClaim(_ClaimPart, BlurPart):
-    """Total depth of field of a camera: the sum of all ranges in which it is sharp."""
+    """A claim about the total depth of field of a camera: the sum of all ranges in which it is sharp."""
 
     quantity: Literal["depth_of_field"]
     camera: CameraName = Field(description="Camera that the claim is about.")
 
 
 class DepthOfFieldRatioClaim(_ClaimPart):
-    """Ratio of one camera's depth of field to another's, at equal blur or at equal resolution."""
+    """A claim about the ratio of one camera's depth of field to another's, at equal blur or at equal resolution."""
 
     quantity: Literal["depth_of_field_ratio"]
     camera: CameraName = Field(description="Camera whose depth of field is the numerator.")
     against: CameraName = Field(description="Camera whose depth of field is the denominator.")
-    blur: PositivePixels | None = Field(default=None, description="Blur on each sensor, as in depth_of_field.criteria.")
+    blur: PositivePixels | None = Field(
+        default=None, description="Largest blur on each sensor, as in depth_of_field.criteria."
+    )
     diffraction: Diffraction | None = Field(
-        default=None, description="Measure of the diffraction spot, with blur only; default: none."
+        default=None,
+        description="Width of the diffraction spot that counts, as in depth_of_field.criteria; only with `blur`. "
+        "Default: `none`.",
     )
     resolution: PositiveLength | None = Field(
-        default=None, description="Instead of blur: size of detail on the object that geometrical optics must resolve."
+        default=None,
+        description="Instead of `blur`: size of detail on the object that geometrical optics must resolve.",
     )
-    over: Span | None = Field(default=None, description="Distances that count; default: all.")
+    over: Span | None = Field(
+        default=None, description="Nearest and farthest distance that count; default: all distances."
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -260,41 +300,54 @@ class DepthOfFieldRatioClaim(_ClaimPart):
 
 
 class PsfErrorClaim(_ClaimPart):
-    """How far Fresnel's point-spread function on axis is from Kirchhoff's at one f-number."""
+    """A claim about the difference of Fresnel's point-spread function from Kirchhoff's, on axis at one f-number."""
 
     quantity: Literal["psf_error"]
     element: ElementName = Field(description="Lens of fresnel_validity that the claim is about.")
     f_number: FNumber = Field(description="F-number at which the error is claimed.")
     wavelength: PositiveWavelength = Field(description="Wavelength at which the error is claimed.")
-    lens_phase: LensPhaseName = Field(description="Phase of that lens.")
-    metric: PsfMetric = Field(description="Metric that compares two point-spread functions.")
+    lens_phase: LensPhaseName = Field(
+        description="Phase that this lens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
+    )
+    metric: PsfMetric = Field(
+        description="Measure of the difference: at the image point (`peak`), integrated over the window (`l1`), or "
+        "the largest in the window (`largest`)."
+    )
     window: PositiveNumber = Field(description="Radius of the compared window, in Airy radii.")
 
 
 class FresnelFNumberClaim(_ClaimPart):
-    """The minimum f-number from which Fresnel's point-spread function on axis errs by no more than a limit."""
+    """A claim about the f-number from which Fresnel's point-spread function on axis errs by no more than a limit."""
 
     quantity: Literal["fresnel_f_number"]
     element: ElementName = Field(description="Lens of fresnel_validity that the claim is about.")
     error: PositiveFraction = Field(
         description="Largest error of Fresnel's point-spread function from that f-number on."
     )
-    wavelength: PositiveWavelength = Field(description="Wavelength of the claim.")
-    lens_phase: LensPhaseName = Field(description="Phase of that lens.")
-    metric: PsfMetric = Field(description="Metric that compares two point-spread functions.")
+    wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
+    lens_phase: LensPhaseName = Field(
+        description="Phase that this lens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
+    )
+    metric: PsfMetric = Field(
+        description="Measure of the difference: at the image point (`peak`), integrated over the window (`l1`), or "
+        "the largest in the window (`largest`)."
+    )
     window: PositiveNumber = Field(description="Radius of the compared window, in Airy radii.")
 
 
 class CriterionFNumberClaim(_ClaimPart):
-    """The minimum f-number for Fresnel by one of the closed-form criteria."""
+    """A claim about the minimum f-number that a closed-form criterion gives for Fresnel."""
 
     quantity: Literal["criterion_f_number"]
     element: ElementName = Field(description="Lens of fresnel_validity that the claim is about.")
     criterion: Literal["paper-eq27-first-zero", "paper-eq27-second-zero", "path-error", "goodman"] = Field(
-        description="Rule that gives the f-number."
+        description="Criterion: the smaller (first) or the larger (second) zero of equation 27 of the paper, a "
+        "bound on the neglected path (`path-error`), or Goodman's condition."
     )
-    wavelength: PositiveWavelength = Field(description="Wavelength of the claim.")
-    path_error: PositiveWaves | None = Field(default=None, description="Path error, for the criterion path-error only.")
+    wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
+    path_error: PositiveWaves | None = Field(
+        default=None, description="Largest neglected path; only for the criterion `path-error`."
+    )
 
     @model_validator(mode="after")
     def _path_error_where_it_belongs(self) -> Self:
@@ -304,21 +357,21 @@ class CriterionFNumberClaim(_ClaimPart):
 
 
 class ImageDifferenceClaim(_ClaimPart):
-    """Sum of absolute differences between two pictures of the light spot, over the sum of the second."""
+    """A claim about the sum of absolute differences between two pictures of the light spot, relative to the second."""
 
     quantity: Literal["image_difference"]
-    method: MethodName = Field(description="Method whose picture is judged.")
-    reference: MethodName = Field(description="Method whose picture it is compared with.")
+    method: MethodName = Field(description="Method whose picture is tested.")
+    reference: MethodName = Field(description="Method with whose picture it is compared.")
 
 
 class LitPixelsClaim(_ClaimPart):
-    """Ratio of the numbers of pixels that two methods light, above a given fraction of the brightest pixel."""
+    """A claim about the number of pixels that one method lights, divided by the number that another method lights."""
 
     quantity: Literal["lit_pixels_ratio"]
     method: MethodName = Field(description="Method whose lit pixels are the numerator.")
     reference: MethodName = Field(description="Method whose lit pixels are the denominator.")
     above: PositiveFraction = Field(
-        description="Fraction of the brightest pixel's light above which a pixel counts as lit."
+        description="Fraction of the light of the brightest pixel above which a pixel counts as lit."
     )
 
 
@@ -342,13 +395,13 @@ SweepValues = Annotated[tuple[Scalar, ...], Field(min_length=1, max_length=1000)
 
 
 class SweepRangePart(Part):
-    """Values from one end to another, on a linear or logarithmic scale; both ends are written with units."""
+    """Values between two ends, on a linear or logarithmic scale."""
 
-    start: QuantityText = Field(alias="from", description="First value.")
-    stop: QuantityText = Field(alias="to", description="Last value.")
+    start: QuantityText = Field(alias="from", description="First value, with its unit.")
+    stop: QuantityText = Field(alias="to", description="Last value, with its unit.")
     points: Annotated[int, Field(ge=2, le=1000, strict=True)] = Field(
-        description="How many values, both ends included."
+        description="Number of values, including both ends."
     )
     spacing: Literal["log", "linear"] = Field(
-        default="linear", description="Equal ratios (log) or equal differences (linear)."
+        default="linear", description="Spacing of the values: equal ratios (log) or equal differences (linear)."
     )

@@ -15,11 +15,13 @@ Risk = Annotated[PositiveFraction, Field(lt=0.5)]
 
 
 class BoundOverPart(Part):
-    """An upper bound of the depth uncertainty, absolute or relative to the distance, over a range of distances."""
+    """An upper bound on the depth uncertainty, absolute or relative to the distance, over a range of distances."""
 
-    below: PositiveLength | None = Field(default=None, description="Absolute bound.")
-    below_relative: PositiveFraction | None = Field(default=None, description="Bound as a fraction of the distance.")
-    over: Span = Field(description="Distances at which it must hold: from, to.")
+    below: PositiveLength | None = Field(default=None, description="Value below which the depth uncertainty must stay.")
+    below_relative: PositiveFraction | None = Field(
+        default=None, description="Instead of `below`: the bound as a fraction of the distance."
+    )
+    over: Span = Field(description="Nearest and farthest distance between which the bound must hold.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -39,41 +41,44 @@ class BoundOverPart(Part):
 
 
 class UsablePart(Part):
-    """A range of distances over which the camera has to be usable."""
+    """A range of distances in which the camera must be usable."""
 
-    over: Span = Field(description="Distances at which the camera must be usable: from, to.")
+    over: Span = Field(description="Nearest and farthest distance between which the camera must be usable.")
 
 
 class ShareAbovePart(Part):
-    """A lower bound of a fraction, over a range of distances."""
+    """A lower bound on a fraction, over a range of distances."""
 
     above: Share = Field(description="Smallest fraction that meets the requirement.")
-    over: Span = Field(description="Distances at which it must hold: from, to.")
+    over: Span = Field(description="Nearest and farthest distance between which the bound must hold.")
 
 
 class ShareBelowPart(Part):
-    """An upper bound of a fraction, over a range of distances."""
+    """An upper bound on a fraction, over a range of distances."""
 
     below: PositiveFraction = Field(description="Largest fraction that meets the requirement.")
-    over: Span = Field(description="Distances at which it must hold: from, to.")
+    over: Span = Field(description="Nearest and farthest distance between which the bound must hold.")
 
 
 class LengthBelowPart(Part):
-    """An upper bound of a length, over a range of distances."""
+    """An upper bound on a length, over a range of distances."""
 
     below: PositiveLength = Field(description="Largest length that meets the requirement.")
-    over: Span = Field(description="Distances at which it must hold: from, to.")
+    over: Span = Field(description="Nearest and farthest distance between which the bound must hold.")
 
 
 class SharpPart(Part):
     """The range that must be sharp, or the smallest total depth of field."""
 
-    over: Span | None = Field(default=None, description="Distances that must all be sharp: from, to.")
+    over: Span | None = Field(
+        default=None, description="Nearest and farthest distance of the range that must be sharp throughout."
+    )
     above: PositiveLength | None = Field(
-        default=None, description="Instead of over: the smallest total depth of field."
+        default=None, description="Instead of `over`: the smallest total depth of field."
     )
     criterion: Text | None = Field(
-        default=None, description="Blur criterion: one of depth_of_field.criteria; default: the first."
+        default=None,
+        description="Name of the blur criterion, out of depth_of_field.criteria; default: the first of them.",
     )
 
     @model_validator(mode="after")
@@ -88,9 +93,14 @@ class SharpPart(Part):
 class CriterionPart(Part):
     """A criterion of a camera, declared under its attributes or derived for the relief, and its bound."""
 
-    name: Text = Field(description="Name of the criterion, as in a camera's attributes.")
-    below: QuantityText | None = Field(default=None, description="Upper bound, such as 500 g.")
-    above: QuantityText | None = Field(default=None, description="Lower bound; the bound itself meets the requirement.")
+    name: Text = Field(description="Name of the criterion, such as one of a camera's attributes.others.")
+    below: QuantityText | None = Field(
+        default=None, description="Value below which the criterion must stay, with its unit."
+    )
+    above: QuantityText | None = Field(
+        default=None,
+        description="Instead of `below`: smallest value of the criterion that meets the requirement, with its unit.",
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -110,14 +120,15 @@ class CriterionPart(Part):
 
 
 class GuardBandPart(Part):
-    """Margin between a value and its bound, in standard errors or by the risk that remains."""
+    """Margin that a value must keep from its bound, in standard errors or by the risk that remains."""
 
     standard_errors: PositiveNumber | None = Field(
-        default=None, description="Width of the guard band in standard errors of the value."
+        default=None, description="Width of the guard band, in standard errors of the value."
     )
     risk: Risk | None = Field(
         default=None,
-        description="Largest probability that the bound is violated although the requirement counts as met.",
+        description="Instead of standard_errors: largest probability, below 50 %, that the bound is violated "
+        "although the requirement counts as met.",
     )
 
     @model_validator(mode="after")
@@ -146,28 +157,39 @@ Required = MeasuredPart | UsablePart | SharpPart | CriterionPart
 
 
 class RequirementPart(Part):
-    """A requirement on one camera, on at least one (``any``) or on every one (``all``)."""
+    """A requirement on one camera, on at least one camera or on every camera."""
 
     says: Text = Field(description="The requirement in words.")
-    camera: CameraName = Field(description="Name of a camera, any or all.")
+    camera: CameraName = Field(
+        description="Name of the camera that must meet the requirement, `any` if at least one camera must, or "
+        "`all` if every camera must."
+    )
     priority: Literal["must", "should"] = Field(
-        default="must", description="must: with --strict, a run fails if it is not met; should: desirable."
+        default="must",
+        description="Whether a run with `--strict` fails unless the requirement is met (`must`), or the "
+        "requirement is only desirable (`should`).",
     )
     depth_uncertainty: BoundOverPart | None = None
-    usable: UsablePart | None = Field(default=None, description="Distances over which the camera must be usable.")
-    overlap: ShareAbovePart | None = Field(default=None, description="Smallest overlap of the two stereo views.")
+    usable: UsablePart | None = Field(
+        default=None, description="Range of distances in which the camera must be usable."
+    )
+    overlap: ShareAbovePart | None = Field(default=None, description="Bound on the overlap of the two stereo views.")
     lateral_resolution: LengthBelowPart | None = Field(
-        default=None, description="Size of the smallest resolved detail on the object, limited by blur and sampling."
+        default=None,
+        description="Bound on the size of the smallest detail that the camera resolves on the object, limited by "
+        "blur and sampling.",
     )
     failed_fraction: ShareBelowPart | None = Field(
-        default=None, description="Fraction of measurements that end beyond infinity or are false matches."
+        default=None,
+        description="Bound on the fraction of measurements that fail: their disparity lies beyond that of "
+        "infinity, or they are false matches.",
     )
     depth_of_field: SharpPart | None = Field(
-        default=None, description="Depth of field of any camera, whether it measures depth or not."
+        default=None, description="Bound on the depth of field; the camera need not measure depth."
     )
     criterion: CriterionPart | None = Field(
         default=None,
-        description="Criterion of any camera, whether it measures depth or not: mass, power, moving parts, …",
+        description="Bound on a criterion such as mass, power or moving parts; the camera need not measure depth.",
     )
     guard_band: GuardBandPart | None = None
 

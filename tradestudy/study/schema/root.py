@@ -46,12 +46,14 @@ Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=LONGEST_NAME)]
 class StudyFile(Part):
     """A trade study: cameras, a scene, and questions about them."""
 
-    format: Literal[2] = Field(description="Version of this file format.")
+    format: Literal[2] = Field(description="Version of the study-file format.")
     study: Name = Field(description="Name of the study and of its report folder.")
     title: Text = Field(description="Title of the report.")
     question: Text = Field(description="The question that the study answers, in words.")
     cameras: Annotated[dict[Name, CameraPart], Field(max_length=100)] = Field(
-        default={}, description="Cameras by name."
+        default={},
+        description="Cameras by name. A camera may also come from a shared file (key `from`), or start as a copy "
+        "of another camera of the study (key `like`); further keys then replace its values.",
     )
     scene: ScenePart | None = None
     accuracy: AccuracyPart = AccuracyPart()
@@ -78,7 +80,9 @@ class StudyFile(Part):
     value_of_information: ValueOfInformationPart | None = None
     trade_off: TradeOffPart | None = None
     sweep: dict[str, SweepValues | SweepRangePart] = Field(
-        default={}, description="Values to vary, by path: a list or a range; every combination is a design."
+        default={},
+        description="Inputs to vary, by path, each with a list or a range of values; every combination of values "
+        "is a design.",
     )
 
     @field_validator("format", mode="before")

@@ -20,14 +20,15 @@ class ScenePart(Part):
 
     distances: (
         DistanceRangePart | Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=MOST_DISTANCES)]
-    ) = Field(description="Distances at which cameras are evaluated: a range or a list.")
+    ) = Field(description="Distances at which the cameras are evaluated: a range or an increasing list.")
     wavelength: PositiveWavelength = Field(description="Wavelength of the light.")
     picture: PicturePart | None = Field(
-        default=None, description="Texture, light and sensor, from which disparity errors are derived."
+        default=None,
+        description="Texture, light and sensor noise, from which disparity errors are derived and pictures rendered.",
     )
 
     image: SceneImagePart | None = Field(
-        default=None, description="Surfaces at different depths; `tradestudy render` makes pictures of them."
+        default=None, description="Surfaces at different depths, of which `tradestudy render` makes pictures."
     )
 
     @model_validator(mode="after")

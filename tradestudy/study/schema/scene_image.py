@@ -36,15 +36,21 @@ class PlanePart(Part):
     """A textured plane, upright or slanted."""
 
     shape: Literal["plane"]
-    distance: ObjectDistance = Field(description="Distance of its centre along the axis.")
-    centre: Place = Field(default=(0.0, 0.0), description="Offsets to the right of the axis and below it.")
-    size: tuple[DetailSize, DetailSize] | None = Field(default=None, description="Width and height; default: infinite.")
-    tilt_x: Tilt = Field(default=0.0, description="Slope along x; above 0°, the right is farther away.")
-    tilt_y: Tilt = Field(default=0.0, description="Slope along y; above 0°, the bottom is farther away.")
+    distance: ObjectDistance = Field(description="Distance of the centre, along the optical axis.")
+    centre: Place = Field(
+        default=(0.0, 0.0), description="Offsets of the centre from the optical axis, to the right and downwards."
+    )
+    size: tuple[DetailSize, DetailSize] | None = Field(
+        default=None, description="Width and height of the plane; default: infinite."
+    )
+    tilt_x: Tilt = Field(
+        default=0.0, description="Slope of the plane along x; above 0°, its right side is farther away."
+    )
+    tilt_y: Tilt = Field(default=0.0, description="Slope of the plane along y; above 0°, its bottom is farther away.")
 
 
 class StairsPart(Part):
-    """Upright treads from near (left) to far (right), with risers between them; two treads make a step."""
+    """Treads that face the camera, from near (left) to far (right), joined by risers; two treads make a step."""
 
     shape: Literal["step", "staircase"]
     near: ObjectDistance = Field(description="Distance of the nearest tread.")
@@ -54,7 +60,10 @@ class StairsPart(Part):
         default=None,
         description="Width of each tread except the first and the last, which are infinitely wide; not for a step.",
     )
-    edge: Length = Field(default=0.0, description="Position of the middle of all edges, to the right of the axis.")
+    edge: Length = Field(
+        default=0.0,
+        description="Position of the middle of all edges between treads, measured from the optical axis to the right.",
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -71,8 +80,10 @@ class SpherePart(Part):
     """A textured sphere."""
 
     shape: Literal["sphere"]
-    distance: ObjectDistance = Field(description="Distance of its centre along the axis.")
-    centre: Place = Field(default=(0.0, 0.0), description="Offsets to the right of the axis and below it.")
+    distance: ObjectDistance = Field(description="Distance of the centre, along the optical axis.")
+    centre: Place = Field(
+        default=(0.0, 0.0), description="Offsets of the centre from the optical axis, to the right and downwards."
+    )
     radius: DetailSize = Field(description="Radius of the sphere.")
 
     @model_validator(mode="after")
@@ -83,13 +94,15 @@ class SpherePart(Part):
 
 
 class RockPart(Part):
-    """A rough surface of seeded noise, which repeats after 32 features."""
+    """A rough surface made of random noise with a fixed seed; it repeats after 32 features."""
 
     shape: Literal["rock"]
-    near: ObjectDistance = Field(description="Distance of its nearest point.")
-    far: ObjectDistance = Field(description="Distance of its farthest point.")
-    feature_size: DetailSize = Field(description="Size of its largest features; smaller ones follow a power law.")
-    hurst: Share = Field(default=0.8, description="Hurst exponent: 1 is smooth, 0 is rugged.")
+    near: ObjectDistance = Field(description="Distance of the nearest point of the rock.")
+    far: ObjectDistance = Field(description="Distance of the farthest point of the rock.")
+    feature_size: DetailSize = Field(
+        description="Size of the largest features of the surface; smaller features follow a power law."
+    )
+    hurst: Share = Field(default=0.8, description="Hurst exponent of the surface, from rugged (0 %) to smooth (100 %).")
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -102,17 +115,27 @@ class DepthMapPart(Part):
     """A surface from a depth map (8- or 16-bit PNG, TIFF or NPY), with a picture or the scene's texture on it."""
 
     shape: Literal["depth-map"]
-    depth: FileName = Field(description="File of the map: distances along the axis, without holes.")
-    unit: DetailSize = Field(description="Distance per unit of its values, such as 1 mm.")
-    first_row: Literal["top", "bottom"] = Field(description="Side of the scene that its first row shows.")
-    width: DetailSize | None = Field(default=None, description="Width of the whole map, seen along parallel lines.")
+    depth: FileName = Field(
+        description="File of the depth map: distances along the optical axis, without missing values."
+    )
+    unit: DetailSize = Field(description="Distance for which a value of 1 in the depth map stands.")
+    first_row: Literal["top", "bottom"] = Field(
+        description="Side of the scene that the first row of the depth map shows."
+    )
+    width: DetailSize | None = Field(
+        default=None,
+        description="Width of the part of the scene that the depth map shows, for a map taken along parallel lines "
+        "of sight.",
+    )
     field_of_view: PositiveAngle | None = Field(
         default=None,
-        description="Instead of width: field of view across the whole map, seen from the origin as by a pinhole.",
+        description="Instead of `width`: horizontal field of view of the depth map, for a map taken from the "
+        "origin as by a pinhole camera.",
     )
     picture: FileName | None = Field(
         default=None,
-        description="Image file of its brightness, grey or in colour, with linear values and rows in the same order.",
+        description="Image file of the brightness of the surface, grey or in colour: linear values, with rows in "
+        "the order of the depth map. Default: the texture of scene.picture.",
     )
 
     @model_validator(mode="after")
@@ -134,10 +157,10 @@ class MosaicPart(Part):
     """A Bayer mosaic in front of the pixels."""
 
     pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"] = Field(
-        description="Colours of the first two pixels of rows one and two."
+        description="Colours of the first two pixels of the first row, then of the second row."
     )
     response: tuple[PositiveFraction, PositiveFraction, PositiveFraction] = Field(
-        description="Electrons of red, green and blue pixels, relative to pixels without a filter."
+        description="Electrons in a red, a green and a blue pixel, each relative to a pixel without a filter."
     )
 
 
@@ -146,8 +169,8 @@ class SceneImagePart(Part):
 
     Texture, light, noise, fill factor and stops are those of scene.picture; its other keys (window, matcher, field
     angle, spectrum and lens phase) do not change the pictures. Pictures show the whole field. They are rendered by
-    rays, or by waves of the scene's wavelength where diffraction matters or where effects force it
-    (main_lens_diffraction, microlens_diffraction: fresnel).
+    rays, or by waves of the scene's wavelength where diffraction matters or where effects.main_lens_diffraction or
+    effects.microlens_diffraction is fresnel.
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(
@@ -161,19 +184,22 @@ class SceneImagePart(Part):
     )
     rig: Rig = Field(
         default="as-designed",
-        description="as-designed: without errors; drawn: with errors drawn once from the calibration of each camera.",
+        description="Cameras that take the pictures: without errors (`as-designed`), or each with errors drawn "
+        "once from its calibration (`drawn`).",
     )
     noise: SensorNoiseModel = Field(
         default="shot+read+quantisation",
-        description="Noise of the pictures; quantised pictures are 16-bit PNG files in digital numbers, others are "
-        "floating-point TIFF files in electrons.",
+        description="Noise in the pictures. Pictures with quantisation are 16-bit PNG files in digital numbers; "
+        "others are floating-point TIFF files in electrons.",
     )
-    black_level: NonNegativeElectrons = Field(default=0.0, description="Electrons added before digitising.")
-    mosaic: MosaicPart | None = Field(default=None, description="Colour filters; default: none.")
+    black_level: NonNegativeElectrons = Field(
+        default=0.0, description="Number of electrons added to every pixel before digitising."
+    )
+    mosaic: MosaicPart | None = Field(default=None, description="Colour filters in front of the pixels; default: none.")
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] | None = Field(
         default=None,
-        description="Rays per pixel and lens, half as many where a lens is barely lit; camera.json states the "
-        "resulting error. Default: 12 for unfocused plenoptic cameras, 8 for others.",
+        description="Number of rays per pixel and lens, halved where a lens is barely lit; the file camera.json "
+        "beside the pictures states the resulting error. Default: 12 for unfocused plenoptic cameras, 8 for others.",
     )
     depth_maps: bool = Field(
         default=False,
@@ -181,7 +207,7 @@ class SceneImagePart(Part):
         description="Whether a run also measures depth in the pictures and compares it with the true depth.",
     )
     depth_format: Literal["tiff", "npy"] = Field(
-        default="tiff", description="File format of the true depth, in metres."
+        default="tiff", description="File format of the true depth, which is in metres."
     )
 
     def files(self) -> Iterator[tuple[tuple[str | int, ...], str]]:

@@ -18,15 +18,21 @@ class WeighedPart(Part):
     """One criterion: its quantity, its worst and best values, and its weight."""
 
     quantity: Literal["depth_uncertainty", "usable_near", "usable_far"] | None = Field(
-        default=None, description="Computed quantity; default: the declared or derived criterion of this name."
+        default=None,
+        description="Quantity that the program computes for the criterion; default: the declared or derived "
+        "criterion of this name.",
     )
-    at: ObjectDistance | None = Field(default=None, description="Distance at which depth uncertainty counts.")
-    worst: QuantityText = Field(description="Value that scores 0, as does every worse one.")
+    at: ObjectDistance | None = Field(
+        default=None, description="Distance at which the depth uncertainty counts; needed with depth_uncertainty."
+    )
+    worst: QuantityText = Field(description="Value that scores 0, with its unit; worse values also score 0.")
     best: QuantityText = Field(
-        description="Value that scores 1, as does every better one; scores are linear in between."
+        description="Value that scores 1, with its unit; better values also score 1, and scores are linear between "
+        "`worst` and `best`."
     )
     weight: Share | tuple[Share, Share] | None = Field(
-        default=None, description="Weight as a fraction of all weights, or its range; default: unknown."
+        default=None,
+        description="Weight as a fraction of the sum of all weights, or the range in which it lies; default: unknown.",
     )
 
     @model_validator(mode="after")
@@ -52,10 +58,12 @@ class TradeOffPart(Part):
         description="Criteria by name, each with its worst and best value and its weight."
     )
     order: Annotated[tuple[AttributeName, ...], Field(min_length=2), AfterValidator(distinct)] | None = Field(
-        default=None, description="Criteria in decreasing importance, if nothing else is known about their weights."
+        default=None,
+        description="Names of criteria in order of decreasing importance, if nothing else is known about their "
+        "weights.",
     )
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(
-        default=None, description="Cameras to rank; default: the candidates of the decision, else all."
+        default=None, description="Cameras to rank; default: decision.candidates or, without them, all cameras."
     )
 
     @model_validator(mode="after")

@@ -16,14 +16,16 @@ from tradestudy.declarations.words import CameraName, Text, distinct
 class AssumptionPart(Part):
     """An uncertain assumption: a value with a log-uniform distribution, or a choice among equally likely readings."""
 
-    says: Text | None = Field(default=None, description="Name of the assumption in reports; default: its path.")
+    says: Text | None = Field(default=None, description="Name of the assumption in reports; default: its key.")
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
         default=(), description="Path of the value to vary; several paths all take the same value."
     )
-    low: QuantityText = Field(default="", description="Smallest possible value.")
-    high: QuantityText = Field(default="", description="Largest possible value.")
+    low: QuantityText = Field(default="", description="Smallest possible value, with its unit.")
+    high: QuantityText = Field(default="", description="Largest possible value, with its unit.")
     readings: Annotated[tuple[CameraName, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] | None = (
-        Field(default=None, description="Instead of vary: readings, each as likely as the declared study.")
+        Field(
+            default=None, description="Instead of `vary`: names of readings, each as likely as the study as declared."
+        )
     )
 
     @model_validator(mode="after")
@@ -41,20 +43,23 @@ class AssumptionPart(Part):
 class ValueOfInformationPart(Part):
     """How much knowing each assumption would improve the choice among the candidates.
 
-    The loss of a choice is its depth uncertainty relative to the distance, averaged over the distances.
+    The loss of choosing a camera is its depth uncertainty relative to the distance, averaged over the distances.
     """
 
     assumptions: Annotated[dict[str, AssumptionPart], Field(min_length=1, max_length=40)] = Field(
-        description="Assumptions by path or name, each with its range or readings."
+        description="Uncertain assumptions, each by the path of its value or by a name of its own."
     )
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] | None = (
-        Field(default=None, description="Distances, weighted equally; default: those of the decision.")
+        Field(
+            default=None,
+            description="Distances over which the loss is averaged with equal weights; default: decision.at.",
+        )
     )
     unusable: PositiveFraction = Field(
-        default=1.0, description="Relative uncertainty assigned at distances where the camera is not usable."
+        default=1.0, description="Relative depth uncertainty that counts at distances where a camera is not usable."
     )
     draws: Annotated[int, Field(ge=64, le=2**14, strict=True)] = Field(
-        default=256, description="Combinations of values to draw; powers of two are balanced best."
+        default=256, description="Number of combinations of values to draw; powers of two cover the ranges most evenly."
     )
 
     def mistakes_of_owners(self, readings: Mapping[str, Sequence[str]]) -> list[MistakeAt]:

@@ -39,7 +39,7 @@ class FNumberRangePart(Part):
     start: FNumber = Field(alias="from", description="Smallest f-number.")
     stop: FNumber = Field(alias="to", description="Largest f-number.")
     points: Annotated[int, Field(ge=2, le=200, strict=True)] = Field(
-        description="How many f-numbers, both ends included."
+        description="Number of f-numbers, including both ends."
     )
 
     @model_validator(mode="after")
@@ -62,22 +62,24 @@ def listed(f_numbers: FNumbers) -> tuple[float, ...]:
 
 
 class PublishedErrorPart(Part):
-    """A published error for this lens."""
+    """A published error of Fresnel's point-spread function for this lens."""
 
-    f_number: FNumber = Field(description="F-number of the published point.")
-    error: PositiveFraction = Field(description="Published error at that f-number.")
+    f_number: FNumber = Field(description="F-number to which the published error applies.")
+    error: PositiveFraction = Field(description="Published error of Fresnel's point-spread function at this f-number.")
 
 
 class ElementPart(Part):
-    """One lens and the object it images, in focus."""
+    """One lens, and the object point that it images in focus."""
 
-    title: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="Name of this lens in reports.")
+    title: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="Name of the lens in reports.")
     focal_length: FocalLength = Field(description="Focal length of the lens.")
     object_distance: ObjectDistance = Field(description="Distance from the lens to the point source.")
     f_number: FNumber = Field(description="F-number at which the camera uses the lens.")
-    published_error: PublishedErrorPart | None = Field(default=None, description="A published point to compare with.")
+    published_error: PublishedErrorPart | None = Field(
+        default=None, description="A published error, to compare with the computed one."
+    )
     published_minimum_f_number: PositiveNumber | None = Field(
-        default=None, description="A published minimum f-number for Fresnel to compare with."
+        default=None, description="A published minimum f-number for Fresnel, to compare with the computed ones."
     )
 
     @model_validator(mode="after")
@@ -93,34 +95,38 @@ class ElementPart(Part):
 
 
 class OffAxisPart(Part):
-    """One off-axis direction at one wavelength; without rotational symmetry, more would take too long."""
+    """One off-axis direction at one wavelength; more would take too long without rotational symmetry."""
 
-    field_angle: PositiveAngle = Field(description="Angle between the object point and the axis.")
+    field_angle: PositiveAngle = Field(
+        description="Angle between the optical axis and the direction of the object point."
+    )
     wavelength: PositiveWavelength = Field(description="Wavelength at which the off-axis error is evaluated.")
 
 
 class FresnelValidityPart(Part):
-    """Computed difference of Fresnel's point-spread function from Kirchhoff's, and criteria that predict it."""
+    """How far Fresnel's point-spread function is from Kirchhoff's, as computed and by criteria that predict it."""
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
-        description="Lenses by name."
+        description="Lenses to evaluate, by name."
     )
-    f_numbers: FNumbers = Field(description="F-numbers to evaluate, increasing: a list or a range.")
+    f_numbers: FNumbers = Field(description="F-numbers to evaluate: a range or an increasing list.")
     wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)] = Field(
         description="Wavelengths to evaluate."
     )
     lens_phases: Annotated[tuple[LensPhaseName, ...], Field(min_length=1, max_length=3)] = Field(
-        description="Phases of the lens to evaluate."
+        description="Phases of the lens to evaluate; see light_spot.main_lens.lens_phase for their meaning."
     )
-    off_axis: OffAxisPart | None = Field(default=None, description="The off-axis comparison.")
+    off_axis: OffAxisPart | None = Field(default=None, description="A comparison off the axis; default: none.")
     windows: Annotated[tuple[PositiveNumber, ...], Field(min_length=1, max_length=6)] = Field(
-        description="Radii of the windows over which point-spread functions are compared, in Airy radii."
+        description="Radii of the windows over which the point-spread functions are compared, in Airy radii."
     )
     path_errors: Annotated[tuple[PositiveWaves, ...], Field(min_length=1, max_length=6)] = Field(
-        description="Bounds on the neglected path, each of which gives a minimum f-number."
+        description="Bounds on the optical path that Fresnel neglects; each gives a minimum f-number."
     )
-    error_limit: PositiveFraction = Field(description="Largest error at which Fresnel counts as good enough.")
-    tolerance: IntensityTolerance = Field(description="Relative numerical error of each computed intensity.")
+    error_limit: PositiveFraction = Field(
+        description="Largest error of Fresnel's point-spread function that counts as acceptable."
+    )
+    tolerance: IntensityTolerance = Field(description="Largest relative numerical error of each computed intensity.")
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
@@ -134,24 +140,33 @@ class FresnelValidityPart(Part):
 
 
 class PointSpreadPart(Part):
-    """Point spread behind each lens, with one quantity varied at a time."""
+    """The image of a point behind each lens, while one quantity at a time is varied."""
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
-        description="Lenses by name."
+        description="Lenses to evaluate, by name."
     )
-    lens_phase: LensPhaseName = Field(description="Phase that each lens adds.")
-    pixel_pitch: PixelPitch = Field(description="Pitch of the pixels over which points spread.")
-    window: PositiveNumber = Field(description="Half the side of the sampled window, in Airy radii of each lens.")
-    rms_radius: PositiveNumber = Field(description="Radius within which the rms width is taken, in Airy radii.")
-    f_numbers: FNumbers = Field(description="F-numbers to evaluate: a list or a range.")
+    lens_phase: LensPhaseName = Field(
+        description="Phase that each lens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
+    )
+    pixel_pitch: PixelPitch = Field(description="Pitch of the pixels over which the image of a point spreads.")
+    window: PositiveNumber = Field(
+        description="Half the side of the square in which the image of a point is computed, in Airy radii of each lens."
+    )
+    rms_radius: PositiveNumber = Field(
+        description="Radius within which the root-mean-square width is computed, in Airy radii."
+    )
+    f_numbers: FNumbers = Field(description="F-numbers to evaluate: a range or a list.")
     wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)] = Field(
         description="Wavelengths to evaluate."
     )
     field_angles: Annotated[tuple[NonNegativeAngle, ...], Field(min_length=1, max_length=20)] = Field(
-        description="Angles from the axis to evaluate."
+        description="Field angles to evaluate, measured from the optical axis."
     )
-    reference_wavelength: PositiveWavelength = Field(description="Wavelength while another quantity is varied.")
+    reference_wavelength: PositiveWavelength = Field(
+        description="Wavelength that applies while another quantity is varied."
+    )
     defocus: Annotated[tuple[Waves, ...], Field(min_length=1, max_length=20)] = Field(
-        description="Distance of the object from focus, in waves of path at the rim of the pupil; > 0 is nearer."
+        description="Defocus of the object, in waves of path at the rim of the pupil; above 0, the object is "
+        "nearer than the focus."
     )
     tolerance: IntensityTolerance = Field(description="Largest error of the intensity, relative to its peak.")
