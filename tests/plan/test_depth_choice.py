@@ -150,6 +150,27 @@ def test_a_forced_model_is_applied_and_its_change_reported(model: str) -> None:
     assert (f"main lens diffraction: {model}, as the study requires, changes the" in reported) == (model != "kirchhoff")
 
 
+def test_without_diffraction_at_microlenses_their_crosstalk_still_counts() -> None:
+    """Without crosstalk, the depth uncertainty of the R5 changes by 2.1 %, though no diffraction spreads the light."""
+    changes = ("effects.microlens_diffraction=off", "accuracy.tolerance=0.3 %")
+    definition = load_definition(STUDIES / "robot.yaml", changes)
+    found = next(one for one in choose_models(definition) if one.name == "raytrix-r5")
+    distance = definition.case.distance[:60]
+
+    def uncertainty(models: Models) -> np.ndarray:
+        return depth_uncertainty(definition.with_models({found.name: models}).case.cameras[found.name], distance)
+
+    complete: Models = {**found.choice.problem.complete, "calibration": "linear"}
+    without: Models = {**complete, "crosstalk": "off"}
+    change = np.max(np.abs(uncertainty(without) / uncertainty(complete) - 1.0))
+    assert change == pytest.approx(0.0213, rel=0.02)
+    told = found.choice.problem.changes({**found.choice.problem.complete, "crosstalk": "off"})["depth_uncertainty"]
+    assert told.relative >= change
+    assert found.models["crosstalk"] == "share"
+    assert found.models["calibration"] == "linear"
+    assert np.max(np.abs(uncertainty(found.models) / uncertainty(complete) - 1.0)) <= 0.003
+
+
 def test_a_model_that_acts_nowhere_is_a_mistake_with_a_position() -> None:
     study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", ["effects.main_lens_diffraction=fresnel"])
     with pytest.raises(StudyError, match=r"^--set:1:\d+: effects\.main_lens_diffraction: 'fresnel' .*0\.1 px"):
