@@ -252,6 +252,26 @@ def test_intervals_far_from_normal_are_computed_anew(tmp_path: Path, end: float,
     assert moved.max() > least
 
 
+def test_axes_of_other_cameras_do_not_crowd_out_designs_of_a_camera() -> None:
+    """Each camera's choice depends on its own part of the sweep; a shared axis counts for every camera."""
+    head = "stereo-50mm.lenses.f_number"
+    swept = {head: {"from": 1, "to": 64, "points": 20, "spacing": "log"}}
+    others = {
+        "cameras.stereo-75mm.baseline": {"from": "20 mm", "to": "300 mm", "points": 20},
+        "stereo-75mm.lenses.focal_length": {"from": "1 mm", "to": "4 mm", "points": 20},
+    }
+
+    def f_numbers(sweep: dict[str, Any]) -> set[float]:
+        definition = load_definition(STUDIES / "robot.yaml").with_values({"sweep": sweep})
+        problem = depth_problems(definition, {})[0]
+        assert problem.name in head
+        return {variant.camera.lens.f_number for variant in problem._variants}
+
+    alone = f_numbers(swept)
+    assert len(alone) == 21  # with the declared one
+    assert f_numbers({**swept, **others}) == alone
+
+
 def test_a_sweep_that_goes_through_focus_counts_there_too(tmp_path: Path) -> None:
     """Blurred before and behind, at neither end of the sweep diffraction or pixels change anything to speak of."""
     swept = "cameras.one.focus_distance"
