@@ -81,6 +81,16 @@ def test_a_plan_that_leaves_nothing_out_says_which_omission_it_refused(tmp_path:
     assert 0.01 < change <= float(said[1]) / 100.0 < 2.0 * change  # a trial overestimates rather than underestimates
 
 
+def test_an_omission_that_changes_nothing_is_named() -> None:
+    """No light suffices at any distance: then every model gives the same, and the simplest is no omission denied."""
+    study = tradestudy.load(STUDIES / "robot.yaml", ["scene.picture.light.electrons=1e-6 electrons"])
+    line = str(study.plan()).splitlines()[0]
+    assert line.startswith("stereo-50mm")
+    assert "no diffraction" in line
+    assert "nothing left out" not in line
+    assert "leaving out diffraction at the main lens and calibration errors changes nothing" in line
+
+
 @pytest.mark.parametrize(
     ("study", "line"),
     [

@@ -13,7 +13,7 @@ from tradestudy.effects.words import MODEL, left_out
 from tradestudy.plan.choice import Chosen
 from tradestudy.plan.predicted_time import PredictedStep
 from tradestudy.units import DURATION, FRACTION, pretty
-from tradestudy.wording import distance
+from tradestudy.wording import distance, listed
 
 _SIGNIFICANT: Final = 0.01  # share of the tolerance
 
@@ -79,7 +79,7 @@ def _left_out(one: Chosen) -> str:
         if quantity in one.asked and change.relative > 0.0
     ]
     if not omitted:
-        return "nothing left out" + _first_refused(one)
+        return _without_effect(one) or "nothing left out" + _first_refused(one)
     _, quantity, _, decision = max(omitted, key=lambda found: found[0])
     change = one.choice.changes[quantity]  # due to all omissions; can be less than that due to one of them
     significant = {id(found[3]) for found in omitted if found[0] >= _SIGNIFICANT}
@@ -88,6 +88,17 @@ def _left_out(one: Chosen) -> str:
         f"leaving out {left_out(decision.slot, decision.model)}{suffix} changes the {IN_WORDS[quantity]} by "
         f"{_amount(change)} {_allowance(quantity, change, one)}"
     )
+
+
+def _without_effect(one: Chosen) -> str:
+    """The omissions that change no answer; empty if nothing is left out."""
+    complete = one.choice.problem.complete
+    omissions = [
+        left_out(decision.slot, decision.model)
+        for decision in one.choice.decisions
+        if decision.chosen and not decision.forced and decision.model != complete[decision.slot]
+    ]
+    return f"leaving out {listed(omissions)} changes nothing" if omissions else ""
 
 
 def _first_refused(one: Chosen) -> str:
