@@ -91,6 +91,18 @@ def test_an_omission_that_changes_nothing_is_named() -> None:
     assert "leaving out diffraction at the main lens and calibration errors changes nothing" in line
 
 
+def test_a_change_is_told_apart_from_the_tolerance_that_it_exceeds() -> None:
+    """1.006 % beside 1 % allowed is not 1 %."""
+    plan = tradestudy.load(STUDIES / "rock_scene.yaml").plan()
+    line = next(line for line in str(plan).splitlines() if line.startswith("stereo-pictures"))
+    said = re.search(
+        r"nothing left out, .* would change the pixel intensity .* by about (\S+) % \(.*; 1 % allowed\)",
+        line.replace("\N{NO-BREAK SPACE}", " "),
+    )
+    assert said is not None, line
+    assert 1.0 < float(said[1]) < 1.1
+
+
 @pytest.mark.parametrize(
     ("study", "line"),
     [

@@ -13,7 +13,7 @@ from tradestudy.effects.words import MODEL, left_out
 from tradestudy.plan.choice import Chosen
 from tradestudy.plan.predicted_time import PredictedStep
 from tradestudy.units import DURATION, FRACTION, pretty
-from tradestudy.wording import distance, listed
+from tradestudy.wording import distance, fewest_digits, listed
 
 _SIGNIFICANT: Final = 0.01  # share of the tolerance
 
@@ -86,7 +86,7 @@ def _left_out(one: Chosen) -> str:
     suffix = " and smaller effects" if len(significant) > 1 else ""
     return (
         f"leaving out {left_out(decision.slot, decision.model)}{suffix} changes the {IN_WORDS[quantity]} by "
-        f"{_amount(change)} {_allowance(quantity, change, one)}"
+        f"{_amount(change, one.asked[quantity])} {_allowance(quantity, change, one)}"
     )
 
 
@@ -119,8 +119,8 @@ def _first_refused(one: Chosen) -> str:
         allowed = pretty(one.asked[quantity], FRACTION)
         return f", because leaving out {omission} could change the {IN_WORDS[quantity]} by more than {allowed}"
     return (
-        f", because leaving out {omission} would change the {IN_WORDS[quantity]} by {_amount(change)} "
-        f"{_allowance(quantity, change, one)}"
+        f", because leaving out {omission} would change the {IN_WORDS[quantity]} by "
+        f"{_amount(change, one.asked[quantity])} {_allowance(quantity, change, one)}"
     )
 
 
@@ -141,9 +141,9 @@ def _forced(one: Chosen) -> str:
     named = ", ".join(
         f"{slot.replace('_', ' ')}: {model}" for slot, model in one.choice.forced.items() if slot in one.models
     )
-    more = "more than" if change.relative > one.asked[quantity] else "within"
+    more, share = "more than" if change.relative > one.asked[quantity] else "within", _share(quantity, change, one)
     return (
-        f"{named}, as the study requires, changes the {IN_WORDS[quantity]} by {_share(quantity, change)}, {more} the "
+        f"{named}, as the study requires, changes the {IN_WORDS[quantity]} by {share}, {more} the "
         f"{pretty(one.asked[quantity], FRACTION)} allowed"
     )
 
@@ -152,10 +152,11 @@ def _decisions(one: Chosen) -> Iterator[str]:
     """Every model of every effect with its change, or the reason why the effect has only one model."""
     for quantity, tolerance in one.asked.items():
         total = one.choice.changes[quantity]
-        yield f"all omissions: {IN_WORDS[quantity]}, {_share(quantity, total)}; {pretty(tolerance, FRACTION)} allowed"
+        share = _share(quantity, total, one)
+        yield f"all omissions: {IN_WORDS[quantity]}, {share}; {pretty(tolerance, FRACTION)} allowed"
     for quantity, total in one.choice.changes.items():
         if quantity not in one.asked:
-            yield f"no tolerance: {IN_WORDS[quantity]}, {_share(quantity, total)}"
+            yield f"no tolerance: {IN_WORDS[quantity]}, {_share(quantity, total, one)}"
     stated: set[str] = set()
     yield "● used, ○ compared; each with the change that it alone would cause"
     for decision in one.choice.decisions:
@@ -166,29 +167,35 @@ def _decisions(one: Chosen) -> Iterator[str]:
             yield f"{mark} {name}{once}"
             continue
         asked = ((quantity, change) for quantity, change in decision.changes.items() if quantity in one.asked)
-        numbers = ", ".join(f"{IN_WORDS[quantity]} {_share(quantity, change)}" for quantity, change in asked)
+        numbers = ", ".join(f"{IN_WORDS[quantity]} {_share(quantity, change, one)}" for quantity, change in asked)
         yield f"{mark} {name}  {numbers}"
 
 
-def _share(quantity: Quantity, change: Change) -> str:
+def _share(quantity: Quantity, change: Change, one: Chosen) -> str:
     """A change and its evidence: "0.22 %", "up to about 1.3 %", "about 0.02 %, trial at a few distances"."""
     if math.isinf(change.relative) or change.relative == 0.0:
         return _amount(change)
+    amount = _amount(change, one.asked.get(quantity, math.nan))
     at = "" if math.isnan(change.at) else f" at {distance(change.at)}"
-    return f"{_amount(change)}{at}{f', {_tried(quantity)}' if change.evidence == 'trial' else ''}"
+    return f"{amount}{at}{f', {_tried(quantity)}' if change.evidence == 'trial' else ''}"
 
 
 def _tried(quantity: Quantity) -> str:
     return f"trial at a few {'places' if quantity == 'pixel_intensity' else 'distances'}"
 
 
-def _amount(change: Change) -> str:
+def _amount(change: Change, tolerance: float = math.nan) -> str:
+    """The size of a change, with enough digits to tell it from its tolerance."""
     if math.isinf(change.relative):
         return "an unknown amount"
     if change.relative == 0.0:
         return "0 %"
     known: dict[Evidence, str] = {"computed": "", "rule": "up to about ", "trial": "about "}
-    return f"{known[change.evidence]}{pretty(change.relative, FRACTION, digits=2)}"
+    size, allowed = pretty(change.relative, FRACTION, digits=2), pretty(tolerance, FRACTION)
+    if size == allowed:
+        digits = fewest_digits(lambda digits: pretty(change.relative, FRACTION, digits=digits) != allowed)
+        size = pretty(change.relative, FRACTION, digits=digits)
+    return f"{known[change.evidence]}{size}"
 
 
 def _seconds(steps: Sequence[PredictedStep]) -> str:
