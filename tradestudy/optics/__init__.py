@@ -7,8 +7,8 @@ Start here:
   (Zernike coefficients) or any amplitude and path, `FocalLengths` its field curvature and axial colour.
 * `aperture_field` computes the complex field and the intensity of a point source at any points behind a lens. Metrics
   such as `encircled_energy` and `modulation_transfer` accept its result and that of `point_spread`.
-* `microlens_image` computes the image of a point or a disc on the pixels behind main lens and microlens array, from the
-  numbers in a `MicrolensCamera`. `chain_image` does the same for any `LightPath`.
+* `microlens_image` computes the image of a point or a disc on the pixels behind a main lens and a microlens array, from
+  the numbers in a `MicrolensCamera`. `chain_image` does the same for any `LightPath`.
 
 Lengths are in metres, angles in radians. Sources, apertures and targets share one set of axes: a source at x > 0 has
 its real image at x < 0. Every computed field, image and metric states its error. A result that misses its tolerance is

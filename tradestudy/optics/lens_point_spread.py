@@ -127,7 +127,7 @@ class LensPointSpread(PointSpread):
         Returns
         -------
         Measured
-            Width [m], shape (), with the errors of sampling and of the samples.
+            Width [m], shape (); its error is that of sampling plus that of the samples.
 
         Raises
         ------
@@ -156,12 +156,12 @@ class LensPointSpread(PointSpread):
         Returns
         -------
         Measured
-            Fractions [1] in the shape of the radii, with the errors of sampling and of the samples.
+            Fractions [1] in the shape of the radii; their error is that of sampling plus that of the samples.
 
         Raises
         ------
         OutOfRangeError
-            If a circle leaves the window.
+            If a circle reaches beyond the window.
         """
         return encircled_energy(self, centre=self.centre, radius=np.asarray(radius, dtype=np.float64))
 
@@ -177,7 +177,7 @@ class LensPointSpread(PointSpread):
         Returns
         -------
         Measured
-            Radius [m], shape (), with the errors of sampling and of the samples.
+            Radius [m], shape (); its error is that of sampling plus that of the samples.
 
         Raises
         ------
@@ -192,12 +192,12 @@ class LensPointSpread(PointSpread):
         Returns
         -------
         Measured
-            Ratio [1], shape (), with the errors of sampling and of the samples.
+            Ratio [1], shape (); its error is that of sampling plus that of the samples.
 
         Raises
         ------
         OutOfRangeError
-            If the peak lies on the rim of the window.
+            If the peak lies on the edge of the window.
         """
         return strehl_ratio(self, reference_peak=self.reference_peak)
 
@@ -218,7 +218,8 @@ class LensPointSpread(PointSpread):
         Returns
         -------
         Measured
-            MTF [1] in the shape of the frequencies, with the errors of sampling, of the samples and of the window.
+            MTF [1] in the shape of the frequencies; its error adds up those of sampling, of the samples and of the
+            light outside the window.
 
         Raises
         ------
@@ -299,7 +300,10 @@ def point_spread(
     obliquity: Obliquity = "paper",
     limits: Limits | None = None,
 ) -> LensPointSpread:
-    """Point-spread function of a lens from its data: |∬ U(q) t(q) exp(i k W(q)) K(q, P) dq|² over the pupil.
+    """Point-spread function of a lens from the numbers of its data sheet: |∬ U(q) t(q) exp(i k W(q)) K(q, P) dq|².
+
+    The integral extends over the points q of the pupil. U is the wave behind the aberration-free lens, t the amplitude
+    and W the path error of the pupil, and K the kernel of the method, from q to the image point P.
 
     Parameters
     ----------
@@ -321,13 +325,14 @@ def point_spread(
         Object distance in focus [m]. Default: the source's. The image plane is where an axial point at this distance is
         imaged; with a table of focal lengths, at its reference wavelength.
     lens_phase
-        ``perfect``: sends every source point exactly to its thin-lens image; ``stigmatic``: a fixed element exact for
-        `focus_distance` on the axis, with coma off axis; ``parabolic``: the paper's lens, with spherical aberration.
+        ``perfect``: sends every source point exactly to its thin-lens image; ``stigmatic``: images the axial
+        point at `focus_distance` exactly, with coma off the axis; ``parabolic``: the lens of the paper (under
+        References), with spherical aberration.
     pupil
         Amplitude and aberrations. Default: a clear aperture without aberration.
     window
-        Half the side of the sampled square about the chief ray [Airy radii]; at least 1.5. The light outside is part
-        of the error of the MTF: 0.8 % of the light for a window of 20, in inverse proportion to the window.
+        Half the side of the sampled square about the chief ray [Airy radii]; at least 1.5. The error of the MTF
+        includes the light outside the square: 0.8 % of all light at 20, and inversely proportional to this number.
     obliquity
         Obliquity factor of Kirchhoff's integral, as in `aperture_field`.
     limits
@@ -336,12 +341,13 @@ def point_spread(
     Returns
     -------
     LensPointSpread
-        Intensity with its stated error; methods give width, encircled energy, Strehl ratio, MTF and a plot.
+        Intensity with its stated error; its methods give width, encircled energy, Strehl ratio, MTF and a plot.
 
     Raises
     ------
     OutOfRangeError
-        An argument is outside the validity of the laws, or the focus is on the wrong side of the focal length.
+        An argument is outside the range in which the method holds, or `focus_distance` does not exceed the focal
+        length.
     UnaffordableError
         The nodes needed exceed the limits.
     NotConvergedError

@@ -280,7 +280,7 @@ def microlens_image(
     tolerance: float = 1e-3,
     seed: int = 0,
 ) -> ChainImage:
-    """Image of a point or a disc behind main lens and microlens array, integrated over pixels, within a tolerance.
+    """Image of a point or a disc behind a main lens and a microlens array, on each pixel, within a tolerance.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def microlens_image(
     Raises
     ------
     OutOfRangeError
-        If the source, the light or a part is outside the validity of the laws.
+        If the source, the light or a part is outside the range in which the methods hold.
     UnaffordableError
         If nodes or samples need more memory than allowed.
     NotConvergedError

@@ -294,7 +294,7 @@ def peak_position(psf: PointSpread) -> tuple[float, float]:
     Raises
     ------
     OutOfRangeError
-        If the brightest sample lies on the rim of the window: the peak may be outside.
+        If the brightest sample lies on the edge of the window: the peak may be outside.
     """
     row, column = np.unravel_index(int(np.argmax(psf.intensity)), psf.intensity.shape)
     if row in (0, psf.y.size - 1) or column in (0, psf.x.size - 1):

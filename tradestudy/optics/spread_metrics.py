@@ -34,7 +34,7 @@ def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
     Returns
     -------
     Measured
-        Width [m], shape (), with the errors of sampling and of the samples.
+        Width [m], shape (); its error is that of sampling plus that of the samples.
 
     Raises
     ------
@@ -122,12 +122,12 @@ def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius:
     Returns
     -------
     Measured
-        Fractions [1] in the shape of the radii, with the errors of sampling and of the samples.
+        Fractions [1] in the shape of the radii; their error is that of sampling plus that of the samples.
 
     Raises
     ------
     OutOfRangeError
-        If a circle leaves the window.
+        If a circle reaches beyond the window.
 
     References
     ----------
@@ -173,7 +173,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
     Returns
     -------
     Measured
-        Radius [m], shape (), with the errors of sampling and of the samples.
+        Radius [m], shape (); its error is that of sampling plus that of the samples.
 
     Raises
     ------
@@ -239,12 +239,12 @@ def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float)
     Returns
     -------
     Measured
-        Width [m], shape (), with the errors of sampling and of the samples.
+        Width [m], shape (); its error is that of sampling plus that of the samples.
 
     Raises
     ------
     OutOfRangeError
-        If the circle leaves the window, or the window contains no light.
+        If the circle reaches beyond the window, or the window contains no light.
 
     References
     ----------
@@ -274,7 +274,7 @@ def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float)
 
 @checked
 def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:
-    """Ratio of the peak intensity to the peak of the same pupil without aberration.
+    """Ratio of the peak intensity to that of the same pupil without aberration.
 
     Parameters
     ----------
@@ -286,12 +286,12 @@ def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:
     Returns
     -------
     Measured
-        Ratio [1], shape (), with the errors of sampling and of the samples; the reference is taken as exact.
+        Ratio [1], shape (); its error is that of sampling plus that of the samples. The reference is taken as exact.
 
     Raises
     ------
     OutOfRangeError
-        If the reference is not positive, or the peak lies on the rim.
+        If the reference is not positive, or the peak lies on the edge of the window.
 
     References
     ----------

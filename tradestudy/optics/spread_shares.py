@@ -38,7 +38,8 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
     Returns
     -------
     Measured
-        MTF [1] in the shape of the frequencies, with the errors of sampling, of the samples and of the window.
+        MTF [1] in the shape of the frequencies; its error adds up those of sampling, of the samples and of the
+        light outside the window.
 
     Raises
     ------
@@ -105,7 +106,7 @@ def window_share(field: SpreadField) -> Measured:
     Returns
     -------
     Measured
-        Fraction [1], shape (), with the errors of sampling and of the samples.
+        Fraction [1], shape (); its error is that of sampling plus that of the samples.
 
     Raises
     ------
@@ -133,7 +134,7 @@ def window_share(field: SpreadField) -> Measured:
 
 @checked
 def share_outside_disc(field: SpreadField, *, centre: tuple[float, float], radius: float) -> Measured:
-    """Fraction of the pupil's power outside a disc, such as the geometric footprint: 1 − ∫∫ I dA / P.
+    """Fraction of the pupil's power outside a disc, such as the one that paraxial rays fill: 1 − ∫∫ I dA / P.
 
     Parameters
     ----------
@@ -152,7 +153,7 @@ def share_outside_disc(field: SpreadField, *, centre: tuple[float, float], radiu
     Raises
     ------
     OutOfRangeError
-        If the disc leaves the window.
+        If the disc reaches beyond the window.
 
     References
     ----------
@@ -188,13 +189,13 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
     Returns
     -------
     Measured
-        Fractions [1], shape ``shape``, with the errors of sampling and of the samples; row i starts at
-        y = corner_y + i · pitch.
+        Fractions [1], shape ``shape``; their error is that of sampling plus that of the samples. Row i starts at
+        y = corner[1] + i · pitch.
 
     Raises
     ------
     OutOfRangeError
-        If the pixels leave the window.
+        If a pixel reaches beyond the window.
 
     References
     ----------
@@ -261,16 +262,16 @@ def share_on_neighbouring_pixels(field: SpreadField, *, pitch: float, centre: tu
     Returns
     -------
     Measured
-        Fraction [1], shape (), with the sum of the errors of `pixel_shares`.
+        Fraction [1], shape (), with the sum of the errors that `pixel_shares` states for the eight pixels.
 
     Raises
     ------
     OutOfRangeError
-        If the nine pixels leave the window.
+        If one of the nine pixels reaches beyond the window.
 
     References
     ----------
-    The definition, by `pixel_shares`.
+    By definition, the sum of eight values of `pixel_shares`.
 
     Examples
     --------

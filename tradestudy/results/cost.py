@@ -44,7 +44,7 @@ COST: Final[Mapping[str, Variable]] = {
         dims=_PROBLEM,
         units="1",
         long_name="relative error of the reference; NaN without a reference",
-        error="an estimate itself",
+        error="itself an estimate",
     ),
     "left_out": _words(_PROBLEM, "what was not measured and why, one line each"),
 }

@@ -156,7 +156,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "limit"),
         units="mixed",
         long_name="bound of a limit; NaN where the limit does not apply",
-        error="declared",
+        error="none: declared",
     ),
     "usable_near": Variable(
         dims=("camera", "interval"),
@@ -297,7 +297,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         dims=("camera",),
         units="1",
         long_name="declared fraction of false matches, included in failed_fraction in all groups",
-        error="declared",
+        error="none: declared",
     ),
     "brightest_camera": Variable(
         dims=("distance",),

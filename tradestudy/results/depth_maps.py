@@ -8,7 +8,7 @@ from typing import Final
 from tradestudy.results.variable import Variable
 
 _JACKKNIFE: Final = "see {}_error: jackknife over 4 × 4 parts of the map"
-_ESTIMATE: Final = "an estimate of an error, good to about a fifth"
+_ESTIMATE: Final = "itself an estimate, within about 20 %"
 
 # name → unit and long name; each has a standard error beside it
 _ESTIMATES: Final = {
@@ -16,8 +16,8 @@ _ESTIMATES: Final = {
     "spread": ("m", "half the width of the central 68.27 % interval of measured minus true depth"),
     "own": (
         "m",
-        "median, over matching windows, of the standard deviation of depth that noise causes with the "
-        "window's own texture; to first order",
+        "standard deviation of depth that noise causes, to first order, given the texture in a matching "
+        "window; median over the windows",
     ),
     "predicted": ("m", "median of the camera's depth uncertainty at the true distances; NaN where none is predicted"),
     "relative_bias": (
@@ -34,20 +34,23 @@ _ESTIMATES: Final = {
         "1",
         "fill rate: points with a measured depth, divided by points that appear in two of the compared pictures",
     ),
-    "available": ("1", "points that appear in two of the compared pictures, divided by all points that show a surface"),
+    "available": (
+        "1",
+        "points that appear in two of the compared pictures, divided by all points where the picture shows a surface",
+    ),
     "bias_px": ("px", "median of the disparity errors"),
     "spread_px": ("px", "half the width of the central 68.27 % interval of the disparity errors"),
     "over_bound": (
         "1",
         "half the width of the central 68.27 % interval of the depth errors, each divided by the "
-        "standard deviation that noise causes with the window's own texture",
+        "standard deviation that noise causes given the texture in its matching window",
     ),
     "neighbour_correlation": ("1", "correlation of the depth errors of adjacent points"),
     "window_correlation": ("1", "correlation of the depth errors of points one matching window apart"),
 }
 ESTIMATES: Final = tuple(_ESTIMATES)
 _COUNTS: Final = {
-    "points": "number of points that show a surface within the searched distances",
+    "points": "number of points where the picture shows a surface within the searched distances",
     "seen": "number of unoccluded points that appear in two of the compared pictures",
     "measured": "number of unoccluded points that appear in two of the compared pictures and have a measured depth",
     "measured_unseen": "number of points with a measured depth that do not appear in two of the compared pictures",
@@ -93,7 +96,7 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "map_block": Variable(
         dims=("mapped_camera",),
         units="px",
-        long_name="side of the square blocks of points over which a map is reduced",
+        long_name="side of the square blocks of points; each block gives one value of a map",
         error="exact",
     ),
     "map_depth": Variable(
@@ -108,7 +111,7 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "map_hidden": Variable(
         dims=_MAP,
         units="1",
-        long_name="fraction of a block's points that show a surface but appear in no second picture",
+        long_name="fraction of the points in a block that appear in no second picture, although they show a surface",
         error="exact",
     ),
     "map_sharp": Variable(

@@ -21,7 +21,7 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
         units="px",
         long_name="largest blur that counts as sharp, in pixels; for an unfocused plenoptic camera, in microlenses",
         symbol="c",
-        error="declared",
+        error="none: declared",
     ),
     "diffraction": Variable(
         dims=("sharp",),
@@ -74,7 +74,7 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
         dims=("camera", "sharp"),
         units="1",
         long_name="number of images that the camera takes of the scene; 0 where no number of images suffices",
-        error="a count",
+        error="none: a count",
     ),
     "reason": Variable(
         dims=("camera", "sharp"),

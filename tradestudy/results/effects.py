@@ -59,7 +59,7 @@ EFFECTS: Final[Mapping[str, Variable]] = {
         dims=_TOGETHER,
         units="1",
         long_name="tolerance on the relative change; NaN where the study does not ask for the quantity",
-        error="declared",
+        error="none: declared",
     ),
     "problem_title": _words(_PROBLEM, "the camera, lens or light path in words"),
     "summary": _words(_PROBLEM, "what is simulated, and the largest omission, in one line"),

@@ -8,7 +8,7 @@ from typing import Final
 from tradestudy.results.variable import Variable
 
 _CASE: Final = ("case",)
-_OUTCOME: Final = "NaN where the answer is in words, see outcome"
+_OUTCOME: Final = "NaN where the answer is in words"
 
 
 def _text(long_name: str) -> Variable:
@@ -21,7 +21,7 @@ def _error(long_name: str) -> Variable:
         units="1",
         long_name=f"{long_name}; infinite where the answer is a wrong infinity, not a number, or an exception; "
         f"{_OUTCOME}",
-        error="exact: the difference to thirty digits",
+        error="exact to thirty digits",
     )
 
 
@@ -31,7 +31,7 @@ HARD_CASES: Final[Mapping[str, Variable]] = {
     "law": _text("quantity that is computed"),
     "naive_answer": _text("answer of the usual formula"),
     "our_answer": _text("answer of this program"),
-    "expected": _text("right answer: a multiple-precision number, shortened, or words"),
+    "expected": _text("right answer: a rounded multiple-precision number, or words"),
     "outcome": Variable(
         dims=_CASE, units="1", long_name="whether the right answer is in words (a refusal, a sign, a count)"
     ),
@@ -40,8 +40,9 @@ HARD_CASES: Final[Mapping[str, Variable]] = {
     "bound": Variable(
         dims=_CASE,
         units="1",
-        long_name=f"allowed relative error; {_OUTCOME}",
-        error="1e-12, or ten machine epsilons times the condition number, or what the computation states",
+        long_name="allowed relative error: 1e-12, ten machine epsilons times the condition number, or the error that "
+        f"the computation states; {_OUTCOME}",
+        error="exact",
     ),
     "condition_number": Variable(
         dims=_CASE,

@@ -36,7 +36,7 @@ PICTURES: Final[Mapping[str, Variable]] = {
     "block": Variable(dims=_OF, units="px", long_name="side of the square blocks of pixels", error="exact"),
     "columns": Variable(dims=_OF, units="px", long_name="number of columns of the picture", error="exact"),
     "rows": Variable(dims=_OF, units="px", long_name="number of rows of the picture", error="exact"),
-    "pixel_pitch": Variable(dims=_OF, units="m", long_name="pixel pitch of the camera", error="as declared"),
+    "pixel_pitch": Variable(dims=_OF, units="m", long_name="pixel pitch of the camera", error="none: declared"),
     "saturated": Variable(dims=_OF, units="1", long_name="number of saturated pixels", error="exact"),
     "sampling_error": Variable(
         dims=_OF,

@@ -22,8 +22,8 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     ),
     "weighed_units": Variable(dims=("weighed",), units="", long_name="SI unit of weighed_value, worst and best"),
     "weighed_says": Variable(dims=("weighed",), units="", long_name="meaning of the criterion"),
-    "worst": Variable(dims=("weighed",), units="mixed", long_name="value that scores 0", error="declared"),
-    "best": Variable(dims=("weighed",), units="mixed", long_name="value that scores 1", error="declared"),
+    "worst": Variable(dims=("weighed",), units="mixed", long_name="value that scores 0", error="none: declared"),
+    "best": Variable(dims=("weighed",), units="mixed", long_name="value that scores 1", error="none: declared"),
     "worth": Variable(
         dims=_BOTH,
         units="1",
@@ -35,17 +35,17 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         dims=_BOTH, units="1", long_name="whether weighed_value lies beyond worst or best", error="exact"
     ),
     "weight_low": Variable(
-        dims=("weighed",), units="1", long_name="smallest possible weight of the criterion", error="declared"
+        dims=("weighed",), units="1", long_name="smallest possible weight of the criterion", error="none: declared"
     ),
     "weight_high": Variable(
-        dims=("weighed",), units="1", long_name="largest possible weight of the criterion", error="declared"
+        dims=("weighed",), units="1", long_name="largest possible weight of the criterion", error="none: declared"
     ),
     "weight_order": Variable(
         dims=("weighed",),
         units="1",
         long_name="position of the criterion in the declared order of importance, counted from 1; 0 where no "
         "order is declared",
-        error="declared",
+        error="none: declared",
     ),
     "weight_mean": Variable(
         dims=("weighed",), units="1", long_name="mean of all possible weights of the criterion", error="below 1e-3"

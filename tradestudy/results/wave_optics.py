@@ -17,13 +17,15 @@ def _f_number(dims: tuple[str, ...], long_name: str, reference: str, error: str 
 
 FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "title": Variable(dims=("element",), units="", long_name="name of the lens in figures and tables"),
-    "focal_length": Variable(dims=("element",), units="m", long_name="focal length", symbol="f", error="declared"),
+    "focal_length": Variable(
+        dims=("element",), units="m", long_name="focal length", symbol="f", error="none: declared"
+    ),
     "object_distance": Variable(
         dims=("element",),
         units="m",
         long_name="distance of the object in focus from the lens",
         symbol="a",
-        error="declared",
+        error="none: declared",
     ),
     "image_distance": Variable(
         dims=("element",), units="m", long_name="in-focus image distance", symbol="b", error=ROUNDING
@@ -50,7 +52,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         dims=("element", "lens_phase", "wavelength", "f_number", "metric", "window"),
         units="1",
         long_name="numerical error of psf_error",
-        error="an estimate itself",
+        error="itself an estimate",
     ),
     "off_axis_error": Variable(
         dims=("element", "lens_phase", "f_number", "metric", "window"),
@@ -63,7 +65,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         dims=("element", "lens_phase", "f_number", "metric", "window"),
         units="1",
         long_name="numerical error of off_axis_error",
-        error="an estimate itself",
+        error="itself an estimate",
     ),
     "published_point_error": Variable(
         dims=("element", "lens_phase", "wavelength", "metric", "window"),
@@ -77,7 +79,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         dims=("element", "lens_phase", "wavelength", "metric", "window"),
         units="1",
         long_name="numerical error of published_point_error",
-        error="an estimate itself",
+        error="itself an estimate",
     ),
     "camera_point_error": Variable(
         dims=("element", "lens_phase", "wavelength", "metric", "window"),
@@ -89,7 +91,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         dims=("element", "lens_phase", "wavelength", "metric", "window"),
         units="1",
         long_name="numerical error of camera_point_error",
-        error="an estimate itself",
+        error="itself an estimate",
     ),
     "off_axis_camera_error": Variable(
         dims=("element", "lens_phase", "metric", "window"),
@@ -101,7 +103,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         dims=("element", "lens_phase", "metric", "window"),
         units="1",
         long_name="numerical error of off_axis_camera_error",
-        error="an estimate itself",
+        error="itself an estimate",
     ),
     "limit_f_number": _f_number(
         ("element", "lens_phase", "wavelength", "metric", "window"),
@@ -159,7 +161,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
         dims=("propagator",),
         units="1",
         long_name="numerical error of image, relative, in the L2 norm over the pixels",
-        error="an estimate itself",
+        error="itself an estimate",
     ),
     "power": Variable(
         dims=("propagator",),
@@ -171,7 +173,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
         dims=("propagator",),
         units="1",
         long_name="number of pixels with more than a hundredth of the light of the brightest pixel",
-        error="a count",
+        error="none: a count",
     ),
     "outside_geometric": Variable(
         dims=("propagator",),
@@ -196,7 +198,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
         dims=("propagator",),
         units="1",
         long_name="1 for the methods that the tolerance requires, 0 for others",
-        error="a choice",
+        error="exact",
     ),
     "chosen_image": Variable(
         dims=("row", "column"),
@@ -209,10 +211,13 @@ IMAGES: Final[Mapping[str, Variable]] = {
         dims=(),
         units="1",
         long_name="relative L2 numerical error of chosen_image over the pixels",
-        error="an estimate itself",
+        error="itself an estimate",
     ),
     "spectral_share": Variable(
-        dims=("wavelength",), units="1", long_name="fraction of the light that has this wavelength", error="declared"
+        dims=("wavelength",),
+        units="1",
+        long_name="fraction of the light that has this wavelength",
+        error="none: declared",
     ),
     "microlens_x": Variable(
         dims=("microlens",), units="m", long_name="position of the centre of a microlens, along a row", error=ROUNDING
@@ -224,14 +229,14 @@ IMAGES: Final[Mapping[str, Variable]] = {
         error=ROUNDING,
     ),
     "microlens_focal_length": Variable(
-        dims=("microlens",), units="m", long_name="focal length of a microlens", symbol="f_L", error="declared"
+        dims=("microlens",), units="m", long_name="focal length of a microlens", symbol="f_L", error="none: declared"
     ),
     "benchmark_error": Variable(
         dims=("benchmark",),
         units="1",
-        long_name="relative error of the intensities in the L2 norm, as the computation states it; the seconds "
-        "are in run.json",
-        error="an estimate itself",
+        long_name="relative L2 error that each timed computation states for its intensities; its computing time "
+        "is in run.json",
+        error="itself an estimate",
     ),
     "published_seconds": Variable(
         dims=("propagator",), units="s", long_name="published computing time; NaN if none", error="as published"
@@ -243,14 +248,13 @@ IMAGES: Final[Mapping[str, Variable]] = {
 }
 
 _SPREAD = ("element", "propagator", "varied", "step")
-_SPREAD_ERROR = "see the variable of this name that ends in _error"
 
 
 def _spread(name: str, units: str, long_name: str, reference: str = "") -> Mapping[str, Variable]:
     return {
-        name: Variable(dims=_SPREAD, units=units, long_name=long_name, reference=reference, error=_SPREAD_ERROR),
+        name: Variable(dims=_SPREAD, units=units, long_name=long_name, reference=reference, error=f"see {name}_error"),
         f"{name}_error": Variable(
-            dims=_SPREAD, units=units, long_name=f"numerical error of {name}", error="an estimate itself"
+            dims=_SPREAD, units=units, long_name=f"numerical error of {name}", error="itself an estimate"
         ),
     }
 
@@ -258,31 +262,35 @@ def _spread(name: str, units: str, long_name: str, reference: str = "") -> Mappi
 POINT_SPREAD: Final[Mapping[str, Variable]] = {
     "title": Variable(dims=("element",), units="", long_name="name of the lens in figures and tables"),
     "airy_radius": Variable(
-        dims=("element",), units="m", long_name="radius of the Airy disc of the lens as declared", error=ROUNDING
+        dims=("element",),
+        units="m",
+        long_name="radius of the Airy disc of the lens at its declared values",
+        error=ROUNDING,
     ),
     "value": Variable(
         dims=("element", "varied", "step"),
         units="mixed",
-        long_name="value of the varied input, in the unit of varied_units; NaN beyond the last value",
-        error="declared",
+        long_name="value of the varied input, in the unit given by varied_units; NaN where this input has fewer "
+        "values than another",
+        error="none: declared",
     ),
     "chosen": Variable(
         dims=("propagator",),
         units="1",
         long_name="1 for the method that the tolerance requires, 0 for others",
-        error="a choice",
+        error="exact",
     ),
-    "varied_units": Variable(dims=("varied",), units="", long_name="SI unit of value"),
+    "varied_units": Variable(dims=("varied",), units="", long_name="SI unit of the varied input"),
     "standing": Variable(
         dims=("element", "varied"),
         units="mixed",
         long_name="value of this input while another input is varied",
-        error="declared",
+        error="none: declared",
     ),
     **_spread(
         "full_width",
         "m",
-        "full width at half maximum of the image of a point, perpendicular to the direction of the field angle",
+        "full width at half maximum of the image of a point, in the sagittal direction",
     ),
     **_spread(
         "half_energy_radius",
@@ -296,7 +304,9 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
         "where the window contains less",
     ),
     **_spread(
-        "rms_width", "m", "root-mean-square distance of the light from the thin-lens image, within the declared radius"
+        "rms_width",
+        "m",
+        "root-mean-square distance of the light from the thin-lens image, within point_spread.rms_radius",
     ),
     **_spread("strehl_ratio", "1", "largest intensity, relative to that of the same pupil without aberration"),
     **_spread("transfer_half_nyquist", "1", "modulation transfer at half the Nyquist frequency of the pixels"),

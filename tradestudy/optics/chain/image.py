@@ -205,7 +205,7 @@ def spectral_image(
     Returns
     -------
     ChainImage
-        The mean image, with the weighted errors of the wavelengths added up.
+        The mean image; its error is the weighted sum of the errors of the images at the single wavelengths.
 
     References
     ----------

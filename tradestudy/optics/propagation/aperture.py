@@ -193,8 +193,8 @@ def aperture_field(
     Raises
     ------
     OutOfRangeError
-        An argument is outside the validity of the laws, the wavelength exceeds the aperture, a target lies within a
-        wavelength of it, or an option has no meaning for the method.
+        An argument is outside the range in which the method holds, the wavelength exceeds the aperture, a target lies
+        within a wavelength of it, or an option has no meaning for the method.
     UnaffordableError
         The nodes needed exceed the limits.
     NotConvergedError

@@ -81,7 +81,7 @@ class KirchhoffKernel:
         Parameters
         ----------
         x, y, z
-            Targets relative to the centre of the aperture [m], broadcast against each other.
+            Coordinates of the targets relative to the centre of the aperture [m], broadcast against each other.
 
         Returns
         -------
@@ -98,9 +98,9 @@ class KirchhoffKernel:
         Parameters
         ----------
         u, v
-            Positions of nodes relative to the centre of the aperture [m].
+            Coordinates of the nodes relative to the centre of the aperture [m].
         x, y, z
-            Targets relative to the centre of the aperture [m]. All arrays broadcast.
+            Coordinates of the targets relative to the centre of the aperture [m]; all arrays are broadcast together.
 
         Returns
         -------
@@ -114,16 +114,17 @@ class KirchhoffKernel:
     def path_and_spreading(
         self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array
     ) -> tuple[Array, Array]:
-        """Path from a node minus the path from the centre, without cancellation, and `spreading`.
+        """Path from a node minus the path from the centre, free of cancellation, and `spreading`.
 
         Parameters
         ----------
         u, v
-            Positions of nodes relative to the centre of the aperture [m].
+            Coordinates of the nodes relative to the centre of the aperture [m].
         cosine
-            Axial cosine of the wave that arrives at each node [1]; only the textbook obliquity uses it.
+            Cosine of the angle between the axis and the wave that arrives at each node [1]; only the textbook
+            obliquity uses it.
         x, y, z
-            Targets relative to the centre of the aperture [m]. All arrays broadcast.
+            Coordinates of the targets relative to the centre of the aperture [m]; all arrays are broadcast together.
 
         Returns
         -------
@@ -149,26 +150,28 @@ class KirchhoffKernel:
         dy: Array,
         dz: Array,
     ) -> tuple[Array, Array]:
-        """Change of the path from `base` to `base` + d beyond its transverse linear part, and spreading at `base` + d.
+        """Nonlinear change of the path when the target moves from `base` by d, and `spreading` at the new target.
 
-        With e the unit vector from the node to the base, s and t the paths to base and target, without cancellation:
-        t − s − e·d = (|d|² − (e·d)(t − s))/(s + t).
+        The change leaves out the part linear in dx and dy. Let e be the unit vector from the node to the base, and
+        s and t the paths from the node to base and target. Then t − s − e·d = (|d|² − (e·d)(t − s))/(s + t), which
+        avoids cancellation; the part linear in dz is added to this.
 
         Parameters
         ----------
         u, v
-            Positions of nodes relative to the centre of the aperture [m].
+            Coordinates of the nodes relative to the centre of the aperture [m].
         cosine
-            Axial cosine of the wave that arrives at each node [1]; only the textbook obliquity uses it.
+            Cosine of the angle between the axis and the wave that arrives at each node [1]; only the textbook
+            obliquity uses it.
         base
             Base target (x, y, z) relative to the centre of the aperture [m].
         dx, dy, dz
-            Targets relative to the base [m].
+            Offset d of the targets from the base [m].
 
         Returns
         -------
         tuple
-            Change of the path [m], and spreading [1/m].
+            Nonlinear change of the path [m], and spreading [1/m].
         """
         a, b, c = base[0] - u, base[1] - v, base[2]
         s = np.sqrt(a * a + b * b + c * c)
@@ -196,11 +199,12 @@ class KirchhoffKernel:
         Parameters
         ----------
         u, v
-            Positions of nodes relative to the centre of the aperture [m].
+            Coordinates of the nodes relative to the centre of the aperture [m].
         cosine
-            Axial cosine of the wave that arrives at each node [1]; only the textbook obliquity uses it.
+            Cosine of the angle between the axis and the wave that arrives at each node [1]; only the textbook
+            obliquity uses it.
         x, y, z
-            Targets relative to the centre of the aperture [m]. All arrays broadcast.
+            Coordinates of the targets relative to the centre of the aperture [m]; all arrays are broadcast together.
 
         Returns
         -------
@@ -210,16 +214,17 @@ class KirchhoffKernel:
         return np.asarray(-1j / self.wavelength * self.spreading(u, v, cosine, x, y, z))
 
     def spreading(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """Obliquity/s, real except for Rayleigh–Sommerfeld.
+        """Obliquity factor over the path s from node to target; complex for Rayleigh–Sommerfeld, real otherwise.
 
         Parameters
         ----------
         u, v
-            Positions of nodes relative to the centre of the aperture [m].
+            Coordinates of the nodes relative to the centre of the aperture [m].
         cosine
-            Axial cosine of the wave that arrives at each node [1]; only the textbook obliquity uses it.
+            Cosine of the angle between the axis and the wave that arrives at each node [1]; only the textbook
+            obliquity uses it.
         x, y, z
-            Targets relative to the centre of the aperture [m]. All arrays broadcast.
+            Coordinates of the targets relative to the centre of the aperture [m]; all arrays are broadcast together.
 
         Returns
         -------

@@ -121,7 +121,7 @@ class CircularLens:
     focal_length
         Focal length [m], ≠ 0; < 0 for a diverging lens.
     lens_phase
-        ``parabolic``: −π r²/(λ f), the paper's lens; with exact paths it has the spherical aberration
+        ``parabolic``: −π r²/(λ f), the lens of the paper; with exact paths it has the spherical aberration
         r⁴/8 (1/a³ + 1/b³). ``stigmatic``: a fixed element that cancels the exact paths between the axial point at
         `focus_distance` and its image; off axis it has coma. ``perfect``: sends every source point exactly to its
         thin-lens image, as a well-corrected objective does.

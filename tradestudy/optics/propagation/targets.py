@@ -23,7 +23,7 @@ class TargetPoints:
     Parameters
     ----------
     x, y
-        Positions [m], any shapes that broadcast.
+        Positions [m], of any shapes that can be broadcast together.
     distance
         Distance behind the lens plane [m], > 0; a number or an array that broadcasts with x and y, so the points may
         lie on tilted or curved surfaces.

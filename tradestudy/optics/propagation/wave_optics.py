@@ -129,7 +129,7 @@ class FieldAccuracy:
 def propagate_samples(
     *, samples: ApertureSamples, kernel: Kernel, targets: Targets, accuracy: FieldAccuracy, limits: Limits | None = None
 ) -> ApertureField:
-    """Field on targets of a wave that is known only as an array on quadrature nodes.
+    """Field at the targets of a wave that is known only at quadrature nodes.
 
     Parameters
     ----------

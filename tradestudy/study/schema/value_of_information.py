@@ -43,7 +43,7 @@ class AssumptionPart(Part):
 class ValueOfInformationPart(Part):
     """How much knowing each assumption would improve the choice among the candidates.
 
-    The loss of choosing a camera is its depth uncertainty relative to the distance, averaged over the distances.
+    The loss of choosing a camera is its relative depth uncertainty, averaged over the distances `at`.
     """
 
     assumptions: Annotated[dict[str, AssumptionPart], Field(min_length=1, max_length=40)] = Field(
