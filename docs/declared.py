@@ -113,7 +113,8 @@ def _sentence(text: str) -> str:
 
 def _code(text: str) -> str:
     """Mark values in quotes, and names of keys, variables and files, as code; typesetting would change their quotes."""
-    return re.sub(r"\S*'[^']+'|(?<![\w/`])[a-z]\w*(?:[._=][a-z0-9]\w*)+", r"`\g<0>`", text)
+    value = r"(?:(?<!\S)\S+=|(?<![\w`]))'[^']+'(?!\w)"  # the lookarounds spare the apostrophes of possessives
+    return re.sub(rf"{value}|(?<![\w/`])[a-z]\w*(?:[._=][a-z0-9]\w*)+", r"`\g<0>`", text)
 
 
 _COMMAND_LINE: Final = """

@@ -119,3 +119,12 @@ def test_properties_begin_with_no_colon() -> None:
                 if isinstance(member, property | cached_property) and not name.startswith("_"):
                     first = re.sub(r"``.*?``", "", (member.__doc__ or "").split("\n")[0])
                     assert ": " not in first, f"{offered.__name__}.{name}"
+
+
+def test_marks_quoted_values_as_code_but_no_possessives() -> None:
+    import declared
+
+    assert declared._code("the lens's error against Kirchhoff's") == "the lens's error against Kirchhoff's"
+    assert (
+        declared._code("the study's value: 'on', 'off' or a='1 m'") == "the study's value: `'on'`, `'off'` or `a='1 m'`"
+    )

@@ -316,7 +316,8 @@ def microlens_image(
 
     References
     ----------
-    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 14, 16, 22 and 25, by `chain_image`.
+    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 14, 16, 22 and 25; see
+    `chain_image`.
 
     Examples
     --------

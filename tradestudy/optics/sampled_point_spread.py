@@ -194,7 +194,7 @@ class PointSpread:
 
     @property
     def intensity_error(self) -> float:
-        """Stated error of the intensity in L2 over the window, ε √(∫∫ I² dA) [W/m]."""
+        """Stated absolute L2 error of the intensity over the window, `relative_error` × √(∫∫ I² dA) [W/m]."""
         dx, dy = self.spacings
         return self.relative_error * float(np.linalg.norm(self.intensity)) * float(np.sqrt(dx * dy))
 
@@ -228,7 +228,7 @@ class PointSpread:
 
     @cached_property
     def coarser(self) -> tuple[PointSpread, PointSpread]:
-        """Samples of the same window, every second and every fourth."""
+        """The same window with only every second, and only every fourth, sample."""
         grids = []
         for step in (2, 4):
             grid = object.__new__(PointSpread)  # coarser grids may fall below the least number of samples
@@ -256,7 +256,7 @@ class PointSpread:
         Returns
         -------
         DiscMoments
-            Function of the radius and the power n of r in the moment.
+            Callable that takes the radius of a disc and the power n of r, and returns the moment.
         """
         known = self._known_moments
         if (centre, reach) not in known:

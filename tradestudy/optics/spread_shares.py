@@ -48,8 +48,8 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
 
     References
     ----------
-    J. W. Goodman, *Introduction to Fourier Optics*, section 6.3. A perfect lens has 2/π (arccos s − s √(1 − s²)) with
-    s = λ N f.
+    J. W. Goodman, *Introduction to Fourier Optics*, section 6.3. The MTF of a perfect lens is
+    2/π (arccos s − s √(1 − s²)) with s = λ N f.
 
     Examples
     --------
@@ -199,7 +199,7 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
 
     References
     ----------
-    The definition: the spline through the samples is integrated over each square.
+    By definition: the integral over each square of the spline through the samples.
 
     Examples
     --------

@@ -8,7 +8,7 @@ from typing import Final
 from tradestudy.results.variable import Variable
 
 _REPLICATES = "standard error over independent scrambles"
-_ESTIMATE = "an estimate of an error"
+_ESTIMATE = "itself an estimate"
 
 CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_converged": Variable(

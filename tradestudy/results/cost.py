@@ -16,13 +16,13 @@ def _words(dims: tuple[str, ...], long_name: str) -> Variable:
 
 
 COST: Final[Mapping[str, Variable]] = {
-    "problem_of": _words(_ENTRY, "camera or light path, by its name along the dimension problem"),
+    "problem_of": _words(_ENTRY, "camera or light path, by its name along the dimension 'problem'"),
     "models": _words(_ENTRY, "models and settings of the entry, in words"),
     "relative_error": Variable(
         dims=_ENTRY,
         units="1",
-        long_name="relative error against the reference, never below the reference's own error: the worst over "
-        "distances, or L2 over pixels; infinite where there is no answer",
+        long_name="largest relative error over all distances, or relative L2 error over the pixels, compared with the "
+        "reference; at least the error of the reference itself; infinite where there is no answer",
         error="that of the reference, see reference_error",
     ),
     "seconds": Variable(

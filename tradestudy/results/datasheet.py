@@ -15,14 +15,14 @@ DATASHEET: Final[Mapping[str, Variable]] = {
         units="m",
         long_name="half the width of the central 68.27 % interval of depth from calibration errors alone, which "
         "averaging does not reduce",
-        error=SEE_ERROR,
+        error=f"{SEE_ERROR} of /depth",
     ),
     "temporal_noise": Variable(
         dims=_OVER,
         units="m",
         long_name="half the width of the central 68.27 % interval of depth from noise alone, as repeated "
         "measurements of one pixel show it",
-        error=SEE_ERROR,
+        error=f"{SEE_ERROR} of /depth",
     ),
     "subpixel_rms": Variable(
         dims=_OVER,
@@ -35,7 +35,7 @@ DATASHEET: Final[Mapping[str, Variable]] = {
         units="m",
         long_name="root-mean-square deviation from a plane fitted to a flat target perpendicular to the axis: "
         "noise alone, because calibration errors shift and tilt the whole plane",
-        error=SEE_ERROR,
+        error=f"{SEE_ERROR} of /depth",
     ),
     "fill_rate": Variable(
         dims=_OVER,
@@ -61,13 +61,13 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "horizontal_field_of_view": Variable(
         dims=("camera",),
         units="rad",
-        long_name="full horizontal field of view, 2 atan(w/2b), focused at the middle distance",
+        long_name="full horizontal field of view, 2 atan(w/2b), focused at the middle sheet_distance",
         error="exact",
     ),
     "vertical_field_of_view": Variable(
         dims=("camera",),
         units="rad",
-        long_name="full vertical field of view, 2 atan(h/2b), focused at the middle distance",
+        long_name="full vertical field of view, 2 atan(h/2b), focused at the middle sheet_distance",
         error="exact",
     ),
     "near_limit": Variable(

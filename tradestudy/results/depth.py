@@ -12,7 +12,7 @@ import numpy.typing as npt
 from tradestudy.results.variable import PAPER, ROUNDING, SEE_ERROR, Variable
 
 _UNSEEN: Final = "NaN where the camera does not see the point"
-DEPTH_ROUNDING: Final = "closed form; rounding only, see the condition number of eq. 8"
+DEPTH_ROUNDING: Final = "closed form; rounding only, magnified by the condition number of the paper's eq. 8"
 _EIGHT = f"{PAPER}, eqs. 4 and 8"
 _MATCHING = "Carter, Proc. IEEE 75, 236 (1987)"
 
@@ -40,7 +40,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         units="m",
         long_name="standard error of depth_uncertainty over scrambles of the draws; with linear propagation, its "
         "difference from a computation with draws",
-        error="an estimate of an error; NaN where the interval is not bounded",
+        error="itself an estimate; NaN where the interval is not bounded",
     ),
     "depth_uncertainty_by_error_source": Variable(
         dims=("camera", "distance", "error_source"),
@@ -53,8 +53,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_uncertainty_by_error_source_error": Variable(
         dims=("camera", "distance", "error_source"),
         units="m",
-        long_name="error of depth_uncertainty_by_error_source, defined as depth_uncertainty_error",
-        error="an estimate of an error; NaN where the interval is not bounded",
+        long_name="error of depth_uncertainty_by_error_source, determined like depth_uncertainty_error",
+        error="itself an estimate; NaN where the interval is not bounded",
     ),
     "variance_share": Variable(
         dims=("camera", "distance", "part"),
@@ -75,23 +75,23 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "failed_fraction": Variable(
         dims=("camera", "distance", "error_source"),
         units="1",
-        long_name="fraction of measurements that fail: disparity beyond that of infinity, or a declared fraction of "
-        f"false matches; {_UNSEEN}",
+        long_name="fraction of measurements that fail, because their disparity lies beyond that of infinity or because "
+        f"they are among the declared false matches; {_UNSEEN}",
         symbol="P(a = ∞)",
         error="failed_fraction_error",
     ),
     "failed_fraction_error": Variable(
         dims=("camera", "distance", "error_source"),
         units="1",
-        long_name=f"error of failed_fraction, defined as depth_uncertainty_error; {_UNSEEN}",
-        error="an estimate of an error",
+        long_name=f"error of failed_fraction, determined like depth_uncertainty_error; {_UNSEEN}",
+        error="itself an estimate",
     ),
     "converged": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="whether the Student t interval of every reported half-width is within the tolerance or, where "
-        "an interval has no far end, whether that of the failed fraction is",
-        error="a comparison",
+        long_name="whether every depth_uncertainty is known to within the tolerance, by a Student t interval; where "
+        "the depth interval has no far end, whether failed_fraction is",
+        error="none: a comparison",
     ),
     "equivalent_baseline": Variable(
         dims=("camera", "distance"),
@@ -122,9 +122,9 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "disparity_error_px_error": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="estimated numerical error of disparity_error_px: quadrature over the band, aliasing, diffraction; "
-        "0 where it is declared; NaN where the camera forms no image",
-        error="an estimate of an error",
+        long_name="estimated numerical error of disparity_error_px: quadrature over spatial frequencies, aliasing, "
+        "diffraction; 0 where it is declared; NaN where the camera forms no image",
+        error="itself an estimate",
     ),
     "virtual_depth": Variable(
         dims=("camera", "distance"),
@@ -137,7 +137,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="1",
         long_name="whether the camera is usable: every declared limit holds",
-        error="a comparison; ends are in usable_near and usable_far",
+        error="none: a comparison; the ends of intervals are in usable_near and usable_far",
     ),
     "limit_value": Variable(
         dims=("camera", "distance", "limit"),
@@ -150,7 +150,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance", "limit"),
         units="1",
         long_name="1 where the limit holds, 0 where it does not, −1 where it does not apply",
-        error="a comparison",
+        error="none: a comparison",
     ),
     "limit_bound": Variable(
         dims=("camera", "limit"),
@@ -169,7 +169,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         units="m",
         long_name="standard error over scrambles of the draws; 0 where no draws decide the end, infinite where "
         "not every scramble has this end, NaN where a camera has fewer intervals",
-        error="an estimate of an error",
+        error="itself an estimate",
     ),
     "usable_far": Variable(
         dims=("camera", "interval"),
@@ -182,7 +182,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         units="m",
         long_name="standard error over scrambles of the draws; 0 where no draws decide the end, infinite where "
         "not every scramble has this end, NaN where a camera has fewer intervals",
-        error="an estimate of an error",
+        error="itself an estimate",
     ),
     "near_limit": Variable(
         dims=("camera", "interval"), units="", long_name="limit that sets the near end of the usable interval"
@@ -218,7 +218,7 @@ DEPTH_MAP: Final[Mapping[str, Variable]] = {
         units="m",
         long_name="error of depth_uncertainty: the largest error of the linear model at this distance, measured on "
         "the axis, halfway to the corner and in the corner",
-        error="an estimate of an error; NaN where none is measured",
+        error="itself an estimate; NaN where none is measured",
     ),
 }
 """/depth_map: depth uncertainty over the pictures of rigs with lens models."""
@@ -254,9 +254,9 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "disparity_error_px_error": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="estimated numerical error of disparity_error_px: quadrature over the band, aliasing, diffraction; "
-        "NaN where that is not finite",
-        error="an estimate of an error",
+        long_name="estimated numerical error of disparity_error_px: quadrature over spatial frequencies, aliasing, "
+        "diffraction; NaN where that is not finite",
+        error="itself an estimate",
     ),
     "disparity_error_px_changed": Variable(
         dims=("camera", "distance", "change"),
@@ -272,7 +272,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance", "change"),
         units="px",
         long_name="estimated numerical error of disparity_error_px_changed; NaN where that is not finite",
-        error="an estimate of an error",
+        error="itself an estimate",
     ),
     "matched_error_px": Variable(
         dims=("camera", "distance"),
@@ -285,7 +285,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="px",
         long_name="estimated numerical error of matched_error_px: that of the bound; NaN where that is not finite",
-        error="an estimate of an error",
+        error="itself an estimate",
     ),
     "matcher": Variable(
         dims=("camera",),

@@ -8,7 +8,7 @@ from typing import Final
 from tradestudy.results.variable import Variable
 
 _JACKKNIFE: Final = "see {}_error: jackknife over 4 × 4 parts of the map"
-_ESTIMATE: Final = "itself an estimate, within about 20 %"
+_ESTIMATE: Final = "itself an estimate, accurate to about 20 %"
 
 # name → unit and long name; each has a standard error beside it
 _ESTIMATES: Final = {
@@ -142,6 +142,6 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
         dims=_CLASS,
         units="m",
         long_name="predicted depth uncertainty of the class; NaN where none is predicted",
-        error="see depth_uncertainty_error of the group depth",
+        error="see depth_uncertainty_error of /depth",
     ),
 }

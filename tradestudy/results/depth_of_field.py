@@ -31,8 +31,8 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "slice_name": Variable(
         dims=("camera", "sharp", "slice"),
         units="",
-        long_name="name of a slice (an image of a focus stack, a microlens type, or the lens); empty beyond the "
-        "last slice",
+        long_name="name of a slice (an image of a focus stack, a microlens type, or the lens); empty if there "
+        "are fewer slices",
     ),
     "slice_near": _length(
         ("camera", "sharp", "slice"), "near limit of sharpness of a slice; NaN where nothing is sharp"
@@ -42,26 +42,28 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
         "far limit of sharpness of a slice; infinite from the hyperfocal distance on; NaN where nothing is sharp",
     ),
     "sharp_near": _length(
-        ("camera", "sharp", "stretch"), "near end of a range that is sharp in some slice; NaN beyond the last range"
+        ("camera", "sharp", "stretch"), "near end of a range that is sharp in some slice; NaN if there are fewer ranges"
     ),
     "sharp_far": _length(
         ("camera", "sharp", "stretch"),
-        "far end of a range that is sharp in some slice; infinite where a far limit is; NaN beyond the last range",
+        "far end of a range that is sharp in some slice; infinite where a far limit is; NaN if there are fewer ranges",
     ),
     "gap_near": _length(
-        ("camera", "sharp", "gap"), "near end of a gap between slices, where nothing is sharp; NaN beyond the last gap"
+        ("camera", "sharp", "gap"),
+        "near end of a gap between slices, where nothing is sharp; NaN if there are fewer gaps",
     ),
     "gap_far": _length(
-        ("camera", "sharp", "gap"), "far end of a gap between slices, where nothing is sharp; NaN beyond the last gap"
+        ("camera", "sharp", "gap"),
+        "far end of a gap between slices, where nothing is sharp; NaN if there are fewer gaps",
     ),
     "overlap_near": _length(
         ("camera", "sharp", "overlap"),
-        "near end of a range that is sharp in two or more slices; NaN beyond the last range",
+        "near end of a range that is sharp in two or more slices; NaN if there are fewer ranges",
     ),
     "overlap_far": _length(
         ("camera", "sharp", "overlap"),
-        "far end of a range that is sharp in two or more slices; infinite where a far limit is; NaN "
-        "beyond the last range",
+        "far end of a range that is sharp in two or more slices; infinite where a far limit is; NaN if "
+        "there are fewer ranges",
     ),
     "extent": _length(("camera", "sharp"), "total length of all sharp ranges; infinite where a far limit is"),
     "scene_share": Variable(

@@ -9,8 +9,8 @@ from tradestudy.results.variable import Variable
 
 _DECISION, _CHANGE = ("decision",), ("decision", "quantity")
 _PROBLEM, _TOGETHER = ("problem",), ("problem", "quantity")
-_HOW = "computed, rule (a closed form, with a margin) or trial (a more expensive model at a few places, with a margin)"
-_KNOWN_AS = "see evidence: computed with a margin for places in between, a bound, or a trial with a margin"
+_HOW = "'computed', 'rule' (a closed form) or 'trial' (a more expensive model at a few places)"
+_KNOWN_AS = "an upper estimate: the change includes a margin, for example for places between those examined"
 
 
 def _words(dims: tuple[str, ...], long_name: str) -> Variable:
@@ -19,18 +19,18 @@ def _words(dims: tuple[str, ...], long_name: str) -> Variable:
 
 EFFECTS: Final[Mapping[str, Variable]] = {
     "problem_of": _words(
-        _DECISION, "camera, lens or light path to which the model belongs, by its name along the dimension problem"
+        _DECISION, "camera, lens or light path to which the model belongs, by its name along the dimension 'problem'"
     ),
     "slot": _words(_DECISION, "effect that the model describes"),
-    "model": _words(_DECISION, "model of the effect; off leaves the effect out"),
+    "model": _words(_DECISION, "model of the effect; 'off' leaves the effect out"),
     "chosen": Variable(dims=_DECISION, units="1", long_name="whether the model is applied", error="exact"),
     "forced": Variable(dims=_DECISION, units="1", long_name="whether the study forces the model", error="exact"),
     "reason": _words(_DECISION, "why the effect has a single model; empty where there is a choice"),
     "change": Variable(
         dims=_CHANGE,
         units="1",
-        long_name="relative change of a quantity due to this model alone, with the most complete models of all other "
-        "effects; NaN for quantities that do not apply, infinite where the change is unknown",
+        long_name="relative change of a quantity when this model replaces the most complete model of its effect, and "
+        "all other effects keep theirs; NaN for quantities that do not apply, infinite where the change is unknown",
         error=_KNOWN_AS,
     ),
     "evidence": _words(_CHANGE, f"how the change is known: {_HOW}"),
@@ -38,7 +38,7 @@ EFFECTS: Final[Mapping[str, Variable]] = {
         dims=_CHANGE,
         units="m",
         long_name="distance at which the change is largest; NaN where no distance applies",
-        error="one of the examined distances",
+        error="the spacing of the examined distances",
     ),
     "joint_change": Variable(
         dims=_TOGETHER,

@@ -49,7 +49,7 @@ HARD_CASES: Final[Mapping[str, Variable]] = {
         units="1",
         long_name=f"relative change of the value per relative change of each input, summed; infinite at a pole or a "
         f"jump; {_OUTCOME}",
-        error="four digits",
+        error="correct to four digits",
     ),
     "met": Variable(dims=_CASE, units="1", long_name="whether the answer of this program is right"),
 }

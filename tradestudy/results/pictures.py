@@ -15,14 +15,15 @@ PICTURES: Final[Mapping[str, Variable]] = {
     "brightness": Variable(
         dims=_WHOLE,
         units="1",
-        long_name="mean of each block of pixels, relative to the brightest pixel; NaN beyond the picture",
+        long_name="mean of each block of pixels, relative to the brightest pixel; NaN outside a picture smaller than "
+        "the largest",
         error=_SAMPLED,
     ),
     "detail": Variable(
         dims=("picture", "detail_row", "detail_column"),
         units="1",
         long_name="values of the pixels in the middle of the picture, relative to the brightest pixel; NaN "
-        "beyond the picture",
+        "outside a picture smaller than the largest",
         error=_SAMPLED,
     ),
     "true_depth": Variable(
@@ -30,7 +31,7 @@ PICTURES: Final[Mapping[str, Variable]] = {
         units="m",
         long_name="true depth of the middle pixel of each block, along the axis of the camera; infinite where "
         "the pixel sees nothing, NaN where no light reaches it through the pupil",
-        error="that of the rays: rounding",
+        error="rounding only",
     ),
     "camera_of": Variable(dims=_OF, units="", long_name="camera that takes the picture"),
     "block": Variable(dims=_OF, units="px", long_name="side of the square blocks of pixels", error="exact"),
@@ -43,7 +44,7 @@ PICTURES: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="relative root-mean-square difference from a picture with 16 times as many rays, without "
         "noise; for a picture by waves, also from one with twice as many point-spread functions along each axis",
-        error="an estimate of an error, from places all over the picture",
+        error="itself an estimate, from places all over the picture",
     ),
     "by_waves": Variable(
         dims=_OF, units="1", long_name="whether the picture is rendered by waves (1) or by rays (0)", error="exact"
@@ -53,6 +54,6 @@ PICTURES: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="for pictures by rays, the relative change, in the L2 norm, due to leaving out diffraction; "
         "for pictures by waves, the fraction of the light that is diffracted beyond the computed range",
-        error="an estimate of an error: by rays from places all over the picture, with a margin of 30 %",
+        error="itself an estimate; by rays, it comes from places all over the picture and has a margin of 30 %",
     ),
 }

@@ -29,7 +29,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="depth uncertainty of the first camera of the main pair relative to that of the second; "
         "infinite where only the first has no far end, NaN where both have none",
-        error=SEE_ERROR,
+        error=f"{SEE_ERROR} of /depth",
     ),
     "within_tolerance": Variable(
         dims=("reading", "place", "error_source"),
@@ -60,7 +60,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         units="m",
         long_name="standard error over independent scrambles; infinite where not every scramble has the switch, "
         "NaN where there is none",
-        error="an estimate of an error",
+        error="itself an estimate",
     ),
     "change_nearer": Variable(
         dims=("reading", "error_source", "change"), units="", long_name="winner on the near side of the switch"
@@ -79,7 +79,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         units="m",
         long_name="standard error over independent scrambles; infinite where not every scramble has the crossover, "
         "NaN where there is none",
-        error="an estimate of an error",
+        error="itself an estimate",
     ),
     "crossover_nearer": Variable(
         dims=("reading", "error_source", "crossing"),
@@ -107,7 +107,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         units="m",
         long_name="error of the two curves, including their curvature between two distances, divided by the "
         "difference of their slopes",
-        error="an estimate of an error",
+        error="itself an estimate",
     ),
     "design_crossover_nearer": Variable(
         dims=("design_crossing",),
@@ -123,7 +123,7 @@ DECISION: Final[Mapping[str, Variable]] = {
     "cause_share": Variable(
         dims=("camera",),
         units="1",
-        long_name="share of the variance of depth that the input named in cause contributes, correlations "
+        long_name="share of the variance of depth that the input named in 'cause' contributes, correlations "
         "included; by linear propagation",
         error="that of the linearisation",
     ),
@@ -140,7 +140,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         dims=("question",),
         units="mixed",
         long_name="standard error over independent scrambles, in solved_units",
-        error="an estimate of an error",
+        error="itself an estimate",
     ),
     "solved_units": Variable(dims=("question",), units="", long_name="SI unit of solved_value"),
     "solved_says": Variable(dims=("question",), units="", long_name="the inverse question"),
@@ -152,7 +152,7 @@ CLAIMS: Final[Mapping[str, Variable]] = {
         dims=("claim", "reading"),
         units="mixed",
         long_name="value of the claimed quantity under a reading; NaN where the claim is not tested",
-        error=SEE_ERROR,
+        error=f"{SEE_ERROR} of /depth",
     ),
     "met": Variable(
         dims=("claim", "reading"),
@@ -164,7 +164,7 @@ CLAIMS: Final[Mapping[str, Variable]] = {
     "source": Variable(dims=("claim",), units="", long_name="where the claim is made"),
     "expected": Variable(dims=("claim",), units="", long_name="expected value or bound"),
     "quantity": Variable(
-        dims=("claim",), units="", long_name="quantity that answers the claim, with cameras by their titles"
+        dims=("claim",), units="", long_name="quantity that decides the claim; cameras are named by their titles"
     ),
     "tolerance_reason": Variable(
         dims=("claim",),
@@ -204,7 +204,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         dims=_OF_REQUIREMENT, units="mixed", long_name="worst value over the distances, in SI", error="value_error"
     ),
     "value_error": Variable(
-        dims=_OF_REQUIREMENT, units="mixed", long_name="estimated error of value", error="an estimate of an error"
+        dims=_OF_REQUIREMENT, units="mixed", long_name="estimated error of value", error="itself an estimate"
     ),
     "bound": Variable(dims=_OF_REQUIREMENT, units="mixed", long_name="bound on the quantity, in SI", error="exact"),
     "place": Variable(
@@ -276,7 +276,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         dims=_OF_REQUIREMENT,
         units="mixed",
         long_name="value_error at the matching bound",
-        error="an estimate of an error",
+        error="itself an estimate",
     ),
     "bound_alone_place": Variable(
         dims=_OF_REQUIREMENT, units="m", long_name="place at the matching bound", error="1e-4, relative"
@@ -324,7 +324,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         units="mixed",
         long_name="error of met_from and met_to: half the width of the bracket around the root; 0 at an end of "
         "the sweep",
-        error="an estimate of an error",
+        error="itself an estimate",
     ),
     "met_camera": Variable(
         dims=("requirement", "stretch"),

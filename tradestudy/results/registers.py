@@ -74,6 +74,6 @@ CRITERIA: Final[Mapping[str, Variable]] = {
         long_name="value of the criterion as a number, in the unit of number_units; NaN where it is not a number",
         error="closed form of declared values; rounding only",
     ),
-    "number_units": Variable(dims=("criterion",), units="", long_name="SI unit of number"),
+    "number_units": Variable(dims=("criterion",), units="", long_name="SI unit of 'number'"),
     "says": Variable(dims=("criterion",), units="", long_name="meaning of the criterion"),
 }

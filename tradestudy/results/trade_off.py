@@ -18,21 +18,21 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         error="weighed_value_error",
     ),
     "weighed_value_error": Variable(
-        dims=_BOTH, units="mixed", long_name="standard error of weighed_value", error="an estimate of an error"
+        dims=_BOTH, units="mixed", long_name="standard error of weighed_value", error="itself an estimate"
     ),
-    "weighed_units": Variable(dims=("weighed",), units="", long_name="SI unit of weighed_value, worst and best"),
+    "weighed_units": Variable(dims=("weighed",), units="", long_name="SI unit of weighed_value, 'worst' and 'best'"),
     "weighed_says": Variable(dims=("weighed",), units="", long_name="meaning of the criterion"),
     "worst": Variable(dims=("weighed",), units="mixed", long_name="value that scores 0", error="none: declared"),
     "best": Variable(dims=("weighed",), units="mixed", long_name="value that scores 1", error="none: declared"),
     "worth": Variable(
         dims=_BOTH,
         units="1",
-        long_name="score of weighed_value, linear from 0 at worst to 1 at best, and clipped beyond; 0 where "
+        long_name="score of weighed_value, linear from 0 at 'worst' to 1 at 'best', and clipped beyond; 0 where "
         "weighed_value is NaN",
-        error="that of weighed_value over best minus worst",
+        error="that of weighed_value divided by 'best' minus 'worst'",
     ),
     "clipped": Variable(
-        dims=_BOTH, units="1", long_name="whether weighed_value lies beyond worst or best", error="exact"
+        dims=_BOTH, units="1", long_name="whether weighed_value lies beyond 'worst' or 'best'", error="exact"
     ),
     "weight_low": Variable(
         dims=("weighed",), units="1", long_name="smallest possible weight of the criterion", error="none: declared"
@@ -62,7 +62,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         dims=("candidate", "rank"),
         units="1",
         long_name="standard error over independent scrambles, at least that of a single draw where anything is drawn",
-        error="an estimate of an error",
+        error="itself an estimate",
     ),
     "central_weight": Variable(
         dims=_BOTH,
@@ -76,7 +76,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         dims=_BOTH,
         units="1",
         long_name="standard error over independent scrambles",
-        error="an estimate of an error",
+        error="itself an estimate",
     ),
     "central_weight_reason": Variable(
         dims=("candidate",), units="", long_name="why a candidate has no central weights; empty where it has them"

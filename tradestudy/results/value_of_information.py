@@ -18,13 +18,13 @@ VALUE_OF_INFORMATION: Final[Mapping[str, Variable]] = {
         error="worth_error",
     ),
     "worth_error": Variable(
-        dims=("assumption",), units="1", long_name="standard error of worth", error="an estimate of an error"
+        dims=("assumption",), units="1", long_name="standard error of worth", error="itself an estimate"
     ),
     "worth_bias": Variable(
         dims=("assumption",),
         units="1",
         long_name="upward bias of worth due to noise in the maximum over cameras; already subtracted",
-        error="an estimate of an error",
+        error="itself an estimate",
     ),
     "says": Variable(dims=("assumption",), units="", long_name="name of the assumption"),
     "varied": Variable(dims=("assumption",), units="", long_name="paths of the varied values"),
@@ -36,7 +36,7 @@ VALUE_OF_INFORMATION: Final[Mapping[str, Variable]] = {
         error="expected_utility_error",
     ),
     "expected_utility_error": Variable(
-        dims=("candidate",), units="1", long_name="standard error of expected_utility", error="an estimate of an error"
+        dims=("candidate",), units="1", long_name="standard error of expected_utility", error="itself an estimate"
     ),
     "best_overall": Variable(
         dims=("candidate",),

@@ -30,8 +30,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "image_distance": Variable(
         dims=("element",), units="m", long_name="in-focus image distance", symbol="b", error=ROUNDING
     ),
-    "camera_f_number": _f_number(("element",), "f-number at which the camera uses the lens", "", "declared"),
-    "published_f_number": _f_number(("element",), "f-number of a published error; NaN if none", "", "declared"),
+    "camera_f_number": _f_number(("element",), "f-number at which the camera uses the lens", "", "none: declared"),
+    "published_f_number": _f_number(("element",), "f-number of a published error; NaN if none", "", "none: declared"),
     "published_error": Variable(
         dims=("element",),
         units="1",
@@ -57,7 +57,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "off_axis_error": Variable(
         dims=("element", "lens_phase", "f_number", "metric", "window"),
         units="1",
-        long_name="psf_error off the axis, in a window about the thin-lens image",
+        long_name="psf_error at the field angle in fresnel_validity.off_axis, in a window about the thin-lens image",
         reference=_MEASURED,
         error="see off_axis_error_numerical",
     ),
@@ -96,7 +96,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "off_axis_camera_error": Variable(
         dims=("element", "lens_phase", "metric", "window"),
         units="1",
-        long_name="camera_point_error off the axis",
+        long_name="camera_point_error at the field angle in fresnel_validity.off_axis",
         error="see off_axis_camera_error_numerical",
     ),
     "off_axis_camera_error_numerical": Variable(
@@ -107,33 +107,33 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "limit_f_number": _f_number(
         ("element", "lens_phase", "wavelength", "metric", "window"),
-        "smallest f-number above which the error on axis stays below the study's limit; 0 where it does over the "
-        "whole compared range, infinite where it exceeds the limit at the end of the range",
+        "smallest f-number above which the error on axis stays below the study's limit; 0 where it does so at all "
+        "compared f-numbers, infinite where it exceeds the limit even at the largest one",
         _MEASURED,
-        "root to 1e-4 relative; the error of psf_error divided by its slope",
+        "1e-4, relative, of the root; in addition, the error of psf_error divided by its slope",
     ),
     "paper_eq27_f_number": _f_number(
         (*_ELEMENT, "zero"),
-        "both zeros of the criterion as printed; not to be trusted, see paper_eq27_condition",
+        "both zeros of the paper's criterion, eq. 27, as printed; not to be trusted, see paper_eq27_condition",
         f"{PAPER}, eq. 27",
     ),
     "paper_eq27_condition": Variable(
         dims=_ELEMENT,
         units="1",
-        long_name="factor by which the criterion as printed, through the fractional part that decides it, "
-        "magnifies a relative change of a length",
+        long_name="relative change of the fractional part of 4 (a + b)/λ, on which the zeros of eq. 27 depend, per "
+        "relative change of a length",
         reference=f"{PAPER}, eq. 27",
         error=ROUNDING,
     ),
     "paper_eq27_sweep": _f_number(
         (*_ELEMENT, "zero", "quarter_wave"),
-        "criterion as printed while object and image distance together grow by a quarter wave",
+        "zeros of eq. 27 as printed while the sum of object and image distance grows by a quarter wavelength",
         f"{PAPER}, eq. 27",
     ),
     "path_error_f_number": _f_number(
         (*_ELEMENT, "path_error"),
-        "minimum f-number at which the optical path that Fresnel omits stays within its bound",
-        "(f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼; the next term is smaller by r²/(2 b²)",
+        "minimum f-number at which the optical path that Fresnel omits stays within path_error",
+        "(f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼; the next term is smaller by a factor of r²/(2 b²) for a pupil of radius r",
     ),
     "goodman_f_number": _f_number(
         _ELEMENT,
@@ -143,9 +143,9 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "southwell_f_number": _f_number(
         _ELEMENT,
-        "minimum f-number at which, for a plane wave behind an empty aperture of that size, the error on the axis at "
-        "the image distance is at most the study's limit",
-        "question of Southwell (1981)",
+        "minimum f-number at which, for a plane wave behind an empty aperture as large as the pupil, the error on the "
+        "axis at the image distance is at most the study's limit",
+        "after Southwell (1981)",
     ),
 }
 
@@ -160,7 +160,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "numerical_error": Variable(
         dims=("propagator",),
         units="1",
-        long_name="numerical error of image, relative, in the L2 norm over the pixels",
+        long_name="numerical error of the image: relative L2 error over the pixels",
         error="itself an estimate",
     ),
     "power": Variable(
@@ -178,7 +178,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "outside_geometric": Variable(
         dims=("propagator",),
         units="1",
-        long_name="fraction of the light on the detector that falls on pixels that rays leave dark",
+        long_name="fraction of the light on the detector that falls on pixels that no ray reaches",
         error="at most numerical_error",
     ),
     "difference": Variable(
@@ -186,13 +186,13 @@ IMAGES: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="sum over the pixels of the absolute difference between two images, divided by the sum over "
         "the pixels of the second one",
-        error="at most the numerical errors of both images together; less where they share it",
+        error="at most the sum of the numerical errors of both images; less where they share errors",
     ),
     "difference_l2": Variable(
         dims=("propagator", "against"),
         units="1",
         long_name="difference between two images in the L2 norm over the pixels, relative to the second one",
-        error="at most the numerical errors of both images together; less where they share it",
+        error="at most the sum of the numerical errors of both images; less where they share errors",
     ),
     "chosen": Variable(
         dims=("propagator",),

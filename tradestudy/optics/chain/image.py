@@ -305,7 +305,7 @@ def separate_image(
 
     References
     ----------
-    The definition: `chain_image` of one microlens at a time.
+    By definition, `chain_image` of one microlens at a time.
 
     Examples
     --------

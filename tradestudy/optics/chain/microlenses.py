@@ -219,7 +219,7 @@ def square_centres(*, pitch: float, count: int) -> FloatArray:
 
     References
     ----------
-    The definition.
+    By definition.
 
     Examples
     --------
@@ -256,7 +256,7 @@ def hexagonal_centres(*, pitch: float, rings: int) -> FloatArray:
 
     References
     ----------
-    The definition.
+    By definition.
 
     Examples
     --------

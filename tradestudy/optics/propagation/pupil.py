@@ -84,7 +84,7 @@ class Pupil:
     Parameters
     ----------
     zernikes
-        Coefficients of W by Noll's index [m rms], smaller than R; the polynomials have unit variance over the disc.
+        Coefficients of W by Noll's index [m rms], each less than R; the polynomials have unit variance over the disc.
     path
         Path added to W [m]: a function of (x/R, y/R), or an array.
     amplitude
