@@ -3,17 +3,17 @@
 Start here:
 
 * `point_spread` computes the point-spread function of a lens from focal length, f-number and wavelength. Its result has
-  methods for width, encircled energy, Strehl ratio, MTF and a plot. `Pupil` describes the aberrations of the lens
-  (Zernike coefficients) or any amplitude and path, `FocalLengths` its field curvature and axial colour.
+  methods for width, encircled energy, Strehl ratio, MTF and a plot. A `Pupil` describes the aberrations of the lens,
+  by Zernike coefficients or a map, and its transmission; `FocalLengths` describes field curvature and axial colour.
 * `aperture_field` computes the complex field and the intensity of a point source at any points behind a lens. Metrics
   such as `encircled_energy` and `modulation_transfer` accept its result and that of `point_spread`.
 * `microlens_image` computes the image of a point or a disc on the pixels behind a main lens and a microlens array, from
   the numbers in a `MicrolensCamera`. `chain_image` does the same for any `LightPath`.
 
 Lengths are in metres, angles in radians. Sources, apertures and targets share one set of axes: a source at x > 0 has
-its real image at x < 0. Every computed field, image and metric states its error. A result that misses its tolerance is
-refused, with two exceptions: the image of a `LightPath` is returned with `within_tolerance` False, and `aperture_field`
-with your own node counts states the error that they leave.
+its real image at x < 0. Every computed field, image and metric states its error. If a result misses its tolerance, the
+function raises ``NotConvergedError``, with two exceptions: `chain_image` returns the image, with `within_tolerance`
+False, and `aperture_field` with your own node counts returns the field with the error that it has.
 
 Examples
 --------

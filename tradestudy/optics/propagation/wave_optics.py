@@ -78,17 +78,17 @@ def nodes_for(wave: LensWave, kernel: Kernel, targets: Targets, accuracy: FieldA
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class FieldAccuracy:
-    """Tolerance of a field, and how the result is checked.
+    """Tolerance of a field, and the targets at which the result is checked.
 
     Parameters
     ----------
     tolerance
-        Relative L2 error allowed for the intensity over the targets, in 1e-10 … 0.1.
+        Largest relative L2 error of the intensity over the targets [1], in 1e-10 … 0.1.
     check_targets
-        Number of random targets, mostly bright ones, at which the result is compared with direct quadrature on twice
-        the nodes in each direction, ≥ 4.
+        Number of targets at which the result is checked, ≥ 4. They are drawn at random, mostly from bright ones. The
+        check is direct quadrature with twice as many nodes in each direction.
     seed
-        Seed of the random check targets: the same call gives the same digits.
+        Seed of the random draw: the same call gives the same digits.
 
     Raises
     ------
