@@ -51,31 +51,33 @@ _ON_AXIS_AT_INFINITY = PointSource.at_infinity()
 
 @dataclass(frozen=True, kw_only=True)
 class LensPointSpread(PointSpread):
-    """Result of `point_spread`: the samples of a `PointSpread` with the data of the lens.
+    """Point-spread function of a lens, as `point_spread` computes it: a `PointSpread` with data of the lens.
 
-    The methods of this class return their numbers with errors. The inherited `at` returns only intensities,
-    interpolated between samples whose errors are at most `sample_error`.
+    The methods of this class return their numbers with errors. The inherited `at` returns intensities without errors.
+    The square that the samples cover is called the window.
 
     Attributes
     ----------
     x, y
-        Sample positions [m].
+        Positions of the samples in the image plane [m].
     intensity
-        Fraction of the light through the pupil per area [1/m²], shape (len(y), len(x)).
+        Fraction of the light through the pupil per area of the image plane [1/m²], shape (len(y), len(x)).
     pupil_power
-        1, since the intensity is relative.
+        The number 1, because `intensity` is a fraction of the light through the pupil [1].
     relative_error
-        Stated relative L2 error of the samples.
+        Stated relative L2 error of the intensity over the samples [1].
     centre
-        Where the chief ray meets the image plane (x, y) [m].
+        Point (x, y) at which the chief ray meets the image plane [m].
     airy_radius
-        Radius of the first dark ring without aberration, 1.2197 λ b/D [m].
+        Radius of the first dark ring without aberration [m]: 1.2197 λ b/D for the wavelength λ, the distance b of the
+        image plane behind the lens, and the diameter D of the pupil.
     reference_peak
-        Peak without aberration [1/m²], for the same pupil amplitude and direction.
+        Intensity at `centre` if the light of the whole pupil arrived there in phase [1/m²]: the peak without
+        aberration.
     method
-        Law of propagation used.
+        Method of propagation, as given to `point_spread`.
     effort
-        Nodes and seconds that it took.
+        What the computation took, among others the number of quadrature ``nodes`` and the wall time ``seconds`` [s].
 
     Raises
     ------
@@ -107,17 +109,18 @@ class LensPointSpread(PointSpread):
 
     @property
     def relative_intensity(self) -> FloatArray:
-        """Samples of the intensity relative to the peak without aberration [1], shape (len(y), len(x)).
+        """Intensity of the samples relative to `reference_peak` [1], shape (len(y), len(x)).
 
-        The Strehl ratio is the peak between these samples: `strehl_ratio` computes it.
+        The peak may lie between samples; `strehl_ratio` finds it.
         """
         return np.asarray(self.intensity / self.reference_peak)
 
     @checked
     def width(self, *, angle: float = 0.0) -> Measured:
-        """Full width at half maximum of a cut through the brightest point, by `full_width_at_half_maximum`.
+        """Full width at half maximum of the cut through the brightest point, by `full_width_at_half_maximum`.
 
-        Far out of focus, that point is one of many fringes; `radius_of` then gives the size of the whole spot.
+        Far out of focus, the brightest point belongs to one of many fringes; `radius_of` then gives the size of the
+        whole spot.
 
         Parameters
         ----------
@@ -127,13 +130,13 @@ class LensPointSpread(PointSpread):
         Returns
         -------
         Measured
-            Width [m], shape (); its error is that of sampling plus that of the samples.
+            Width [m], shape (); its error allows for the spacing of the samples and for their stated error.
 
         Raises
         ------
         OutOfRangeError
-            If the window contains less than half of the light: the spot is wider than the window. Otherwise as in
-            `full_width_at_half_maximum`.
+            If the window contains less than half of the light, the brightest sample lies on the edge of the window, the
+            intensity stays above half the peak up to an edge, or the angle exceeds a full turn.
         """
         if (held := window_share(self).value) < _LEAST_SHARE:
             raise OutOfRangeError(
@@ -146,17 +149,18 @@ class LensPointSpread(PointSpread):
 
     @checked
     def encircled_energy(self, radius: npt.ArrayLike) -> Measured:
-        """Fraction of the light within circles about the chief ray, by `encircled_energy`.
+        """Fraction of the light through the pupil that falls within circles about the chief ray.
 
         Parameters
         ----------
         radius
-            Radii [m], any shape.
+            Radii of the circles [m], any shape.
 
         Returns
         -------
         Measured
-            Fractions [1] in the shape of the radii; their error is that of sampling plus that of the samples.
+            Fractions [1] in the shape of the radii; their error allows for the spacing of the samples and for their
+            stated error.
 
         Raises
         ------
@@ -167,7 +171,7 @@ class LensPointSpread(PointSpread):
 
     @checked
     def radius_of(self, share: float) -> Measured:
-        """Radius of the circle about the chief ray with a fraction of the light, by `encircled_energy_radius`.
+        """Radius of the circle about the chief ray that contains a given fraction of the light through the pupil.
 
         Parameters
         ----------
@@ -177,7 +181,7 @@ class LensPointSpread(PointSpread):
         Returns
         -------
         Measured
-            Radius [m], shape (); its error is that of sampling plus that of the samples.
+            Radius [m], shape (); its error allows for the spacing of the samples and for their stated error.
 
         Raises
         ------
@@ -187,45 +191,45 @@ class LensPointSpread(PointSpread):
         return encircled_energy_radius(self, centre=self.centre, share=share)
 
     def strehl_ratio(self) -> Measured:
-        """Ratio of the peak intensity to the peak without aberration, by `strehl_ratio`.
+        """Ratio of the peak intensity to `reference_peak`, the peak without aberration.
 
         Returns
         -------
         Measured
-            Ratio [1], shape (); its error is that of sampling plus that of the samples.
+            Ratio [1], shape (); its error allows for the spacing of the samples and for their stated error.
 
         Raises
         ------
         OutOfRangeError
-            If the peak lies on the edge of the window.
+            If the brightest sample lies on the edge of the window.
         """
         return strehl_ratio(self, reference_peak=self.reference_peak)
 
     @checked
     def modulation_transfer(self, frequency: npt.ArrayLike, *, angle: float = 0.0) -> Measured:
-        """MTF along a direction, by `modulation_transfer`.
+        """Modulation transfer function (MTF) along one direction.
 
-        At frequency 0 the value is the fraction of the light in the window, which differs from 1 by less than its
-        error.
+        At frequency 0, it is the fraction of the light that falls within the window, which differs from 1 by less than
+        the stated error.
 
         Parameters
         ----------
         frequency
             Spatial frequencies [cycles/m], any shape.
         angle
-            Direction along which the MTF is measured, from the x axis [rad], within ±2π.
+            Direction along which the intensity is modulated, measured from the x axis [rad], within ±2π.
 
         Returns
         -------
         Measured
-            MTF [1] in the shape of the frequencies; its error adds up those of sampling, of the samples and of the
-            light outside the window.
+            MTF [1] in the shape of the frequencies; its error allows for the spacing of the samples, for their stated
+            error and for the light outside the window.
 
         Raises
         ------
         OutOfRangeError
-            A frequency is beyond what the samples resolve, which is well beyond the cutoff D/(λ b); or the angle
-            exceeds a full turn.
+            If a frequency exceeds the largest that the samples resolve, 1/(2 `spacing`), or the angle exceeds a full
+            turn. The MTF is 0 from the much lower cutoff 1.2197/`airy_radius` on.
         """
         check_angle(angle)
         f = np.asarray(frequency, dtype=np.float64)
@@ -240,17 +244,17 @@ class LensPointSpread(PointSpread):
         return modulation_transfer(self, frequency_x=f * math.cos(angle), frequency_y=f * math.sin(angle))
 
     def plot(self, file: str | Path | None = None) -> Figure:
-        """Plot spot, cuts, encircled energy and MTF, with bands for the stated errors.
+        """Plot the spot, cuts through it, the encircled energy and the MTF, with bands for the stated errors.
 
         Parameters
         ----------
         file
-            Where to save the figure; its extension sets the format. Default: it is not saved.
+            File in which the figure is saved; its extension sets the format. Default: the figure is not saved.
 
         Returns
         -------
         Figure
-            Figure of four panels, not attached to a window.
+            Matplotlib figure with four panels, not yet shown on the screen.
 
         Raises
         ------

@@ -25,7 +25,7 @@ LEG_METHODS: tuple[LegMethod, ...] = ("geometric", "boundary_wave", "fresnel", "
 class Legs:
     """The methods of propagation from the main lens to the microlens array, and from there to the detector.
 
-    * ``geometric``: rays.
+    * ``geometric``: rays, paraxial unless `exact`.
     * ``fresnel``: Fresnel's integral, see `FresnelKernel`.
     * ``kirchhoff``: Kirchhoff's integral, see `KirchhoffKernel`.
     * ``boundary_wave``: Kirchhoff's integral as the sum of rays and a wave from the edge of the aperture; where these

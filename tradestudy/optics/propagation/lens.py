@@ -42,8 +42,8 @@ def check_obliquity(obliquity: str) -> None:
 class PointSource:
     """A monochromatic point source of unit strength in front of a lens, or a virtual one behind it.
 
-    Unit strength means that the field of the source is exp(i k r)/(iλ r) [1/m²] at the distance r parallel to the axis,
-    where λ is the wavelength and k = 2π/λ.
+    Unit strength means that on the line through the source parallel to the axis, the field at the distance r from the
+    source is exp(i k r)/(iλ r) [1/m²], where λ is the wavelength and k = 2π/λ.
 
     Parameters
     ----------
@@ -124,18 +124,20 @@ class CircularLens:
     focal_length
         Focal length [m], ≠ 0; < 0 for a diverging lens.
     lens_phase
-        ``perfect``: sends the light of every source point exactly to its thin-lens image, as a well-corrected objective
-        does. ``stigmatic``: a fixed element that does so for the axial point at `focus_distance` only; off the axis it
-        has coma. ``parabolic``: adds the phase −π r²/(λ f), where r is the distance from the centre, λ the wavelength
-        and f the focal length. With exact paths, the parabolic lens has a spherical aberration of r⁴/8 (1/a³ + 1/b³)
-        [m of path] for the object distance a and the image distance b.
+        Phase of the lens:
+
+        * ``perfect``: images every source point exactly onto its thin-lens image, as a well-corrected objective does.
+        * ``stigmatic``: images the axial point at `focus_distance` exactly, as a fixed element; has coma off the axis.
+        * ``parabolic``: the lens of the paper under References, with the phase −π r²/(λ f) at the distance r from the
+          centre, for the wavelength λ and the focal length f. With exact paths, it has the spherical aberration
+          r⁴/8 (1/a³ + 1/b³), a path [m], for the object distance a and the image distance b.
     focus_distance
         Object distance for which a stigmatic lens is exact [m]; required for ``stigmatic``, not allowed otherwise.
     centre
         Centre (x, y) of the aperture, which is also the vertex of the lens [m].
     pupil
-        Amplitude and aberrations, the same for all source points and methods. Default: a clear aperture without
-        aberration.
+        Amplitude transmission and aberrations, the same for all source points and methods. Default: a clear pupil
+        without aberrations.
 
     Raises
     ------
@@ -144,7 +146,7 @@ class CircularLens:
 
     References
     ----------
-    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–22, with the parabolic lens.
+    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–22.
 
     Examples
     --------

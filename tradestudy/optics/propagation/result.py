@@ -118,9 +118,9 @@ class ApertureField:
     Attributes
     ----------
     field
-        Complex field at the targets [1/m² for a `PointSource` of unit strength], in the shape of the targets.
+        Complex field at the targets [1/m² for a source of unit strength], in the shape of the targets.
     intensity
-        Squared magnitude of the field [1/m⁴ for a `PointSource` of unit strength], in the shape of the targets. For
+        Squared magnitude of the field [1/m⁴ for a source of unit strength], in the shape of the targets. For
         ``geometric``, the intensities of the rays at a target are added, without interference.
     error
         Stated numerical error. Its entries ``field`` and ``intensity`` are L2 norms over the targets, relative to the
@@ -132,7 +132,7 @@ class ApertureField:
     targets
         Points at which the field was computed.
     pupil_power
-        Power through the pupil [1/m² for a `PointSource` of unit strength]: ∫ |U|² dA over the aperture, where U is the
+        Power through the pupil [1/m² for a source of unit strength]: ∫ |U|² dA over the aperture, where U is the
         field directly behind the lens. Metrics such as the encircled energy are fractions of this power.
     handed_over
         Fraction of the targets [1] at which ``boundary_wave`` used Kirchhoff's integral instead; 0 for other methods.
