@@ -202,7 +202,7 @@ class Result:
         Returns
         -------
         Result
-            The result with group ``cost``.
+            The result with the costs as group ``cost``.
         """
         return replace(self, data=self.data.assign({"cost": type(self.data)(cost)}))
 

@@ -63,7 +63,7 @@ class LensPointSpread(PointSpread):
     intensity
         Fraction of the light through the pupil per area of the image plane [1/m²], shape (len(y), len(x)).
     pupil_power
-        The number 1, because `intensity` is a fraction of the light through the pupil [1].
+        Always 1, because `intensity` is a fraction of the light through the pupil [1].
     relative_error
         Stated relative L2 error of the intensity over the samples [1].
     centre
@@ -82,7 +82,7 @@ class LensPointSpread(PointSpread):
     Raises
     ------
     OutOfRangeError
-        As for `PointSpread`.
+        If an array or a number violates the conditions of `PointSpread`.
 
     Examples
     --------
@@ -136,7 +136,7 @@ class LensPointSpread(PointSpread):
         ------
         OutOfRangeError
             If the window contains less than half of the light, the brightest sample lies on the edge of the window, the
-            intensity stays above half the peak up to an edge, or the angle exceeds a full turn.
+            intensity along the cut stays above half the peak up to an edge, or the angle exceeds a full turn.
         """
         if (held := window_share(self).value) < _LEAST_SHARE:
             raise OutOfRangeError(
@@ -229,7 +229,7 @@ class LensPointSpread(PointSpread):
         ------
         OutOfRangeError
             If a frequency exceeds the largest that the samples resolve, 1/(2 `spacing`), or the angle exceeds a full
-            turn. The MTF is 0 from the much lower cutoff 1.2197/`airy_radius` on.
+            turn. The MTF is 0 above the much lower cutoff frequency, 1.2197/`airy_radius`.
         """
         check_angle(angle)
         f = np.asarray(frequency, dtype=np.float64)

@@ -36,7 +36,7 @@ class ChainAccuracy:
     Parameters
     ----------
     tolerance
-        Relative L2 error over the pixels at which the sampling aims [1], in 1e-6 … 0.2.
+        Relative L2 error over the pixels for which the sampling is chosen [1], in 1e-6 … 0.2.
     pupil_nodes
         Factor on the range of phase that the quadrature nodes on the pupil of the main lens resolve.
     microlens_nodes
@@ -106,8 +106,8 @@ class ChainAccuracy:
         """Settings of a second computation, whose difference from the first gives the stated error.
 
         They are coarser, with two exceptions. A factor below 1 becomes 1, because undersampled light could alias in the
-        same way on even fewer samples. `diffraction_reach` becomes longer: the light that it omits comes from the edges
-        of further microlenses, and a shorter reach could omit the same edges.
+        same way on even fewer samples. `diffraction_reach` becomes larger: light beyond the reach comes from the edges
+        of further microlenses, and a shorter reach could exclude the same edges.
 
         Returns
         -------
@@ -155,10 +155,10 @@ class ChainImage:
     error_terms
         Contributions to `numerical_error`, by name; each is a relative L2 error over the pixels [1].
     direct_check
-        Results of independent checks, by name: root-mean-square difference between the computed light and direct
-        quadrature at random points, relative to the root mean square of this light [1]. Light on the detector is
-        checked at points, not integrated over pixels, so its difference exceeds the error of `pixels`. Empty without a
-        check.
+        Results of independent checks, by name: root-mean-square difference between the computed field or intensity and
+        direct quadrature at random points, relative to its root mean square [1]. The intensity on the detector is
+        checked at points, without integration over pixels, so its difference exceeds the error of `pixels`. Empty if
+        there was no check.
     microlens_share
         Fraction of the power through the pupil of the main lens that passes the plane of the microlenses [1]; NaN where
         it was not computed. Its error is not stated; `direct_check` shows the error of the light on the array.

@@ -25,8 +25,8 @@ Gaps = Literal["opaque", "clear"]
 class Microlenses:
     """A microlens array: n thin lenses in one plane, each with its own centre and focal length.
 
-    Each microlens has a cell, which is a square or a regular hexagon between parallel sides one pitch apart. The object
-    of a microlens is the image that the main lens forms of the source.
+    The cell of a microlens is a square or a regular hexagon whose opposite sides are one pitch apart. The object of a
+    microlens is the image that the main lens forms of the source.
 
     Parameters
     ----------

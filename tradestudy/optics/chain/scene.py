@@ -28,8 +28,8 @@ class Legs:
     * ``geometric``: rays, paraxial unless `exact`.
     * ``fresnel``: Fresnel's integral, see `FresnelKernel`.
     * ``kirchhoff``: Kirchhoff's integral, see `KirchhoffKernel`.
-    * ``boundary_wave``: Kirchhoff's integral as the sum of rays and a wave from the edge of the aperture; where these
-      are singular, the integral itself.
+    * ``boundary_wave``: rays and the wave diffracted at the edge of the aperture, which together approximate
+      Kirchhoff's integral; where either is singular, the integral itself.
 
     The constants `GEOMETRIC`, `EXACT_RAYS`, `FRESNEL`, `KIRCHHOFF` and `KIRCHHOFF_FRESNEL` (``kirchhoff`` to the array,
     ``fresnel`` to the detector) of this package are the usual combinations.
@@ -135,7 +135,7 @@ class PixelGrid:
         Parameters
         ----------
         rows, columns
-            Slice of the rows and slice of the columns, each with start and stop.
+            Part of this axis, as a slice with start and stop.
 
         Returns
         -------
@@ -237,7 +237,7 @@ class LightPath:
         return tuple(one for one in (self.main_lens.pupil, self.microlenses.pupil) if one is not None)
 
     def image_at_array(self, source: PointSource) -> tuple[float, float, float]:
-        """Image that the main lens forms of a source, relative to the array.
+        """Image that the main lens forms of a source, and its distance from the array.
 
         Parameters
         ----------
@@ -301,7 +301,7 @@ class LightPath:
         Returns
         -------
         tuple
-            (x, y) on the array [m].
+            x and y of the point [m].
         """
         scale = -self.array_distance / source.distance
         return scale * source.x, scale * source.y

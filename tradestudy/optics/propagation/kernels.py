@@ -24,7 +24,7 @@ class KirchhoffKernel:
       References. The paper calls the integral Kirchhoff's; in the literature it is the far-zone form of the first
       Rayleigh–Sommerfeld integral.
     * ``textbook``: (c + z/s)/2, the Fresnel–Kirchhoff obliquity, where c is the cosine of the angle between the axis
-      and the wave at q, directly behind the lens. A boundary wave is exact only with this factor.
+      and the wave at q, directly behind the lens. The method ``boundary_wave`` is exact only with this factor.
     * ``rayleigh-sommerfeld-1``: z/s (1 + i/(k s)), which is exact if the field in the aperture is known exactly.
 
     The differences are small. In the image plane of an f/3.8 microlens, the intensity by ``textbook`` differs from that
@@ -159,7 +159,7 @@ class KirchhoffKernel:
     ) -> tuple[Array, Array]:
         """Nonlinear change of the path when the target moves, and the factor C/s of `spreading` at its new position.
 
-        The target moves from `base` by d = (dx, dy, dz), so that its path from the node grows from s to t. With the
+        The target moves from `base` by d = (dx, dy, dz), so that its path from the node changes from s to t. With the
         unit vector e from the node to `base`, the nonlinear change is t − s − e_x dx − e_y dy: the terms linear in dx
         and dy are left out. It is computed without cancellation, as (|d|² − (e·d)(t − s))/(s + t) + e_z dz.
 
@@ -171,7 +171,7 @@ class KirchhoffKernel:
             Cosine of the angle between the axis and the wave at each node [1]. Only the obliquity ``textbook`` needs
             it.
         base
-            First position (x, y, z) of the target, relative to the centre of the aperture [m].
+            Position (x, y, z) of the target before it moves, relative to the centre of the aperture [m].
         dx, dy, dz
             Displacement d of the target from `base` [m]; all arrays are broadcast together.
 
@@ -221,7 +221,7 @@ class KirchhoffKernel:
         return np.asarray(-1j / self.wavelength * self.spreading(u, v, cosine, x, y, z))
 
     def spreading(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """Obliquity factor C over the path s from a node to a target.
+        """Ratio C/s of the obliquity factor to the path from a node to a target.
 
         Parameters
         ----------

@@ -248,7 +248,7 @@ class CircularLens:
         Raises
         ------
         OutOfRangeError
-            The pupil's function does not return one finite number for each position.
+            The amplitude function of the pupil does not return one finite number for each position.
         """
         passed = None if self.pupil is None else self.pupil.transmission
         if passed is None:
@@ -257,7 +257,9 @@ class CircularLens:
         return checked_map(passed(u, v), u, "amplitude")
 
     def image_of(self, source: PointSource) -> tuple[float, float, float]:
-        """Thin-lens image of a point source, at b = a f/(a − f) for the object distance a and the focal length f.
+        """Thin-lens image of a point source, at the distance b = a f/(a − f) behind the lens.
+
+        Here, a is the distance of the source in front of the lens, and f the focal length.
 
         Parameters
         ----------
