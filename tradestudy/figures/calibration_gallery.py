@@ -119,11 +119,14 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
     data = tree["calibration"].to_dataset().sel(posterior=name)
     count = int(np.isfinite(data["posterior_mean"].values).sum())
     shown = posterior.shown_parameters(tree, name)
-    which = f"the {len(shown)} most strongly correlated of {count} parameters" if len(shown) < count else "all of them"
+    which = (
+        f"the {len(shown)} most strongly correlated of {count} parameters" if len(shown) < count else "all parameters"
+    )
     yield Drawing(
         name=f"corner-{name}",
         caption=f"Posterior of {titles[name]}: {which}, in standard deviations from the mean. Contours contain 39 "
-        f"and 86 % of the draws, like one and two standard deviations of a bivariate normal; dashed: the Laplace fit.",
+        f"and 86 % of the draws, as one and two standard deviations of a bivariate normal do; dashed: Laplace's normal "
+        "approximation.",
         alt=f"Corner plot of the posterior draws of {titles[name]}: {', '.join(n.replace('_', ' ') for n in shown)}. "
         + _tie_words(tree, name),
         draw=partial(posterior.draw_corner, tree, name),
@@ -157,8 +160,8 @@ def _trust(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
         caption=f"How far to trust the corners of {camera_titles(tree)[name]}. Above: mean residuals of each camera "
         "fitted alone, in cells of its picture; arrows that agree in neighbouring cells show errors of the lens model "
         "or the board. Below, for depth midway between the axes: the difference between "
-        "random halves of the views (root mean square), the difference that these halves claim, and the uncertainty "
-        "that all views together claim.",
+        "random halves of the views (root mean square), the difference that the uncertainties of these halves claim, "
+        "and the uncertainty that all views together claim.",
         alt=f"Two maps of arrows for {camera_titles(tree)[name]}, and a chart of halves of the views, whose "
         "differences over the claimed ones are: "
         + ", ".join(f"{significant(float(one), 2)} at {where}" for one, where in zip(ratio, distances, strict=True))

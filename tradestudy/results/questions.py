@@ -151,6 +151,7 @@ CLAIMS: Final[Mapping[str, Variable]] = {
     ),
     "met": Variable(dims=("claim", "reading"), units="1", long_name="1 met, 0 not met, −1 not tried"),
     "value_text": Variable(dims=("claim", "reading"), units="", long_name="that value, with its unit"),
+    "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes"),
     "says": Variable(dims=("claim",), units="", long_name="the claim in the words of its source"),
     "source": Variable(dims=("claim",), units="", long_name="where the claim is made"),
     "expected": Variable(dims=("claim",), units="", long_name="expected value or bound"),

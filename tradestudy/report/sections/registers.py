@@ -86,7 +86,7 @@ def _properties(tree: xr.DataTree, family: str, keys: list[str]) -> Iterator[Tab
     if names:
         yield Table(
             name=f"properties-{family}",
-            caption=f"Derived properties: {family}.",
+            caption=f"Derived properties of the {family} cameras.",
             columns=(Column(title="Property", weight=3), *(Column(title=titles[key], weight=2) for key in keys)),
             rows=tuple((with_subscripts(name), *(values.get((key, name), "—") for key in keys)) for name in names),
         )
@@ -196,7 +196,7 @@ def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
     )
     yield Table(
         name="claim-verdicts",
-        caption="The claims and their verdicts.",
+        caption="The claims and their verdicts. A reading is one set of assumptions.",
         columns=(
             Column(title="Claim"),
             Column(title="Says", weight=4),
@@ -231,16 +231,18 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
         return f"{text} {'✓' if met == 1 else '✗'}{near}" if met >= 0 else text
 
     tried = [name for name in data["reading"].values if any(cell(row["claim"], name) for row in rows)]
+    names = list(map(str, data["reading"].values))
+    says = dict(zip(names, map(str, data["reading_says"].values if "reading_says" in data else names), strict=True))
     yield Heading(text="Claims under every reading", anchor="claim-readings")
     yield Table(
         name="claim-values",
         caption="Value found for each claim under each tested reading: ✓ met, ✗ not met, "
         "≈ so close that a change within the study's tolerance could reverse the verdict.",
         columns=(
-            Column(title="Reading", weight=2),
-            *(Column(title=str(row["claim"]), align="right", weight=1) for row in rows),
+            Column(title="Reading", weight=1),
+            *(Column(title=str(row["claim"]), align="right") for row in rows),
         ),
-        rows=tuple((str(name), *(cell(row["claim"], name) for row in rows)) for name in tried),
+        rows=tuple((says[str(name)], *(cell(row["claim"], name) for row in rows)) for name in tried),
         notes=tuple(
             say(
                 "**{claim}**: {quantity}. Tolerance: {why}.",
@@ -333,7 +335,7 @@ def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
                 for name, text in zip(data["criterion"].values, says, strict=False)
             ),
             *(
-                say("^{mark}^ declared: {basis}.", mark=mark, basis=basis)
+                say("^{mark}^ declared, {basis}.", mark=mark, basis=_BASES.get(basis, basis))
                 for mark, basis in zip(_MARKS, bases, strict=False)
             ),
         ),

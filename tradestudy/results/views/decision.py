@@ -171,6 +171,14 @@ def flips(tree: xr.DataTree) -> Iterator[Flips]:
         )
 
 
+def readings_in_words(tree: xr.DataTree) -> dict[str, str]:
+    """What every reading of a decision assumes, by its name; the name where the results lack the words."""
+    decision = group(tree, "decision")
+    names = [str(name) for name in decision["reading"].values]
+    says = map(str, decision["reading_says"].values) if "reading_says" in decision else names
+    return dict(zip(names, says, strict=True))
+
+
 def handovers(decision: xr.Dataset) -> Iterator[tuple[float, float]]:
     """Distances [m] where the better camera of the pair switches, with their errors.
 
