@@ -40,8 +40,8 @@ from tradestudy.units import significant
 from tradestudy.wording import distance, limit_words, listed, span
 
 _MOST_REASONS = 3
-_WHICH: Final = "Which camera for which distance"
-_DECLARED: Final = ", for the study as declared"
+_WHICH: Final = "Which camera for which distance, with its depth uncertainty"
+_DECLARED: Final = " (study as declared)"
 
 
 def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -226,13 +226,11 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
         names = list(dict.fromkeys(name for one in turned for name in reversed_by[one.place]))
         says = readings_in_words(tree)
         counts = sorted({len(reversed_by[one.place]) for one in turned})
-        by_name = {1: "under the reading “{first}”", 2: "under the readings “{first}” and “{last}”"}
-        by = by_name.get(len(names), "under {counts} of {all} other readings")
+        by = "under the reading “{only}”" if len(names) == 1 else "under {counts} of {all} other readings"
         yield say(
             "The verdict is **reversed** at {places} " + by + " ([](#verdict-table)).",
             places=listed([distance(one.place) for one in turned]),
-            first=says[names[0]],
-            last=says[names[-1]],
+            only=says[names[0]],
             counts=str(counts[0]) if len(counts) == 1 else f"{counts[0]} to {counts[-1]}",
             all=str(max(one.alternatives for one in found)),
         )
@@ -258,7 +256,7 @@ def _stretches(best: BestCameras) -> Iterator[Spans]:
             if len(best.cameras) == 1:
                 yield say("**{where}**: {how}.", where=where, how=how)
             else:
-                yield say("**{where}: {camera}**, uncertain by {how}.", where=where, camera=camera, how=how)
+                yield say("**{where}: {camera}**, {how}.", where=where, camera=camera, how=how)
         else:
             yield say("**{where}: {camera}**.", where=where, camera=camera)
 
@@ -299,7 +297,7 @@ def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:
     near, far = (f"{length(s)} ({share(s / z)})" for s, z in zip(ends, places, strict=True))
     first, last = (part_words(depth.parts[best.nearest(place)] or "nothing") for place in places)
     cause = first if first == last else f"{first} at the near end and {last} at the far end"
-    return f"±{near} at the near end, ±{far} at the far end, mostly due to {cause}"
+    return f"±{near} to ±{far}, mostly from {cause}"
 
 
 def _changes(tree: xr.DataTree) -> Iterator[Spans]:

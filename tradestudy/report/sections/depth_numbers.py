@@ -96,7 +96,7 @@ def _noise_is_coarse(tree: xr.DataTree) -> str:
     largest = share(float(np.nanmax(np.where(coarse, noise["joint_change"].values, np.nan))))
     return (
         f" Noise only has no tolerance of its own: omitted effects change it by up to {largest} "
-        "(the key `accuracy.depth_noise` limits this)."
+        "(declare accuracy.depth_noise to limit this)."
     )
 
 

@@ -113,7 +113,8 @@ def _largest_cause_in_words(camera: xr.Dataset, titles: Mapping[str, str], middl
     there = camera.isel(distance=middle)
     own = _largest(there)
     others = [
-        f"{_CAUSES[other[0]]} at {distance(float(place['distance']))} ({significant(other[1])} times smaller without)"
+        f"{_CAUSES[other[0]]} at {distance(float(place['distance']))} "
+        f"({significant(other[1])} times smaller without it)"
         for place in (camera.isel(distance=k) for k in range(camera.sizes["distance"]))
         if (other := _largest(place)) is not None and (own is None or other[0] != own[0])
     ]

@@ -95,7 +95,7 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
             Column(title="Tail ESS", align="right"),
             Column(title="Acceptance", align="right"),
             Column(title="Poses", align="right"),
-            Column(title="emcee / Laplace", unit="s", align="right"),
+            Column(title="emcee / Laplace [s]", align="right"),
         ),
         rows=tuple(rows),
         notes=(
