@@ -300,8 +300,8 @@ def test_sensitivity_is_drawn_at_every_place_in_the_field(make_tree: MakeTree) -
     assert "The largest on the axis: Raytrix R5, Keplerian: yaw, 20 mm." in drawn["tornado"].alt
     widths = [bar.get_width() for bar in drawn["tornado"].draw().axes[0].patches]
     np.testing.assert_allclose(widths, [20.0, 1.0, 40.0, 2.0])
-    assert [row[0] for row in drawn["tornado"].values()[0].rows] == ["yaw", "pixel noise"]
+    assert [row[0] for row in drawn["tornado"].values()[0].rows] == ["yaw", "matching noise"]
     names = [[text.get_text() for text in axes.texts] for axes in drawn["sobol-indices"].draw().axes[:3]]
-    assert names == [["yaw", "pixel noise"]] * 3
+    assert names == [["yaw", "matching noise"]] * 3
     (refused,) = table(report_of(tree), "refused-table")
     assert (refused[0], refused[-1]) == ("Stereo 100 mm, 65.24° across", "correlated")

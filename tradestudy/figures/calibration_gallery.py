@@ -33,7 +33,7 @@ def calibration_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
     place = sensitivity.tornado_distance(tree)
     sentences = [
-        f"{title}: {largest.replace('_', ' ')}, {_source_words(tree, key, largest, place)}. "
+        f"{title}: {in_words(largest)}, {_source_words(tree, key, largest, place)}. "
         for key, title in titles_in(tree, "sensitivity").items()
         if (largest := largest_source(tree, key, place)) is not None
     ]

@@ -246,8 +246,8 @@ def _readings(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="readings",
         caption=f"Which assumption reverses the verdict on certainty: uncertainty of {numerator} over that of "
-        f"{denominator}, under every reading. Left of 1 (shaded), {numerator} is more certain; right of 1, "
-        f"{denominator}. Open marks: not the camera of the declared study."
+        f"{denominator}, under every reading (names as in the table above). Left of 1 (shaded), {numerator} is more "
+        f"certain; right of 1, {denominator}. Open marks: not the camera of the declared study."
         + (f" {listed(signs)} at the edge: one of the two uncertainties has no bound." if signs else ""),
         alt=f"Dot chart of the uncertainty of {numerator} over that of {denominator}, one row per reading, one mark "
         "per distance, three panels: noise and calibration, noise only, calibration only. " + "".join(sentences),

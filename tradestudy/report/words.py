@@ -89,7 +89,7 @@ def distance_with_error(value: float, error: float) -> str:
 def _rounded(value: float, error: float, unit: str) -> str:
     shown = float(f"{error:.0e}")
     decimals = -int(np.floor(np.log10(shown)))
-    number = f"{round(value, decimals):.{max(decimals, 0)}f}".replace("-", "−")
+    number = f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", "−")
     return f"{number} ± {significant(shown, 1)}{unit}".replace(" ", "\N{NO-BREAK SPACE}")
 
 

@@ -119,7 +119,7 @@ def _findings(tree: xr.DataTree, rows: list[_Row]) -> Iterator[Spans]:
     missing = [row for row in rows if not row.keeps_all]
     if missing:
         yield say(
-            "Sharp on only part of it: {cameras}.",
+            "Not sharp throughout: {cameras}.",
             cameras="; ".join(
                 f"{row.title} ({share(row.share) if row.share > 0 else 'none of it'})" for row in missing
             ),

@@ -172,7 +172,7 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
             Column(title="Method", weight=3),
             Column(title="Time here", align="right"),
             Column(title="Published", align="right", weight=1),
-            Column(title="Stated error", align="right"),
+            Column(title="Error", align="right"),
             Column(title="Sum", align="right"),
             Column(title="RMS", align="right"),
             Column(title="Lit", unit="px", align="right"),
@@ -181,9 +181,10 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
         ),
         rows=tuple(rows),
         notes=(
-            "Published: the time that the paper states. Stated error: numerical, as the root mean square over pixels "
-            "relative to that of the image; marked if above the tolerance. Sum: the absolute differences from the "
-            "reference, summed over pixels, relative to the sum of the reference. RMS: the same for root mean squares. "
+            "Published: the time that the paper states. Error: the stated numerical error, as the root mean square "
+            "over pixels relative to that of the image; marked if above the tolerance. Sum: the absolute differences "
+            "from the reference, summed over pixels, relative to the sum of the reference. RMS: the same for root mean "
+            "squares. "
             "Lit: pixels with more than 1 % of the light of the brightest. Beyond rays: fraction of the light on "
             "pixels that paraxial rays leave dark. Power: fraction of the pupil's light that reaches the detector.",
         ),
@@ -196,8 +197,8 @@ def _method(data: xr.Dataset) -> Iterator[Block]:
         say(
             "{source} wave passes the pupil and phase of the main lens, travels to the array, passes the aperture and "
             "phase of every microlens about the lens's own centre, and travels to the detector, where the waves behind "
-            "all microlenses add as fields. The intensity is integrated over each pixel{sum}. Light: {light}; main "
-            "lens {main}, microlenses {micro}. The array: {array}.",
+            "all microlenses add as fields. The intensity is integrated over each pixel{sum}. Light: {light}; phase "
+            "of the main lens: {main}, of the microlenses: {micro}. The array: {array}.",
             source=_SOURCES[source],
             sum=", and the intensities of all points of the spot are averaged" if source == "incoherent disc" else "",
             light=_light(data),
@@ -242,12 +243,13 @@ def _light(data: xr.Dataset) -> str:
 def _array(data: xr.Dataset) -> str:
     kinds = dict.fromkeys(float(value) for value in data["microlens_focal_length"].values)
     counts = ", ".join(
-        f"{length(kind)} of {int((data['microlens_focal_length'] == kind).sum())}" for kind in sorted(kinds)
+        f"{int((data['microlens_focal_length'] == kind).sum())} microlenses with a focal length of {length(kind)}"
+        for kind in sorted(kinds)
     )
     apertures = f"{data.attrs['microlens_aperture']} apertures {length(float(data.attrs['microlens_aperture_width']))}"
     pitch = length(float(data.attrs["microlens_pitch"]))
     layout = data.attrs["microlens_layout"]
-    return f"{layout}, {pitch} from lens to lens, {apertures} wide; focal lengths of the microlenses: {counts}"
+    return f"{layout}, {pitch} from lens to lens, {apertures} wide; {counts}"
 
 
 def _benchmarks(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Table]:

@@ -142,8 +142,15 @@ def _by_basis(rows: list[dict[str, Any]], bases: list[str], tree: xr.DataTree) -
         for row in of_basis:
             what = in_words(str(row["path"]).replace(".", " › "))
             owners = [key for key in str(row["cameras"]).split(", ") if key]
-            value = _PAIR.sub(r"\1 × \2", str(row["value"]))
+            value = _value_words(_PAIR.sub(r"\1 × \2", str(row["value"])))
             yield _shared(owners, tree) or "study", what, value, str(row["note"])
+
+
+def _value_words(value: str) -> str:
+    """Write a declared value as people do: names without underscores, infinity in full, degrees with their sign."""
+    if value == "inf":
+        return "infinity"
+    return in_words(value) if value.isidentifier() else value.replace(" degC", " °C")
 
 
 def _shared(owners: list[str], tree: xr.DataTree) -> str:
