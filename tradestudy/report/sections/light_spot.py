@@ -123,7 +123,7 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
     if reference in same:
         found = "this is the reference itself"
     elif same:
-        found = "this is a picture listed above"
+        found = "this is the same picture as above"
     else:
         took = f"{_duration(_seconds(run, 'image: chosen'))} here"
         found = (
