@@ -78,7 +78,7 @@ def test_cases_that_are_not_met_come_first(tree: xr.DataTree) -> None:
     wrong = xr.DataTree.from_dict({"/": tree.to_dataset(), "/hard_cases": data})
     tone, words = verdict(wrong)
     assert tone == "warning"
-    assert f"{count - 1} of {count} hard cases." in words
+    assert f"{count - 1} of {count} hard cases" in words
     assert f"Not met: {data['case'].values[3]}." in words
 
 

@@ -85,10 +85,7 @@ def _tie_words(tree: xr.DataTree, name: str) -> str:
     if (tie := posterior.closest_tie(tree, name)) is None:
         return ""
     first, second, correlation = tie
-    return (
-        f"Strongest correlation: {first.replace('_', ' ')} and {second.replace('_', ' ')}, "
-        f"{significant(correlation, 2)}."
-    )
+    return f"Strongest correlation: {in_words(first)} and {in_words(second)}, {significant(correlation, 2)}."
 
 
 def _ranks(tree: xr.DataTree) -> Drawing:
@@ -127,7 +124,7 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
         caption=f"Posterior of {titles[name]}: {which}, in standard deviations from the mean. Contours contain 39 "
         f"and 86 % of the draws, as one and two standard deviations of a bivariate normal do; dashed: Laplace's normal "
         "approximation.",
-        alt=f"Corner plot of the posterior draws of {titles[name]}: {', '.join(n.replace('_', ' ') for n in shown)}. "
+        alt=f"Corner plot of the posterior draws of {titles[name]}: {', '.join(map(in_words, shown))}. "
         + _tie_words(tree, name),
         draw=partial(posterior.draw_corner, tree, name),
         values=partial(posterior.corner_values, tree, name),

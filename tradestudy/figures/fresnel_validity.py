@@ -71,8 +71,8 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         caption="Why the printed criterion (eq. 27) cannot be trusted: both of its zeros while object and image "
         "distance together grow by a quarter of a wavelength, a fraction of a micrometre; then the picture repeats. "
         f"Lines: {waves}. Dashed: the f-number printed in the paper, which takes the larger zero.",
-        alt="Charts of minimum f-number against extra path within one quarter wave. The first zero falls from "
-        "infinity, the second one drifts by a fifth and jumps back. " + _sweep_words(data),
+        alt="Charts of minimum f-number against extra path within one quarter wave. The smaller zero falls from "
+        "infinity, the larger one drifts by a fifth and jumps back. " + _sweep_words(data),
         draw=partial(draw_paper_eq27, tree),
         values=partial(_zero_tables, data),
     )

@@ -246,7 +246,8 @@ def _spread_words(data: xr.Dataset) -> str:
             radius = float(there["half_energy_radius"])
             if np.isfinite(radius):
                 sentences.append(
-                    f"{one['title'].item()} at f/{significant(float(values[step]))}, {method}: half the light within "
+                    f"{one['title'].item()} at f/{significant(float(values[step]))} by {short_title(str(method))}: "
+                    "half the light within "
                     f"{pretty(radius, LENGTH)}, Strehl ratio {significant(float(there['strehl_ratio']))}. "
                 )
     return "".join(sentences)
