@@ -14,7 +14,6 @@ from tradestudy.uncertainty.monte_carlo import Sampling, propagate
 from tradestudy.uncertainty.outputs import Propagated, RunningMean
 from tradestudy.uncertainty.sources import Group, Source, Sources
 from tradestudy.uncertainty.streams import point_generator
-from tradestudy.units import significant
 from tradestudy.wording import in_words
 
 LARGEST_CORRELATION = 0.3
@@ -103,7 +102,7 @@ def _require_weak_correlation(group: Group) -> None:
         first, second = (in_words(group.parameters[k]) for k in (i, j))
         raise OutOfRangeError(
             "parameters are too strongly correlated for separate bars",
-            value=f"{first} and {second} by {significant(float(correlation[i, j]))}",
+            value=f"{first} and {second} by {f'{correlation[i, j]:+.3f}'.replace('-', '−')}",
             limit=f"magnitudes up to {LARGEST_CORRELATION}",
             remedy="use the bar of the whole group, which moves them together",
         )
