@@ -102,7 +102,7 @@ def _require_weak_correlation(group: Group) -> None:
         first, second = (in_words(group.parameters[k]) for k in (i, j))
         raise OutOfRangeError(
             "parameters are too strongly correlated for separate bars",
-            value=f"{first} and {second} by {f'{correlation[i, j]:+.3f}'.replace('-', '−')}",
+            value=f"{first} and {second} by {correlation[i, j]:+.3f}",
             limit=f"magnitudes up to {LARGEST_CORRELATION}",
             remedy="use the bar of the whole group, which moves them together",
         )

@@ -27,8 +27,8 @@ def describe_depth_loop(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield Heading(text="From pictures to depth and back", anchor="depth-loop")
     yield Paragraph(
         "The program rendered planes across the axis, each with its own texture and noise, and measured their depth "
-        "with each camera as if its calibration were perfect. The search for the disparity started near the true one, "
-        "so distant false matches do not occur."
+        "with each camera, free of calibration errors. The search for the disparity started near the true one, so "
+        "distant false matches do not occur."
     )
     yield from pictures_of(drawings, "depth_loop")
     for k, name in enumerate(data["camera"].values):
