@@ -262,7 +262,9 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
     )
 
 
-_NEAR: Final = ", within the tolerance: omitted effects could reverse it"
+_NEAR: Final = (
+    ", within the tolerance: omitted effects could change its worst value or a usable range enough to reverse it"
+)
 
 
 def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
