@@ -3,9 +3,10 @@
 Start here:
 
 * `point_spread` computes the point-spread function of a lens from focal length, f-number and wavelength. Its result has
-  methods for width, encircled energy, Strehl ratio, MTF and a plot. `Pupil` gives the lens a transmission and
-  aberrations (Zernike coefficients, a function or a map), `FocalLengths` field curvature and axial colour.
-* `aperture_field` computes the complex field and the intensity of a point source at any points behind a lens. Metrics
+  methods for width, encircled energy, Strehl ratio, MTF and a plot. `Pupil` adds a transmission and
+  aberrations (Zernike coefficients, a function or a map) to the lens; `FocalLengths` adds field curvature and axial
+  colour.
+* `aperture_field` computes the complex field and the intensity of a point source anywhere behind a lens. Metrics
   such as `encircled_energy` and `modulation_transfer` accept the result of `point_spread`, and that of `aperture_field`
   on a regular grid.
 * `microlens_image` computes the image of a point or a disc on the pixels behind a main lens and a microlens array, from

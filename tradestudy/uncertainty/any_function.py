@@ -42,8 +42,8 @@ class Spread:
     median
         Median, shape (…).
     standard_deviation
-        Standard deviation of the draws, shape (…). If the distribution has none, this value
-        grows with the number of draws.
+        Standard deviation of the outputs, shape (…). If the distribution has none, this value grows with the number of
+        draws.
     low
         Lower ends of the intervals, shape (m, …). An interval is central: values below and above it are equally
         probable.
@@ -100,8 +100,8 @@ def propagate_through(
     inputs
         Distribution of each input, under the name of the argument, such as ``{"gap": Uniform(low=-0.03, high=0.03)}``.
     correlation
-        Correlations, under pairs of names, such as ``{("block", "gap"): 0.5}``. Inputs that are not normal are joined
-        by a Gaussian copula; the correlations are then those of its normal scores. Default: none.
+        Correlation of each pair of inputs, under their names, such as ``{("block", "gap"): 0.5}``. Inputs that are not
+        normal are joined by a Gaussian copula; the correlations are then those of its normal scores. Default: none.
     coverage
         Probability of the interval that is reported, between 0 and 1; or one probability for each of several intervals.
     tolerance
