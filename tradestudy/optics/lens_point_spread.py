@@ -304,63 +304,70 @@ def point_spread(
     obliquity: Obliquity = "paper",
     limits: Limits | None = None,
 ) -> LensPointSpread:
-    """Point-spread function of a lens from the numbers of its data sheet: |∬ U(q) t(q) exp(i k W(q)) K(q, P) dq|².
+    """Point-spread function of a lens, from its focal length and f-number.
 
-    The integral extends over the points q of the pupil. U is the wave behind the aberration-free lens, t the amplitude
-    and W the path error of the pupil, and K the kernel of the method, from q to the image point P.
+    I(P) = |∬ U(q) t(q) exp(i k W(q)) K(q, P) dq|²/P₀ is the intensity at a point P of the image plane. The integral
+    extends over the points q of the pupil. U is the wave behind the lens without aberrations, t the amplitude
+    transmission and W the path error of the pupil, k = 2π/λ, K the kernel that propagates the field from q to P, and
+    P₀ the power through the pupil.
 
     Parameters
     ----------
     focal_length
-        f [m], > 0; or its table over field angle and wavelength (field curvature, axial colour).
+        Focal length f [m], > 0; or a table of focal lengths over field angle and wavelength, which describes field
+        curvature and axial colour.
     f_number
-        N = f/D [1], so that the pupil diameter is D = f/N.
+        N = f/D [1], > 0, where D is the diameter of the pupil. For a table, f is its reference focal length.
     wavelength
-        λ [m], > 0 and less than the pupil's diameter.
+        Wavelength λ [m], > 0 and less than the diameter of the pupil.
     source
-        Point at a finite position or `PointSource.at_infinity`. Default: on the axis at infinity.
+        Point source, at a finite position or `PointSource.at_infinity`. Default: on the axis at infinity.
     method
-        ``geometric``, ``boundary_wave``, ``fresnel`` or ``kirchhoff``, as in `aperture_field`. ``fresnel`` agrees with
-        textbook results, which are paraxial; ``kirchhoff`` allows for the finite cone of light, and its MTF at f/2.8
-        and 550 nm is 0.003 to 0.009 lower over most frequencies.
+        Method of propagation: ``kirchhoff``, ``fresnel``, ``boundary_wave`` or ``geometric``, as in `aperture_field`.
+        ``fresnel`` is paraxial and agrees with textbook formulas. ``kirchhoff`` is not paraxial: at f/2.8 and 550 nm,
+        it gives an MTF that is lower by 0.003 to 0.009 over most frequencies.
     tolerance
-        Relative L2 error allowed for the intensity over the window, in 1e-10 … 0.1.
+        Largest relative L2 error of the intensity over the window [1], in 1e-10 … 0.1.
     focus_distance
-        Object distance in focus [m]. Default: the source's. The image plane is where an axial point at this distance is
-        imaged; with a table of focal lengths, at its reference wavelength.
+        Object distance on which the lens is focused [m]. The image plane is where an axial point at this distance is
+        imaged; with a table of focal lengths, at its reference wavelength. Default: the distance of the source.
     lens_phase
-        ``perfect``: sends every source point exactly to its thin-lens image; ``stigmatic``: images the axial
-        point at `focus_distance` exactly, with coma off the axis; ``parabolic``: the lens of the paper (under
-        References), with spherical aberration.
+        Phase of the lens:
+
+        * ``perfect``: images every source point exactly onto its thin-lens image.
+        * ``stigmatic``: images the axial point at ``focus_distance`` exactly; has coma off the axis.
+        * ``parabolic``: the lens of the paper under References; has spherical aberration.
     pupil
-        Amplitude and aberrations. Default: a clear aperture without aberration.
+        Amplitude transmission and aberrations of the pupil. Default: a clear pupil without aberrations.
     window
-        Half the side of the sampled square about the chief ray [Airy radii]; at least 1.5. The error of the MTF
-        includes the light outside the square: 0.8 % of all light at 20, and inversely proportional to this number.
+        Half the side of the window, the square about the chief ray on which the intensity is sampled [Airy radii];
+        at least 1.5. The error of the MTF includes the light outside the window, which is 0.8 % of all light for the
+        default and inversely proportional to ``window``.
     obliquity
-        Obliquity factor of Kirchhoff's integral, as in `aperture_field`.
+        Obliquity factors in U and K, as in `aperture_field`. ``fresnel`` has none and accepts only the default.
     limits
-        Memory and time allowed. Default: 2 GB, 600 s.
+        Nodes, memory and time that the computation may take. Default: 2·10⁷ nodes, 2 GB and 600 s.
 
     Returns
     -------
     LensPointSpread
-        Intensity with its stated error; its methods give width, encircled energy, Strehl ratio, MTF and a plot.
+        Intensity [1/m²] with its stated error. Its methods compute width, encircled energy, Strehl ratio and MTF, and
+        plot them.
 
     Raises
     ------
     OutOfRangeError
-        An argument is outside the range in which the method holds, or `focus_distance` does not exceed the focal
+        An argument is outside the range in which the method holds, or ``focus_distance`` does not exceed the focal
         length.
     UnaffordableError
-        The nodes needed exceed the limits.
+        The computation needs more than ``limits`` allows.
     NotConvergedError
-        The tolerance is not reached.
+        The tolerance is smaller than the error that the method or double precision can reach.
 
     References
     ----------
-    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–22; Born and Wolf, *Principles of
-    Optics*, sections 8.3 and 9.1–9.4.
+    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–22; M. Born and E. Wolf,
+    *Principles of Optics*, sections 8.3 and 9.1–9.4.
 
     Examples
     --------

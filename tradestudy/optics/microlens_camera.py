@@ -286,43 +286,46 @@ def microlens_image(
     tolerance: float = 1e-3,
     seed: int = 0,
 ) -> ChainImage:
-    """Image of a point or a disc behind a main lens and a microlens array, on each pixel, within a tolerance.
+    """Image of a point or a disc on the pixels behind a main lens and a microlens array, within a tolerance.
 
     Parameters
     ----------
     camera
-        Data of the camera; a plenoptic camera of a study provides them as ``camera.light_chain()``.
+        Main lens, microlens array and sensor. A plenoptic camera of a study returns them by its method
+        ``light_chain()``.
     source
-        A point, at a finite position or `PointSource.at_infinity`, or a disc.
+        A `PointSource`; or a `DiscSource`, whose points add as intensities (incoherent disc) or form one wave with one
+        phase over the disc (coherent disc).
     wavelength
-        λ [m]; or several, shape (n,), whose images add as intensities.
+        Wavelength λ [m], > 0; or several, shape (n,), whose images are averaged with ``weights``.
     weights
-        Power in the pupil at each of several wavelengths [any unit], shape (n,). Default: equal.
+        Power through the pupil at each wavelength [any unit], ≥ 0, not all zero, shape (n,); only the ratios matter.
+        Default: equal.
     legs
-        Law of propagation on each leg, as in `chain_image`.
+        Methods of propagation to the array and to the detector, as in `chain_image`.
     tolerance
-        Largest relative L2 error over the pixels, in 1e-6 … 0.2.
+        Largest relative L2 error over the pixels [1], in 1e-6 … 0.2.
     seed
-        Seed of the random check points: the same call gives the same digits.
+        Seed, ≥ 0, of the random points at which the result is checked: the same call gives the same digits.
 
     Returns
     -------
     ChainImage
-        Fraction of the pupil's power on each pixel, with a stated error within the tolerance. The pixels are those of
-        ``camera.light_path(source, wavelength=…).pixels``; with several wavelengths, of the widest of these grids.
+        Fraction of the power through the pupil on each pixel, with a stated error within the tolerance. The pixels are
+        ``camera.light_path(source, wavelength=…).pixels``; for several wavelengths, the widest of these grids.
 
     Raises
     ------
     OutOfRangeError
-        If the source, the light or a part is outside the range in which the methods hold.
+        An argument is outside the range in which the methods hold; see `chain_image`.
     UnaffordableError
-        If nodes or samples need more memory than allowed.
+        The computation needs more than 2 GB of memory, or more than about a million points of the source.
     NotConvergedError
-        If the stated error stays above the tolerance after refinement.
+        The stated error stays above the tolerance after refinement.
 
     References
     ----------
-    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 14, 16, 22 and 25; see
+    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 14, 16, 22 and 25, as in
     `chain_image`.
 
     Examples

@@ -13,7 +13,7 @@ from tradestudy.effects.words import MODEL, left_out
 from tradestudy.plan.choice import Chosen
 from tradestudy.plan.predicted_time import PredictedStep
 from tradestudy.units import DURATION, FRACTION, pretty
-from tradestudy.wording import distance
+from tradestudy.wording import distance, listed
 
 _SIGNIFICANT: Final = 0.01  # share of the tolerance
 
@@ -58,7 +58,7 @@ def _simulated(one: Chosen) -> str:
     if one.reasons.get("calibration") and models["calibration"] == OFF and "calibration" not in one.choice.forced:
         parts.append(one.reasons["calibration"])
     elif "calibration" in models:
-        drawn = ", ".join(one.choice.other_models)
+        drawn = listed([f"“{name}”" for name in one.choice.other_models])
         parts.append(MODEL["calibration", models["calibration"]] + f" (exact for {drawn})" * bool(drawn))
     if "sampling" in models:
         parts.append(f"sampled to {models['sampling']}")

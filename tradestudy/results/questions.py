@@ -160,6 +160,7 @@ CLAIMS: Final[Mapping[str, Variable]] = {
         long_name="whether the claim is met under a reading: 1 met, 0 not met, −1 not tested",
     ),
     "value_text": Variable(dims=("claim", "reading"), units="", long_name="value, written with its unit"),
+    "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes"),
     "says": Variable(dims=("claim",), units="", long_name="the claim in the words of its source"),
     "source": Variable(dims=("claim",), units="", long_name="where the claim is made"),
     "expected": Variable(dims=("claim",), units="", long_name="expected value or bound"),

@@ -202,19 +202,19 @@ class Microlenses:
 
 @checked
 def square_centres(*, pitch: float, count: int) -> FloatArray:
-    """Centres of ``count`` × ``count`` lenses on a square lattice about the axis [m], shape (count², 2).
+    """Centres of microlenses on a square lattice, as a square block about the axis.
 
     Parameters
     ----------
     pitch
-        Distance between neighbours [m].
+        Distance between the centres of neighbouring microlenses [m], > 0.
     count
-        Lenses along a side.
+        Number of microlenses along a side, ≥ 0.
 
     Returns
     -------
     ndarray
-        Centres (x, y) [m], row by row.
+        Centres (x, y) [m], row by row, shape (count², 2).
 
     Raises
     ------
@@ -223,7 +223,7 @@ def square_centres(*, pitch: float, count: int) -> FloatArray:
 
     References
     ----------
-    By definition.
+    Neighbouring rows and neighbouring columns are ``pitch`` apart.
 
     Examples
     --------
@@ -239,14 +239,14 @@ def square_centres(*, pitch: float, count: int) -> FloatArray:
 
 @checked
 def hexagonal_centres(*, pitch: float, rings: int) -> FloatArray:
-    """Centres of the lens on the axis and of ``rings`` hexagons around it, rows along x [m].
+    """Centres of microlenses on a hexagonal lattice: one on the axis, and hexagonal rings around it.
 
     Parameters
     ----------
     pitch
-        Distance between neighbours [m].
+        Distance between the centres of neighbouring microlenses [m], > 0.
     rings
-        Hexagons around the middle lens.
+        Number of rings, ≥ 0.
 
     Returns
     -------
@@ -260,7 +260,7 @@ def hexagonal_centres(*, pitch: float, rings: int) -> FloatArray:
 
     References
     ----------
-    By definition.
+    Rows run along x and are √3/2 times ``pitch`` apart; every other row is shifted by half the pitch.
 
     Examples
     --------

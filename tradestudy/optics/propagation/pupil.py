@@ -24,22 +24,23 @@ _STEP = 1e-4  # of the radius, for the slope of a function: fourth-order differe
 
 
 def noll_order(index: int) -> tuple[int, int]:
-    """Radial order n and azimuthal order m of Noll's Zernike polynomial; m < 0 denotes a sine.
+    """Radial order n and azimuthal order m of the Zernike polynomial with Noll index j.
 
     Parameters
     ----------
     index
-        Noll's j, from 1 to 153.
+        Noll index j, a whole number from 1 to 153.
 
     Returns
     -------
     tuple
-        (n, m); even j are cosines.
+        (n, m). The polynomial contains cos mθ if m > 0 (even j), and sin |m|θ if m < 0 (odd j); θ is the angle from the
+        x axis.
 
     Raises
     ------
     OutOfRangeError
-        If the index is not in this range.
+        The index is not a whole number from 1 to 153.
 
     References
     ----------
@@ -47,7 +48,7 @@ def noll_order(index: int) -> tuple[int, int]:
 
     Examples
     --------
-    Defocus, the two comas, and spherical aberration:
+    Defocus, coma along y, coma along x, and spherical aberration:
 
     >>> from tradestudy import optics
     >>> [optics.noll_order(j) for j in (4, 7, 8, 11)]
