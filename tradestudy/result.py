@@ -74,7 +74,7 @@ class Result:
         return tuple(terminal_lines(self.data, most))
 
     def conclusions(self, directory: str | Path | None = None) -> dict[str, Any]:
-        """Return the conclusions as a dictionary: what ``--json`` prints, with numbers in SI units.
+        """Return the conclusions as a dictionary, the object that ``--json`` prints, with numbers in SI units.
 
         - ``format``: version of these keys; it increases when a key changes its meaning.
         - ``study``, ``title``, ``question``: name, title and question of the study.

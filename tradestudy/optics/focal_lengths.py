@@ -37,7 +37,7 @@ class FocalLengths:
     Raises
     ------
     OutOfRangeError
-        If a shape or a value violates the above.
+        If a shape or a value does not meet the conditions above.
 
     References
     ----------

@@ -82,7 +82,7 @@ class LensPointSpread(PointSpread):
     Raises
     ------
     OutOfRangeError
-        If an array or a number violates the conditions of `PointSpread`.
+        If an array or a number does not meet the conditions of `PointSpread`.
 
     Examples
     --------

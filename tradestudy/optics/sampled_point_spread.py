@@ -102,7 +102,7 @@ class PointSpread:
     Raises
     ------
     OutOfRangeError
-        If an array or a number violates the above.
+        If an array or a number does not meet the conditions above.
 
     Examples
     --------

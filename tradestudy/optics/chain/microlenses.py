@@ -55,7 +55,7 @@ class Microlenses:
     Raises
     ------
     OutOfRangeError
-        If a shape or a value violates the above, or two microlenses are closer than `pitch`.
+        If a shape or a value does not meet the conditions above, or two microlenses are closer than `pitch`.
 
     Examples
     --------

@@ -258,7 +258,7 @@ class FresnelKernel:
     """Fresnel's integral: U(P) = exp(i k z)/(iλ z) ∬ U(q) exp(i k ρ²/(2 z)) dq.
 
     U is the field at the points q of an aperture and at the target P, which lies at the distance z behind the plane of
-    the aperture; ρ is the transverse distance between P and q, λ the wavelength, and k = 2π/λ. Its methods are those of
+    the aperture; ρ is the transverse distance between P and q, λ the wavelength, and k = 2π/λ. It has the methods of
     `KirchhoffKernel`, with the path s = z + ρ²/(2 z) and with C/s replaced by 1/z.
 
     Parameters

@@ -100,7 +100,8 @@ class Pupil:
     Raises
     ------
     OutOfRangeError
-        A Noll index is unknown, a coefficient is not finite, or an array or the obscuration violates the above.
+        A Noll index is unknown, a coefficient is not finite, or an array or the obscuration does not meet the
+        conditions above.
 
     References
     ----------
@@ -200,7 +201,7 @@ class Pupil:
         ------
         OutOfRangeError
             The wavelength is not positive and finite, a Noll index is unknown, a coefficient is not a finite number, or
-            an array or the obscuration violates the conditions of `Pupil`.
+            an array or the obscuration does not meet the conditions of `Pupil`.
         """
         check_wavelength(wavelength)
         for index, waves in zernikes.items():
