@@ -151,6 +151,53 @@ def test_a_forced_model_is_applied_and_its_change_reported(model: str) -> None:
     assert (f"main lens diffraction: {model}, as the study requires, changes the" in reported) == (model != "kirchhoff")
 
 
+def test_without_diffraction_at_microlenses_their_crosstalk_still_counts() -> None:
+    """Without crosstalk, the depth uncertainty of the R5 changes by 2.1 %, though no diffraction spreads the light."""
+    changes = ("effects.microlens_diffraction=off", "accuracy.tolerance=0.3 %")
+    definition = load_definition(STUDIES / "robot.yaml", changes)
+    found = next(one for one in choose_models(definition) if one.name == "raytrix-r5")
+    distance = definition.case.distance[:60]
+
+    def uncertainty(models: Models) -> np.ndarray:
+        return depth_uncertainty(definition.with_models({found.name: models}).case.cameras[found.name], distance)
+
+    complete: Models = {**found.choice.problem.complete, "calibration": "linear"}
+    without: Models = {**complete, "crosstalk": "off"}
+    change = np.max(np.abs(uncertainty(without) / uncertainty(complete) - 1.0))
+    assert change == pytest.approx(0.0213, rel=0.02)
+    told = found.choice.problem.changes({**found.choice.problem.complete, "crosstalk": "off"})["depth_uncertainty"]
+    assert told.relative >= change
+    assert found.models["crosstalk"] == "share"
+    assert found.models["calibration"] == "linear"
+    assert np.max(np.abs(uncertainty(found.models) / uncertainty(complete) - 1.0)) <= 0.003
+
+
+def test_exact_paths_are_tried_on_both_sides_of_the_focus() -> None:
+    """Before the focus, where the rule fears most, exact paths change a fast lens's depth less than behind it."""
+    head = "stereo-75mm"
+    changes = {
+        f"cameras.{head}.lenses.f_number": 1.813,
+        f"cameras.{head}.baseline": "88 mm",
+        f"cameras.{head}.calibration.errors.yaw.standard_deviation": "0.003 deg",
+        "scene.distances.points": 60,
+        "scene.picture.light.electrons": "7090 electrons",
+        "scene.picture.full_well": "2e5 electrons",
+        "accuracy.tolerance": "0.18 %",
+    }
+    definition = load_definition(STUDIES / "robot.yaml").with_values(changes)
+    found = next(one for one in choose_models(definition) if one.name == head)
+
+    def uncertainty(diffraction: str) -> np.ndarray:
+        models: Models = {**found.models, "main_lens_diffraction": diffraction}
+        return depth_uncertainty(definition.with_models({head: models}).case.cameras[head], definition.case.distance)
+
+    change = np.abs(uncertainty("fresnel") / uncertainty("kirchhoff") - 1.0)
+    assert change[definition.case.distance < 1.0].max() < 0.0019 < 0.0022 < change.max()
+    told = found.choice.problem.changes({**found.choice.problem.complete, "main_lens_diffraction": "fresnel"})
+    assert told["depth_uncertainty"].relative >= change.max()
+    assert found.models["main_lens_diffraction"] == "kirchhoff"
+
+
 def test_a_model_that_acts_nowhere_is_a_mistake_with_a_position() -> None:
     study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", ["effects.main_lens_diffraction=fresnel"])
     with pytest.raises(StudyError, match=r"^--set:1:\d+: effects\.main_lens_diffraction: 'fresnel' .*0\.1 px"):
@@ -204,6 +251,26 @@ def test_intervals_far_from_normal_are_computed_anew(tmp_path: Path, end: float,
     moved = variant.moved({"pixel_integration": "off", "calibration": "linear"}).uncertainty
     np.testing.assert_allclose(moved, alone / whole - 1.0, rtol=1e-6, atol=1e-9)
     assert moved.max() > least
+
+
+def test_axes_of_other_cameras_do_not_crowd_out_designs_of_a_camera() -> None:
+    """Each camera's choice depends on its own part of the sweep; a shared axis counts for every camera."""
+    head = "stereo-50mm.lenses.f_number"
+    swept = {head: {"from": 1, "to": 64, "points": 20, "spacing": "log"}}
+    others = {
+        "cameras.stereo-75mm.baseline": {"from": "20 mm", "to": "300 mm", "points": 20},
+        "stereo-75mm.lenses.focal_length": {"from": "1 mm", "to": "4 mm", "points": 20},
+    }
+
+    def f_numbers(sweep: dict[str, Any]) -> set[float]:
+        definition = load_definition(STUDIES / "robot.yaml").with_values({"sweep": sweep})
+        problem = depth_problems(definition, {})[0]
+        assert problem.name in head
+        return {variant.camera.lens.f_number for variant in problem._variants}
+
+    alone = f_numbers(swept)
+    assert len(alone) == 21  # with the declared one
+    assert f_numbers({**swept, **others}) == alone
 
 
 def test_a_sweep_that_goes_through_focus_counts_there_too(tmp_path: Path) -> None:

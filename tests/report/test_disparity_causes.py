@@ -127,6 +127,16 @@ def test_a_saturated_camera_is_not_the_brightest_and_without_a_decision_four_pla
     )  # of the study, nearest to four evenly spaced ones
 
 
+def test_causes_do_not_depend_on_the_models_chosen_for_depth() -> None:
+    """A loose tolerance leaves out diffraction at the microlenses; as a cause of the error it stays."""
+    loose = load_definition(STUDY.with_name("robot.yaml"), ("accuracy.tolerance=100 %",))
+    applied = plan_of(loose).definition
+    assert applied.models["raytrix-r5"]["microlens_diffraction"] == "off"
+    found, expected = disparity_causes_group(applied), disparity_causes_group(loose)
+    assert found is not None
+    xr.testing.assert_allclose(found, expected)
+
+
 def test_every_variable_is_declared_and_has_an_error(found: xr.Dataset) -> None:
     of_a_matcher = {"matched_error_px", "matched_error_px_error", "matcher", "false_matches"}  # none is declared
     assert set(found.data_vars) == set(GROUPS["disparity_causes"]) - of_a_matcher

@@ -22,9 +22,9 @@ def in_closed_form(chosen: Models) -> dict[SlotName, str]:
     return {slot: "fresnel" if name == "kirchhoff" else name for slot, name in chosen.items()}
 
 
-def complete_in_closed_form(law: PictureDisparityError) -> PictureModels:
-    """The most complete closed-form models of a picture: Fresnel diffraction by defocused pupils."""
-    microlenses = law.models.microlens_diffraction != "off"
+def complete_in_closed_form(camera: DepthCamera, law: PictureDisparityError) -> PictureModels:
+    """The most complete closed-form models of a picture, even if its law leaves some out: Fresnel diffraction."""
+    microlenses = camera.pictured_by_microlenses  # the law may leave out their diffraction
     plain = closed_form_models(law.settings, microlenses=microlenses)
     return replace(plain, main_lens_diffraction="fresnel", microlens_diffraction="fresnel" if microlenses else "off")
 

@@ -319,7 +319,7 @@ def applicable(camera: DepthCamera, forced: Models) -> dict[SlotName, str]:
     law = camera.disparity_error_px
     if not isinstance(law, PictureDisparityError):
         return {slot: name for slot, name in found.items() if slot == "calibration"}
-    if law.models.microlens_diffraction == OFF:
+    if not camera.pictured_by_microlenses:
         for slot in ("microlens_diffraction", "crosstalk"):
             found.pop(slot, None)
     if not law.settings.spectrum:
@@ -354,8 +354,8 @@ def _why_no_picture(camera: DepthCamera, *, pictured: bool) -> str:
 
 def _absent(pictured: Sequence[DepthCamera], slot: SlotName) -> str:
     """Why a picture lacks an effect; empty where some form of the camera has it."""
-    laws = [one.disparity_error_px for one in pictured]
-    complete = [complete_in_closed_form(law) for law in laws if isinstance(law, PictureDisparityError)]
+    laws = [(one, one.disparity_error_px) for one in pictured]
+    complete = [complete_in_closed_form(one, law) for one, law in laws if isinstance(law, PictureDisparityError)]
     if slot in ("microlens_diffraction", "crosstalk") and all(one.microlens_diffraction == OFF for one in complete):
         return "no microlenses blur this picture"
     if slot == "spectrum" and all(one.spectrum == OFF for one in complete):

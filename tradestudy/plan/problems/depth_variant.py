@@ -119,7 +119,7 @@ class DepthVariant:
         camera = apply_models(self.camera, models)
         law = camera.disparity_error_px
         if isinstance(law, PictureDisparityError):
-            complete = with_models(complete_in_closed_form(law), models)
+            complete = with_models(complete_in_closed_form(camera, law), models)
             camera = replace(camera, disparity_error_px=replace(law, models=complete))
         return camera
 

@@ -106,21 +106,25 @@ def _obliquity(stage: LensStage) -> FloatArray:
 
 
 def places_to_try(weight: FloatArray, blur_px: FloatArray) -> IndexArray:
-    """Up to three places to try: where the rule's change of the uncertainty is largest, the sharpest, and between them.
+    """Up to four places to try: where the rule's change of the uncertainty is largest, the sharpest, and two others.
 
     Changes oscillate with defocus, and can pass through zero where the rule is largest. Of places no more blurred than
-    that one, the third is where the rule comes closest to halfway between the other two.
+    that one, the third is where the rule comes closest to halfway between the other two. The fourth has the largest
+    change by the rule on the other side of the sharpest, where other blurs occur.
 
     Parameters
     ----------
     weight, blur_px
-        Relative change of the uncertainty by the rule, and blur [samples], over places.
+        Relative change of the uncertainty by the rule, and blur [samples], over places by rising distance.
     """
     weight = np.nan_to_num(weight, posinf=1.0)
     largest, sharpest = int(np.argmax(weight)), int(np.nanargmin(blur_px))
     from_halfway = np.abs(weight - (weight[largest] + weight[sharpest]) / 2.0)
     between = int(np.argmin(np.where(blur_px <= blur_px[largest], from_halfway, np.inf)))
-    return np.unique([largest, between, sharpest])
+    number = np.arange(weight.size)
+    beyond = number >= sharpest if largest < sharpest else number <= sharpest
+    other = int(np.argmax(np.where(beyond, weight, -np.inf)))
+    return np.unique([largest, between, sharpest, other])
 
 
 def tried_change(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:

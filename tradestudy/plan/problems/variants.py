@@ -29,15 +29,29 @@ def every_variant(definition: StudyDefinition) -> Iterator[tuple[str, StudyDefin
     """
     yield "", definition
     yield from definition.readings.items()
-    axes = sweep_axes(definition)
-    for values in _designs(axes) if axes else ():
-        yield "", definition.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
+    for axes in _axes_of_cameras(definition):
+        for values in _designs(axes):
+            yield "", definition.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
     for name, question in definition.file.solve.items():
         varying = Varying.of(definition, question)
         for value in np.linspace(varying.low, varying.high, _OF_QUESTIONS):
             yield name, definition.with_values(varying.changes(float(value)))
     for variant in _assumed(definition):
         yield "value_of_information", variant
+
+
+def _axes_of_cameras(definition: StudyDefinition) -> Iterator[tuple[SweepAxis, ...]]:
+    """For every camera, the axes of the sweep that can change it; each set of axes once.
+
+    An axis of another camera would take the place of designs in which the camera itself changes.
+    """
+    axes = sweep_axes(definition)
+    paths = [definition.document.path_of(axis.path) for axis in axes]
+    found = (
+        tuple(axis for axis, path in zip(axes, paths, strict=True) if path[0] != "cameras" or path[1] == name)
+        for name in definition.case.cameras
+    )
+    yield from dict.fromkeys(own for own in found if own)
 
 
 def _assumed(definition: StudyDefinition) -> Iterator[StudyDefinition]:

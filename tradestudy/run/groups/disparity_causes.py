@@ -36,7 +36,7 @@ def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
     """
     forced = definition.file.effects.forced()
     derived = {
-        name: (camera, replace(law, models=with_models(complete_in_closed_form(law), in_closed_form(own))))
+        name: (camera, replace(law, models=with_models(complete_in_closed_form(camera, law), in_closed_form(own))))
         for name, camera in definition.case.cameras.items()
         if isinstance(law := camera.disparity_error_px, PictureDisparityError)
         and (own := applicable(camera, forced)) is not None
