@@ -17,14 +17,17 @@ _GROUPS: Final = {
     "depth": """
 Depth uncertainty and usable range of each camera that measures depth, at the distances of `scene.distances`.
 
+The *interval of depths* contains the central 68.27 % of measured depths, or as many as `propagation.coverage` states.
+It has no far end where too many measurements fail.
+
 Along `side`, the true depth is nearer or farther. Along `part` are groups of errors, such as `noise` or
 `relative rotation`. Along `quantile` are the probabilities that bound the intervals of `propagation.coverage`, and 0.5.
 `interval` numbers the usable intervals of a camera, from the nearest.
 
-Along `limit` are the limits of the usable range. Those of `usable_range` keep their names, except
-`total_covering_plane` (`virtual_depth`), `focus` (`blur`) and `last_disparity_step` (`disparity_step`). The others are
-not declared: `real_image` (the lens forms a real image), and for derived disparity errors `saturation` (the brightest
-pixels are not saturated) and `matching` (a matcher can reach the error).
+Along `limit` are the limits of the usable range. Those declared in `usable_range` have the names of their keys, except
+`total_covering_plane` (key `virtual_depth`), `focus` (key `blur`) and `last_disparity_step` (key `disparity_step`). The
+others are not declared: `real_image` (the lens forms a real image), and for derived disparity errors `saturation` (the
+brightest pixels are not saturated) and `matching` (a matcher can reach the error).
 """,
     "depth_at_places": "The variables of [`/depth`](#group-depth), at the distances of `decision.at`.",
     "depth_field": """
@@ -40,14 +43,15 @@ What makes each derived disparity error as large as it is. Effects that the tole
 For an unfocused plenoptic camera, 1 px is one microlens.
 """,
     "depth_loop": """
-Depth measured in rendered pictures of planes, compared with its prediction. `contrast` and `electrons` are those of
-`depth_loop`.
+Depth measured in rendered pictures of planes, compared with its prediction. Along `contrast` and `electrons` are
+the values of `depth_loop.contrasts` and `depth_loop.electrons`.
 
 A *point* is a pixel of the depth map that a camera computes. It is *seen* if nothing hides it and at least two of the
 pictures that the estimator compares show it. The *depth error* is measured minus true depth, at seen points. The
 *predicted depth uncertainty* is that of the camera at the true distance of the point. The *standard deviation of depth
 due to noise* follows, to first order, from the texture in the matching window of the point. Standard errors by *a
-jackknife* leave out one of 4 × 4 parts of the depth map at a time.
+jackknife* leave out one of 4 × 4 parts of the depth map at a time. They are NaN where the quantity itself is, and where
+fewer than three parts have measured points.
 """,
     "depth_of_field": """
 Where each camera is sharp, and how finely it resolves the object. Along `sharp` are the blur criteria of
@@ -73,8 +77,9 @@ Variables whose names begin with `rig_` concern stereo rigs calibrated from corn
 midway between the cameras.
 """,
     "sensitivity": """
-How much each error contributes to the depth uncertainty, at the distances of `sensitivity.at`. Along `source` are
-independent error sources, each of which may change several parameters together.
+How much each error contributes to the depth uncertainty, at the distances of `sensitivity.at`. Along `field` are
+the axis (0) and the field positions of `propagation.field_places`. Along `source` are independent error sources, each
+of which may change several parameters together.
 """,
     "fresnel_validity": """
 From which f-number on Fresnel's approximation may replace Kirchhoff's integral, for each lens (along `element`).
@@ -82,8 +87,10 @@ From which f-number on Fresnel's approximation may replace Kirchhoff's integral,
 Along `metric` are three measures of the difference between two point-spread functions: `peak`, at the thin-lens image
 point, relative to the intensity there; `l1`, the integral of the absolute difference over a window, relative to the
 integral of the intensity; and `largest`, the largest difference in the window, relative to the largest intensity.
-`window` is the radius of the window about the thin-lens image point, in Airy radii. `zero` numbers the solutions of
-eq. 27 of the paper. In equations, f is the focal length, a the distance of the object, b that of the image, and λ the
+`window` is the radius of the window about the thin-lens image point, in Airy radii. Along `zero` are
+the `first` (smaller) and the `second` (larger) f-number that solve eq. 27 of the paper; `quarter_wave` is a growth of
+a + b, as a fraction of a quarter of a wavelength. Along `lens_phase` are those of `fresnel_validity.lens_phases`. In
+equations, f is the focal length, a the distance of the object, b that of the image, and λ the
 wavelength.
 """,
     "images": """
@@ -113,11 +120,15 @@ reduce the pictures to the size of the report. The terms are those of [`/depth_l
 """,
     "requirements": """
 What the study requires, and whether the cameras meet it. `stretch` numbers ranges of the parameter that a sweep varies.
+
+Variables whose names begin with `bound_alone_` tell what the answer would be if matching reached its Cramér–Rao bound,
+without the errors of a declared matcher.
 """,
     "value_of_information": """
 How much knowing each assumption would improve the choice of a camera. The values of all assumptions are drawn at random
 together. The *utility* of a camera is minus its relative depth uncertainty, averaged over the distances of
-`value_of_information.at` (along `place`). The attributes of the group hold the number of draws, n.
+`value_of_information.at` (along `place`); where the camera is not usable, `value_of_information.unusable` counts
+instead. The attribute `draws` of the group is the number of draws.
 """,
     "assumptions": "Every value of the study, by its path in the study file, with its basis.",
     "contradictions": "Inputs that contradict each other, and the value that the program uses.",
@@ -201,11 +212,15 @@ def _variable(name: str, one: Variable, described: str) -> Iterator[str]:
 
 
 def _sentence(text: str) -> str:
-    """A description as a sentence of Markdown, with names of variables as code; one at its beginning stays as it is."""
+    """A description as a sentence of Markdown, with names of variables as code; one at its beginning stays as it is.
+
+    Names of groups become links, and quoted values lose their quotes, which only text without markup needs.
+    """
     escaped = text.replace("*", "\\*").replace("<", "&lt;")
     begins_with_name = "_" in text.split(" ", 1)[0]
     sentence = escaped if begins_with_name else escaped[:1].upper() + escaped[1:]
-    return _code(sentence) + "."
+    groups = rf"(?<![\w`])/({'|'.join(GROUPS)})\b"
+    return re.sub(groups, r"[`/\1`](#group-\1)", re.sub("`'([^'`]+)'`", r"`\1`", _code(sentence))) + "."
 
 
 def _code(text: str) -> str:
@@ -241,18 +256,18 @@ description is the attribute `long_name` of the variable; *Symbol*, *Source* and
 
 | error | means |
 |---|---|
-| see `name` | that variable holds the error, in the same unit; "of `/group`" says where it is |
+| see `name` | the variable of this name holds the error, in the same unit |
+| see `name` of `/group` | the same, but the variable is in another group |
 | rounding only | the value follows from the inputs in closed form |
 | none | nothing is uncertain: the value is declared, a count, or exact |
 | itself an error estimate | the variable is the error of another one |
 | not estimated, not stored | no variable holds the error; the text says where it comes from |
 
-Text has no error, and a flag (1 or true if it holds, otherwise 0 or false) has none of its own.
+Text, and flags (1 or true for yes, 0 or false for no), have no errors of their own.
 
-Most dimensions have labels. Along `camera`, `reading`, `claim`, `requirement` and other parts of the study file, they
-are the keys that the study file gives them. Along `error_source`, they are `noise` (matching noise alone),
-`calibration` (calibration errors alone) and `both`. In a sweep, the swept parameters are dimensions too; they come
-before those given here.
+Along dimensions such as `camera`, `reading`, `claim` and `requirement`, the labels are keys of the study file. Along
+`error_source`, they are `noise` (matching noise alone), `calibration` (calibration errors alone) and `both`. In a
+sweep, the swept parameters are dimensions too; they come before those given here.
 
 A *scramble* is one of several repetitions of a computation, each with its own quasi-random draws. A standard error
 *over scrambles* follows from the differences between them.

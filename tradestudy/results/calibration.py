@@ -31,8 +31,9 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_marginal_efficiency": Variable(
         dims=("posterior",),
         units="1",
-        long_name="effective fraction of the draws that remains when each draw is reweighted with the poses of the "
-        "board fitted anew; near 1 if the chains treat the poses well",
+        long_name="check of the approximation by which the chains integrate over the poses of the board: effective "
+        "fraction of the draws after reweighting with poses fitted anew for each draw; near 1 if the "
+        "approximation is good",
     ),
     "posterior_evaluations": Variable(
         dims=("posterior",), units="1", long_name="number of evaluations of the log posterior"
@@ -105,7 +106,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_pixels": Variable(
         dims=("posterior", "side"),
         units="px",
-        long_name="number of columns and rows of the calibration pictures; 0 without pictures",
+        long_name="number of columns and number of rows of the calibration pictures; 0 without pictures",
     ),
     "posterior_draw": Variable(
         dims=("posterior", "draw", "parameter"),
@@ -132,8 +133,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_halves_difference": Variable(
         dims=("posterior", "rig_distance"),
         units="m",
-        long_name="root-mean-square difference between depths from two fits, each to a random half of the views; "
-        "NaN for cameras not calibrated from corners",
+        long_name="root-mean-square difference between the depths from two fits, each to a random half of the "
+        "views; NaN for cameras not calibrated from corners",
     ),
     "rig_halves_claim": Variable(
         dims=("posterior", "rig_distance"),
@@ -177,9 +178,9 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_overconfidence": Variable(
         dims=("posterior", "parameter"),
         units="1",
-        long_name="ratio of two standard deviations of a parameter: from the fit that lets the board move between "
-        "the left and the right exposure, over that from the fit that does not; NaN where there is no "
-        "such motion to fit",
+        long_name="standard deviation of a parameter from the fit in which the board may move between the left and "
+        "the right exposure, divided by that from the fit in which it may not; NaN where no such motion "
+        "is fitted",
     ),
 }
 
@@ -199,7 +200,7 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
     "source_class": Variable(
         dims=("camera", "source"),
         units="",
-        long_name="how often the error of the source changes: 'per rig', 'per session', 'per lens or pixel' or 'per "
+        long_name="how often the error takes a new value: 'per rig', 'per session', 'per lens or pixel' or 'per "
         "measurement'; empty where the camera lacks the source",
     ),
     "source_parameters": Variable(

@@ -16,7 +16,7 @@ def _words(dims: tuple[str, ...], long_name: str) -> Variable:
 
 
 COST: Final[Mapping[str, Variable]] = {
-    "problem_of": _words(_ENTRY, "camera or light path that the entry belongs to, by its label along problem"),
+    "problem_of": _words(_ENTRY, "camera or light path that the entry belongs to, by its label along 'problem'"),
     "models": _words(_ENTRY, "models and settings of the entry, in words"),
     "relative_error": Variable(
         dims=_ENTRY,

@@ -32,9 +32,9 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "plane_fit_rms": Variable(
         dims=_OVER,
         units="m",
-        long_name="root-mean-square deviation of the depths of a flat target, perpendicular to the axis, from a "
-        "plane fitted to them: that of matching noise alone, because calibration errors shift and tilt "
-        "the whole plane",
+        long_name="root-mean-square deviation of measured depths from a plane fitted to them, for a flat target "
+        "perpendicular to the axis; matching noise alone causes it, because calibration errors shift and "
+        "tilt the whole plane",
         error="see depth_uncertainty_by_error_source_error of /depth",
     ),
     "fill_rate": Variable(

@@ -18,8 +18,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_discrimination": Variable(
         dims=("camera", "distance", "side"),
         units="m",
-        long_name="depth discrimination: change of true depth that changes the disparity by "
-        "depth.discrimination_step of the camera; infinite where no finite change does",
+        long_name="depth discrimination: change of true depth that changes the disparity by the camera's "
+        "depth.discrimination_step; infinite where no finite change does",
         symbol="Δa",
         reference=_EIGHT,
         error=ROUNDING,
@@ -36,7 +36,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_uncertainty_error": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="error of depth_uncertainty: its standard error over scrambles or, where the calibration is "
+        long_name="error of depth_uncertainty: its standard error over scrambles or, if the camera's calibration is "
         "propagated linearly, its difference from a computation with draws; NaN where depth_uncertainty "
         "is infinite or NaN",
         error=ESTIMATE,
@@ -60,8 +60,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "variance_share": Variable(
         dims=("camera", "distance", "part"),
         units="1",
-        long_name="fraction of the variance of inverse depth (1/depth) that one group of errors causes; the "
-        "fractions of all groups sum to 1; NaN where a camera has no such group",
+        long_name="fraction of the variance of inverse depth (1/depth) that a group of errors causes; the fractions "
+        "of all groups sum to 1; NaN where the camera has no such group",
         symbol="φ_i",
         reference="Owen and Prieur, SIAM/ASA J. Uncertainty Quantification 5 (2017) 986",
         error="not estimated: inverse depth is taken as linear in the errors",
@@ -92,15 +92,14 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "converged": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="whether there were enough draws: the 95 % confidence interval over scrambles of every reported "
-        "half-width, or of the failed fraction where the interval of depths has no far end, is within "
-        "accuracy.depth_uncertainty",
+        long_name="whether the draws suffice for accuracy.depth_uncertainty: the 95 % confidence interval of the "
+        "half-width of every interval of depths is within this tolerance or, where the interval has no "
+        "far end, that of failed_fraction is",
     ),
     "equivalent_baseline": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="equivalent baseline: that of a stereo rig with the focal length and disparity error of the "
-        "camera that measures depth equally well",
+        long_name="equivalent baseline of the camera",
         symbol="B_eq",
         error=ROUNDING,
     ),
@@ -145,9 +144,9 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "limit_value": Variable(
         dims=("camera", "distance", "limit"),
         units="mixed",
-        long_name="value that is compared with a limit: in m for real_image; in px for focus, matching and "
-        "last_disparity_step; otherwise a plain number; infinite where the value is, NaN where the limit "
-        "does not apply",
+        long_name="value that is compared with the limit: in m for 'real_image'; in px for 'focus', 'matching' and "
+        "'last_disparity_step'; otherwise a plain number; may be infinite; NaN where the limit does not "
+        "apply",
         error="rounding only; limits on failures and on relative uncertainty also have the error of the draws",
     ),
     "limit_met": Variable(
@@ -170,8 +169,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "usable_near_error": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="standard error of usable_near over scrambles; 0 where no draws decide the end, infinite where "
-        "some scramble lacks this end, NaN beyond the last interval",
+        long_name="standard error of usable_near over scrambles; 0 where no draws decide the end, infinite where a "
+        "scramble lacks this end, NaN beyond the last interval",
         error=ESTIMATE,
     ),
     "usable_far": Variable(
@@ -183,8 +182,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "usable_far_error": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="standard error of usable_far over scrambles; 0 where no draws decide the end, infinite where "
-        "some scramble lacks this end, NaN beyond the last interval",
+        long_name="standard error of usable_far over scrambles; 0 where no draws decide the end, infinite where a "
+        "scramble lacks this end, NaN beyond the last interval",
         error=ESTIMATE,
     ),
     "near_limit": Variable(
@@ -215,17 +214,17 @@ DEPTH_MAP: Final[Mapping[str, Variable]] = {
     "depth_uncertainty": Variable(
         dims=("camera", "distance", "down", "across"),
         units="m",
-        long_name="depth uncertainty from matching noise and calibration errors together, linear in the calibration "
-        "errors; infinite where the interval of depths has no far end, NaN where fewer than two cameras "
-        "see the point",
+        long_name="depth uncertainty from matching noise and calibration errors together, with inverse depth taken "
+        "as linear in the calibration errors; infinite where the interval of depths has no far end, NaN "
+        "where a camera of the rig does not see the point",
         symbol="u(a)",
         error=SEE_ERROR,
     ),
     "depth_uncertainty_error": Variable(
         dims=("camera", "distance", "down", "across"),
         units="m",
-        long_name="error of depth_uncertainty due to linearisation: the largest found on the axis, halfway to the "
-        "corner of the picture and in the corner; NaN where none is measured",
+        long_name="error of depth_uncertainty because inverse depth is taken as linear: the largest that was found "
+        "on the axis, halfway to the corner of the picture and in the corner; NaN where none was computed",
         error=ESTIMATE,
     ),
 }
@@ -236,9 +235,9 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="px",
         long_name="side of the square window that is matched: scene.picture.matching_window or, if smaller, the "
-        "largest square of the object that the compared pictures share; where several pairs are compared, "
-        "the side of the window with which a single pair would give the same information; 0 where the "
-        "pictures share nothing, NaN where the camera forms no image",
+        "largest square of the object that the compared pictures share; for an estimator that compares "
+        "several pairs of pictures, the side of the window with which a single pair would give the same "
+        "information; 0 where the pictures share nothing, NaN where the camera forms no image",
         symbol="W",
         error="rounding only; for an estimator by least squares, up to 8 % too small",
     ),
@@ -261,16 +260,15 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "disparity_error_px_error": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="estimated numerical error of disparity_error_px; NaN where the error is not finite",
+        long_name="estimated numerical error of disparity_error_px; NaN where this is not finite",
         error=ESTIMATE,
     ),
     "disparity_error_px_changed": Variable(
         dims=("camera", "distance", "change"),
         units="px",
-        long_name="disparity_error_px after a single change, named by the label along change: everything in focus; "
-        "no diffraction; as much light as the brightest_camera has; ten times the light; infinite where "
-        "the image has no texture left; NaN where the camera forms no image, and for the brightest camera "
-        "with its own light",
+        long_name="disparity_error_px with one cause changed: everything in focus, no diffraction, as much light as "
+        "the brightest_camera has, or ten times the light; infinite where the image has no texture left; "
+        "NaN where the camera forms no image, and for the brightest camera with its own light",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_changed_error",
@@ -278,7 +276,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "disparity_error_px_changed_error": Variable(
         dims=("camera", "distance", "change"),
         units="px",
-        long_name="estimated numerical error of disparity_error_px_changed; NaN where the error is not finite",
+        long_name="estimated numerical error of disparity_error_px_changed; NaN where this is not finite",
         error=ESTIMATE,
     ),
     "matched_error_px": Variable(
@@ -292,15 +290,15 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "matched_error_px_error": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="estimated numerical error of matched_error_px, which stems from that of disparity_error_px; NaN "
-        "where the error is not finite",
+        long_name="estimated numerical error of matched_error_px, due to that of disparity_error_px; NaN where "
+        "matched_error_px is not finite",
         error=ESTIMATE,
     ),
     "matcher": Variable(
         dims=("camera",),
         units="",
-        long_name="what the declared matcher adds to the bound, in words; every depth and failed fraction in the "
-        "file includes it; empty where no matcher is declared",
+        long_name="what the declared matcher adds to the Cramér–Rao bound, in words; all depth uncertainties and "
+        "failed fractions in the file include it; empty where no matcher is declared",
     ),
     "false_matches": Variable(
         dims=("camera",),
@@ -311,7 +309,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "brightest_camera": Variable(
         dims=("distance",),
         units="",
-        long_name="camera whose pixels collect the most electrons without saturating, among those of this group; "
+        long_name="camera, among those of this group, whose pixels collect the most electrons without saturating; "
         "empty where there is none",
     ),
 }

@@ -71,15 +71,14 @@ def score_variables(dims: tuple[str, ...]) -> dict[str, Variable]:
         found[f"depth_{name}_error"] = Variable(
             dims=dims,
             units=units,
-            long_name=f"standard error of depth_{name}, by a jackknife; NaN where depth_{name} is, and where fewer "
-            "than 3 of the 16 parts have measured points",
+            long_name=f"standard error of depth_{name}, by a jackknife; may be NaN",
             error=_JACKKNIFE,
         )
     found["predicted_availability"] = Variable(
         dims=dims,
         units="1",
-        long_name="predicted depth_available, for points on the axis at the median true distance; NaN where none is "
-        "predicted",
+        long_name="predicted depth_available, at the distance of the plane or, for a scene, at the median true depth; "
+        "NaN where none is predicted",
         error=_CLOSED_FORM,
     )
     return found

@@ -7,7 +7,7 @@ from typing import Final
 
 from tradestudy.results.variable import COUNTED, DECLARED, PAPER, ROUNDING, Variable
 
-_THIN_LENS = "exact thin lens; see tradestudy.optics.depth_of_field"
+_THIN_LENS = "thin-lens equation, without further approximation; see tradestudy.optics.depth_of_field"
 
 
 def _length(dims: tuple[str, ...], long_name: str, symbol: str = "", reference: str = _THIN_LENS) -> Variable:
@@ -77,7 +77,8 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "images": Variable(
         dims=("camera", "sharp"),
         units="1",
-        long_name="number of images with which the camera covers depth_of_field.range sharply; 0 if no number suffices",
+        long_name="number of images that the camera takes of depth_of_field.range; 0 if no number of images makes "
+        "it sharp",
         error=COUNTED,
     ),
     "reason": Variable(
@@ -87,8 +88,8 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     ),
     "lateral_resolution": _length(
         ("camera", "distance"),
-        "size of the smallest detail on the object that the camera resolves, without diffraction; NaN "
-        "where it forms no image",
+        "size of the smallest detail on the object that the camera resolves, diffraction aside; NaN where "
+        "the camera forms no image",
         "r",
         "the larger of pixel (or microlens) and geometric blur, both projected to the object; see "
         "tradestudy.optics.lateral_resolution",
@@ -101,9 +102,7 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
         "Airy pattern for the wavelength λ, the working f-number N_w and the magnification m of the "
         "limiting aperture: the pupil, a microlens, or the part of the pupil that one view uses",
     ),
-    "scene_resolution": _length(
-        ("camera",), "largest, that is coarsest, lateral_resolution within depth_of_field.range", "r", ""
-    ),
+    "scene_resolution": _length(("camera",), "coarsest lateral_resolution within depth_of_field.range", "r", ""),
     "scene_diffraction": _length(("camera",), "largest diffraction_width within depth_of_field.range", reference=""),
     "microlenses_seeing": Variable(
         dims=("camera", "distance"),
@@ -118,13 +117,12 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "total_covering_plane": _length(
         ("camera",),
         "distance of the total covering plane; NaN where there is none, and for all but focused plenoptic cameras",
-        reference="from about there on, two microlenses see every point if the f-numbers of microlenses and main "
-        "lens match",
+        reference="",
     ),
     "resolved_near": _length(
         ("camera", "resolved"),
-        "near end of a range in which the camera resolves depth_of_field.equal_resolution, without "
-        "diffraction; NaN beyond the last range",
+        "near end of a range in which the camera resolves depth_of_field.equal_resolution, diffraction "
+        "aside; NaN beyond the last range",
         reference="",
     ),
     "resolved_far": _length(
@@ -146,6 +144,6 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "resolved_reason": Variable(
         dims=("camera",),
         units="",
-        long_name="why the camera resolves depth_of_field.equal_resolution nowhere; empty if it resolves it somewhere",
+        long_name="why the camera resolves depth_of_field.equal_resolution nowhere; empty if it does somewhere",
     ),
 }

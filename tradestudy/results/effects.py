@@ -19,9 +19,9 @@ def _words(dims: tuple[str, ...], long_name: str) -> Variable:
 
 EFFECTS: Final[Mapping[str, Variable]] = {
     "problem_of": _words(
-        _DECISION, "camera, lens or light path to which the model applies, by its label along problem"
+        _DECISION, "camera, lens or light path to which the model applies, by its label along 'problem'"
     ),
-    "slot": _words(_DECISION, "effect that the model describes, as under effects in the study file"),
+    "slot": _words(_DECISION, "effect that the model describes, named as under effects in the study file"),
     "model": _words(_DECISION, "model of the effect; 'off' leaves the effect out"),
     "chosen": Variable(dims=_DECISION, units="1", long_name="whether the model is applied", error=EXACT),
     "forced": Variable(
@@ -61,7 +61,7 @@ EFFECTS: Final[Mapping[str, Variable]] = {
     "tolerance": Variable(
         dims=_TOGETHER,
         units="1",
-        long_name="tolerance on the relative change, declared under accuracy; NaN where the study does not use the "
+        long_name="tolerance on the relative change, declared under accuracy; NaN where the study does not need the "
         "quantity",
         error=DECLARED,
     ),

@@ -18,8 +18,8 @@ def _error(long_name: str) -> Variable:
     return Variable(
         dims=_CASE,
         units="1",
-        long_name=f"{long_name}; infinite where the answer is a wrong infinity, no number or an exception, NaN where "
-        "the right answer is in words",
+        long_name=f"{long_name}; infinite where the answer is wrongly infinite, not a number or an exception, NaN "
+        "where the right answer is in words",
         error="none: exact to thirty digits",
     )
 

@@ -9,7 +9,7 @@ from tradestudy.results.variable import DECLARED, EXACT, Variable
 
 _OF: Final = ("picture",)
 _WHOLE: Final = ("picture", "picture_row", "picture_column")
-_SAMPLED: Final = "sampling_error, model_error, and the noise of the picture"
+_SAMPLED: Final = "see sampling_error and model_error; the picture also has noise"
 
 PICTURES: Final[Mapping[str, Variable]] = {
     "brightness": Variable(
@@ -35,7 +35,10 @@ PICTURES: Final[Mapping[str, Variable]] = {
     ),
     "camera_of": Variable(dims=_OF, units="", long_name="camera that takes the picture"),
     "block": Variable(
-        dims=_OF, units="px", long_name="side of the square blocks of pixels in brightness and true_depth", error=EXACT
+        dims=_OF,
+        units="px",
+        long_name="side of the square blocks of pixels in 'brightness' and true_depth",
+        error=EXACT,
     ),
     "columns": Variable(dims=_OF, units="px", long_name="number of columns of the whole picture", error=EXACT),
     "rows": Variable(dims=_OF, units="px", long_name="number of rows of the whole picture", error=EXACT),

@@ -30,15 +30,14 @@ DECISION: Final[Mapping[str, Variable]] = {
         dims=("reading", "place", "error_source"),
         units="1",
         long_name="depth uncertainty of the first camera of the main pair, divided by that of the second; infinite "
-        "where the depth uncertainty of the first alone is infinite, NaN where both are or a camera forms "
-        "no image",
+        "where only the first is infinite; NaN where both are, or where a camera forms no image",
         error=f"{SEE_ERROR} of /depth",
     ),
     "within_tolerance": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
         long_name="whether the depth uncertainties of the main pair differ by no more than "
-        "accuracy.depth_uncertainty, so that effects left out could reverse their order",
+        "accuracy.depth_uncertainty, so that omitted effects could reverse their order",
         error=EXACT,
     ),
     "flips": Variable(
@@ -61,8 +60,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "change_error": Variable(
         dims=("reading", "error_source", "change"),
         units="m",
-        long_name="standard error of change_distance over scrambles; infinite where some scramble lacks this "
-        "change, NaN beyond the last change",
+        long_name="standard error of change_distance over scrambles; infinite where a scramble lacks this change, "
+        "NaN beyond the last change",
         error=ESTIMATE,
     ),
     "change_nearer": Variable(
@@ -85,7 +84,7 @@ DECISION: Final[Mapping[str, Variable]] = {
     "crossover_error": Variable(
         dims=("reading", "error_source", "crossing"),
         units="m",
-        long_name="standard error of crossover_distance over scrambles; infinite where some scramble lacks this "
+        long_name="standard error of crossover_distance over scrambles; infinite where a scramble lacks this "
         "crossover, NaN beyond the last crossover",
         error=ESTIMATE,
     ),
@@ -140,7 +139,7 @@ DECISION: Final[Mapping[str, Variable]] = {
     "solution_count": Variable(
         dims=("question",),
         units="1",
-        long_name="number of solutions between the declared ends, low and high",
+        long_name="number of solutions between 'low' and 'high' of the question",
         error=EXACT,
     ),
     "solved_value": Variable(
@@ -157,7 +156,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         error=ESTIMATE,
     ),
     "solved_units": Variable(dims=("question",), units="", long_name="SI unit of solved_value and solved_error"),
-    "solved_says": Variable(dims=("question",), units="", long_name="the question, as declared in solve"),
+    "solved_says": Variable(dims=("question",), units="", long_name="the question in words"),
     "solved_answer": Variable(dims=("question",), units="", long_name="the answer to the question, in words"),
 }
 
@@ -212,7 +211,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "priority": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="'must' or 'should'; with --strict, a run fails if a requirement that must be met is not",
+        long_name="'must' or 'should'; with --strict, a run fails unless every 'must' is met",
     ),
     "quantity": Variable(dims=_OF_REQUIREMENT, units="", long_name="quantity that the requirement bounds"),
     "of": Variable(
@@ -255,15 +254,16 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         dims=_OF_REQUIREMENT,
         units="percent",
         long_name="how far the worst value may worsen before it reaches the bound, relative to the value; negative "
-        "if the bound is missed; where the camera is not usable over part of the required range, at most "
-        "minus that part, as a fraction of the range on a logarithmic scale; NaN where there is no value",
+        "if the bound is missed. If the camera is unusable over part of the required range, the margin is "
+        "at most minus that part, as a fraction of the range on a logarithmic scale. NaN where there is "
+        "no value",
         error="that of the worst value",
     ),
     "margin_sigma": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="distance of the worst value from the bound, divided by its estimated error; negative if the "
-        "bound is missed; NaN where the value has no error or the camera is not usable over the whole "
+        long_name="distance of the worst value from the bound, divided by value_error; negative if the bound is "
+        "missed; NaN where the value has no error or the camera is unusable over part of the required "
         "range",
         error="not estimated: that of the error estimate",
     ),
@@ -277,8 +277,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "within_tolerance": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="whether changes within the tolerances of accuracy, of the worst value or of the ends of usable "
-        "ranges, could reverse the answer",
+        long_name="whether changes of the worst value, or of the ends of usable ranges, within their tolerances "
+        "under accuracy could reverse the answer",
         error=EXACT,
     ),
     "reason": Variable(
@@ -289,7 +289,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "limited_by": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="limit of the usable or sharp range that decides the answer, named as along limit in /depth; "
+        long_name="limit of the usable or sharp range that decides the answer, named as along 'limit' in /depth; "
         "empty where the worst value decides",
     ),
     "rests_on": Variable(
@@ -309,8 +309,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "bound_alone_met": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="'met' if matching reached its bound, without the errors of a declared matcher; −1 where "
-        "undecided, or where no matcher makes a difference",
+        long_name="'met' if matching reached its bound; −1 also where no matcher makes a difference",
     ),
     "bound_alone_camera": Variable(
         dims=_OF_REQUIREMENT,
@@ -370,8 +369,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "design_margin_sigma": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="margin_sigma in each design of a sweep; NaN where the value has no error or the camera is not "
-        "usable over the whole range",
+        long_name="margin_sigma in each design of a sweep; NaN where the value has no error or the camera is "
+        "unusable over part of the required range",
     ),
     "design_within_tolerance": Variable(
         dims=_OF_REQUIREMENT, units="1", long_name="within_tolerance in each design of a sweep"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import Variable
+from tradestudy.results.variable import ROUNDING, Variable
 
 CAMERAS: Final[Mapping[str, Variable]] = {
     "title": Variable(dims=("camera",), units="", long_name="name of the camera in figures and tables"),
@@ -82,7 +82,7 @@ CRITERIA: Final[Mapping[str, Variable]] = {
         units="mixed",
         long_name="value of the criterion as a number, in the unit in number_units; NaN where the value is not a "
         "number",
-        error="closed form of declared values; rounding only",
+        error=ROUNDING,
     ),
     "number_units": Variable(dims=("criterion",), units="", long_name="SI unit of 'number'"),
     "says": Variable(

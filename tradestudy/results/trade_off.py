@@ -34,7 +34,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="score of weighed_value: linear from 0 at 'worst' to 1 at 'best'; 0 or 1 beyond, and 0 where "
         "weighed_value is NaN",
-        error="that of weighed_value divided by 'best' minus 'worst'",
+        error="that of weighed_value, divided by the difference between 'best' and 'worst'",
     ),
     "clipped": Variable(
         dims=_BOTH,
@@ -72,15 +72,15 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         units="1",
         symbol="b_i^r",
         reference=_SMAA,
-        long_name="fraction of all possible weights, and of the draws of the errors of the criteria, with which a "
-        "candidate has this rank",
+        long_name="fraction of all possible weights, and of all draws of the criteria within their errors, that "
+        "give a candidate this rank",
         error="see rank_acceptability_error",
     ),
     "rank_acceptability_error": Variable(
         dims=("candidate", "rank"),
         units="1",
-        long_name="standard error of rank_acceptability over scrambles, at least as large as the contribution of "
-        "one draw; 0 where nothing is drawn",
+        long_name="standard error of rank_acceptability over scrambles, at least the share of a single draw; 0 "
+        "where nothing is drawn",
         error=ESTIMATE,
     ),
     "central_weight": Variable(
@@ -104,13 +104,13 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         dims=_BOTH,
         units="mixed",
         long_name="weighed_value in each design of a sweep; NaN where the candidate is not usable",
-        error="of the same kind as weighed_value_error",
+        error="similar to weighed_value_error",
     ),
     "feasible": Variable(
         dims=("candidate",),
         units="1",
-        long_name="whether this candidate by itself meets every requirement of priority 'must', even one that 'any' "
-        "camera may meet",
+        long_name="whether this candidate by itself meets every requirement of priority 'must', including those "
+        "that any one camera may meet",
         error=EXACT,
     ),
     "on_pareto_front": Variable(
@@ -118,6 +118,6 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="whether the candidate is Pareto-optimal: no feasible candidate, in any design, is at least as "
         "good in every weighed criterion and better in one",
-        error="exact for the given values",
+        error="none: exact for these values",
     ),
 }

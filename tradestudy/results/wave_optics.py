@@ -53,7 +53,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "psf_error": Variable(
         dims=("element", "lens_phase", "wavelength", "f_number", "metric", "window"),
         units="1",
-        long_name="error of the point-spread function by Fresnel on the axis, relative to that by Kirchhoff",
+        long_name="difference between the point-spread functions by Fresnel and by Kirchhoff, on the axis, by each "
+        "'metric'",
         reference=_MEASURED,
         error="see psf_error_numerical",
     ),
@@ -118,7 +119,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         "f-number above which psf_error stays below fresnel_validity.error_limit; 0 if it does so at all "
         "of fresnel_validity.f_numbers, infinite if it exceeds the limit even at the largest",
         _MEASURED,
-        "1e-4, relative; in addition, the error of psf_error divided by the slope of psf_error over the f-number",
+        "1e-4, relative; in addition, the error of psf_error divided by the slope of its curve over the f-number",
     ),
     "paper_eq27_f_number": _f_number(
         (*_ELEMENT, "zero"),
@@ -148,8 +149,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "goodman_f_number": _f_number(
         _ELEMENT,
-        "minimum f-number at which the phase that Fresnel neglects is at most 1 rad on the way from the "
-        "object to the lens, and at most 1 rad from the lens to the image",
+        "minimum f-number at which Fresnel neglects at most 1 rad of phase between the object and the "
+        "lens, and at most 1 rad between the lens and the image",
         "Goodman 2005, section 4.2.2",
     ),
     "southwell_f_number": _f_number(
@@ -165,14 +166,14 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "image": Variable(
         dims=("propagator", "row", "column"),
         units="1",
-        long_name="fraction of the power in the pupil of the main lens that falls on a pixel, by each method",
+        long_name="fraction of the power in the pupil of the main lens that falls on a pixel",
         reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
         error="see numerical_error",
     ),
     "numerical_error": Variable(
         dims=("propagator",),
         units="1",
-        long_name="numerical error of the image, relative, in the L2 norm over its pixels",
+        long_name="relative numerical error of 'image', in the L2 norm over its pixels",
         error=ESTIMATE,
     ),
     "power": Variable(
@@ -196,15 +197,15 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "difference": Variable(
         dims=("propagator", "against"),
         units="1",
-        long_name="L1 difference between two images: the sum over the pixels of the absolute difference between the "
-        "image by propagator and the image by against, divided by the sum of the latter",
+        long_name="L1 difference Σ|I − J|/Σ J of two images over their pixels: I by the method along 'propagator', "
+        "J by the method along 'against'",
         error="at most the sum of the numerical errors of both images; less where they share errors",
     ),
     "difference_l2": Variable(
         dims=("propagator", "against"),
         units="1",
-        long_name="L2 difference between two images: the L2 norm over the pixels of the difference between the "
-        "image by propagator and the image by against, divided by the norm of the latter",
+        long_name="L2 difference ‖I − J‖/‖J‖ of two images over their pixels: I by the method along 'propagator', J "
+        "by the method along 'against'",
         error="at most the sum of the numerical errors of both images; less where they share errors",
     ),
     "chosen": Variable(
@@ -216,15 +217,16 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "chosen_image": Variable(
         dims=("row", "column"),
         units="1",
-        long_name="image by the models that the tolerance on pixel intensities requires; attributes of the group "
-        "that begin with chosen_ name them",
+        long_name="fraction of the power in the pupil of the main lens that falls on a pixel, by the models that "
+        "accuracy.pixel_intensity requires; the attributes of the group whose names begin with 'chosen_' "
+        "name these models",
         reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
-        error="see chosen_error, and the bounds of the omitted effects",
+        error="see chosen_error; omitted effects add the changes in /effects",
     ),
     "chosen_error": Variable(
         dims=(),
         units="1",
-        long_name="numerical error of chosen_image, relative, in the L2 norm over its pixels",
+        long_name="relative numerical error of chosen_image, in the L2 norm over its pixels",
         error=ESTIMATE,
     ),
     "spectral_share": Variable(
@@ -252,7 +254,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "benchmark_error": Variable(
         dims=("benchmark",),
         units="1",
-        long_name="numerical error of the intensities of a benchmark, relative, in the L2 norm; its computing time "
+        long_name="relative numerical error of the intensities of a benchmark, in the L2 norm; its computing time "
         "is in run.json",
         error=ESTIMATE,
     ),
@@ -300,7 +302,7 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
     "chosen": Variable(
         dims=("propagator",),
         units="1",
-        long_name="1 for the method that the tolerance on widths requires, 0 for the other",
+        long_name="1 for the method that accuracy.psf_width requires, 0 for the other",
         error=EXACT,
     ),
     "varied_units": Variable(
