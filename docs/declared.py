@@ -10,7 +10,7 @@ from typing import Any, Final
 import typer.main
 
 from tradestudy.cli import app
-from tradestudy.results import GROUPS, Variable
+from tradestudy.results import GROUPS, PAPER, Variable
 
 _GROUPS: Final = {
     "cameras": "What each camera is, how it measures, and which properties follow from its declared values.",
@@ -87,11 +87,12 @@ From which f-number on Fresnel's approximation may replace Kirchhoff's integral,
 Along `metric` are three measures of the difference between two point-spread functions: `peak`, at the thin-lens image
 point, relative to the intensity there; `l1`, the integral of the absolute difference over a window, relative to the
 integral of the intensity; and `largest`, the largest difference in the window, relative to the largest intensity.
-`window` is the radius of the window about the thin-lens image point, in Airy radii. Along `zero` are
-the `first` (smaller) and the `second` (larger) f-number that solve eq. 27 of the paper; `quarter_wave` is a growth of
-a + b, as a fraction of a quarter of a wavelength. Along `lens_phase` are those of `fresnel_validity.lens_phases`. In
-equations, f is the focal length, a the distance of the object, b that of the image, and λ the
-wavelength.
+`window` is the radius of the window about the thin-lens image point, in Airy radii. Along `lens_phase` are the phases
+of `fresnel_validity.lens_phases`.
+
+In equations, f is the focal length, a the distance of the object, b that of the image, and λ the wavelength. Eq. 27 of
+the paper has two solutions (along `zero`): the `first`, with the smaller aperture and the larger f-number, and the
+`second`. `quarter_wave` is a growth of a + b, as a fraction of a quarter of a wavelength.
 """,
     "images": """
 The image of a light spot behind a main lens and microlenses, by each method of `light_spot.methods` (along `propagator`
@@ -202,7 +203,7 @@ def _variable(name: str, one: Variable, described: str) -> Iterator[str]:
     yield f": {_sentence(one.long_name)}"
     facts = {
         "Symbol": f"{one.symbol}.",
-        "Source": _sentence(one.reference) if one.reference else ".",
+        "Source": _sentence(one.reference.replace(PAPER, "the paper")) if one.reference else ".",
         "Error": _sentence(one.error) if one.error else ".",
     }
     reported = " ".join(f"*{title}:* {text}" for title, text in facts.items() if text != ".")
@@ -250,7 +251,7 @@ pandas data frame; see [Work in Python and notebooks](/how-to/python.md).
 Each entry below gives the name of a variable, its dimensions in parentheses and its unit in brackets: an SI unit,
 `px`, or `mixed` if the unit differs from value to value. Without brackets, it is a plain number or text. The
 description is the attribute `long_name` of the variable; *Symbol*, *Source* and *Error* are `symbol`, `reference` and
-`error`.
+`error`. In sources, {term}`the paper <paper, the>` stands for its title, which the attribute gives.
 
 *Error* says how far a value may be off:
 

@@ -21,11 +21,11 @@ EFFECTS: Final[Mapping[str, Variable]] = {
     "problem_of": _words(
         _DECISION, "camera, lens or light path to which the model applies, by its label along 'problem'"
     ),
-    "slot": _words(_DECISION, "effect that the model describes, named as under effects in the study file"),
+    "slot": _words(_DECISION, "effect that the model describes, named as under 'effects' in the study file"),
     "model": _words(_DECISION, "model of the effect; 'off' leaves the effect out"),
     "chosen": Variable(dims=_DECISION, units="1", long_name="whether the model is applied", error=EXACT),
     "forced": Variable(
-        dims=_DECISION, units="1", long_name="whether the study file prescribes the model, under effects", error=EXACT
+        dims=_DECISION, units="1", long_name="whether the study file prescribes the model, under 'effects'", error=EXACT
     ),
     "reason": _words(_DECISION, "why the effect has only one model; empty where it has several"),
     "change": Variable(
@@ -61,8 +61,8 @@ EFFECTS: Final[Mapping[str, Variable]] = {
     "tolerance": Variable(
         dims=_TOGETHER,
         units="1",
-        long_name="tolerance on the relative change, declared under accuracy; NaN where the study does not need the "
-        "quantity",
+        long_name="tolerance on the relative change, declared under 'accuracy'; NaN where the study does not need "
+        "the quantity",
         error=DECLARED,
     ),
     "problem_title": _words(_PROBLEM, "name of the camera, lens or light path in figures and tables"),

@@ -211,7 +211,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "priority": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="'must' or 'should'; with --strict, a run fails unless every 'must' is met",
+        long_name="'must' or 'should'; with '--strict', a run fails unless every 'must' is met",
     ),
     "quantity": Variable(dims=_OF_REQUIREMENT, units="", long_name="quantity that the requirement bounds"),
     "of": Variable(
@@ -265,20 +265,20 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         long_name="distance of the worst value from the bound, divided by value_error; negative if the bound is "
         "missed; NaN where the value has no error or the camera is unusable over part of the required "
         "range",
-        error="not estimated: that of the error estimate",
+        error="not estimated: depends on how good value_error is",
     ),
     "conformity": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
         long_name="probability that the true worst value meets the bound, if its error is normally distributed; NaN "
         "where there is no value",
-        error="not estimated: that of the error estimate",
+        error="not estimated: depends on how good value_error is",
     ),
     "within_tolerance": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="whether changes of the worst value, or of the ends of usable ranges, within their tolerances "
-        "under accuracy could reverse the answer",
+        long_name="whether changes of the worst value, or of the ends of usable ranges, could reverse the answer "
+        "although they are within their tolerances under 'accuracy'",
         error=EXACT,
     ),
     "reason": Variable(

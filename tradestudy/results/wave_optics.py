@@ -53,8 +53,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "psf_error": Variable(
         dims=("element", "lens_phase", "wavelength", "f_number", "metric", "window"),
         units="1",
-        long_name="difference between the point-spread functions by Fresnel and by Kirchhoff, on the axis, by each "
-        "'metric'",
+        long_name="difference between the point-spread functions by Fresnel and by Kirchhoff on the axis, measured "
+        "by each 'metric'",
         reference=_MEASURED,
         error="see psf_error_numerical",
     ),
@@ -123,8 +123,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "paper_eq27_f_number": _f_number(
         (*_ELEMENT, "zero"),
-        "minimum f-number by eq. 27 of the paper as printed, one for each of its two zeros; not to be "
-        "trusted, see paper_eq27_condition; infinite where the fractional part of 4 (a + b)/λ is 0",
+        "minimum f-number by eq. 27 of the paper as printed; not to be trusted, see paper_eq27_condition; "
+        "infinite where the fractional part of 4 (a + b)/λ is 0",
         f"{PAPER}, eq. 27",
     ),
     "paper_eq27_condition": Variable(
@@ -306,7 +306,9 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
         error=EXACT,
     ),
     "varied_units": Variable(
-        dims=("varied",), units="", long_name="SI unit of the varied input; defocus is in wavelengths"
+        dims=("varied",),
+        units="",
+        long_name="SI unit of the varied input; 'wave', that is one wavelength of path, for defocus",
     ),
     "standing": Variable(
         dims=("element", "varied"),
