@@ -4,40 +4,139 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 import typer.main
 
 from tradestudy.cli import app
-from tradestudy.results import GROUPS, Variable
+from tradestudy.results import GROUPS, PAPER, Variable
 
 _GROUPS: Final = {
-    "cameras": "What every camera is, how it measures, and which properties follow from its inputs.",
-    "depth": "Depth uncertainty and usable range of every camera that measures depth, at all distances of the scene.",
-    "depth_at_places": "The variables of `/depth`, at the distances of `decision.at`.",
-    "depth_field": "Variables of `/depth` off the axis, at the field positions of `propagation.field_places`.",
-    "depth_map": "Depth uncertainty over the whole picture of each stereo rig whose lenses have a distortion model.",
-    "disparity_causes": "What a derived disparity error results from.",
-    "depth_loop": "Depth measured in rendered pictures of planes, compared with the prediction.",
-    "depth_of_field": "Where each camera is sharp by each blur criterion, and how finely it resolves the object.",
-    "criteria": "Criteria that compare cameras besides depth, and the ranks of cameras over all possible weights.",
-    "decision": "Which camera is best at which distance and under which reading, and where that changes.",
-    "calibration": "Calibrations fitted to corners or inferred from targets, and how far they can be trusted.",
-    "sensitivity": "How much each input contributes to the depth uncertainty.",
-    "fresnel_validity": "From which f-number Fresnel may replace Kirchhoff.",
-    "images": "The picture of the light spot behind main lens and microlenses, by each method.",
-    "point_spread": "The image of a point behind each lens, while one input at a time is varied.",
-    "hard_cases": "Cases in which textbook formulas lose their digits, and what this program computes in each.",
-    "effects": "Which model of each effect was chosen, and how much the other models would have changed the answers.",
-    "cost": "Error and computing time of each set of models that can answer the study.",
-    "claims": "Published statements, each compared with the results.",
-    "datasheet": "The numbers that data sheets of depth cameras state.",
-    "pictures": "Pictures of the scene, and depth measured in them.",
-    "requirements": "What the study requires, and whether it is met.",
-    "value_of_information": "What knowing each assumption would be worth.",
-    "assumptions": "Every value of the study with its basis.",
-    "contradictions": "Inputs that contradict each other, and the one that is used.",
+    "cameras": "What each camera is, how it measures, and which properties follow from its declared values.",
+    "depth": """
+Depth uncertainty and usable range of each camera that measures depth, at the distances of `scene.distances`.
+
+The *interval of depths* contains the central 68.27 % of measured depths, or as many as `propagation.coverage` states.
+It has no far end where too many measurements fail.
+
+Along `side`, the true depth is nearer or farther. Along `part` are groups of errors, such as `noise` or
+`relative rotation`. Along `quantile` are the probabilities that bound the intervals of `propagation.coverage`, and 0.5.
+`interval` numbers the usable intervals of a camera, from the nearest.
+
+Along `limit` are the limits of the usable range. Those declared in `usable_range` have the names of their keys, except
+`total_covering_plane` (key `virtual_depth`), `focus` (key `blur`) and `last_disparity_step` (key `disparity_step`). The
+others are not declared: `real_image` (the lens forms a real image), and for derived disparity errors `saturation` (the
+brightest pixels are not saturated) and `matching` (a matcher can reach the error).
+""",
+    "depth_at_places": "The variables of [`/depth`](#group-depth), at the distances of `decision.at`.",
+    "depth_field": """
+Variables of [`/depth`](#group-depth) off the axis, at the field positions of `propagation.field_places`, which are
+along `field`.
+""",
+    "depth_map": """
+Depth uncertainty over the picture of each stereo rig with a lens model, at a few distances. `across` and `down` are
+distances from the middle of the sensor, as fractions of half its width and half its height.
+""",
+    "disparity_causes": """
+What makes each derived disparity error as large as it is. Effects that the tolerance leaves out elsewhere are included.
+For an unfocused plenoptic camera, 1 px is one microlens.
+""",
+    "depth_loop": """
+Depth measured in rendered pictures of planes, compared with its prediction. Along `contrast` and `electrons` are
+the values of `depth_loop.contrasts` and `depth_loop.electrons`.
+
+A *point* is a pixel of the depth map that a camera computes. It is *seen* if nothing hides it and at least two of the
+pictures that the estimator compares show it. The *depth error* is measured minus true depth, at seen points. The
+*predicted depth uncertainty* is that of the camera at the true distance of the point. The *standard deviation of depth
+due to noise* follows, to first order, from the texture in the matching window of the point. Standard errors by *a
+jackknife* leave out one of 4 × 4 parts of the depth map at a time. They are NaN where the quantity itself is, and where
+fewer than three parts have measured points.
+""",
+    "depth_of_field": """
+Where each camera is sharp, and how finely it resolves the object. Along `sharp` are the blur criteria of
+`depth_of_field.criteria`. A *slice* is a range that is sharp at once: that of one image of a focus stack, of one type
+of microlens, or of the lens. `stretch`, `gap`, `overlap` and `resolved` number ranges of distance, from the nearest.
+""",
+    "criteria": """
+Criteria besides depth, by which the study compares cameras (along `criterion`); and the ranks of the candidates over
+all possible weights of the criteria in `trade_off.criteria` (along `weighed`).
+""",
+    "decision": """
+Which camera is best at which distance and under which reading, and where that changes. The *main pair* is the two
+cameras of `decision.between`. Along `place` are the distances of `decision.at`, along `pair` the pairs of
+`decision.compare`, and along `question` the questions of `solve`. `change` and `crossing` number distances, from the
+nearest.
+""",
+    "calibration": """
+Calibrations that the program computes: stereo rigs fitted to the corners of a calibration board, and calibrations
+inferred from a simulated target. Along `posterior` are their cameras. Values of a parameter are in SI or, if its name
+ends in `_px`, in pixels.
+
+Variables whose names begin with `rig_` concern stereo rigs calibrated from corners. Their depths are those of points
+midway between the cameras.
+""",
+    "sensitivity": """
+How much each error contributes to the depth uncertainty, at the distances of `sensitivity.at`. Along `field` are
+the axis (0) and the field positions of `propagation.field_places`. Along `source` are independent error sources, each
+of which may change several parameters together.
+""",
+    "fresnel_validity": """
+From which f-number on Fresnel's approximation may replace Kirchhoff's integral, for each lens (along `element`).
+
+Along `metric` are three measures of the difference between two point-spread functions: `peak`, at the thin-lens image
+point, relative to the intensity there; `l1`, the integral of the absolute difference over a window, relative to the
+integral of the intensity; and `largest`, the largest difference in the window, relative to the largest intensity.
+`window` is the radius of the window about the thin-lens image point, in Airy radii. Along `lens_phase` are the phases
+of `fresnel_validity.lens_phases`.
+
+In equations, f is the focal length, a the distance of the object, b that of the image, and λ the wavelength. Eq. 27 of
+the paper has two solutions (along `zero`): the `first`, with the smaller aperture and the larger f-number, and the
+`second`. `quarter_wave` is a growth of a + b, as a fraction of a quarter of a wavelength.
+""",
+    "images": """
+The image of a light spot behind a main lens and microlenses, by each method of `light_spot.methods` (along `propagator`
+and `against`). `row` and `column` are the coordinates of the pixel centres on the detector.
+""",
+    "point_spread": """
+The image of a point behind each lens (along `element`), by each method (along `propagator`), while one input at a time
+varies: `varied` names the input, and `step` numbers its values. Circles and distances are centred on the thin-lens
+image. The computed square is that of `point_spread.window`.
+""",
+    "hard_cases": "Cases in which textbook formulas lose precision, and what this program computes in each.",
+    "effects": """
+Which model of each effect was chosen, and how much the others would have changed the answers. A *problem* is a camera,
+a lens or a light path; along `quantity` are the quantities that have tolerances under `accuracy`.
+""",
+    "cost": """
+Error and computing time of each set of models that can answer the study, as measured by
+[`cost`](#command-cost). A *problem* is a camera or a light path; an *entry* is one set of models for a problem.
+""",
+    "claims": "Published statements, declared in `claims`, each compared with the results under its readings.",
+    "datasheet": "Each camera in the terms of depth-camera data sheets, at one to five distances (`sheet_distance`).",
+    "pictures": """
+Rendered pictures of the scene and, for the cameras along `mapped_camera`, depth measured in them. Blocks of pixels
+reduce the pictures to the size of the report. The terms are those of [`/depth_loop`](#group-depth_loop). A *class*
+(along `depth_class`) is one of six sets of measured points, by true depth, with the same number of points.
+""",
+    "requirements": """
+What the study requires, and whether the cameras meet it. `stretch` numbers ranges of the parameter that a sweep varies.
+
+Variables whose names begin with `bound_alone_` tell what the answer would be if matching reached its Cramér–Rao bound,
+without the errors of a declared matcher.
+""",
+    "value_of_information": """
+How much knowing each assumption would improve the choice of a camera. The values of all assumptions are drawn at random
+together. The *utility* of a camera is minus its relative depth uncertainty, averaged over the distances of
+`value_of_information.at` (along `place`); where the camera is not usable, `value_of_information.unusable` counts
+instead. The attribute `draws` of the group is the number of draws.
+""",
+    "assumptions": "Every value of the study, by its path in the study file, with its basis.",
+    "contradictions": "Inputs that contradict each other, and the value that the program uses.",
 }
+"""What each group holds, and the terms that its variables share."""
+_REPEATED: Final = {"depth_field": "depth", "pictures": "depth_loop"}
+"""Groups with variables of another group, which is the one that describes them."""
 
 
 def command_line_page() -> str:
@@ -77,9 +176,9 @@ def results_page() -> str:
     """Every variable of `results.nc`."""
     lines = ["# Results", "", *_RESULTS.strip().splitlines(), ""]
     for group, variables in GROUPS.items():
-        lines += [f"(group-{group})=", f"## /{group}", "", _GROUPS[group], ""]
+        lines += [f"(group-{group})=", f"## /{group}", "", _GROUPS[group].strip(), ""]
         for name, one in _own(group, variables).items():
-            lines += [*_variable(name, one), ""]
+            lines += [*_variable(name, one, _described(group, name, one)), ""]
     return "\n".join(lines)
 
 
@@ -87,14 +186,24 @@ def _own(group: str, variables: Mapping[str, Variable]) -> Mapping[str, Variable
     return {} if group == "depth_at_places" else variables
 
 
-def _variable(name: str, one: Variable) -> Iterator[str]:
+def _described(group: str, name: str, one: Variable) -> str:
+    """The group that describes the same variable; empty if this one does."""
+    other = _REPEATED.get(group, "")
+    known = GROUPS[other].get(name) if other else None
+    return other if known is not None and replace(known, dims=one.dims) == one else ""
+
+
+def _variable(name: str, one: Variable, described: str) -> Iterator[str]:
     dims = f" ({', '.join(one.dims)})" if one.dims else ""
     unit = f" [{one.units}]" if one.units not in ("", "1") else ""
     yield f"`{name}`{dims}{unit}"
+    if described:
+        yield f": As in [`/{described}`](#group-{described})."
+        return
     yield f": {_sentence(one.long_name)}"
     facts = {
         "Symbol": f"{one.symbol}.",
-        "Source": _sentence(one.reference) if one.reference else ".",
+        "Source": _sentence(one.reference.replace(PAPER, "the paper")) if one.reference else ".",
         "Error": _sentence(one.error) if one.error else ".",
     }
     reported = " ".join(f"*{title}:* {text}" for title, text in facts.items() if text != ".")
@@ -104,16 +213,21 @@ def _variable(name: str, one: Variable) -> Iterator[str]:
 
 
 def _sentence(text: str) -> str:
-    """A description as a sentence of Markdown, with names of variables as code; one at its beginning stays as it is."""
+    """A description as a sentence of Markdown, with names of variables as code; one at its beginning stays as it is.
+
+    Names of groups become links, and quoted values lose their quotes, which only text without markup needs.
+    """
     escaped = text.replace("*", "\\*").replace("<", "&lt;")
     begins_with_name = "_" in text.split(" ", 1)[0]
     sentence = escaped if begins_with_name else escaped[:1].upper() + escaped[1:]
-    return _code(sentence) + "."
+    groups = rf"(?<![\w`])/({'|'.join(GROUPS)})\b"
+    return re.sub(groups, r"[`/\1`](#group-\1)", re.sub("`'([^'`]+)'`", r"`\1`", _code(sentence))) + "."
 
 
 def _code(text: str) -> str:
     """Mark values in quotes, and names of keys, variables and files, as code; typesetting would change their quotes."""
-    return re.sub(r"\S*'[^']+'|(?<![\w/`])[a-z]\w*(?:[._=][a-z0-9]\w*)+", r"`\g<0>`", text)
+    value = r"(?:(?<!\S)\S+=|(?<![\w`]))'[^']+'(?!\w)"  # the lookarounds spare the apostrophes of possessives
+    return re.sub(rf"{value}|(?<![\w/`])[a-z]\w*(?:[._=][a-z0-9]\w*)+", r"`\g<0>`", text)
 
 
 _COMMAND_LINE: Final = """
@@ -130,15 +244,32 @@ says about it, and `python -m tradestudy --version` prints the version.
 """
 
 _RESULTS: Final = """
-A run writes `results.nc`, a netCDF4 file. This page lists its groups; a file contains `/cameras` and those that its
-study needs. After the name of a variable stand its dimensions (in parentheses) and its unit (in brackets): SI, or
-`mixed` where each entry has its own unit. The attributes of each variable are `units`, `long_name`, `symbol`,
-`reference` and `error`. In a sweep, each variable also has one dimension for every parameter that varies, before those
-listed.
-
-Standard errors *over scrambles* come from repeating a computation with independently scrambled quasi-random draws; a
-*scramble* is one of these repetitions. The *main pair* consists of the two cameras in `decision.between`.
-
+A run writes `results.nc`, a netCDF4 file. It contains `/cameras` and those of the groups below that its study needs.
 `tradestudy.open_result(folder).data` is the whole file as an xarray `DataTree`, and `.table(name)` one table of it as a
 pandas data frame; see [Work in Python and notebooks](/how-to/python.md).
+
+Each entry below gives the name of a variable, its dimensions in parentheses and its unit in brackets: an SI unit,
+`px`, or `mixed` if the unit differs from value to value. Without brackets, it is a plain number or text. The
+description is the attribute `long_name` of the variable; *Symbol*, *Source* and *Error* are `symbol`, `reference` and
+`error`. In sources, {term}`the paper <paper, the>` stands for its title, which the attribute gives.
+
+*Error* says how far a value may be off:
+
+| error | means |
+|---|---|
+| see `name` | the variable of this name holds the error, in the same unit |
+| see `name` of `/group` | the same, but the variable is in another group |
+| rounding only | the value follows from the inputs in closed form |
+| none | nothing is uncertain: the value is declared, a count, or exact |
+| itself an error estimate | the variable is the error of another one |
+| not estimated, not stored | no variable holds the error; the text says where it comes from |
+
+Text, and flags (1 or true for yes, 0 or false for no), have no errors of their own.
+
+Along dimensions such as `camera`, `reading`, `claim` and `requirement`, the labels are keys of the study file. Along
+`error_source`, they are `noise` (matching noise alone), `calibration` (calibration errors alone) and `both`. In a
+sweep, the swept parameters are dimensions too; they come before those given here.
+
+A *scramble* is one of several repetitions of a computation, each with its own quasi-random draws. A standard error
+*over scrambles* follows from the differences between them.
 """

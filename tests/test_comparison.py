@@ -381,11 +381,11 @@ def test_equivalent_inputs_do_not_differ_and_units_are_readable() -> None:
     )
     assert [str(one) for one in found.inputs] == [
         "focal length of Near head: 2.65 mm → 0.003 m",
-        "accuracy tolerance: 1 % → 0.05",
-        "scene distances points: 40 → 80",
+        "accuracy › tolerance: 1 % → 0.05",
+        "scene › distances › points: 40 → 80",
         "disparity error of Near head: derived → 0.1 px",
-        "decision between: Near head, Far head → Far head, Near head",
-        "sweep Near head baseline: 50 mm, 0.1 m → not set",
+        "decision › between: Near head, Far head → Far head, Near head",
+        "sweep › Near head › baseline: 50 mm, 0.1 m → not set",
     ]
     assert found.same_inputs == 1
 
@@ -467,7 +467,7 @@ def test_one_run_cannot_be_compared() -> None:
 def test_the_overlay_draws_each_run_in_its_line_style_and_names_the_cameras() -> None:
     overlay = compared(tree(), tree(factor=2.0), scene__wavelength=("1 m", "2 m")).overlay
     assert overlay is not None
-    assert "solid, scene wavelength: 1 m and dashed, scene wavelength: 2 m" in overlay.caption
+    assert "solid, scene › wavelength: 1 m and dashed, scene › wavelength: 2 m" in overlay.caption
     axes = overlay.draw().axes[0]
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     assert axes.get_title(loc="left").endswith("?")

@@ -1,8 +1,9 @@
 """Trade studies of plenoptic cameras against stereo rigs: depth, depth of field, diffraction, calibration.
 
-``load(path)`` reads a study, and its ``run()`` computes it; ``open_result(folder)`` reads a finished run again,
-``compare(folders)`` compares runs, and ``starter(name)`` gives a commented study to start from. `tradestudy.optics`
-offers the physics on its own, and `tradestudy.uncertainty` propagates uncertainty through any function.
+``load(path)`` reads a study, and the study's ``run()`` computes it. ``open_result(folder)`` opens a finished run,
+``compare(folders)`` compares finished runs, and ``starter(name)`` returns a commented study to start from.
+`tradestudy.optics` offers the wave optics on its own, and `tradestudy.uncertainty` propagates uncertainty through any
+function.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ IN_WORDS: Final[Mapping[Quantity, str]] = {
     "usable_range": "ends of the usable range",
     "depth_noise": "depth uncertainty from noise alone",
     "depth_of_field": "ends of the depth of field",
-    "pixel_intensity": "pixel intensity (relative L2 over the picture)",
+    "pixel_intensity": "pixel intensity (relative RMS over the picture)",
     "psf_width": "width of a point's image",
 }
 

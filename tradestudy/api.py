@@ -43,21 +43,27 @@ if TYPE_CHECKING:
 
 
 def load(path: str | Path, overrides: Sequence[str] = (), *, tolerance: str | None = None) -> Study:
-    """Read and check a study file.
+    """Read a study file and check it.
 
     Parameters
     ----------
     path
-        The study file.
+        Path of the study file.
     overrides
-        ``path=value`` texts that replace values, as ``--set`` does.
+        Values that replace those in the file, each as on the command line after ``--set``, such as
+        ``"stereo-short.baseline=50 mm"``.
     tolerance
-        Tolerance for every quantity, such as ``"1 %"``, overriding the study's own.
+        One tolerance for every quantity, such as ``"1 %"``. Default: the tolerances that the study declares.
+
+    Returns
+    -------
+    Study
+        The study, ready to run.
 
     Raises
     ------
     StudyError
-        With every mistake of the file at once.
+        If the file, an override or the tolerance contains mistakes. The error lists all of them.
     """
     definition = load_definition(Path(path), tuple(overrides))
     return Study(definition if tolerance is None else definition.with_tolerance(tolerance))
@@ -65,13 +71,13 @@ def load(path: str | Path, overrides: Sequence[str] = (), *, tolerance: str | No
 
 @dataclass(frozen=True)
 class Study:
-    """A valid study."""
+    """A study that has been read and checked; `load` returns it."""
 
     definition: StudyDefinition
 
     @property
     def file(self) -> StudyFile:
-        """The validated content of the study, in SI."""
+        """The checked content of the study, in SI units."""
         return self.definition.file
 
     @property
@@ -81,19 +87,22 @@ class Study:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Implausible values, as ``FILE:LINE:COLUMN: path: what``; stating a basis silences a warning."""
+        """Warnings about implausible values, each as ``FILE:LINE:COLUMN: path: message``.
+
+        A value for which the study states a basis causes no warning.
+        """
         from tradestudy.study.plausibility import implausible
 
         return tuple(map(str, implausible(self.definition)))
 
     @property
     def imported(self) -> tuple[str, ...]:
-        """What was read from calibration files, one line per imported camera."""
+        """What was read from calibration files, one line for each imported camera."""
         return self.definition.document.imported
 
     @property
     def folder_name(self) -> str:
-        """Folder name of the run, from the study's name and the values set for this run, one for each variant."""
+        """Name of the run's folder, made of the study's name, overrides and tolerance."""
         document, tolerance = self.definition.document, self.definition.tolerance
         said = sorted(f"{'.'.join(map(str, one.path))}={one.text or 'none'}" for one in document.overrides)
         said += [] if tolerance is None else [f"tolerance={tolerance}"]
@@ -107,7 +116,7 @@ class Study:
 
     @property
     def hash(self) -> str:
-        """Hash of the study's content, with its overrides and tolerance, and of the data files that it names."""
+        """Hash of the study's content, of its overrides and tolerance, and of the data files that it names."""
         document, tolerance = self.definition.document, self.definition.tolerance
         notes = {".".join(map(str, path)): [note.basis, note.note] for path, note in document.annotations.items()}
         notes |= {
@@ -133,10 +142,15 @@ class Study:
         return f"{self.name}: {words or 'no mistakes'}{ends}"
 
     def check(self) -> str:
-        """Check that a run can answer the study, as `plan` does, and return in one line what the study will compute.
+        """Check that a run can answer the study.
 
-        Models are chosen only if the study declares an accuracy or forces effects other than calibration, which every
-        camera that measures depth has. The time of the run is not predicted.
+        If the study declares an accuracy, or forces a model of an effect other than calibration, the models are chosen
+        as in `plan`; otherwise, nothing is left to check after `load`. The time of the run is not predicted.
+
+        Returns
+        -------
+        str
+            What the study will compute, in one line.
 
         Raises
         ------
@@ -153,11 +167,32 @@ class Study:
         return self.check_summary()
 
     def with_values(self, values: Mapping[str, Value]) -> Study:
-        """The same study with other values, by dotted path, such as ``{"stereo-short.baseline": "50 mm"}``."""
+        """Return the study with other values.
+
+        Parameters
+        ----------
+        values
+            New value for each dotted path, such as ``{"stereo-short.baseline": "50 mm"}``.
+
+        Returns
+        -------
+        Study
+            The changed study; this one keeps its values.
+
+        Raises
+        ------
+        StudyError
+            If the changed study contains mistakes.
+        """
         return Study(self.definition.with_values(values))
 
     def plan(self) -> Plan:
-        """Decide which effects a run simulates and which it leaves out, and predict its time; compute nothing else.
+        """Decide which effects a run simulates and which it leaves out, and predict the time of the run.
+
+        Returns
+        -------
+        Plan
+            The decisions and the time; ``print`` shows them.
 
         Raises
         ------
@@ -176,16 +211,33 @@ class Study:
         executor: Executor | None = None,
         checkpoints: Checkpoints | None = None,
     ) -> xr.Dataset:
-        """Measure error against computing time for the sets of models that can answer the study's questions.
+        """Measure error and computing time for each set of models that can answer the study.
 
         Parameters
         ----------
         progress
-            Called with the step and the fraction of it that is done, 0 … 1.
+            Function called with the name of the current step and the fraction of it that is done, from 0 to 1.
         budget
-            Wall time for all measurements [s]; what does not fit is left out and listed.
-        executor, checkpoints
-            As for `run`; used for calibrations that have to be inferred first.
+            Wall time for all measurements [s]. Measurements that do not fit are left out and listed in the result.
+            Calibrations that have to be inferred first take extra time.
+        executor
+            Executor from `tradestudy.execution`, for calibrations that have to be inferred first. Default: this
+            process.
+        checkpoints
+            Where finished parts of these calibrations are stored, so that an interrupted computation can resume.
+            Default: nowhere.
+
+        Returns
+        -------
+        xarray.Dataset
+            Group ``cost`` of the results, for `Result.with_cost`.
+
+        Raises
+        ------
+        OutOfRangeError
+            If the budget is not positive and finite, or the study leaves no choice of models.
+        UnaffordableError
+            If `plan` raises it.
         """
         from tradestudy.cost.study_cost import study_cost
         from tradestudy.execution import Serial, Steps
@@ -207,16 +259,26 @@ class Study:
         Parameters
         ----------
         progress
-            Called with the step and the fraction of it that is done, 0 … 1.
+            Function called with the name of the current step and the fraction of it that is done, from 0 to 1.
         executor
-            Where independent points are computed: an executor of `tradestudy.execution`, or None for this process. The
-            results are the same to the last bit.
+            Executor from `tradestudy.execution`, which computes independent points on threads, processes or a cluster.
+            Default: this process. The results are the same to the last bit.
         checkpoints
-            Where finished points are kept, so that an interrupted run can resume; None keeps nothing.
+            Where finished points are stored, so that an interrupted run can resume. Default: nowhere.
         planned
-            Called with the plan before anything is computed.
+            Function called with the plan before the computation starts.
         pictures
-            Folder for the pictures of the study's scene; None writes none.
+            Folder in which the pictures of the study's scene are saved. Default: they are not saved.
+
+        Returns
+        -------
+        Result
+            Results and record of the run; `Result.write` writes them to a folder.
+
+        Raises
+        ------
+        UnaffordableError
+            If `plan` raises it.
         """
         from tradestudy.execution import Serial, Steps
         from tradestudy.run.runner import compute
@@ -500,17 +562,25 @@ def cost(
 
 
 def compare(directories: Sequence[str | Path]) -> Comparison:
-    """Compare finished runs: changed conclusions, differing inputs, results that differ by more than their error.
+    """Find the conclusions and inputs that differ between finished runs, and results that differ beyond their errors.
 
-    ``str`` of the comparison is what the command prints, ``html()`` its page, and ``overlay``, if there is one, the
-    figure.
+    Parameters
+    ----------
+    directories
+        Folders of the runs, at least two.
+
+    Returns
+    -------
+    Comparison
+        The differences. ``print`` shows them as text, ``html()`` returns them as a page, and ``overlay`` is a figure of
+        the curves that differ, or None.
 
     Raises
     ------
     OutOfRangeError
         If there are fewer than two folders.
     ResultsError
-        If a folder contains no readable run, or one of another version that lacks data.
+        If a folder contains no readable run, or a run by another version of the program that lacks data.
     """
     from tradestudy.comparison import compare_runs
 
@@ -521,7 +591,13 @@ def compare(directories: Sequence[str | Path]) -> Comparison:
 
 
 def schema() -> dict[str, Any]:
-    """JSON Schema of study files."""
+    """Return the JSON Schema of study files.
+
+    Returns
+    -------
+    dict
+        The schema, for editors and validators.
+    """
     from tradestudy.study.schema.editor import editor_schema
     from tradestudy.study.schema.root import StudyFile
 

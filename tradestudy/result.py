@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """The result of a study.
+    """The result of a run; `Study.run` and `open_result` return it.
 
     Parameters
     ----------
     data
-        The results tree, with SI units in the attributes.
+        All results, as groups of variables; the attributes of each variable state its SI unit.
     run_record
-        Provenance: the content of ``run.json``.
+        Record of the run, as in ``run.json``: inputs, versions, machine and times.
     """
 
     data: xr.DataTree
@@ -39,7 +39,7 @@ class Result:
 
     @property
     def unmet_requirements(self) -> list[str]:
-        """The 'must' requirements that are not met or undecided, and inferred calibrations that did not converge."""
+        """Requirements of priority ``must`` that are not met or undecided, and calibrations that did not converge."""
         missed = []
         if "requirements" in self.data.children:
             columns = ["says", "priority", "met", "camera_deciding", "reason"]
@@ -57,46 +57,81 @@ class Result:
         return missed
 
     def lines(self, most: int = 5) -> tuple[str, ...]:
-        """The conclusions as lines for a terminal: the best cameras, requirements, what the answers rest on."""
+        """Return the conclusions as lines for a terminal.
+
+        Parameters
+        ----------
+        most
+            Largest number of lines.
+
+        Returns
+        -------
+        tuple of str
+            The best cameras, the verdicts on requirements, and what these answers rest on.
+        """
         from tradestudy.results.views.conclusions import terminal_lines
 
         return tuple(terminal_lines(self.data, most))
 
     def conclusions(self, directory: str | Path | None = None) -> dict[str, Any]:
-        """The conclusions as ``--json`` prints them, with numbers in SI.
+        """Return the conclusions as a dictionary, the object that ``--json`` prints, with numbers in SI units.
 
-        - ``format``: version of these keys, which increases when a key changes its meaning; ``study``, ``title`` and
-          ``question`` are those of the study.
-        - ``best``: for each range of distances, its ends ``near`` and ``far`` [m] and the best ``cameras`` in it
-          (titles; empty where no camera is usable).
-        - ``requirements``: for each requirement, its ``name``, ``says`` and ``priority``; whether it is ``met`` (null
-          where undecided); the ``camera``, the ``margin`` (fraction by which the worst value could be worse), the
-          ``place`` [m] and the ``reason`` of the answer; ``conformity`` and ``rests_on`` as in the results; and the
-          ``probability`` that it is met (fraction of the combinations of unknown values; null if the study declares no
-          unknown values). In a sweep, ``designs_met`` says how many of the ``designs`` meet it; in a sweep of one
-          number, ``met_with`` gives the ``parameter``, the range ``from`` and ``to`` in which it is met, their
-          ``error`` and the ``camera``. If a matcher is declared, ``bound_alone`` gives ``met``, ``camera`` and
-          ``reason`` for a matcher as precise as its bound.
-        - ``designs``, in a sweep with requirements: their ``count``, how many are ``feasible``, and the ``best``
-          design: its ``values`` by path and its smallest ``margin``.
+        - ``format``: version of these keys; it increases when a key changes its meaning.
+        - ``study``, ``title``, ``question``: name, title and question of the study.
+        - ``best``: for each range of distances, from ``near`` to ``far`` [m], the titles of the best ``cameras``; no
+          titles if no camera is usable there.
+        - ``requirements``: for each requirement,
+
+          - its ``name``, ``says`` and ``priority``, as declared;
+          - whether it is ``met`` (null if undecided), the title of the ``camera`` that decides this, and the ``reason``
+            in words;
+          - the ``margin``, the fraction by which the worst value could worsen within its bound (negative if it
+            violates the bound), and the ``place`` of the worst value, a distance [m];
+          - the ``conformity``, the probability that the true worst value meets the bound;
+          - ``rests_on``, the input or limit that decides the answer, in words;
+          - the ``probability`` that the requirement is met, as a fraction of the random draws of the values that the
+            study declares as unknown (null if it declares none);
+          - in a sweep, the number ``designs_met`` of designs that meet the requirement, and the number of all
+            ``designs``;
+          - in a sweep of one number, ``met_with``: the ranges of this ``parameter`` in which the requirement is met,
+            ``from`` one value ``to`` another, with the ``error`` of these values and the ``camera``;
+          - if a matcher makes a difference, ``bound_alone``: ``met``, ``camera`` and ``reason`` for a matcher as
+            precise as its lower bound.
+
+        - ``designs``, in a sweep with requirements: the ``count`` of all designs, the number of ``feasible`` ones, and
+          the ``best`` design, with its ``values`` by dotted path and its smallest ``margin``.
         - ``questions``: for each inverse question, its ``name`` and ``says``, the ``answer`` in words, the smallest
-          ``value`` with its ``error`` in ``units`` (null where there is none), and the number of ``solutions``.
-        - ``trade_off``: for each ``camera``, the fraction of the possible weights that rank it ``first``, and the
+          ``value`` that solves it and the ``error`` of this value in ``units`` (null if there is no such value), and
+          the number of ``solutions``.
+        - ``trade_off``: for each ``camera``, the fraction of all possible weights that rank it ``first``, and the
           ``error`` of this fraction.
-        - ``measured``: depth that each ``camera`` measured in pictures ``of`` the ``scene`` or of a ``plane`` (at its
-          ``distance`` [m], ``contrast`` and ``electrons``): ``spread`` and ``bias`` with the standard errors
-          ``spread_error`` and ``bias_error``, the ``predicted`` spread [m], and the fraction ``filled`` of the points
-          that the camera could measure.
-        - ``light_spot``: for each picture, its ``method``, its stated ``error`` and its ``difference`` from the
-          ``reference``.
-        - ``fresnel_validity``: for each ``element`` and ``lens_phase``, the ``f_number`` from which Fresnel's law stays
-          within ``limit`` of Kirchhoff's over a ``window`` [Airy radii]; 0 if it always does, null if it never does.
-        - ``hard_cases``: the number of ``cases``, and the number of those ``met``.
-        - ``rests_on``: the limits and inputs that decide the answers, in words.
-        - ``measure_first``: what to measure next, in words, or empty.
-        - ``assumptions``: for each ``assumption``, the most valuable first, the range ``between`` which it lies, and
-          the ``worth`` of knowing it with its standard ``error`` (fractions of the distance).
-        - ``report``: path of the report.
+        - ``measured``: for each ``camera``, the ``spread`` and the ``bias`` [m] of the depth that it measured in
+          simulated pictures ``of`` the ``scene`` or of a ``plane`` (for a plane, with its ``distance`` [m],
+          ``contrast`` and ``electrons``); their standard errors ``spread_error`` and ``bias_error`` [m]; the
+          ``predicted`` spread [m]; and the fraction ``filled`` of the measurable points at which it measured a depth.
+        - ``light_spot``: for each picture of the light spot, its ``method``, its stated relative ``error``, and its
+          relative ``difference`` from the picture by the method ``reference``.
+        - ``fresnel_validity``: for each ``element`` and ``lens_phase``, the smallest ``f_number`` from which spots by
+          Fresnel's integral stay within ``limit`` of those by Kirchhoff's over a ``window`` [Airy radii]; 0 if they
+          do at every f-number of the study, null if at none.
+        - ``hard_cases``: the number of ``cases`` with known answers, and the number ``met`` that the program gets
+          right; empty if the study computed none.
+        - ``rests_on``: the inputs and limits that decide the answers, in words.
+        - ``measure_first``: what to measure next, in words; empty if the results do not tell.
+        - ``assumptions``: for each ``assumption``, the most valuable first, the values ``between`` which it lies, in
+          words; the ``worth`` of knowing it, which is the expected reduction of the depth uncertainty as a fraction of
+          the distance; and the standard ``error`` of this worth.
+        - ``report``: path of the report, if `directory` is given.
+
+        Parameters
+        ----------
+        directory
+            Folder of the report, for the key ``report``.
+
+        Returns
+        -------
+        dict
+            The keys above.
         """
         from tradestudy.results.views.conclusions_json import conclusions_as_json
 
@@ -105,38 +140,70 @@ class Result:
 
     @property
     def figure_names(self) -> list[str]:
-        """Valid names for `figure`."""
+        """Names that `figure` accepts."""
         from tradestudy import figures
 
         return list(figures.build(self.data))
 
     def figure(self, name: str) -> Figure:
-        """One figure of the report, as a matplotlib figure."""
+        """Return one figure of the report.
+
+        Parameters
+        ----------
+        name
+            One of `figure_names`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure.
+        """
         from tradestudy import figures
 
         return figures.figure(self.data, name)
 
     @property
     def table_names(self) -> list[str]:
-        """Valid names for `table`, those of the files in ``tables/``."""
+        """Names that `table` accepts, which are also those of the files in ``tables/``."""
         from tradestudy.results.views.tables import tables_of
 
         return list(tables_of(self.data))
 
     def table(self, name: str) -> pd.DataFrame:
-        """One table of the results, such as ``depth_by_camera_distance``; ``attrs["units"]`` has the SI units.
+        """Return one table of the results.
+
+        Parameters
+        ----------
+        name
+            One of `table_names`, such as ``depth_by_camera_distance``.
+
+        Returns
+        -------
+        pandas.DataFrame
+            The table; its ``attrs["units"]`` gives the SI unit of each column.
 
         Raises
         ------
         OutOfRangeError
-            For a name that is not among `table_names`.
+            If the name is not one of `table_names`.
         """
         from tradestudy.results.views.tables import table_named
 
         return table_named(self.data, name).frame()
 
     def with_cost(self, cost: xr.Dataset) -> Result:
-        """The same result with the costs measured by `Study.cost`, for the report to show."""
+        """Return the result with the costs that `Study.cost` measured, so that the report shows them.
+
+        Parameters
+        ----------
+        cost
+            What `Study.cost` returned.
+
+        Returns
+        -------
+        Result
+            The result with the costs as group ``cost``.
+        """
         return replace(self, data=self.data.assign({"cost": type(self.data)(cost)}))
 
     def write(self, directory: str | Path, *, pdf: bool = True, drawer: Drawer | None = None) -> Path:
@@ -147,10 +214,14 @@ class Result:
         directory
             Output folder; created if missing.
         pdf
-            Whether to write the PDF too.
+            Whether to write the report as a PDF, too.
         drawer
-            Writes the results and draws figures in another process while this one composes the report; None: this
-            process does everything.
+            Second process, which draws figures while this one composes the report. Default: this process does both.
+
+        Returns
+        -------
+        pathlib.Path
+            The output folder.
         """
         from tradestudy import report as renderer
         from tradestudy.results import storage
@@ -185,13 +256,22 @@ class Result:
 
 
 def open_result(directory: str | Path) -> Result:
-    """Read the result that an earlier run wrote.
+    """Open the result of a finished run.
+
+    Parameters
+    ----------
+    directory
+        Folder of the run.
+
+    Returns
+    -------
+    Result
+        The result, as `Study.run` returned it.
 
     Raises
     ------
     ResultsError
-        If the result is missing, unreadable or damaged, or the run was killed between writing its record and its
-        results.
+        If the result is missing, unreadable or damaged, or the run was killed while it wrote its files.
     """
     from tradestudy.results import storage
 

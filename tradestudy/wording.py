@@ -30,7 +30,11 @@ def listed(items: Sequence[str]) -> str:
     return " and ".join(part for part in (", ".join(items[:-1]), *items[-1:]) if part)
 
 
-_SPELLED: Final[Mapping[str, str]] = {"f_number": "f-number", "mla_distance": "array distance"}
+_SPELLED: Final[Mapping[str, str]] = {
+    "f_number": "f-number",
+    "mla_distance": "array distance",
+    "pixel_noise": "matching noise",
+}
 
 
 def in_words(name: str) -> str:

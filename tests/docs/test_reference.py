@@ -110,6 +110,22 @@ def test_defines_every_variable_of_every_group() -> None:
         assert terms(section) == ([] if group == "depth_at_places" else list(variables))
 
 
+def test_entries_that_refer_to_another_group_find_the_same_variable_described_there() -> None:
+    import declared
+
+    page = declared.results_page()
+    sections = {group: page.partition(f"\n## /{group}\n")[2].partition("\n(group-")[0] for group in GROUPS}
+    referring = 0
+    for group, section in sections.items():
+        for line, below in pairwise(section.splitlines()):
+            if below.startswith(": As in"):
+                name, other = line.split("`")[1], below.partition("#group-")[2].partition(")")[0]
+                assert GROUPS[group][name].long_name == GROUPS[other][name].long_name
+                assert f"\n`{name}` " in sections[other]
+                referring += 1
+    assert referring > 20
+
+
 def test_properties_begin_with_no_colon() -> None:
     """Napoleon takes the text of a property before a colon in its first line for its type."""
     for owner in (tradestudy, tradestudy.optics, tradestudy.uncertainty):
@@ -119,3 +135,12 @@ def test_properties_begin_with_no_colon() -> None:
                 if isinstance(member, property | cached_property) and not name.startswith("_"):
                     first = re.sub(r"``.*?``", "", (member.__doc__ or "").split("\n")[0])
                     assert ": " not in first, f"{offered.__name__}.{name}"
+
+
+def test_marks_quoted_values_as_code_but_no_possessives() -> None:
+    import declared
+
+    assert declared._code("the lens's error against Kirchhoff's") == "the lens's error against Kirchhoff's"
+    assert (
+        declared._code("the study's value: 'on', 'off' or a='1 m'") == "the study's value: `'on'`, `'off'` or `a='1 m'`"
+    )

@@ -185,6 +185,7 @@ def _claims() -> xr.Dataset:
         "value": np.array([[0.391, np.nan, np.nan, 0.391], [6.8, np.nan, 36.0, np.nan]]),
         "met": np.array([[0, -1, -1, 0], [1, -1, 0, -1]]),
         "value_text": np.array([["391 mm", "", "", "391 mm"], ["6.8 m", "", "36 m", ""]]),
+        "reading_says": list(READINGS.values()),
         "says": ["stereo from about 0.5 m", "range limited to 7 m"],
         "source": ["section 6", "section 6"],
         "expected": ["0.5 m ± 25 %", "7 m ± 7.2 %"],

@@ -84,7 +84,7 @@ def test_every_number_of_the_comparison_is_in_a_table(written: Path) -> None:
     assert {row["basis"] for row in rows if row["criterion"] == "moving parts"} == {"datasheet", "derived"}
     html = (written / "report.html").read_text(encoding="utf-8")
     assert "hidden beside a step" in html
-    assert "declared: datasheet" in html.replace("</sup>", "</sup> ")
+    assert re.search(r"</sup>\s*declared\W+[\w ]*data ?sheet", html)
 
 
 def said(tree: xr.DataTree) -> str:
@@ -105,7 +105,7 @@ def test_gaps_of_a_short_stack_are_written_out() -> None:
     tree = load(STUDIES / "hand_lens.yaml", short).run().data
     gaps = tree["depth_of_field"].to_dataset()["gap_near"].sel(camera="mahli-stack", sharp="one-pixel")
     assert np.isfinite(gaps.values).sum() == 1
-    assert f"gap {float(gaps[0]) * 1e3:.3g} mm" in said(tree)
+    assert re.search(rf"\bgaps?\W+{float(gaps[0]) * 1e3:.3g} mm", said(tree))
 
 
 def test_cameras_that_measure_no_depth_have_a_report_of_their_own(result: Result) -> None:

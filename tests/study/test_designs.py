@@ -129,9 +129,7 @@ def test_the_range_of_the_crossover_is_given_or_that_there_is_none() -> None:
     assert re.search(r"Rig and R5 .*\bnot\b.*\bany distance", reported(np.nan))
     assert reported(0.5) == "Rig and R5 are equally certain at 0.5 m"
     some = np.array([[0.2, 0.3], [0.4, 0.5], [np.nan, np.nan]])[..., None]
-    assert reported(some) == (
-        "Rig and R5 are equally certain between 0.2 m and 0.5 m, depending on the design; in 2 designs nowhere"
-    )
+    assert re.fullmatch(r"Rig and R5 .* between 0\.2 m and 0\.5 m, .*; in 2 designs\b.* no.*", reported(some))
 
 
 def test_usable_ranges_are_given_only_for_cameras_that_the_sweep_changes() -> None:

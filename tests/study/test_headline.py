@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -62,11 +64,10 @@ def test_claim_4_last_disparity_step(headline_result: Result) -> None:
 
 def test_claims_name_cameras_by_their_titles(headline_result: Result) -> None:
     quantity = headline_result.data["claims"].to_dataset()["quantity"]
-    assert str(quantity.sel(claim="C1").item()) == "near end of the overlap limit of Stereo rig, 8 mm lens"
-    assert str(quantity.sel(claim="C2").item()) == (
-        "largest uncertainty of Stereo rig, 8 mm lens relative to that of Raytrix R5, 500 mm to 10 m, "
-        "noise and calibration errors"
-    )
+    overlap, ratio = (str(quantity.sel(claim=claim).item()) for claim in ("C1", "C2"))
+    assert re.search(r"\bnearest\b.*\bStereo rig, 8 mm lens\b.*\boverlap\b", overlap)
+    assert re.search(r"largest uncertainty of Stereo rig, 8 mm lens .*\bRaytrix R5\b.* 500 mm to 10 m\b", ratio)
+    assert "noise and calibration errors" in ratio
 
 
 def test_contradictions_of_table_1_are_reported(headline_result: Result) -> None:

@@ -30,10 +30,12 @@ from tradestudy.study.schema.questions import (
     UncertaintyRatioClaim,
 )
 from tradestudy.units import FRACTION, LENGTH, Dimension, parse, pretty
+from tradestudy.wording import in_words, listed
 
 # Enough for a smooth curve over two decades; the ends of ranges are always included.
 _POINTS = 401
 _NEAREST, _FARTHEST = 1e-3, 1e5
+_MOST_NAMED = 2  # readings that a sentence names in words
 _FROM = {"noise": "noise alone", "calibration": "calibration errors alone", "both": "noise and calibration errors"}
 
 
@@ -53,19 +55,21 @@ def claim_quantity(claim: ClaimPart, titles: Mapping[str, str]) -> str:
     """The quantity that answers a claim, in words; `titles` name the cameras."""
     match claim:
         case LimitDistanceClaim():
-            return f"{claim.end} end of the {claim.limit.replace('_', ' ')} limit of {titles[claim.camera]}"
+            end = "nearest" if claim.end == "near" else "farthest"
+            return f"{end} distance at which {titles[claim.camera]} meets the limit “{in_words(claim.limit)}”"
         case UncertaintyRatioClaim():
             span = " to ".join(pretty(end, LENGTH) for end in claim.over)
             ratio = f"uncertainty of {titles[claim.camera]} relative to that of {titles[claim.against]}"
-            return f"largest {ratio}, {span}, {_FROM[claim.errors]}"
+            return f"largest {ratio}, from {span}, by {_FROM[claim.errors]}"
         case ShareBetterClaim():
             span = " to ".join(pretty(end, LENGTH) for end in claim.over)
             other = f"{titles[claim.against]} is not, or is less certain"
-            return f"fraction of {span} (log scale) where {titles[claim.camera]} is usable and {other}"
+            better = f"{titles[claim.camera]} is usable and {other}"
+            return f"fraction of the range from {span}, on a logarithmic scale, where {better}"
         case RelativeUncertaintyDistanceClaim():
             share = pretty(claim.threshold, FRACTION)
             reached = f"reaches {share} of the distance"
-            return f"distance where the uncertainty of {titles[claim.camera]} {reached}, {_FROM[claim.errors]}"
+            return f"distance where the uncertainty of {titles[claim.camera]} by {_FROM[claim.errors]} {reached}"
         case DepthOfFieldClaim():
             return depth_of_field_words(claim, titles)
         case DepthOfFieldRatioClaim():
@@ -183,8 +187,8 @@ def expectation(expect: ExpectPart) -> str:
     return f"above {expect.above}" if expect.above is not None else f"below {expect.below}"
 
 
-def verdict_over_readings(met: dict[str, bool | None]) -> tuple[str, str]:
-    """The verdict of a claim from its answers under each reading, with the reason.
+def verdict_over_readings(met: Mapping[str, bool | None], says: Mapping[str, str]) -> tuple[str, str]:
+    """The verdict of a claim from its answers under each reading, with the reason; `says` puts readings in words.
 
     A claim whose answer depends on assumptions that its source does not state cannot be decided from the source.
     """
@@ -192,7 +196,7 @@ def verdict_over_readings(met: dict[str, bool | None]) -> tuple[str, str]:
     silent = [name for name, answer in met.items() if answer is None]
     yes = [name for name, answer in decided.items() if answer]
     no = [name for name, answer in decided.items() if not answer]
-    without = f"; no value under {', '.join(silent)}" if silent else ""
+    without = f"; no value under {_named(silent, len(met), says)}" if silent else ""
     if not decided:
         return "cannot be decided from the paper", "no reading gives a value"
     if not (yes and no):
@@ -200,10 +204,18 @@ def verdict_over_readings(met: dict[str, bool | None]) -> tuple[str, str]:
         tried = f"under {every} reading tried ({len(decided)})" if len(met) > 1 else "no other reading was tried"
         return verdict, tried + without
     if len(yes) <= len(no):
-        reason = f"met under {', '.join(yes)}; not under {_the_other(len(no))}"
+        reason = f"met under {_named(yes, len(met), says)}; not under {_the_other(len(no))}"
     else:
-        reason = f"not met under {', '.join(no)}; met under {_the_other(len(yes))}"
+        reason = f"not met under {_named(no, len(met), says)}; met under {_the_other(len(yes))}"
     return "cannot be decided from the paper", reason + without
+
+
+def _named(names: Sequence[str], among: int, says: Mapping[str, str]) -> str:
+    """Few readings in words; of many, only how many, and whether the study as declared is one of them."""
+    if len(names) <= _MOST_NAMED:
+        return listed([f"the reading “{says[name]}”" if name in says else "the study as declared" for name in names])
+    declared = ", including the study as declared" if any(name not in says for name in names) else ""
+    return f"{len(names)} of {among} readings{declared}"
 
 
 def _the_other(count: int) -> str:

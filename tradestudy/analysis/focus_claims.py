@@ -61,5 +61,6 @@ def depth_of_field_ratio_words(claim: DepthOfFieldRatioClaim, titles: Mapping[st
 
 
 def _blur_words(blur: float, diffraction: str) -> str:
-    how = "geometric" if diffraction == "none" else f"diffraction included ({diffraction})"
-    return f"for a blur of {pretty(blur, PIXELS)}, {how}"
+    how = {"fwhm": "with diffraction at half maximum", "airy-diameter": "with the Airy diameter"}.get(diffraction)
+    how = how or "by defocus alone"
+    return f"for a blur of {pretty(blur, PIXELS)} {how}"

@@ -232,13 +232,13 @@ def _nowhere(
     """Which camera is more certain throughout, and whether a solution may lie beyond an end."""
     dimension = question_ends(question)[0]
     titles = {name: part.title for name, part in definition.file.cameras.items()}
-    between = " and ".join(pretty(end, dimension) for end in ends)
+    between = " to ".join(pretty(end, dimension) for end in ends)
     first_is_certain = bool(np.mean(log_ratios) < 0.0)
     if question.equal is not None:
         outcome = f"{titles[question.equal[0 if first_is_certain else 1]]} is more certain throughout"
     else:
         reaches = "reaches" if first_is_certain else "does not reach"
-        outcome = f"{titles[question.camera or '']} {reaches} {_goal_words(question)} with any of these values"
+        outcome = f"{titles[question.camera or '']} {reaches} {_goal_words(question)} with any of them"
     away = np.abs(log_ratios)
     steps = np.diff(away)
     for approaches, end, left, step in (
@@ -248,7 +248,7 @@ def _nowhere(
         if approaches and left <= _EXTRAPOLATED * _PLACES * step:  # otherwise it levels off before reaching one
             factor = significant(math.exp(float(left)), 2)
             outcome += f"; a solution may lie beyond {pretty(end, dimension)}, where a factor of {factor} remains"
-    return f"nowhere between {between}: {outcome}"
+    return f"no value from {between}: {outcome}"
 
 
 def _goal_words(question: SolvePart) -> str:

@@ -29,6 +29,12 @@ from tradestudy.units import FRACTION, LENGTH, pretty, significant
 WaveClaim = PsfErrorClaim | FresnelFNumberClaim | CriterionFNumberClaim | ImageDifferenceClaim | LitPixelsClaim
 PartT = TypeVar("PartT")
 _METRIC_WORDS = {"peak": "peak error", "l1": "L1 error", "largest": "largest error"}
+_CRITERION_WORDS = {
+    "path-error": "a neglected path",
+    "goodman": "Goodman's condition",
+    "paper-eq27-first-zero": "the smaller zero of eq. 27",
+    "paper-eq27-second-zero": "the larger zero of eq. 27",
+}
 
 
 def wave_claim_value(claim: WaveClaim, fresnel: FresnelValidityPart | None, spot: LightSpotPart | None) -> float:
@@ -52,19 +58,31 @@ def wave_claim_words(claim: WaveClaim) -> str:
     """The quantity that answers a claim about light, in words."""
     match claim:
         case PsfErrorClaim():
-            return f"{_measure(claim)} of the Fresnel law for the {claim.element} at f/{significant(claim.f_number)}"
+            place = f"{_words(claim.element)} at f/{significant(claim.f_number)}"
+            return f"{_measure(claim)} of Fresnel's point-spread function for the {place}"
         case FresnelFNumberClaim():
             limit = f"{pretty(claim.error, FRACTION)} (0 if it does at every f-number compared)"
-            return f"smallest f-number above which the {_measure(claim)} for the {claim.element} stays below {limit}"
+            element = _words(claim.element)
+            return f"smallest f-number above which the {_measure(claim)} for the {element} stays below {limit}"
         case CriterionFNumberClaim():
             bound = f" of {significant(claim.path_error)} waves" if claim.path_error is not None else ""
-            return f"smallest f-number for the {claim.element} by {claim.criterion}{bound}"
+            return f"smallest f-number for the {_words(claim.element)} by {_CRITERION_WORDS[claim.criterion]}{bound}"
         case ImageDifferenceClaim():
-            pictures = f"{short_title(claim.method)} and by {short_title(claim.reference)}"
+            pictures = f"{_title(claim.method)} and by {_title(claim.reference)}"
             return f"summed difference between the pictures by {pictures}, relative to the latter"
         case LitPixelsClaim():
-            pictures = f"by {short_title(claim.method)}, relative to that by {short_title(claim.reference)}"
+            pictures = f"by {_title(claim.method)}, relative to that by {_title(claim.reference)}"
             return f"number of pixels above {pretty(claim.above, FRACTION)} of the brightest in the picture {pictures}"
+
+
+def _words(element: str) -> str:
+    return element.replace("-", " ")
+
+
+def _title(method: str) -> str:
+    """The short title of a method, capitalised only where it begins with a name."""
+    title = short_title(method)
+    return title if title.startswith(("Kirchhoff", "Fresnel")) else title[0].lower() + title[1:]
 
 
 def _present(part: PartT | None) -> PartT:
@@ -100,4 +118,4 @@ def _criterion(claim: CriterionFNumberClaim, asked: FresnelValidityPart) -> floa
 
 def _measure(claim: PsfErrorClaim | FresnelFNumberClaim) -> str:
     window = "" if claim.metric == "peak" else f" over {significant(claim.window)} Airy radii"
-    return f"{_METRIC_WORDS[claim.metric]}{window} ({claim.lens_phase}, {pretty(claim.wavelength, LENGTH)})"
+    return f"{_METRIC_WORDS[claim.metric]}{window} ({claim.lens_phase} lens phase, {pretty(claim.wavelength, LENGTH)})"

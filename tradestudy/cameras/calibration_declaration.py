@@ -118,7 +118,7 @@ class StabilityPart(Part):
 
 
 class CornersPart(Part):
-    """A measured calibration of a stereo rig: corners of a board that both of its cameras see."""
+    """A measured calibration, for stereo rigs only: corners of a board that both cameras of the rig see."""
 
     file: Text = Field(description="CSV file of the corners; the path is relative to the file that contains this key.")
     lens_model: FittedLensModel | None = Field(
@@ -149,15 +149,15 @@ class PosteriorPart(Part):
 
 
 class CalibrationPart(Part):
-    """The calibration of a camera: its errors, at most one source (corners, target or posterior), and later changes."""
+    """The calibration of a camera: its errors, what they may be computed from, and later changes."""
 
     camera: ClassVar[type[DepthCamera]]
     kind: ClassVar[str]
 
     errors: ErrorsPart = Field(
         default_factory=ErrorsPart,
-        description="Without a source, all errors; with a target or a posterior, the priors and the errors that "
-        "this source does not determine.",
+        description="Errors of the parameters. With `target`, these are the priors; with `posterior`, only the errors "
+        "that it does not contain; with `corners`, none. At most one of these three keys is given.",
     )
     correlations: dict[str, dict[str, Correlation]] = Field(
         default={},

@@ -229,7 +229,8 @@ class CameraDeclaration(Part, ABC):
     attributes: AttributesPart = AttributesPart()
     read_as: dict[AttributeName, Text] = Field(
         default={},
-        description="Conventions by which the calibration file of this camera was read, each with its meaning.",
+        description="Conventions that `import` assumed when it read the calibration file of this camera, each with "
+        "its meaning.",
     )
     kind: str
 

@@ -25,7 +25,7 @@ def largest_common_square(diameter: ArrayLike, apart: ArrayLike) -> FloatArray:
     diameter
         Diameter n of the discs.
     apart
-        Distance d between their centres, in the same unit. Both broadcast.
+        Distance d between their centres, in the same unit; both are broadcast together.
     """
     n, d = np.asarray(diameter, dtype=np.float64), np.asarray(apart, dtype=np.float64)
     within = np.minimum(d, n)

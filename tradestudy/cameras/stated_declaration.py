@@ -9,7 +9,7 @@ from tradestudy.declarations.quantities import Angle, Length, PositiveLength, Po
 
 
 class StatedPart(Part):
-    """Further values that a data sheet or paper states; they are compared with the declared values, and never used."""
+    """Further values that a data sheet or paper states; they are only compared with the declared values."""
 
     field_of_view: Angle | None = Field(default=None, description="Full field of view that the data sheet states.")
     microlens_gap: Length | None = Field(

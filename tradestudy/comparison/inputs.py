@@ -78,7 +78,7 @@ def _meaning(text: str) -> tuple[str, float]:
 
 
 def _words(path: str, titles: Mapping[str, str]) -> str:
-    return " ".join(titles.get(part, in_words(part)) for part in path.split("."))
+    return " › ".join(titles.get(part, in_words(part)) for part in path.split("."))
 
 
 def _shown(text: str, titles: Mapping[str, str]) -> str:

@@ -85,7 +85,7 @@ def _limits(dimension: Dimension, *, above: float, at_least: float, at_most: flo
         return f"from {low} to {high}"
     if math.isfinite(at_least):
         return f"of {low} or more"
-    return f"of {high} or less" if math.isfinite(at_most) else "of any size"
+    return f"of {high} or less" if math.isfinite(at_most) else "of either sign"
 
 
 def _json_schema(dimension: Dimension, limits: str, *, infinite: bool) -> dict[str, Any]:

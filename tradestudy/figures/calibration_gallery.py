@@ -33,7 +33,7 @@ def calibration_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
     place = sensitivity.tornado_distance(tree)
     sentences = [
-        f"{title}: {largest.replace('_', ' ')}, {_source_words(tree, key, largest, place)}. "
+        f"{title}: {in_words(largest)}, {_source_words(tree, key, largest, place)}. "
         for key, title in titles_in(tree, "sensitivity").items()
         if (largest := largest_source(tree, key, place)) is not None
     ]
@@ -85,10 +85,7 @@ def _tie_words(tree: xr.DataTree, name: str) -> str:
     if (tie := posterior.closest_tie(tree, name)) is None:
         return ""
     first, second, correlation = tie
-    return (
-        f"Strongest correlation: {first.replace('_', ' ')} and {second.replace('_', ' ')}, "
-        f"{significant(correlation, 2)}."
-    )
+    return f"Strongest correlation: {in_words(first)} and {in_words(second)}, {significant(correlation, 2)}."
 
 
 def _ranks(tree: xr.DataTree) -> Drawing:
@@ -119,12 +116,15 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
     data = tree["calibration"].to_dataset().sel(posterior=name)
     count = int(np.isfinite(data["posterior_mean"].values).sum())
     shown = posterior.shown_parameters(tree, name)
-    which = f"the {len(shown)} most strongly correlated of {count} parameters" if len(shown) < count else "all of them"
+    which = (
+        f"the {len(shown)} most strongly correlated of {count} parameters" if len(shown) < count else "all parameters"
+    )
     yield Drawing(
         name=f"corner-{name}",
         caption=f"Posterior of {titles[name]}: {which}, in standard deviations from the mean. Contours contain 39 "
-        f"and 86 % of the draws, like one and two standard deviations of a bivariate normal; dashed: the Laplace fit.",
-        alt=f"Corner plot of the posterior draws of {titles[name]}: {', '.join(n.replace('_', ' ') for n in shown)}. "
+        f"and 86 % of the draws, as one and two standard deviations of a bivariate normal do; dashed: Laplace's normal "
+        "approximation.",
+        alt=f"Corner plot of the posterior draws of {titles[name]}: {', '.join(map(in_words, shown))}. "
         + _tie_words(tree, name),
         draw=partial(posterior.draw_corner, tree, name),
         values=partial(posterior.corner_values, tree, name),
@@ -157,8 +157,8 @@ def _trust(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
         caption=f"How far to trust the corners of {camera_titles(tree)[name]}. Above: mean residuals of each camera "
         "fitted alone, in cells of its picture; arrows that agree in neighbouring cells show errors of the lens model "
         "or the board. Below, for depth midway between the axes: the difference between "
-        "random halves of the views (root mean square), the difference that these halves claim, and the uncertainty "
-        "that all views together claim.",
+        "random halves of the views (root mean square), the difference that the uncertainties of these halves claim, "
+        "and the uncertainty that all views together claim.",
         alt=f"Two maps of arrows for {camera_titles(tree)[name]}, and a chart of halves of the views, whose "
         "differences over the claimed ones are: "
         + ", ".join(f"{significant(float(one), 2)} at {where}" for one, where in zip(ratio, distances, strict=True))

@@ -52,9 +52,9 @@ def draw_trust(tree: xr.DataTree, posterior: str) -> StudyFigure:
     axes = figure.add_subplot(grid[1, :])
     distance = np.asarray(data["rig_distance"].values, dtype=np.float64)
     curves = {
-        "random halves differ": "rig_halves_difference",
-        "halves claim": "rig_halves_claim",
-        "the whole claims": "rig_claimed",
+        "halves: found": "rig_halves_difference",
+        "halves: claimed": "rig_halves_claim",
+        "all views: claimed": "rig_claimed",
     }
     drawn = []
     for order, (name, variable) in enumerate(curves.items()):

@@ -64,9 +64,12 @@ def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: flo
     )
     uncertainty = [of_camera(view, "depth_uncertainty", camera.key) for camera in shown]
     limits = depth_limits([*nearer, *uncertainty], view["distance"].values, near, far)
-    for axes, title in ((upper, "Discrimination"), (lower, "Uncertainty (68 %)")):
+    for axes, title, label in (
+        (upper, "Discrimination", "change of depth"),
+        (lower, "Uncertainty (68 %)", "uncertainty"),
+    ):
         log_axis(axes, "y", tick=length_tick, ends=limits)
-        axes.set(xlim=(near, far), ylim=limits, title=title, ylabel="depth")
+        axes.set(xlim=(near, far), ylim=limits, title=title, ylabel=label)
         axes.xaxis.set_major_formatter(FuncFormatter(distance_tick(far)))
     for camera, first, last in zip(shown, nearer, farther, strict=True):
         _band(upper, view, camera, first, last)
@@ -78,7 +81,7 @@ def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: flo
         Line2D([], [], color=SOFT, linewidth=_UNUSABLE_WIDTH),
         Patch(color=SOFT, alpha=0.2, linewidth=0),
     ]
-    labels = ["usable", "not usable", "from the step nearer to the step farther"]
+    labels = ["usable", "not usable", "between a step nearer and a step farther"]
     legend(figure, handles, labels, columns=len(labels))
     return figure
 

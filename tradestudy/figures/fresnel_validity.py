@@ -71,8 +71,8 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         caption="Why the printed criterion (eq. 27) cannot be trusted: both of its zeros while object and image "
         "distance together grow by a quarter of a wavelength, a fraction of a micrometre; then the picture repeats. "
         f"Lines: {waves}. Dashed: the f-number printed in the paper, which takes the larger zero.",
-        alt="Charts of minimum f-number against extra path within one quarter wave. The first zero falls from "
-        "infinity, the second one drifts by a fifth and jumps back. " + _sweep_words(data),
+        alt="Charts of minimum f-number against extra path within one quarter wave. The smaller zero falls from "
+        "infinity, the larger one drifts by a fifth and jumps back. " + _sweep_words(data),
         draw=partial(draw_paper_eq27, tree),
         values=partial(_zero_tables, data),
     )
@@ -204,7 +204,7 @@ def _criteria(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, boo
     found = [
         ("eq. 27, smaller zero", zeros[0].ravel(), False),
         ("eq. 27, larger zero", zeros[1].ravel(), False),
-        ("one radian a leg (Goodman)", of("goodman_f_number"), False),
+        ("one radian per leg (Goodman)", of("goodman_f_number"), False),
         *(
             (f"{plain_number(float(waves))} waves of path", of("path_error_f_number", path_error=waves), False)
             for waves in data["path_error"].values
@@ -229,7 +229,7 @@ def draw_fresnel_criteria(tree: xr.DataTree) -> StudyFigure:
     panels = figure.subplots(1, len(elements), squeeze=False, sharey=True)[0]
     for axes, element in zip(panels, elements, strict=True):
         _criteria_panel(axes, data, element)
-        axes.set(title=shortened(element_title(data, element)), xlabel="least f-number")
+        axes.set(title=shortened(element_title(data, element)), xlabel="minimum f-number")
     panels[0].set(yticks=range(len(names)), yticklabels=names, ylim=(len(names) - 0.4, -0.6))
     return figure
 
@@ -333,7 +333,7 @@ def draw_paper_eq27(tree: xr.DataTree) -> StudyFigure:
             axes.axhline(printed, color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
             axes.annotate(
                 f"printed: {plain_number(printed)}", (2, printed), xytext=(-2, 2), textcoords="offset points",
-                ha="right", fontsize=SMALL,
+                ha="right", va="bottom", fontsize=SMALL,
             )  # fmt: skip
         axes.set(
             xlim=(0, 2),

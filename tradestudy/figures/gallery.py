@@ -117,7 +117,7 @@ def _design_words(tree: xr.DataTree) -> str:
 
 def _usable_words(depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> str:
     """Say where each camera is usable, in one sentence per camera."""
-    where = [" and ".join(span(a, b) for a, b in where_usable(depth, camera.key)) for camera in shown]
+    where = [" and ".join(f"from {span(a, b)}" for a, b in where_usable(depth, camera.key)) for camera in shown]
     return "".join(
         f"{camera.title}: usable {places or 'nowhere'}. " for camera, places in zip(shown, where, strict=True)
     )
@@ -129,8 +129,8 @@ def _winner_words(tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> str:
     chosen = candidates(tree)
     titles = {camera.key: camera.title for camera in shown}
     nobody = "no candidate" if chosen else "no camera"
-    found = [f"{span(a, b)} {answer_title(titles, names, nobody)}" for a, b, names in reported_winners(tree)]
-    return f"Smallest uncertainty{' of the candidates' if chosen else ''}: {', '.join(found)}."
+    found = [f"{answer_title(titles, names, nobody)} from {span(a, b)}" for a, b, names in reported_winners(tree)]
+    return f"Smallest uncertainty{' of the candidates' if chosen else ''}: {'; '.join(found)}."
 
 
 def _paper_figures(tree: xr.DataTree) -> Iterator[Drawing]:
@@ -179,7 +179,7 @@ def _shares(tree: xr.DataTree) -> Drawing:
         "sources that averaging does not reduce; pale: not usable."
         + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
         + _design_words(tree),
-        alt="One chart per camera of stacked shares against distance. " + _largest_shares(tree),
+        alt="One chart per camera of stacked shares against distance. Largest shares: " + _largest_shares(tree),
         draw=partial(variance_shares.draw_variance_shares, tree),
     )
 
@@ -195,7 +195,7 @@ def _largest_shares(tree: xr.DataTree) -> str:
         groups = itertools.groupby(places, key=lambda one: one[1])
         stretches = [(next(group)[0], part) for part, group in groups if part is not None]
         if stretches:
-            words = [f"{part.replace('_', ' ')} from {distance(start)} on" for start, part in stretches]
+            words = [f"{in_words(part)} from {distance(start)} on" for start, part in stretches]
             sentences.append(f"{camera.title}: {', '.join(words)}. ")
     return "".join(sentences)
 
@@ -245,9 +245,9 @@ def _readings(tree: xr.DataTree) -> Drawing:
             )
     return Drawing(
         name="readings",
-        caption=f"Which assumption reverses the verdict: uncertainty of {numerator} over that of {denominator}, under "
-        f"every reading of the open questions. Left of 1 (shaded), {numerator} is better; right of 1, "
-        f"{denominator}. Open marks: the verdict differs from that of the declared study."
+        caption=f"Which assumption reverses the verdict on certainty: uncertainty of {numerator} over that of "
+        f"{denominator}, under every reading (names as in the table above). Left of 1 (shaded), {numerator} is more "
+        f"certain; right of 1, {denominator}. Open marks: not the camera of the declared study."
         + (f" {listed(signs)} at the edge: one of the two uncertainties has no bound." if signs else ""),
         alt=f"Dot chart of the uncertainty of {numerator} over that of {denominator}, one row per reading, one mark "
         "per distance, three panels: noise and calibration, noise only, calibration only. " + "".join(sentences),

@@ -113,7 +113,9 @@ def draw_light_spot(tree: xr.DataTree) -> StudyFigure:
         for column, method in enumerate(others):
             axes = figure.add_subplot(grid[1, column])
             changed = _picture(axes, data, changes[method], "RdBu_r", -span, span)
-            axes.set_title(f"less {short_title(reference)}".replace(" + ", " +\n"), fontsize=SMALL, fontweight="normal")
+            axes.set_title(
+                f"minus {short_title(reference)}".replace(" + ", " +\n"), fontsize=SMALL, fontweight="normal"
+            )
         _scale(figure, changed, grid[1, len(others)].subgridspec(1, 12)[0], "% of the brightest pixel")
     _cut(figure.add_subplot(grid[-1, :]), data, methods)
     return figure
@@ -244,7 +246,8 @@ def _spread_words(data: xr.Dataset) -> str:
             radius = float(there["half_energy_radius"])
             if np.isfinite(radius):
                 sentences.append(
-                    f"{one['title'].item()} at f/{significant(float(values[step]))}, {method}: half the light within "
+                    f"{one['title'].item()} at f/{significant(float(values[step]))} by {short_title(str(method))}: "
+                    "half the light within "
                     f"{pretty(radius, LENGTH)}, Strehl ratio {significant(float(there['strehl_ratio']))}. "
                 )
     return "".join(sentences)

@@ -65,7 +65,7 @@ def draw_readings(tree: xr.DataTree) -> StudyFigure:
     handles.append(_mark(0, 1, filled=False))
     labels = [
         *(f"at {distance(place)}" for place in places),
-        "open: flipped",
+        "open: reversed",
     ]
     legend(figure, handles, labels, columns=min(len(labels), 4))
     return figure

@@ -1,24 +1,30 @@
-"""Wave optics of a lens, of a microlens array behind it, and of its pixels: arrays in, arrays with error estimates out.
+"""Wave optics of a lens, with or without a microlens array and pixels behind it.
 
 Start here:
 
 * `point_spread` computes the point-spread function of a lens from focal length, f-number and wavelength. Its result has
-  methods for width, encircled energy, Strehl ratio, MTF and a plot. `Pupil` describes the aberrations of the lens
-  (Zernike coefficients) or any amplitude and path, `FocalLengths` its field curvature and axial colour.
-* `aperture_field` computes the complex field and the intensity of a point source at any points behind a lens. Metrics
-  such as `encircled_energy` and `modulation_transfer` accept its result and that of `point_spread`.
-* `microlens_image` computes the image of a point or a disc on the pixels behind main lens and microlens array, from the
-  numbers in a `MicrolensCamera`. `chain_image` does the same for any `LightPath`.
+  methods for width, encircled energy, Strehl ratio, MTF and a plot. `Pupil` adds a transmission and aberrations
+  (Zernike coefficients, a function or a map) to the lens; `FocalLengths` adds field curvature and axial colour.
+* `aperture_field` computes the complex field and the intensity of a point source anywhere behind a lens. Metrics
+  such as `encircled_energy` and `modulation_transfer` accept the result of `point_spread`, and that of `aperture_field`
+  on a regular grid.
+* `microlens_image` computes the image of a point or a disc on the pixels behind a main lens and a microlens array, from
+  the numbers in a `MicrolensCamera`. `chain_image` does the same for any `LightPath`, that is, with any positions and
+  focal lengths of the microlenses.
 
-Lengths are in metres, angles in radians. Sources, apertures and targets share one set of axes: a source at x > 0 has
-its real image at x < 0. Every computed field, image and metric states its error. A result that misses its tolerance is
-refused, with two exceptions: the image of a `LightPath` is returned with `within_tolerance` False, and `aperture_field`
-with your own node counts states the error that they leave.
+Functions take and return NumPy arrays. Lengths are in metres, angles in radians. Sources, lenses, microlenses, pixels
+and targets (the points at which a field is computed) share the same x and y axes: a source at x > 0 has its real image
+at x < 0.
+
+Every field, image and metric comes with an estimate of its numerical error. A function whose result misses the
+tolerance raises ``NotConvergedError``, with two exceptions: the functions that take a `LightPath` return the image with
+``within_tolerance`` False, and `aperture_field` with node counts of your own returns the field with the error that they
+cause.
 
 Examples
 --------
-The point-spread function of an f/2.8 lens with a tenth of a wave (rms) of coma, its MTF, and the spot behind a
-microlens array:
+Strehl ratio and MTF of an f/2.8 lens with a tenth of a wave (rms) of coma, and the fraction of the light of a point
+that falls on the pixels behind this lens and a microlens array:
 
 >>> from tradestudy import optics
 >>> coma = optics.Pupil.from_waves({8: 0.1}, wavelength=550e-9)

@@ -16,27 +16,28 @@ from tradestudy.optics.propagation.lens import PointSource
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class FocalLengths:
-    """Table of focal lengths f(θ, λ), linear between entries.
+    """Focal length f(θ, λ) of a lens as a table over field angle and wavelength, interpolated linearly.
 
-    f(θ, λ) is defined by the image distance along the axis, b = a f/(a − f). For a distant point imaged onto a Petzval
-    surface of radius R_P it is f − (f tan θ)²/(2 R_P).
+    f(θ, λ) is defined such that a source at the distance a along the axis has its image at b = a f/(a − f) along the
+    axis. If a lens images distant points onto a Petzval surface of radius R_P, > 0 for a surface that curves towards
+    the lens, then f(θ) = f₀ − (f₀ tan θ)²/(2 R_P), where f₀ = f(0).
 
     Parameters
     ----------
     field_angles
-        θ, angle of the source from the axis [rad], increasing from 0, shape (n,). A single angle means no field
-        curvature.
+        Field angles θ, between the axis and the direction of the source [rad], shape (n,); from 0, increasing, below
+        π/2. A single angle means no field curvature.
     wavelengths
-        λ [m], increasing, shape (m,). A single wavelength means no axial colour.
+        Wavelengths λ [m], shape (m,); > 0, increasing. A single wavelength means no axial colour.
     focal_lengths
-        f [m], shape (n, m).
+        f(θ, λ) [m], shape (n, m); finite, ≠ 0, all of one sign.
     reference_wavelength
-        Wavelength at which the camera is focused on the axis [m].
+        Wavelength for which the camera is focused on the axis [m], within the table.
 
     Raises
     ------
     OutOfRangeError
-        If shapes or order differ from the above, or a focal length is zero or not finite, or their signs differ.
+        If a shape or a value does not meet the conditions above.
 
     References
     ----------
@@ -44,7 +45,7 @@ class FocalLengths:
 
     Examples
     --------
-    A secondary spectrum of f/2000 between green and red:
+    A focal length that is longer by 1/2000 in red light than in green light:
 
     >>> import numpy as np
     >>> from tradestudy import optics
@@ -97,28 +98,29 @@ class FocalLengths:
 
     @property
     def reference(self) -> float:
-        """Focal length on the axis at the reference wavelength [m]."""
+        """Focal length on the axis at `reference_wavelength` [m]."""
         return self.at(field_angle=0.0, wavelength=self.reference_wavelength)
 
     def at(self, *, field_angle: float, wavelength: float) -> float:
-        """Focal length for a field angle and a wavelength, linear between the entries of the table.
+        """Focal length at a field angle and a wavelength, by linear interpolation in the table.
 
         Parameters
         ----------
         field_angle
-            θ, angle of the source from the axis [rad].
+            Field angle θ, between the axis and the direction of the source [rad].
         wavelength
-            λ [m].
+            Wavelength λ [m].
 
         Returns
         -------
         float
-            f [m].
+            f(θ, λ) [m].
 
         Raises
         ------
         OutOfRangeError
-            If the angle or the wavelength lies beyond the table.
+            If the angle or the wavelength lies outside the table; a table with a single angle holds for every angle,
+            and likewise for wavelengths.
         """
         for name, value, axis, unit in (
             ("field angle", field_angle, self.field_angles, "rad"),

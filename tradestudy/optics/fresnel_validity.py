@@ -27,7 +27,7 @@ def dropped_path(
     aperture_radius
         ρ ≥ 0 [m].
     object_distance, image_distance
-        Legs a and b [m]; a < 0 for a virtual object, infinite for a plane wave. All arguments broadcast.
+        Legs a and b [m]; a < 0 for a virtual object, infinite for a plane wave; all arguments are broadcast together.
 
     Returns
     -------
@@ -182,7 +182,7 @@ def collimated_axis_intensity(
     Returns
     -------
     tuple of ndarray
-        Rayleigh–Sommerfeld and Fresnel intensity, broadcast.
+        Rayleigh–Sommerfeld and Fresnel intensity, in the shape of the arguments broadcast together.
 
     Raises
     ------

@@ -51,36 +51,38 @@ _ON_AXIS_AT_INFINITY = PointSource.at_infinity()
 
 @dataclass(frozen=True, kw_only=True)
 class LensPointSpread(PointSpread):
-    """Result of `point_spread`: the samples of a `PointSpread` with the data of the lens.
+    """Point-spread function of a lens, as `point_spread` computes it: a `PointSpread` with data of the lens.
 
-    The methods of this class return their numbers with errors. The inherited `at` returns only intensities,
-    interpolated between samples whose errors are at most `sample_error`.
+    The methods of this class return their numbers with errors. The inherited `at` returns intensities without errors.
+    The square that the samples cover is called the window.
 
     Attributes
     ----------
     x, y
-        Sample positions [m].
+        Positions of the samples in the image plane [m].
     intensity
-        Fraction of the light through the pupil per area [1/m²], shape (len(y), len(x)).
+        Fraction of the light through the pupil per area of the image plane [1/m²], shape (len(y), len(x)).
     pupil_power
-        1, since the intensity is relative.
+        Always 1, because `intensity` is a fraction of the light through the pupil [1].
     relative_error
-        Stated relative L2 error of the samples.
+        Stated relative L2 error of the intensity over the samples [1].
     centre
-        Where the chief ray meets the image plane (x, y) [m].
+        Point (x, y) at which the chief ray meets the image plane [m].
     airy_radius
-        Radius of the first dark ring without aberration, 1.2197 λ b/D [m].
+        Radius of the first dark ring without aberration [m]: 1.2197 λ b/D for the wavelength λ, the distance b of the
+        image plane behind the lens, and the diameter D of the pupil.
     reference_peak
-        Peak without aberration [1/m²], for the same pupil amplitude and direction.
+        Intensity at `centre` if the light of the whole pupil arrived there in phase [1/m²]: the peak without
+        aberration.
     method
-        Law of propagation used.
+        Method of propagation, as given to `point_spread`.
     effort
-        Nodes and seconds that it took.
+        What the computation took, among others the number of quadrature ``nodes`` and the wall time ``seconds`` [s].
 
     Raises
     ------
     OutOfRangeError
-        As for `PointSpread`.
+        If an array or a number does not meet the conditions of `PointSpread`.
 
     Examples
     --------
@@ -107,17 +109,18 @@ class LensPointSpread(PointSpread):
 
     @property
     def relative_intensity(self) -> FloatArray:
-        """Samples of the intensity relative to the peak without aberration [1], shape (len(y), len(x)).
+        """Intensity of the samples relative to `reference_peak` [1], shape (len(y), len(x)).
 
-        The Strehl ratio is the peak between these samples: `strehl_ratio` computes it.
+        The peak may lie between samples; `strehl_ratio` finds it.
         """
         return np.asarray(self.intensity / self.reference_peak)
 
     @checked
     def width(self, *, angle: float = 0.0) -> Measured:
-        """Full width at half maximum of a cut through the brightest point, by `full_width_at_half_maximum`.
+        """Full width at half maximum of the cut through the brightest point, by `full_width_at_half_maximum`.
 
-        Far out of focus, that point is one of many fringes; `radius_of` then gives the size of the whole spot.
+        Far out of focus, the brightest point belongs to one of many fringes; `radius_of` then gives the size of the
+        whole spot.
 
         Parameters
         ----------
@@ -127,13 +130,13 @@ class LensPointSpread(PointSpread):
         Returns
         -------
         Measured
-            Width [m], shape (), with the errors of sampling and of the samples.
+            Width [m], shape (); its error allows for the spacing of the samples and for their stated error.
 
         Raises
         ------
         OutOfRangeError
-            If the window contains less than half of the light: the spot is wider than the window. Otherwise as in
-            `full_width_at_half_maximum`.
+            If the window contains less than half of the light, the brightest sample lies on the edge of the window, the
+            intensity along the cut stays above half the peak up to an edge, or the angle exceeds a full turn.
         """
         if (held := window_share(self).value) < _LEAST_SHARE:
             raise OutOfRangeError(
@@ -146,28 +149,29 @@ class LensPointSpread(PointSpread):
 
     @checked
     def encircled_energy(self, radius: npt.ArrayLike) -> Measured:
-        """Fraction of the light within circles about the chief ray, by `encircled_energy`.
+        """Fraction of the light through the pupil that falls within circles about the chief ray.
 
         Parameters
         ----------
         radius
-            Radii [m], any shape.
+            Radii of the circles [m], any shape.
 
         Returns
         -------
         Measured
-            Fractions [1] in the shape of the radii, with the errors of sampling and of the samples.
+            Fractions [1] in the shape of the radii; their error allows for the spacing of the samples and for their
+            stated error.
 
         Raises
         ------
         OutOfRangeError
-            If a circle leaves the window.
+            If a circle reaches beyond the window.
         """
         return encircled_energy(self, centre=self.centre, radius=np.asarray(radius, dtype=np.float64))
 
     @checked
     def radius_of(self, share: float) -> Measured:
-        """Radius of the circle about the chief ray with a fraction of the light, by `encircled_energy_radius`.
+        """Radius of the circle about the chief ray that contains a given fraction of the light through the pupil.
 
         Parameters
         ----------
@@ -177,7 +181,7 @@ class LensPointSpread(PointSpread):
         Returns
         -------
         Measured
-            Radius [m], shape (), with the errors of sampling and of the samples.
+            Radius [m], shape (); its error allows for the spacing of the samples and for their stated error.
 
         Raises
         ------
@@ -187,44 +191,45 @@ class LensPointSpread(PointSpread):
         return encircled_energy_radius(self, centre=self.centre, share=share)
 
     def strehl_ratio(self) -> Measured:
-        """Ratio of the peak intensity to the peak without aberration, by `strehl_ratio`.
+        """Ratio of the peak intensity to `reference_peak`, the peak without aberration.
 
         Returns
         -------
         Measured
-            Ratio [1], shape (), with the errors of sampling and of the samples.
+            Ratio [1], shape (); its error allows for the spacing of the samples and for their stated error.
 
         Raises
         ------
         OutOfRangeError
-            If the peak lies on the rim of the window.
+            If the brightest sample lies on the edge of the window.
         """
         return strehl_ratio(self, reference_peak=self.reference_peak)
 
     @checked
     def modulation_transfer(self, frequency: npt.ArrayLike, *, angle: float = 0.0) -> Measured:
-        """MTF along a direction, by `modulation_transfer`.
+        """Modulation transfer function (MTF) along one direction.
 
-        At frequency 0 the value is the fraction of the light in the window, which differs from 1 by less than its
-        error.
+        At frequency 0, it is the fraction of the light that falls within the window, which differs from 1 by less than
+        the stated error.
 
         Parameters
         ----------
         frequency
             Spatial frequencies [cycles/m], any shape.
         angle
-            Direction along which the MTF is measured, from the x axis [rad], within ±2π.
+            Direction along which the intensity is modulated, measured from the x axis [rad], within ±2π.
 
         Returns
         -------
         Measured
-            MTF [1] in the shape of the frequencies, with the errors of sampling, of the samples and of the window.
+            MTF [1] in the shape of the frequencies; its error allows for the spacing of the samples, for their stated
+            error and for the light outside the window.
 
         Raises
         ------
         OutOfRangeError
-            A frequency is beyond what the samples resolve, which is well beyond the cutoff D/(λ b); or the angle
-            exceeds a full turn.
+            If a frequency exceeds the largest that the samples resolve, 1/(2 `spacing`), or the angle exceeds a full
+            turn. The MTF is 0 above the much lower cutoff frequency, 1.2197/`airy_radius`.
         """
         check_angle(angle)
         f = np.asarray(frequency, dtype=np.float64)
@@ -239,17 +244,17 @@ class LensPointSpread(PointSpread):
         return modulation_transfer(self, frequency_x=f * math.cos(angle), frequency_y=f * math.sin(angle))
 
     def plot(self, file: str | Path | None = None) -> Figure:
-        """Plot spot, cuts, encircled energy and MTF, with bands for the stated errors.
+        """Plot the spot, cuts through it, the encircled energy and the MTF, with bands for the stated errors.
 
         Parameters
         ----------
         file
-            Where to save the figure; its extension sets the format. Default: it is not saved.
+            File in which the figure is saved; its extension sets the format. Default: the figure is not saved.
 
         Returns
         -------
         Figure
-            Figure of four panels, not attached to a window.
+            Matplotlib figure with four panels, not yet shown on the screen.
 
         Raises
         ------
@@ -299,58 +304,70 @@ def point_spread(
     obliquity: Obliquity = "paper",
     limits: Limits | None = None,
 ) -> LensPointSpread:
-    """Point-spread function of a lens from its data: |∬ U(q) t(q) exp(i k W(q)) K(q, P) dq|² over the pupil.
+    """Point-spread function of a lens, from its focal length and f-number.
+
+    I(P) = |∬ U(q) t(q) exp(i k W(q)) K(q, P) dq|²/P₀ is the intensity at a point P of the image plane. The integral
+    extends over the points q of the pupil. U is the wave behind the lens without aberrations, t the amplitude
+    transmission and W the path error of the pupil, k = 2π/λ, K the kernel that propagates the field from q to P, and
+    P₀ the power through the pupil.
 
     Parameters
     ----------
     focal_length
-        f [m], > 0; or its table over field angle and wavelength (field curvature, axial colour).
+        Focal length f [m], > 0; or a table of focal lengths over field angle and wavelength, which describes field
+        curvature and axial colour.
     f_number
-        N = f/D [1], so that the pupil diameter is D = f/N.
+        N = f/D [1], > 0, where D is the diameter of the pupil. For a table, f is its reference focal length.
     wavelength
-        λ [m], > 0 and less than the pupil's diameter.
+        Wavelength λ [m], > 0 and less than the diameter of the pupil.
     source
-        Point at a finite position or `PointSource.at_infinity`. Default: on the axis at infinity.
+        Point source, at a finite position or `PointSource.at_infinity`. Default: on the axis at infinity.
     method
-        ``geometric``, ``boundary_wave``, ``fresnel`` or ``kirchhoff``, as in `aperture_field`. ``fresnel`` agrees with
-        textbook results, which are paraxial; ``kirchhoff`` allows for the finite cone of light, and its MTF at f/2.8
-        and 550 nm is 0.003 to 0.009 lower over most frequencies.
+        Method of propagation: ``kirchhoff``, ``fresnel``, ``boundary_wave`` or ``geometric``, as in `aperture_field`.
+        ``fresnel`` is paraxial and agrees with textbook formulas. ``kirchhoff`` is not paraxial: at f/2.8 and 550 nm,
+        it gives an MTF that is lower by 0.003 to 0.009 over most frequencies.
     tolerance
-        Relative L2 error allowed for the intensity over the window, in 1e-10 … 0.1.
+        Largest relative L2 error of the intensity over the window [1], in 1e-10 … 0.1.
     focus_distance
-        Object distance in focus [m]. Default: the source's. The image plane is where an axial point at this distance is
-        imaged; with a table of focal lengths, at its reference wavelength.
+        Object distance on which the lens is focused [m]. The image plane is where an axial point at this distance is
+        imaged; with a table of focal lengths, at its reference wavelength. Default: the distance of the source.
     lens_phase
-        ``perfect``: sends every source point exactly to its thin-lens image; ``stigmatic``: a fixed element exact for
-        `focus_distance` on the axis, with coma off axis; ``parabolic``: the paper's lens, with spherical aberration.
+        Phase of the lens:
+
+        * ``perfect``: images every source point exactly onto its thin-lens image.
+        * ``stigmatic``: images the axial point at ``focus_distance`` exactly; has coma off the axis.
+        * ``parabolic``: the lens of the paper under References; has spherical aberration.
     pupil
-        Amplitude and aberrations. Default: a clear aperture without aberration.
+        Amplitude transmission and aberrations of the pupil. Default: a clear pupil without aberrations.
     window
-        Half the side of the sampled square about the chief ray [Airy radii]; at least 1.5. The light outside is part
-        of the error of the MTF: 0.8 % of the light for a window of 20, in inverse proportion to the window.
+        Half the side of the window, the square about the chief ray on which the intensity is sampled [Airy radii];
+        at least 1.5. The error of the MTF includes the light outside the window, which is 0.8 % of all light for the
+        default and inversely proportional to ``window``.
     obliquity
-        Obliquity factor of Kirchhoff's integral, as in `aperture_field`.
+        Obliquity factors in U and K, as in `aperture_field`. ``fresnel`` has none and accepts only the default.
     limits
-        Memory and time allowed. Default: 2 GB, 600 s.
+        Nodes, memory and time that the computation may take. Default: 2·10⁷ nodes, 2 GB and 600 s.
 
     Returns
     -------
     LensPointSpread
-        Intensity with its stated error; methods give width, encircled energy, Strehl ratio, MTF and a plot.
+        Intensity [1/m²] with its stated error. Its methods compute width, encircled energy, Strehl ratio and MTF, and
+        plot them.
 
     Raises
     ------
     OutOfRangeError
-        An argument is outside the validity of the laws, or the focus is on the wrong side of the focal length.
+        An argument is outside the range in which the method holds, or ``focus_distance`` does not exceed the focal
+        length.
     UnaffordableError
-        The nodes needed exceed the limits.
+        The computation needs more than ``limits`` allows.
     NotConvergedError
-        The tolerance is not reached.
+        The tolerance is smaller than the error that the method or double precision can reach.
 
     References
     ----------
-    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–22; Born and Wolf, *Principles of
-    Optics*, sections 8.3 and 9.1–9.4.
+    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–22; M. Born and E. Wolf,
+    *Principles of Optics*, sections 8.3 and 9.1–9.4.
 
     Examples
     --------

@@ -31,51 +31,55 @@ _LENSES_BEYOND = 1.0  # pitches beyond the geometric light, for the light that t
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class MicrolensCamera:
-    """Data of a camera with a microlens array; `light_path` derives the lenses and pixels that a source lights.
+    """Data of a camera with a microlens array; `light_path` finds the microlenses and pixels that a source lights.
 
     Parameters
     ----------
     focal_length
-        f of the main lens [m], or its table over field angle and wavelength.
+        Focal length f of the main lens [m], > 0, or a table of it over field angle and wavelength.
     f_number
-        N of the main lens [1]; its pupil diameter is f/N.
+        f-number of the main lens [1], > 0: f divided by the diameter of the pupil.
     array_distance
-        Distance from main lens to array, z [m].
+        Distance z from the main lens to the microlens array [m], > 0.
     microlens_focal_lengths
-        f_L of each type [m]: one, or three in a hexagonal array, where neighbours are of different types.
+        Focal length of all microlenses [m]; or three focal lengths, for a hexagonal array with three types of microlens
+        in which neighbours are always of different types.
     microlens_pitch
-        Distance between the centres of neighbouring microlenses [m].
+        Distance between the centres of neighbouring microlenses [m], > 0.
     gap
-        Distance from array to detector, b_L [m].
+        Distance b_L from the microlens array to the detector [m], > 0.
     pixel_pitch
-        Side of a pixel [m].
+        Side of a pixel [m], > 0.
     layout
-        ``hexagonal`` with rows along x, or ``square``; one microlens is centred on the axis.
+        Lattice of the microlenses: ``hexagonal``, with rows along x, or ``square``. One microlens is centred on the
+        axis.
     microlens_aperture
-        Diameter [m]. Default: the pitch.
+        Diameter of the circular aperture of every microlens [m]. Default: `microlens_pitch`.
     gaps
-        ``opaque`` or ``clear``: the area between the apertures.
+        Whether the area between the apertures blocks light, ``opaque``, or passes it unchanged, ``clear``.
     lens_phase
-        Phase of the main lens: ``perfect``, ``stigmatic`` or ``parabolic``, as in `CircularLens`; a stigmatic lens is
-        exact for the source.
+        Phase of the main lens: ``perfect``, ``stigmatic`` or ``parabolic``, see `CircularLens`. A stigmatic main lens
+        is exact at the distance of the source.
     microlens_phase
-        Phase of every microlens, named like that of the main lens; a stigmatic microlens is exact for the source too.
+        Phase of every microlens: ``perfect``, ``stigmatic`` or ``parabolic``, see `CircularLens`. A stigmatic microlens
+        is exact at the distance of the image that the main lens forms of the source.
     pupil
-        Amplitude and aberrations of the main lens.
+        Amplitude transmission and aberrations of the main lens. Default: a clear pupil without aberrations.
     microlens_pupil
-        Amplitude and aberrations of every microlens.
+        Amplitude transmission and aberrations of every microlens. Default: a clear pupil without aberrations.
     odd_pixels
-        Whether the sensor has an odd number of (rows, columns), so that the axis meets the middle of a pixel.
+        Whether the sensor has an odd number of (rows, columns). If both are odd, the axis meets the centre of a pixel;
+        if both are even, the corner of four pixels.
 
     Raises
     ------
     OutOfRangeError
-        If the f-number, the focal length, a distance, a pitch or the number of microlens types is impossible;
+        If the f-number, the focal length, a distance, a pitch or the number of microlens types is out of range.
         `light_path` checks the apertures and focal lengths of the microlenses.
 
     Examples
     --------
-    The Raytrix R5 of the paper, and the number of microlenses on the light path of a point at 0.5 m:
+    A Raytrix R5, and the number of microlenses in the light path of a point at 0.5 m:
 
     >>> from tradestudy import optics
     >>> camera = optics.MicrolensCamera(
@@ -145,24 +149,26 @@ class MicrolensCamera:
         return np.atleast_1d(np.asarray(self.microlens_focal_lengths, dtype=np.float64))
 
     def light_path(self, source: PointSource | DiscSource, *, wavelength: float) -> LightPath:
-        """Return the microlenses that the source lights, a ring of others around them, and the pixels behind.
+        """Return the main lens, the microlenses that a source lights and those around them, and the pixels behind.
 
         Parameters
         ----------
         source
-            Point or disc.
+            Point source or disc in front of the main lens.
         wavelength
-            Wavelength at which a table of focal lengths is read [m].
+            Wavelength λ [m], for which the focal length is taken from a table.
 
         Returns
         -------
         LightPath
-            Main lens, these microlenses, and whole pixels of the sensor that contain their geometric light.
+            Main lens, lit microlenses with a ring of unlit ones, and the pixels on which their geometric light falls.
 
         Raises
         ------
         OutOfRangeError
-            If the parts do not fit together, or the source lies beyond the table of focal lengths.
+            If an aperture or a focal length of the microlenses is out of range, the main lens forms its image at
+            infinity, the source or the wavelength lies outside the table of focal lengths, or the focal length varies
+            over a disc.
         UnaffordableError
             If the source lights more than 100 000 microlenses or 100 million pixels.
         """
@@ -280,43 +286,47 @@ def microlens_image(
     tolerance: float = 1e-3,
     seed: int = 0,
 ) -> ChainImage:
-    """Image of a point or a disc behind main lens and microlens array, integrated over pixels, within a tolerance.
+    """Image of a point or a disc on the pixels behind a main lens and a microlens array, within a tolerance.
 
     Parameters
     ----------
     camera
-        Data of the camera; a plenoptic camera of a study provides them as ``camera.light_chain()``.
+        Main lens, microlens array and sensor. A plenoptic camera of a study returns them by its method
+        ``light_chain()``.
     source
-        A point, at a finite position or `PointSource.at_infinity`, or a disc.
+        A `PointSource`; or a `DiscSource`, whose points add as intensities (incoherent disc) or form one wave with one
+        phase over the disc (coherent disc).
     wavelength
-        λ [m]; or several, shape (n,), whose images add as intensities.
+        Wavelength λ [m], > 0; or several, shape (n,), whose images are averaged with ``weights``.
     weights
-        Power in the pupil at each of several wavelengths [any unit], shape (n,). Default: equal.
+        Power through the pupil at each wavelength [any unit], ≥ 0, not all zero, shape (n,); only the ratios matter.
+        Default: equal.
     legs
-        Law of propagation on each leg, as in `chain_image`.
+        Methods of propagation to the array and to the detector, as in `chain_image`.
     tolerance
-        Largest relative L2 error over the pixels, in 1e-6 … 0.2.
+        Largest relative L2 error over the pixels [1], in 1e-6 … 0.2.
     seed
-        Seed of the random check points: the same call gives the same digits.
+        Seed, ≥ 0, of the random points at which the result is checked: the same call gives the same digits.
 
     Returns
     -------
     ChainImage
-        Fraction of the pupil's power on each pixel, with a stated error within the tolerance. The pixels are those of
-        ``camera.light_path(source, wavelength=…).pixels``; with several wavelengths, of the widest of these grids.
+        Fraction of the power through the pupil on each pixel, with a stated error within the tolerance. The pixels are
+        ``camera.light_path(source, wavelength=…).pixels``; for several wavelengths, the widest of these grids.
 
     Raises
     ------
     OutOfRangeError
-        If the source, the light or a part is outside the validity of the laws.
+        An argument is outside the range in which the methods hold; see `chain_image`.
     UnaffordableError
-        If nodes or samples need more memory than allowed.
+        The computation needs more than 2 GB of memory, or more than about a million points of the source.
     NotConvergedError
-        If the stated error stays above the tolerance after refinement.
+        The stated error stays above the tolerance after refinement.
 
     References
     ----------
-    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 14, 16, 22 and 25, by `chain_image`.
+    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 14, 16, 22 and 25, as in
+    `chain_image`.
 
     Examples
     --------

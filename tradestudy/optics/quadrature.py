@@ -18,23 +18,24 @@ from tradestudy.optics.phasors import unit_phasor
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class QuadratureNodes:
-    """Points and weights of an area rule: the integral of g is ``sum(weights * g(x, y))``.
+    """Nodes and weights for integrals over an area: ∬ g dA ≈ ``sum(weights * g(x, y))`` for any smooth function g.
 
     Parameters
     ----------
     x, y
-        Positions [m], shape (n,).
+        Positions of the nodes [m], shape (n,).
     weights
-        Area weights [m²], shape (n,).
+        Weights [m²], shape (n,). They sum to the area.
     centre
-        Centre of the area [m].
+        Centre of the area (x, y) [m].
     half_extent
-        Half the larger side of the box around the area [m].
+        Half the longer side of the smallest rectangle about the area, with sides along x and y [m], > 0.
 
     Raises
     ------
     OutOfRangeError
-        If x, y and weights are not arrays of one length.
+        x, y and weights are not flat arrays of the same length, the centre is not finite, or ``half_extent`` is
+        not positive and finite.
 
     Examples
     --------
@@ -80,11 +81,12 @@ def disc_nodes(
     angular_count: int | npt.NDArray[np.int_],
     centre: tuple[float, float] = (0.0, 0.0),
 ) -> QuadratureNodes:
-    """Place Gauss–Legendre rings (in the squared radius) of equally spaced angles on a disc.
+    """Quadrature nodes on a disc: rings at Gauss–Legendre points in the squared radius, each with equally spaced nodes.
 
-    The ring average of a smooth function is an even function of the radius. It is therefore smooth in the squared
-    radius, the variable in which the area element is constant. The rule is exact for polynomials x^i y^j with i + j <
-    `angular_count` and i + j ≤ 4 `radial_count` − 2, and converges faster than any power for smooth integrands.
+    The mean of a smooth function over a ring is an even function of the radius, and so a smooth function of the squared
+    radius. Equal steps of the squared radius also enclose equal areas. The sum over the nodes is exact for polynomials
+    x^i y^j with i + j < ``angular_count`` (its smallest entry, for an array) and i + j ≤ 4 ``radial_count`` − 2. For
+    other smooth functions, the error falls faster than any power of the counts.
 
     Parameters
     ----------
@@ -93,20 +95,20 @@ def disc_nodes(
     radial_count
         Number of rings, ≥ 1.
     angular_count
-        Number of nodes on each ring, ≥ 1. An array of shape (radial_count,) gives each ring its own number, from the
-        innermost outwards: a smaller ring crosses fewer periods of a wave.
+        Number of nodes on each ring, ≥ 1. An array of shape (radial_count,) sets the number for each ring, from the
+        innermost outwards: smaller rings need fewer nodes, because a wave has fewer periods along them.
     centre
-        Centre of the disc [m].
+        Centre of the disc (x, y) [m].
 
     Returns
     -------
     QuadratureNodes
-        ``radial_count * angular_count`` nodes, or the sum of the array, ring by ring from the innermost.
+        The nodes, ring by ring from the innermost.
 
     Raises
     ------
     OutOfRangeError
-        The radius is not positive and finite, or a count is below 1.
+        The radius is not positive and finite, a count is below 1, or the array of counts has the wrong shape.
 
     References
     ----------
@@ -117,7 +119,7 @@ def disc_nodes(
     >>> import numpy as np
     >>> from tradestudy import optics
     >>> nodes = optics.disc_nodes(radius=2.0, radial_count=3, angular_count=8)
-    >>> print(f"{nodes.weights @ nodes.x**2 / np.pi:.12f}")  # π R⁴/4
+    >>> print(f"{nodes.weights @ nodes.x**2 / np.pi:.12f}")  # ∬ x² dA/π = R⁴/4
     4.000000000000
     """
     _check_positive("radius of the disc", radius)
@@ -152,7 +154,7 @@ def ring_angles(counts: npt.NDArray[np.int_]) -> FloatArray:
 def rectangle_nodes(
     *, width: float, height: float, counts: tuple[int, int], centre: tuple[float, float] = (0.0, 0.0)
 ) -> QuadratureNodes:
-    """Place a Gauss–Legendre product rule on a rectangle.
+    """Quadrature nodes on a rectangle: the product of Gauss–Legendre rules along x and along y.
 
     Parameters
     ----------
@@ -161,14 +163,15 @@ def rectangle_nodes(
     height
         Side along y [m], > 0.
     counts
-        Number of nodes along x and y, ≥ 1; the rule is exact to degree 2n − 1 in each.
+        Numbers of nodes along x and along y, each ≥ 1. n nodes along x integrate polynomials in x up to degree 2n − 1
+        exactly, and likewise along y.
     centre
-        Centre of the rectangle [m].
+        Centre of the rectangle (x, y) [m].
 
     Returns
     -------
     QuadratureNodes
-        The product of `counts` nodes, x running fastest.
+        The nodes, row by row: x varies fastest.
 
     Raises
     ------
@@ -183,7 +186,7 @@ def rectangle_nodes(
     --------
     >>> from tradestudy import optics
     >>> nodes = optics.rectangle_nodes(width=2.0, height=1.0, counts=(3, 3))
-    >>> print(f"{nodes.weights @ nodes.x**2:.12f}")
+    >>> print(f"{nodes.weights @ nodes.x**2:.12f}")  # ∬ x² dA = height · width³/12
     0.666666666667
     """
     _check_positive("width of the rectangle", width)

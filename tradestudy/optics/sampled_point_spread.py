@@ -25,19 +25,19 @@ _BEST_REDUCTION = 1 / 16  # of the error when the spacing is halved; a quintic s
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """A number or an array, with its numerical error (same shape, same unit).
+    """A number or an array of numbers, each with its numerical error.
 
-    `str` prints each value to the digits that its error supports; `repr` summarises large arrays.
+    ``str`` shows each value to the digits that its error supports; ``repr`` summarises large arrays.
 
     Attributes
     ----------
     value, error
-        Arrays of the same shape and unit [that of the quantity]; shape () for a single number.
+        Values and their errors, arrays of the same shape [unit of the quantity]; shape () for a single number.
 
     Raises
     ------
     OutOfRangeError
-        The shapes differ.
+        `value` and `error` have different shapes.
 
     Examples
     --------
@@ -82,28 +82,31 @@ def _with_error(value: float, error: float) -> str:
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class PointSpread:
-    """Intensity of a point's image on a uniform grid.
+    """Intensity of the image of a point, sampled on a uniform grid.
+
+    The rectangle that the samples cover is called the window.
 
     Attributes
     ----------
     x, y
-        Sample positions [m], increasing and equally spaced; 4 n + 1 ≥ 33 along each axis.
+        Positions of the samples [m], increasing and equally spaced. Their number along each axis is 4 n + 1 for a whole
+        number n, and at least 33.
     intensity
-        I [W/m²], shape (len(y), len(x)).
+        Intensity I of the samples [W/m²], ≥ 0, shape (len(y), len(x)).
     pupil_power
-        Power that passed the pupil [W]; energies are fractions of it.
+        Power through the pupil [W], > 0. Metrics such as the encircled energy are fractions of this power.
     relative_error
-        Stated relative L2 error of the samples, included in the error of every number computed from them; 0 for samples
-        of a closed form.
+        Stated relative L2 error of the intensity over the samples [1]; every number computed from the samples includes
+        it in its error. Default: 0, for exact samples.
 
     Raises
     ------
     OutOfRangeError
-        If shapes, spacing, sign, power or error violate the above.
+        If an array or a number does not meet the conditions above.
 
     Examples
     --------
-    A Gaussian spot, the width of its cut along x, and the interpolated intensity at a radius of σ:
+    A Gaussian spot with a standard deviation of 2 µm, its width along x, and its intensity 2 µm from the centre:
 
     >>> import numpy as np
     >>> from tradestudy import optics
@@ -183,52 +186,52 @@ class PointSpread:
 
     @property
     def spacings(self) -> tuple[float, float]:
-        """Distance between samples along x and along y [m]."""
+        """Distances between neighbouring samples along x and along y [m]."""
         x, y = (float((axis[-1] - axis[0]) / (axis.size - 1)) for axis in (self.x, self.y))
         return x, y
 
     @property
     def spacing(self) -> float:
-        """The smaller of the two spacings [m]."""
+        """The smaller of the two `spacings` [m]."""
         return min(self.spacings)
 
     @property
     def intensity_error(self) -> float:
-        """Stated error of the intensity in L2 over the window, ε √(∫∫ I² dA) [W/m]."""
+        """Stated L2 error of the intensity over the window [W/m], which is `relative_error` times √(∫∫ I² dA)."""
         dx, dy = self.spacings
         return self.relative_error * float(np.linalg.norm(self.intensity)) * float(np.sqrt(dx * dy))
 
     @property
     def sample_error(self) -> float:
-        """Largest possible error of a single sample [W/m²], if the whole stated error falls on it."""
+        """Largest possible error of a single sample [W/m²], reached if the whole stated error falls on it."""
         return self.relative_error * float(np.linalg.norm(self.intensity))
 
     @cached_property
     def spline(self) -> RectBivariateSpline:
-        """Quintic interpolant of the samples [W/m²], called as spline(y, x)."""
+        """Quintic spline through the samples [W/m²], called as ``spline(y, x)``."""
         return RectBivariateSpline(self.y, self.x, self.intensity, kx=5, ky=5)
 
     def at(self, x: FloatArray | float, y: FloatArray | float, *, order: tuple[int, int] = (0, 0)) -> FloatArray:
-        """Interpolated intensity, or one of its derivatives.
+        """Intensity or one of its derivatives, interpolated by a quintic spline.
 
         Parameters
         ----------
         x, y
-            Positions within the window [m], broadcast against each other.
+            Positions within the window [m], broadcast together.
         order
-            Orders of the derivatives along (x, y), from 0 to 4 each.
+            Orders of the derivative along (x, y), each from 0 to 4.
 
         Returns
         -------
         ndarray
-            Intensity [W/m²] or its derivative [W/m² per mⁿ] by the quintic spline, in the shape of the positions. Each
+            Intensity [W/m²], or its derivative of total order n [W/m² per mⁿ], in the shape of the positions. Each
             sample errs by at most `sample_error`; interpolation adds an error that this method does not state.
         """
         return np.asarray(self.spline(np.asarray(y), np.asarray(x), dx=order[1], dy=order[0], grid=False))
 
     @cached_property
     def coarser(self) -> tuple[PointSpread, PointSpread]:
-        """Samples of the same window, every second and every fourth."""
+        """The same window with every second sample, and with every fourth, for estimates of the error."""
         grids = []
         for step in (2, 4):
             grid = object.__new__(PointSpread)  # coarser grids may fall below the least number of samples
@@ -244,19 +247,21 @@ class PointSpread:
         return grids[0], grids[1]
 
     def moments(self, centre: tuple[float, float], reach: float) -> DiscMoments:
-        """Moments over discs about a centre; one evaluation of the spline serves every metric that needs them.
+        """Moments ∫ rⁿ I dA of the intensity over discs about one centre, where r is the distance from the centre.
+
+        They are kept, so that the spline is evaluated only once for all metrics that need them.
 
         Parameters
         ----------
         centre
-            Centre of the discs (x, y) [m].
+            Centre (x, y) of the discs [m].
         reach
             Radius of the largest disc [m].
 
         Returns
         -------
         DiscMoments
-            Function of the radius and the power n of r in the moment.
+            Function that returns the moment [W mⁿ], given the radius of the disc [m] and n ≥ 0.
         """
         known = self._known_moments
         if (centre, reach) not in known:
@@ -294,7 +299,7 @@ def peak_position(psf: PointSpread) -> tuple[float, float]:
     Raises
     ------
     OutOfRangeError
-        If the brightest sample lies on the rim of the window: the peak may be outside.
+        If the brightest sample lies on the edge of the window: the peak may be outside.
     """
     row, column = np.unravel_index(int(np.argmax(psf.intensity)), psf.intensity.shape)
     if row in (0, psf.y.size - 1) or column in (0, psf.x.size - 1):

@@ -16,28 +16,31 @@ SpreadField = PointSpread | ApertureField
 
 @checked
 def as_point_spread(field: SpreadField) -> PointSpread:
-    """Samples of a field, with its pupil power and stated error.
+    """Convert a field on a regular grid to the `PointSpread` from which metrics are computed.
 
-    Metrics with errors need 4 n + 1 rows and columns; from any other number, up to three at the far side are dropped.
+    The error estimates of the metrics need 4 n + 1 rows and 4 m + 1 columns, where n and m are whole numbers. From any
+    other grid, the last one to three rows or columns are dropped.
 
     Parameters
     ----------
     field
-        `PointSpread`, or an `ApertureField` on a `TargetGrid` or on points that form a grid in one plane.
+        `ApertureField` on a `TargetGrid`, or on `TargetPoints` that form a regular grid at one distance; or a
+        `PointSpread`.
 
     Returns
     -------
     PointSpread
-        The samples; a `PointSpread` is returned unchanged.
+        The intensity of the field at the points of the grid, the pupil power, and the relative error of the intensity.
+        A `PointSpread` is returned unchanged.
 
     Raises
     ------
     OutOfRangeError
-        The targets do not form a regular grid in one plane, or have fewer than 33 rows or columns.
+        The targets do not form a regular grid at one distance, or have fewer than 33 rows or columns.
 
     References
     ----------
-    The samples themselves: nothing is interpolated.
+    No formula: the intensity is copied, not interpolated.
 
     Examples
     --------

@@ -22,28 +22,32 @@ from tradestudy.optics.spread_fields import SpreadField, as_point_spread
 
 @checked
 def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
-    """FWHM of the cut through the peak: distance between the first half-maximum crossings on both sides [m].
+    """Full width at half maximum along a line through the peak [m].
+
+    From the peak outwards, the width ends on either side where the intensity first falls to half the peak.
 
     Parameters
     ----------
     field
-        Sampled intensity, or a field on a regular grid.
+        `PointSpread`, or `ApertureField` on a regular grid. Its window is the rectangle that the samples cover.
     angle
-        Direction of the cut, measured from the x axis [rad], within ±2π.
+        Direction of the line, measured from the x axis [rad], within ±2π.
 
     Returns
     -------
     Measured
-        Width [m], shape (), with the errors of sampling and of the samples.
+        Width [m], shape (); its error allows for the spacing of the samples and for their stated error.
 
     Raises
     ------
     OutOfRangeError
-        If the angle exceeds a full turn, or the intensity never falls to half the peak on one side within the window.
+        The angle exceeds a full turn, the brightest sample lies on the edge of the window, or the intensity on one side
+        does not fall to half the peak within the window.
 
     References
     ----------
-    Airy's pattern: 1.029 λ N, with the working f-number N; exact paths add 0.2 % at f/8.
+    Airy's pattern has the width 1.029 λ N, where λ is the wavelength and N the working f-number. At f/8, the width
+    computed with exact paths is 0.2 % greater.
 
     Examples
     --------
@@ -108,30 +112,36 @@ def _distance_to_rim(psf: PointSpread, start: tuple[float, float], direction: tu
 
 @checked
 def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius: FloatArray) -> Measured:
-    """Fraction of the pupil's power inside circles: ∫∫ I dA / P.
+    """Fraction of the power through the pupil that falls inside a circle, ∬ I dA / P, for one or more radii.
+
+    I is the intensity, integrated over the circle, and P the power through the pupil.
 
     Parameters
     ----------
     field
-        Sampled intensity, or a field on a regular grid.
+        `PointSpread`, or `ApertureField` on a regular grid. Its window is the rectangle that the samples cover.
     centre
-        Centre of the circles (x, y) [m], for example chief ray, peak or centroid; state which one with the result.
+        Centre of the circles (x, y) [m], such as the position of the chief ray, the peak or the centroid. State your
+        choice with the result.
     radius
-        Radii [m], any shape.
+        Radii of the circles [m], ≥ 0, any shape.
 
     Returns
     -------
     Measured
-        Fractions [1] in the shape of the radii, with the errors of sampling and of the samples.
+        Fractions [1] in the shape of the radii; their error allows for the spacing of the samples and for their stated
+        error.
 
     Raises
     ------
     OutOfRangeError
-        If a circle leaves the window.
+        A radius is negative, or a circle reaches beyond the window.
 
     References
     ----------
-    Airy's pattern: 1 − J₀² − J₁² of π r/(λ N), Rayleigh 1881; 0.838 in the first dark ring.
+    For Airy's pattern, the fraction inside the radius r is 1 − J₀(v)² − J₁(v)² with v = π r/(λ N), where λ is the
+    wavelength, N the working f-number, and J₀ and J₁ are Bessel functions (Rayleigh 1881). It is 0.838 at the first
+    dark ring.
 
     Examples
     --------
@@ -159,30 +169,30 @@ def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius:
 
 @checked
 def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], share: float) -> Measured:
-    """Radius of the circle that contains a given fraction of the pupil's power [m].
+    """Radius of the circle that contains a given fraction of the power through the pupil [m].
 
     Parameters
     ----------
     field
-        Sampled intensity, or a field on a regular grid.
+        `PointSpread`, or `ApertureField` on a regular grid. Its window is the rectangle that the samples cover.
     centre
         Centre of the circle (x, y) [m].
     share
-        Fraction of the power [1], in (0, 1), for example 0.5 or 0.8.
+        Fraction of the power through the pupil [1], between 0 and 1, for example 0.5 or 0.8.
 
     Returns
     -------
     Measured
-        Radius [m], shape (), with the errors of sampling and of the samples.
+        Radius [m], shape (); its error allows for the spacing of the samples and for their stated error.
 
     Raises
     ------
     OutOfRangeError
-        If the largest circle that fits into the window contains a smaller fraction.
+        The fraction is not between 0 and 1, or even the largest circle that fits into the window contains less.
 
     References
     ----------
-    The inverse of `encircled_energy`.
+    The radius is found by solving ``encircled_energy`` = ``share``.
 
     Examples
     --------
@@ -222,33 +232,35 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
 
 @checked
 def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float) -> Measured:
-    """Root-mean-square distance from the centre within a circle: √(∫ r² I dA / ∫ I dA) [m].
+    """Root-mean-square distance of the light from the centre of a circle: √(∬ r² I dA / ∬ I dA) [m].
 
-    State the radius with the width: behind a hard aperture I falls as r⁻³, and the width grows with the radius without
+    I is the intensity at the distance r from the centre, and both integrals extend over the circle. State its radius
+    with the width: behind an aperture with a hard edge, I falls as r⁻³, and the width grows with the radius without
     limit.
 
     Parameters
     ----------
     field
-        Sampled intensity, or a field on a regular grid.
+        `PointSpread`, or `ApertureField` on a regular grid. Its window is the rectangle that the samples cover.
     centre
-        Centre (x, y) [m].
+        Centre of the circle (x, y) [m].
     radius
-        Radius of the circle [m].
+        Radius of the circle [m], > 0.
 
     Returns
     -------
     Measured
-        Width [m], shape (), with the errors of sampling and of the samples.
+        Width [m], shape (); its error allows for the spacing of the samples and for their stated error.
 
     Raises
     ------
     OutOfRangeError
-        If the circle leaves the window, or the window contains no light.
+        The radius is not positive, the circle reaches beyond the window, or the window contains no light.
 
     References
     ----------
-    Second moment of the spot about a point, as in ISO 11146-1, truncated at the radius.
+    The square of the width is a second moment of the intensity, as in ISO 11146-1, but about the given centre and only
+    over the circle.
 
     Examples
     --------
@@ -274,24 +286,26 @@ def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float)
 
 @checked
 def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:
-    """Ratio of the peak intensity to the peak of the same pupil without aberration.
+    """Strehl ratio: the peak intensity divided by the peak intensity of the same pupil without aberration.
 
     Parameters
     ----------
     field
-        Sampled intensity, or a field on a regular grid.
+        `PointSpread`, or `ApertureField` on a regular grid. Its window is the rectangle that the samples cover.
     reference_peak
-        Peak without aberration [W/m²], for example `diffraction_limited_peak`.
+        Peak intensity without aberration [unit of the intensity of ``field``], > 0, for example from
+        `diffraction_limited_peak`.
 
     Returns
     -------
     Measured
-        Ratio [1], shape (), with the errors of sampling and of the samples; the reference is taken as exact.
+        Ratio [1], shape (); its error allows for the spacing of the samples and for their stated error. The
+        reference peak is taken as exact.
 
     Raises
     ------
     OutOfRangeError
-        If the reference is not positive, or the peak lies on the rim.
+        The reference peak is not positive and finite, or the brightest sample lies on the edge of the window.
 
     References
     ----------
@@ -299,7 +313,8 @@ def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:
 
     Examples
     --------
-    `point_spread` provides the reference peak of its lens. By Maréchal's criterion, λ/14 rms gives about 0.8:
+    By Maréchal's criterion, an aberration of λ/14 (rms) gives a Strehl ratio of about 0.8. The result of `point_spread`
+    contains the reference peak of the lens:
 
     >>> from tradestudy import optics
     >>> psf = optics.point_spread(
@@ -329,23 +344,24 @@ def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:
 
 @checked
 def diffraction_limited_peak(*, pupil_power: float, pupil_area: float, wavelength: float, distance: float) -> float:
-    """Peak intensity at the focus of a uniformly lit pupil: P A/(λ z)² [W/m²].
+    """Peak intensity at the focus of a uniformly lit pupil without aberration: P A/(λ z)² [W/m²].
 
     Parameters
     ----------
     pupil_power
-        P, power through the pupil [W].
+        Power through the pupil, P [W], > 0.
     pupil_area
-        A, area of the pupil [m²].
+        Area of the pupil, A [m²], > 0.
     wavelength
-        λ [m].
+        Wavelength λ [m], > 0.
     distance
-        z, distance from the pupil to the image [m].
+        Distance from the pupil to the image, z [m], > 0.
 
     Returns
     -------
     float
-        Intensity [W/m²]; paraxial, with a relative error of 1/(16 F²), where F is z over the pupil diameter.
+        Intensity [W/m²]. The formula is paraxial; its relative error is 1/(16 F²), where F is z divided by the diameter
+        of the pupil.
 
     Raises
     ------

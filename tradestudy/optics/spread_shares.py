@@ -21,38 +21,41 @@ _MOST_PIXELS = 2**22
 
 @checked
 def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequency_y: FloatArray) -> Measured:
-    """MTF: |∫∫ I e^{−2πi (f_x x + f_y y)} dx dy| / P.
+    """Modulation transfer function (MTF): |∬ I exp(−2πi (f_x x + f_y y)) dx dy| / P.
 
-    P is the power that passed the pupil. The light outside the window is missing from the integral; this missing
-    fraction is part of the error. At frequency 0, where the MTF is 1 by definition, the value is therefore the fraction
-    inside, such as 0.992 ± 0.008. The integral is not divided by that fraction: light far from the centre varies
-    slowly, so it is missing only at the lowest frequencies, and dividing would raise the MTF at all others.
+    I is the intensity at (x, y), f_x and f_y are the spatial frequencies, and P is the power through the pupil. The
+    integral covers only the window; the error therefore includes the fraction of P that falls outside the window. At
+    frequency 0, where the MTF is 1 by definition, the value is the fraction inside, for example 0.992 ± 0.008. The
+    integral is not divided by this fraction: far from the centre, the intensity varies slowly and so contributes only
+    to the lowest frequencies. Division would make the MTF too high at all others.
 
     Parameters
     ----------
     field
-        Sampled intensity, or a field on a regular grid.
+        `PointSpread`, or `ApertureField` on a regular grid. Its window is the rectangle that the samples cover.
     frequency_x, frequency_y
-        Spatial frequencies [cycles/m], broadcast against each other.
+        Spatial frequencies f_x and f_y [cycles/m], which are broadcast together.
 
     Returns
     -------
     Measured
-        MTF [1] in the shape of the frequencies, with the errors of sampling, of the samples and of the window.
+        MTF [1] in the shape of the frequencies; its error allows for the spacing of the samples, for their stated error
+        and for the light outside the window.
 
     Raises
     ------
     OutOfRangeError
-        If a frequency exceeds half the sampling frequency, or is not a number.
+        A frequency exceeds half the sampling frequency or is not a number, or the shapes do not broadcast.
 
     References
     ----------
-    J. W. Goodman, *Introduction to Fourier Optics*, section 6.3. A perfect lens has 2/π (arccos s − s √(1 − s²)) with
-    s = λ N f.
+    J. W. Goodman, *Introduction to Fourier Optics*, section 6.3. The MTF of a perfect lens is
+    2/π (arccos s − s √(1 − s²)) with s = λ N f, where λ is the wavelength, N the working f-number and f the spatial
+    frequency.
 
     Examples
     --------
-    At half the cutoff of a perfect lens, 0.391:
+    At half the cutoff frequency, where the MTF of a perfect lens is 0.391:
 
     >>> import numpy as np
     >>> from tradestudy import optics
@@ -95,26 +98,29 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
 
 @checked
 def window_share(field: SpreadField) -> Measured:
-    """Fraction of the pupil's power in the sampled window: ∫∫ I dA / P.
+    """Fraction of the power through the pupil that falls inside the window: ∬ I dA / P.
+
+    I is the intensity, integrated over the window, and P the power through the pupil.
 
     Parameters
     ----------
     field
-        Sampled intensity, or a field on a regular grid.
+        `PointSpread`, or `ApertureField` on a regular grid. Its window is the rectangle that the samples cover.
 
     Returns
     -------
     Measured
-        Fraction [1], shape (), with the errors of sampling and of the samples.
+        Fraction [1], shape (); its error allows for the spacing of the samples and for their stated error.
 
     Raises
     ------
     OutOfRangeError
-        If the field does not lie on a regular grid.
+        The field does not lie on a regular grid.
 
     References
     ----------
-    The fraction of Airy's pattern outside a circle of radius r is 2 λ N/(π² r); Born and Wolf, section 8.5.2.
+    M. Born and E. Wolf, *Principles of Optics*, section 8.5.2. The fraction of Airy's pattern outside a large circle of
+    radius r is 2 λ N/(π² r), where λ is the wavelength and N the working f-number.
 
     Examples
     --------
@@ -133,30 +139,33 @@ def window_share(field: SpreadField) -> Measured:
 
 @checked
 def share_outside_disc(field: SpreadField, *, centre: tuple[float, float], radius: float) -> Measured:
-    """Fraction of the pupil's power outside a disc, such as the geometric footprint: 1 − ∫∫ I dA / P.
+    """Fraction of the power through the pupil that falls outside a disc: 1 − ∬ I dA / P.
+
+    I is the intensity, integrated over the disc, and P the power through the pupil. The disc may be, for example, the
+    blur disc that paraxial rays fill.
 
     Parameters
     ----------
     field
-        Sampled intensity, or a field on a regular grid.
+        `PointSpread`, or `ApertureField` on a regular grid. Its window is the rectangle that the samples cover.
     centre
         Centre of the disc (x, y) [m].
     radius
-        Radius of the disc [m].
+        Radius of the disc [m], ≥ 0.
 
     Returns
     -------
     Measured
-        Fraction [1], shape (), with the error of `encircled_energy`.
+        Fraction [1], shape (); its error allows for the spacing of the samples and for their stated error.
 
     Raises
     ------
     OutOfRangeError
-        If the disc leaves the window.
+        The radius is negative, or the disc reaches beyond the window.
 
     References
     ----------
-    The complement of `encircled_energy`.
+    The fraction is 1 − ``encircled_energy``.
 
     Examples
     --------
@@ -172,33 +181,36 @@ def share_outside_disc(field: SpreadField, *, centre: tuple[float, float], radiu
 
 @checked
 def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float], shape: tuple[int, int]) -> Measured:
-    """Fraction of the pupil's power on each pixel: the intensity integrated over its square.
+    """Fraction of the power through the pupil that falls on each pixel: ∬ I dA / P.
+
+    I is the intensity, integrated over the square of the pixel, and P the power through the pupil.
 
     Parameters
     ----------
     field
-        Sampled intensity, or a field on a regular grid.
+        `PointSpread`, or `ApertureField` on a regular grid. Its window is the rectangle that the samples cover.
     pitch
-        Side of a pixel [m].
+        Side of a pixel [m], > 0.
     corner
-        Outer corner (x, y) of pixel [0, 0], at its smallest coordinates [m].
+        Corner (x, y) of pixel [0, 0] with the smallest coordinates [m].
     shape
-        (rows, columns).
+        Numbers of rows and columns of pixels.
 
     Returns
     -------
     Measured
-        Fractions [1], shape ``shape``, with the errors of sampling and of the samples; row i starts at
-        y = corner_y + i · pitch.
+        Fractions [1], in the given shape; their error allows for the spacing of the samples and for their stated
+        error. Row i starts at y = ``corner[1] + i * pitch``, column j at x = ``corner[0] + j * pitch``.
 
     Raises
     ------
     OutOfRangeError
-        If the pixels leave the window.
+        The pitch is not positive and finite, there are no pixels or more than 2²² of them, or a pixel reaches beyond
+        the window.
 
     References
     ----------
-    The definition: the spline through the samples is integrated over each square.
+    The intensity between the samples is a quintic spline, which is integrated exactly.
 
     Examples
     --------
@@ -247,30 +259,30 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
 
 @checked
 def share_on_neighbouring_pixels(field: SpreadField, *, pitch: float, centre: tuple[float, float]) -> Measured:
-    """Fraction of the pupil's power on the eight neighbours of a pixel.
+    """Fraction of the power through the pupil that falls on the eight neighbours of a pixel.
 
     Parameters
     ----------
     field
-        Sampled intensity, or a field on a regular grid.
+        `PointSpread`, or `ApertureField` on a regular grid. Its window is the rectangle that the samples cover.
     pitch
-        Side of a pixel [m].
+        Side of a pixel [m], > 0.
     centre
-        Centre (x, y) of the middle pixel [m].
+        Centre of the middle pixel (x, y) [m].
 
     Returns
     -------
     Measured
-        Fraction [1], shape (), with the sum of the errors of `pixel_shares`.
+        Fraction [1], shape (); its error is the sum of the errors of the fractions on the eight pixels.
 
     Raises
     ------
     OutOfRangeError
-        If the nine pixels leave the window.
+        The pitch is not positive and finite, or one of the nine pixels reaches beyond the window.
 
     References
     ----------
-    The definition, by `pixel_shares`.
+    The sum of the fractions that `pixel_shares` gives for the eight neighbours.
 
     Examples
     --------

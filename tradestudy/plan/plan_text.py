@@ -36,7 +36,8 @@ def plan_lines(
         if verbose:
             yield from (f"{'':<{width}}    {line}" for line in _decisions(one))
     yield from (f"{name:<{width}}  {how}" for name, how in settled.items())
-    yield f"{'run':<{width}}  about {_seconds(steps)} in total, including the report"
+    report = _seconds([step for step in steps if step.name == "report"])
+    yield f"{'run':<{width}}  about {_seconds(steps)} in total, of which {report} for the report"
     if verbose:
         names = max(len(step.name) for step in steps)
         for step in steps:
@@ -58,8 +59,9 @@ def _simulated(one: Chosen) -> str:
     if one.reasons.get("calibration") and models["calibration"] == OFF and "calibration" not in one.choice.forced:
         parts.append(one.reasons["calibration"])
     elif "calibration" in models:
-        drawn = ", ".join(one.choice.other_models)
-        parts.append(MODEL["calibration", models["calibration"]] + f" (exact for {drawn})" * bool(drawn))
+        drawn = listed([f"“{name}”" for name in one.choice.other_models])
+        without = ", without calibration errors" * (models["calibration"] == OFF)
+        parts.append(MODEL["calibration", models["calibration"]] + without + f" (exact for {drawn})" * bool(drawn))
     if "sampling" in models:
         parts.append(f"sampled to {models['sampling']}")
     if not pictured and "calibration" in models:
@@ -83,7 +85,7 @@ def _left_out(one: Chosen) -> str:
     _, quantity, _, decision = max(omitted, key=lambda found: found[0])
     change = one.choice.changes[quantity]  # due to all omissions; can be less than that due to one of them
     significant = {id(found[3]) for found in omitted if found[0] >= _SIGNIFICANT}
-    suffix = " and smaller effects" if len(significant) > 1 else ""
+    suffix = " and smaller effects together" if len(significant) > 1 else ""
     return (
         f"leaving out {left_out(decision.slot, decision.model)}{suffix} changes the {IN_WORDS[quantity]} by "
         f"{_amount(change, one.asked[quantity])} {_allowance(quantity, change, one)}"
@@ -117,7 +119,10 @@ def _first_refused(one: Chosen) -> str:
     omission = left_out(decision.slot, decision.model)
     if math.isinf(change.relative):
         allowed = pretty(one.asked[quantity], FRACTION)
-        return f", because leaving out {omission} could change the {IN_WORDS[quantity]} by more than {allowed}"
+        return (
+            f", because it is unknown by how much leaving out {omission} would change the {IN_WORDS[quantity]} "
+            f"({allowed} allowed)"
+        )
     return (
         f", because leaving out {omission} would change the {IN_WORDS[quantity]} by "
         f"{_amount(change, one.asked[quantity])} {_allowance(quantity, change, one)}"

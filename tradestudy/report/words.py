@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.units import FRACTION, LENGTH, Dimension, display_unit, pretty, significant
+from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, display_unit, pretty, significant
 from tradestudy.wording import distance, in_words
 
 _NEGLIGIBLE = 0.01  # of a value: most studies tolerate such an error
@@ -18,12 +18,38 @@ _PARTS: Final[Mapping[str, str]] = {
     "interior orientation": "focal length and principal point",
     "array": "microlens positions",
     "ageing": "changes since calibration",
+    "relative rotation": "relative rotation of its two cameras",
+    "relative position": "relative position of its two cameras",
 }
+_LENGTHS: Final = (
+    "baseline",
+    "focal_length",
+    "principal_point",
+    "mla_distance",
+    "microlens",
+    "array_offset",
+    "pupil_distance",
+    "field_curvature",
+    "relative_translation",
+    "board",
+    "motion_scale",
+)
+_ANGLES: Final = ("yaw", "pitch", "roll", "array_tilt", "array_rotation", "baseline_direction", "relative_rotation")
 
 
 def part_words(name: str) -> str:
     """Name a part of the error in words that need no explanation."""
     return _PARTS.get(name, in_words(name))
+
+
+def parameter_dimension(name: str) -> Dimension:
+    """The dimension of an inferred parameter, by its name in the results; a plain number where none is known."""
+    if name.startswith("log_"):
+        return NUMBER
+    if name.endswith("_px"):
+        return PIXELS
+    plain = name.removeprefix("left_").removeprefix("right_")
+    return ANGLE if plain.startswith(_ANGLES) else LENGTH if plain.startswith(_LENGTHS) else NUMBER
 
 
 def or_dash(value: float, write: Callable[[float], str] = significant) -> str:
@@ -63,7 +89,7 @@ def distance_with_error(value: float, error: float) -> str:
 def _rounded(value: float, error: float, unit: str) -> str:
     shown = float(f"{error:.0e}")
     decimals = -int(np.floor(np.log10(shown)))
-    number = f"{round(value, decimals):.{max(decimals, 0)}f}".replace("-", "−")
+    number = f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", "−")
     return f"{number} ± {significant(shown, 1)}{unit}".replace(" ", "\N{NO-BREAK SPACE}")
 
 

@@ -5,152 +5,182 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import Variable
-
-_REPLICATES = "standard error over independent scrambles"
-_ESTIMATE = "an estimate of an error"
+from tradestudy.results.variable import ESTIMATE, Variable
 
 CALIBRATION: Final[Mapping[str, Variable]] = {
-    "posterior_converged": Variable(
-        dims=("posterior",), units="1", long_name="whether the chains of the inferred calibration converged"
-    ),
+    "posterior_converged": Variable(dims=("posterior",), units="1", long_name="whether the Markov chains converged"),
     "posterior_verdict": Variable(
         dims=("posterior",), units="", long_name="convergence limits that the chains miss; empty where they converged"
     ),
-    "posterior_kind": Variable(dims=("posterior",), units="", long_name="data that the calibration was inferred from"),
+    "posterior_kind": Variable(
+        dims=("posterior",),
+        units="",
+        long_name="what the calibration was inferred from: 'synthetic target' or 'corners of a board'",
+    ),
     "posterior_lengths": Variable(
         dims=("posterior",),
         units="1",
-        long_name="number of kept steps, divided by the longest autocorrelation time",
+        long_name="length of the chains: number of kept steps, divided by the longest autocorrelation time",
         symbol="N/τ",
     ),
     "posterior_acceptance": Variable(
-        dims=("posterior", "ensemble"), units="1", long_name="fraction of proposed steps that the sampler accepts"
+        dims=("posterior", "ensemble"),
+        units="1",
+        long_name="fraction of proposed steps that the sampler accepts; NaN beyond the last ensemble",
     ),
     "posterior_marginal_efficiency": Variable(
         dims=("posterior",),
         units="1",
-        long_name="effective fraction of draws after reweighting them with poses refitted at each draw",
+        long_name="check of the approximation by which the chains integrate over the poses of the board: effective "
+        "fraction of the draws after reweighting with poses fitted anew for each draw; near 1 if the "
+        "approximation is good",
     ),
     "posterior_evaluations": Variable(
         dims=("posterior",), units="1", long_name="number of evaluations of the log posterior"
     ),
-    "posterior_seconds": Variable(dims=("posterior",), units="s", long_name="computing time of the sampling"),
-    "laplace_seconds": Variable(dims=("posterior",), units="s", long_name="computing time of the normal approximation"),
+    "posterior_seconds": Variable(dims=("posterior",), units="s", long_name="computing time of the chains"),
+    "laplace_seconds": Variable(
+        dims=("posterior",), units="s", long_name="computing time of the normal approximation of the posterior"
+    ),
     "posterior_mean": Variable(
         dims=("posterior", "parameter"),
         units="mixed",
-        long_name="posterior mean of a parameter, in SI or, where the name of the parameter says so, in pixels; "
-        "NaN where it is not inferred",
-        error="posterior_deviation over the square root of posterior_bulk_size",
+        long_name="posterior mean of a parameter; NaN where the parameter is not inferred",
+        error="posterior_deviation divided by the square root of posterior_bulk_size",
     ),
     "posterior_deviation": Variable(
-        dims=("posterior", "parameter"), units="mixed", long_name="posterior standard deviation of a parameter"
+        dims=("posterior", "parameter"),
+        units="mixed",
+        long_name="posterior standard deviation of a parameter; NaN where the parameter is not inferred",
     ),
     "prior_deviation": Variable(
         dims=("posterior", "parameter"),
         units="mixed",
-        long_name="prior standard deviation of a parameter; infinite where the prior is flat",
+        long_name="prior standard deviation of a parameter; infinite where the prior is flat, NaN where the "
+        "parameter is not inferred",
     ),
     "laplace_deviation": Variable(
         dims=("posterior", "parameter"),
         units="mixed",
-        long_name="standard deviation of a parameter by the normal approximation",
+        long_name="standard deviation of a parameter by the normal approximation of the posterior; NaN where the "
+        "parameter is not inferred",
     ),
     "posterior_autocorrelation": Variable(
-        dims=("posterior", "parameter"), units="1", long_name="integrated autocorrelation time [steps]", symbol="τ"
+        dims=("posterior", "parameter"),
+        units="1",
+        long_name="integrated autocorrelation time of a parameter, in steps; NaN where the parameter is not inferred",
+        symbol="τ",
     ),
     "posterior_r_hat": Variable(
         dims=("posterior", "parameter"),
         units="1",
-        long_name="rank-normalised split R-hat over independent ensembles",
+        long_name="rank-normalised split R-hat of a parameter over independent ensembles; NaN where the parameter "
+        "is not inferred",
         reference="Vehtari et al., Bayesian Analysis 16 (2021) 667",
     ),
     "posterior_bulk_size": Variable(
-        dims=("posterior", "parameter"), units="1", long_name="effective sample size in the bulk"
+        dims=("posterior", "parameter"),
+        units="1",
+        long_name="effective sample size of a parameter in the bulk of the posterior; NaN where the parameter is "
+        "not inferred",
     ),
     "posterior_tail_size": Variable(
-        dims=("posterior", "parameter"), units="1", long_name="effective sample size in the tails"
+        dims=("posterior", "parameter"),
+        units="1",
+        long_name="effective sample size of a parameter in the tails of the posterior; NaN where the parameter is "
+        "not inferred",
     ),
     "posterior_best": Variable(
         dims=("posterior", "parameter"),
         units="mixed",
-        long_name="parameter values with which a rig calibrated from corners measures depth; NaN for other cameras",
-        error="posterior_deviation",
+        long_name="value of a parameter with which a stereo rig calibrated from corners measures depth; NaN for "
+        "other cameras",
+        error="see posterior_deviation",
     ),
     "posterior_lens_model": Variable(
         dims=("posterior",),
         units="",
-        long_name="lens model of both cameras, unless it is a pinhole with k1 and k2: its name, the coefficients "
-        "that are parameters, and the starting point of the fit",
+        long_name="lens model of both cameras: its name, its fitted coefficients, and the start of the fit; empty "
+        "for a pinhole with the radial coefficients k1 and k2",
     ),
     "posterior_pixels": Variable(
         dims=("posterior", "side"),
         units="px",
-        long_name="number of columns and rows of the calibration pictures; 0 if there are none",
+        long_name="number of columns and number of rows of the calibration pictures; 0 without pictures",
     ),
     "posterior_draw": Variable(
-        dims=("posterior", "draw", "parameter"), units="mixed", long_name="joint draws from all chains"
+        dims=("posterior", "draw", "parameter"),
+        units="mixed",
+        long_name="value of a parameter in a joint draw from all chains; NaN where the parameter is not inferred",
     ),
     "posterior_trace": Variable(
         dims=("posterior", "ensemble", "step", "parameter"),
         units="mixed",
-        long_name="positions of each ensemble's first walker, at steps spread over the kept chain",
+        long_name="value of a parameter along the first walker of each ensemble, at steps spread evenly over the "
+        "kept chain; NaN where the parameter is not inferred",
     ),
-    "rig_quantity": Variable(dims=("rig_row",), units="", long_name="name of a finding about a real rig"),
-    "rig_camera": Variable(dims=("rig_row",), units="", long_name="name of the rig"),
+    "rig_quantity": Variable(
+        dims=("rig_row",), units="", long_name="name of a finding about a stereo rig calibrated from corners"
+    ),
+    "rig_camera": Variable(dims=("rig_row",), units="", long_name="stereo rig that the finding is about"),
     "rig_value": Variable(dims=("rig_row",), units="", long_name="value of the finding, with its unit"),
     "rig_claimed": Variable(
         dims=("posterior", "rig_distance"),
         units="m",
-        long_name="standard deviation of depth according to the fit to corners, midway between the axes",
+        long_name="standard deviation of depth according to the covariance of the fit to all corners; NaN for "
+        "cameras not calibrated from corners",
     ),
     "rig_halves_difference": Variable(
         dims=("posterior", "rig_distance"),
         units="m",
-        long_name="root mean square difference of depth between fits to random halves of the views",
+        long_name="root-mean-square difference between the depths from two fits, each to a random half of the "
+        "views; NaN for cameras not calibrated from corners",
     ),
     "rig_halves_claim": Variable(
         dims=("posterior", "rig_distance"),
         units="m",
-        long_name="rig_halves_difference as predicted from the covariances of the two halves",
+        long_name="value of rig_halves_difference that the covariances C_A and C_B of the two fits predict; NaN for "
+        "cameras not calibrated from corners",
         symbol="√(C_A + C_B)",
     ),
     "rig_lens_support": Variable(
         dims=("posterior", "lens_model"),
         units="1",
-        long_name="gain in log likelihood, for views left out in turn, of another lens model over the one in "
-        "use; NaN where the model was not compared",
-        error="rig_lens_support_deviation",
+        long_name="how much better another lens model predicts the corners than the model in use: gain in log "
+        "likelihood of views left out of the fit one at a time; NaN where the model was not compared",
+        error="see rig_lens_support_deviation",
     ),
     "rig_lens_support_deviation": Variable(
         dims=("posterior", "lens_model"),
         units="1",
-        long_name="standard error of rig_lens_support over views",
-        error=_ESTIMATE,
+        long_name="standard error of rig_lens_support over views; NaN where the model was not compared",
+        error=ESTIMATE,
     ),
     "rig_lens_change": Variable(
         dims=("posterior", "lens_model", "rig_distance"),
         units="m",
-        long_name="change of the depth measured in the same pictures when another lens model replaces the one in use",
-        error="rig_lens_change_deviation",
+        long_name="depth measured with another lens model minus depth measured with the model in use, in the same "
+        "pictures; NaN where the model was not compared",
+        error="see rig_lens_change_deviation",
     ),
     "rig_lens_change_deviation": Variable(
         dims=("posterior", "lens_model", "rig_distance"),
         units="m",
-        long_name="standard error of rig_lens_change by the jackknife over views",
-        error=_ESTIMATE,
+        long_name="standard error of rig_lens_change, by a jackknife over views; NaN where the model was not compared",
+        error=ESTIMATE,
     ),
     "rig_residual": Variable(
         dims=("posterior", "rig_side", "rig_cell_row", "rig_cell_column", "rig_axis"),
         units="px",
-        long_name="mean residual of the corners in a cell of the left or right picture; NaN in cells without corners",
+        long_name="mean residual of the corners in a cell of the left or right picture, along x or y; NaN in cells "
+        "without corners",
     ),
     "rig_overconfidence": Variable(
         dims=("posterior", "parameter"),
         units="1",
-        long_name="standard deviation of a parameter with the term for differences between left and right, "
-        "relative to that without this term; NaN without the term",
+        long_name="standard deviation of a parameter from the fit in which the board may move between the left and "
+        "the right exposure, divided by that from the fit in which it may not; NaN where no such motion "
+        "is fitted",
     ),
 }
 
@@ -158,50 +188,72 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
     "source_uncertainty": Variable(
         dims=("camera", "field", "distance", "source"),
         units="m",
-        long_name="half the width of the central 68.27 % interval of depth from one independent error source alone",
-        error="source_uncertainty_error",
+        long_name="depth uncertainty from one error source alone; NaN where the camera lacks the source",
+        error="see source_uncertainty_error",
     ),
     "source_uncertainty_error": Variable(
-        dims=("camera", "field", "distance", "source"), units="m", long_name=_REPLICATES, error=_ESTIMATE
+        dims=("camera", "field", "distance", "source"),
+        units="m",
+        long_name="standard error of source_uncertainty over scrambles; NaN where the camera lacks the source",
+        error=ESTIMATE,
     ),
     "source_class": Variable(
-        dims=("camera", "source"), units="", long_name="how often the error source is redrawn; empty where absent"
+        dims=("camera", "source"),
+        units="",
+        long_name="how often the error takes a new value: 'per rig', 'per session', 'per lens or pixel' or 'per "
+        "measurement'; empty where the camera lacks the source",
     ),
     "source_parameters": Variable(
-        dims=("camera", "source"), units="", long_name="parameters that the error source changes together"
+        dims=("camera", "source"),
+        units="",
+        long_name="parameters that the error source changes together; empty where the camera lacks the source",
     ),
     "parameter_uncertainty": Variable(
         dims=("camera", "field", "distance", "parameter"),
         units="m",
-        long_name="half the width of the central 68.27 % interval of depth from one parameter alone; NaN where "
-        "that would mislead",
-        error="parameter_uncertainty_error",
+        long_name="depth uncertainty from the error of one parameter alone; NaN where the camera lacks the "
+        "parameter, or for the reason in parameter_refused",
+        error="see parameter_uncertainty_error",
     ),
     "parameter_uncertainty_error": Variable(
-        dims=("camera", "field", "distance", "parameter"), units="m", long_name=_REPLICATES, error=_ESTIMATE
+        dims=("camera", "field", "distance", "parameter"),
+        units="m",
+        long_name="standard error of parameter_uncertainty over scrambles; NaN where parameter_uncertainty is",
+        error=ESTIMATE,
     ),
     "parameter_refused": Variable(
-        dims=("camera",), units="", long_name="why the report has no tornado chart by parameter; empty where it has one"
+        dims=("camera",),
+        units="",
+        long_name="why parameters are not evaluated one at a time, such as strong correlations between them; empty "
+        "where they are",
     ),
     "first_index": Variable(
         dims=("camera", "field", "distance", "source"),
         units="1",
-        long_name="share of the variance of inverse depth from an error source alone",
+        long_name="first-order Sobol index: fraction of the variance of inverse depth (1/depth) that the error "
+        "source causes alone; NaN where the camera lacks the source, or for the reason in index_refused",
         symbol="S_i",
-        error="first_index_error",
+        error="see first_index_error",
     ),
     "first_index_error": Variable(
-        dims=("camera", "field", "distance", "source"), units="1", long_name=_REPLICATES, error=_ESTIMATE
+        dims=("camera", "field", "distance", "source"),
+        units="1",
+        long_name="standard error of first_index over scrambles; NaN where first_index is",
+        error=ESTIMATE,
     ),
     "total_index": Variable(
         dims=("camera", "field", "distance", "source"),
         units="1",
-        long_name="share of the variance of inverse depth from an error source with all its interactions",
+        long_name="total Sobol index: fraction of the variance of inverse depth (1/depth) that the error source "
+        "causes, including its interactions with others; NaN where first_index is",
         symbol="S_Ti",
-        error="total_index_error",
+        error="see total_index_error",
     ),
     "total_index_error": Variable(
-        dims=("camera", "field", "distance", "source"), units="1", long_name=_REPLICATES, error=_ESTIMATE
+        dims=("camera", "field", "distance", "source"),
+        units="1",
+        long_name="standard error of total_index over scrambles; NaN where total_index is",
+        error=ESTIMATE,
     ),
     "index_refused": Variable(
         dims=("camera", "field", "distance"),
@@ -214,17 +266,20 @@ RANKS: Final[Mapping[str, Variable]] = {
     "rank_first": Variable(
         dims=("pair", "rank_error_source", "rank_distance"),
         units="1",
-        long_name="probability that the depth error of the first camera is the smaller one",
-        error="rank_first_error",
+        long_name="probability that pair_first has the smaller depth error",
+        error="see rank_first_error",
     ),
     "rank_first_error": Variable(
-        dims=("pair", "rank_error_source", "rank_distance"), units="1", long_name=_REPLICATES, error=_ESTIMATE
+        dims=("pair", "rank_error_source", "rank_distance"),
+        units="1",
+        long_name="standard error of rank_first over scrambles",
+        error=ESTIMATE,
     ),
     "rank_second": Variable(
         dims=("pair", "rank_error_source", "rank_distance"),
         units="1",
-        long_name="probability that the depth error of the second camera is the smaller one",
-        error="rank_first_error",
+        long_name="probability that pair_second has the smaller depth error",
+        error="see rank_first_error",
     ),
     "pair_first": Variable(dims=("pair",), units="", long_name="first camera of the pair"),
     "pair_second": Variable(dims=("pair",), units="", long_name="second camera of the pair"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import Variable
+from tradestudy.results.variable import ESTIMATE, Variable
 
 _ENTRY: Final = ("entry",)
 _PROBLEM: Final = ("problem",)
@@ -16,35 +16,42 @@ def _words(dims: tuple[str, ...], long_name: str) -> Variable:
 
 
 COST: Final[Mapping[str, Variable]] = {
-    "problem_of": _words(_ENTRY, "camera or light path, by its name along the dimension problem"),
+    "problem_of": _words(_ENTRY, "camera or light path that the entry belongs to, by its label along 'problem'"),
     "models": _words(_ENTRY, "models and settings of the entry, in words"),
     "relative_error": Variable(
         dims=_ENTRY,
         units="1",
-        long_name="relative error against the reference, never below the reference's own error: the worst over "
-        "distances, or L2 over pixels; infinite where there is no answer",
-        error="that of the reference, see reference_error",
+        long_name="difference from the reference, relative to the reference: the largest over distances for a "
+        "camera, the L2 norm over pixels for a light path; at least reference_error; infinite where the "
+        "entry has no answer",
+        error="see reference_error",
     ),
     "seconds": Variable(
         dims=_ENTRY,
         units="s",
-        long_name="wall time with empty caches: the shortest of three runs; for long computations, of one run",
-        error="other work on the machine adds to it",
+        long_name="wall-clock time with empty caches: the shortest of three runs, or a single run of a long "
+        "computation",
+        error="not estimated: other work on the machine adds to the time",
     ),
     "chosen": Variable(dims=_ENTRY, units="1", long_name="whether a run of the study uses these models"),
-    "frontier": Variable(dims=_ENTRY, units="1", long_name="whether no other entry is as accurate in as little time"),
+    "frontier": Variable(
+        dims=_ENTRY, units="1", long_name="whether every other entry of the same problem is slower or less accurate"
+    ),
     "next_digit": Variable(
         dims=_ENTRY,
         units="1",
-        long_name="whether this entry is the fastest with at most a tenth of the error of the chosen entry",
+        long_name="whether this is the fastest entry of its problem with at most a tenth of the error of the chosen "
+        "entry",
     ),
     "title": _words(_PROBLEM, "name of the camera or light path in figures and sentences"),
-    "reference": _words(_PROBLEM, "computation to which errors refer, in words; empty where there was no time for it"),
+    "reference": _words(
+        _PROBLEM, "computation that the entries are compared with, in words; empty where there was no time for one"
+    ),
     "reference_error": Variable(
         dims=_PROBLEM,
         units="1",
         long_name="relative error of the reference; NaN without a reference",
-        error="an estimate itself",
+        error=ESTIMATE,
     ),
     "left_out": _words(_PROBLEM, "what was not measured and why, one line each"),
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import SEE_ERROR, Variable
+from tradestudy.results.variable import EXACT, ROUNDING, Variable
 
 _OVER: Final = ("camera", "sheet_distance")
 
@@ -13,73 +13,76 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "z_accuracy": Variable(
         dims=_OVER,
         units="m",
-        long_name="half the width of the central 68.27 % interval of depth from calibration errors alone, which "
-        "averaging does not reduce",
-        error=SEE_ERROR,
+        long_name="depth uncertainty from calibration errors alone, which averaging does not reduce",
+        error="see depth_uncertainty_by_error_source_error of /depth",
     ),
     "temporal_noise": Variable(
         dims=_OVER,
         units="m",
-        long_name="half the width of the central 68.27 % interval of depth from noise alone, as repeated "
-        "measurements of one pixel show it",
-        error=SEE_ERROR,
+        long_name="depth uncertainty from matching noise alone, without pixel locking: the scatter of repeated "
+        "measurements at one pixel",
+        error="see depth_uncertainty_by_error_source_error of /depth",
     ),
     "subpixel_rms": Variable(
         dims=_OVER,
         units="px",
-        long_name="standard deviation of one measured disparity",
-        error="disparity_error_px_error of /depth",
+        long_name="disparity error; NaN where the camera forms no image",
+        error="see disparity_error_px_error of /depth",
     ),
     "plane_fit_rms": Variable(
         dims=_OVER,
         units="m",
-        long_name="root-mean-square deviation from a plane fitted to a flat target perpendicular to the axis: "
-        "noise alone, because calibration errors shift and tilt the whole plane",
-        error=SEE_ERROR,
+        long_name="root-mean-square deviation of measured depths from a plane fitted to them, for a flat target "
+        "perpendicular to the axis; matching noise alone causes it, because calibration errors shift and "
+        "tilt the whole plane",
+        error="see depth_uncertainty_by_error_source_error of /depth",
     ),
     "fill_rate": Variable(
         dims=_OVER,
         units="1",
-        long_name="fraction of the picture in which depth is measured: the fraction common to the views or "
-        "microlenses, times one minus the failed fraction; 0 where the camera is not usable",
-        error="that of the failed fraction",
+        long_name="fraction of the picture in which the camera measures depth: overlap or availability, times 1 − "
+        "failed_fraction; 0 where the camera is not usable",
+        error="see failed_fraction_error of /depth",
     ),
     "field_width": Variable(
         dims=_OVER,
         units="m",
-        long_name="width of the field of view at this distance Z: w Z/b, with the width w of the sensor and the "
+        long_name="width w Z/b of the field of view at this distance Z, with the width w of the sensor and the "
         "distance b from lens to sensor",
-        error="exact",
+        error=ROUNDING,
     ),
     "field_height": Variable(
         dims=_OVER,
         units="m",
-        long_name="height of the field of view at this distance Z: h Z/b, with the height h of the sensor",
-        error="exact",
+        long_name="height h Z/b of the field of view at this distance Z, with the height h of the sensor and the "
+        "distance b from lens to sensor",
+        error=ROUNDING,
     ),
-    "usable": Variable(dims=_OVER, units="1", long_name="whether the camera is usable at this distance", error="exact"),
+    "usable": Variable(dims=_OVER, units="1", long_name="whether the camera is usable at this distance", error=EXACT),
     "horizontal_field_of_view": Variable(
         dims=("camera",),
         units="rad",
-        long_name="full horizontal field of view, 2 atan(w/2b), focused at the middle distance",
-        error="exact",
+        long_name="full horizontal field of view 2 atan(w/2b), with w and b as in field_width; a camera that "
+        "refocuses is focused at the middle sheet_distance",
+        error=ROUNDING,
     ),
     "vertical_field_of_view": Variable(
         dims=("camera",),
         units="rad",
-        long_name="full vertical field of view, 2 atan(h/2b), focused at the middle distance",
-        error="exact",
+        long_name="full vertical field of view 2 atan(h/2b), with h and b as in field_height; a camera that "
+        "refocuses is focused at the middle sheet_distance",
+        error=ROUNDING,
     ),
     "near_limit": Variable(
         dims=("camera",),
         units="m",
-        long_name="nearest usable distance of the study; NaN where there is none",
-        error="usable_near_error of /depth",
+        long_name="nearest usable distance; NaN if there is none",
+        error="see usable_near_error of /depth",
     ),
     "far_limit": Variable(
         dims=("camera",),
         units="m",
-        long_name="farthest usable distance of the study; NaN where there is none",
-        error="usable_far_error of /depth",
+        long_name="farthest usable distance; NaN if there is none",
+        error="see usable_far_error of /depth",
     ),
 }

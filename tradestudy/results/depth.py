@@ -9,10 +9,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from tradestudy.results.variable import PAPER, ROUNDING, SEE_ERROR, Variable
+from tradestudy.results.variable import DECLARED, ESTIMATE, PAPER, ROUNDING, SEE_ERROR, Variable
 
-_UNSEEN: Final = "NaN where the camera does not see the point"
-DEPTH_ROUNDING: Final = "closed form; rounding only, see the condition number of eq. 8"
 _EIGHT = f"{PAPER}, eqs. 4 and 8"
 _MATCHING = "Carter, Proc. IEEE 75, 236 (1987)"
 
@@ -20,17 +18,17 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_discrimination": Variable(
         dims=("camera", "distance", "side"),
         units="m",
-        long_name="change of true depth that moves the estimator's disparity by the declared step; "
-        "infinite where no finite change does",
+        long_name="depth discrimination: change of true depth that changes the disparity by the camera's "
+        "depth.discrimination_step; infinite where no finite change does",
         symbol="Δa",
         reference=_EIGHT,
-        error=DEPTH_ROUNDING,
+        error=ROUNDING,
     ),
     "depth_uncertainty": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="half the width of the central 68.27 % interval of one measured depth, from noise and calibration; "
-        f"infinite where the interval has no far end, {_UNSEEN}",
+        long_name="depth uncertainty from matching noise and calibration errors together; infinite where the "
+        "interval of depths has no far end, NaN where the camera does not see the point",
         symbol="u(a)",
         reference="JCGM 101:2008, 7.7",
         error=SEE_ERROR,
@@ -38,83 +36,88 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_uncertainty_error": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="standard error of depth_uncertainty over scrambles of the draws; with linear propagation, its "
-        "difference from a computation with draws",
-        error="an estimate of an error; NaN where the interval is not bounded",
+        long_name="error of depth_uncertainty: its standard error over scrambles or, if the camera's calibration is "
+        "propagated linearly, its difference from a computation with draws; NaN where depth_uncertainty "
+        "is infinite or NaN",
+        error=ESTIMATE,
     ),
     "depth_uncertainty_by_error_source": Variable(
         dims=("camera", "distance", "error_source"),
         units="m",
-        long_name="depth uncertainty from noise only, calibration only, and both; "
-        f"infinite where the interval has no far end, {_UNSEEN}",
+        long_name="depth uncertainty from matching noise alone, from calibration errors alone, and from both; "
+        "infinite where the interval of depths has no far end, NaN where the camera does not see the "
+        "point",
         symbol="u(a)",
-        error=SEE_ERROR,
+        error="see depth_uncertainty_by_error_source_error",
     ),
     "depth_uncertainty_by_error_source_error": Variable(
         dims=("camera", "distance", "error_source"),
         units="m",
-        long_name="error of depth_uncertainty_by_error_source, defined as depth_uncertainty_error",
-        error="an estimate of an error; NaN where the interval is not bounded",
+        long_name="error of depth_uncertainty_by_error_source, of the same kind as depth_uncertainty_error; NaN "
+        "where the depth uncertainty is infinite or NaN",
+        error=ESTIMATE,
     ),
     "variance_share": Variable(
         dims=("camera", "distance", "part"),
         units="1",
-        long_name="share of the variance of inverse depth due to one group of errors (part); the shares of all "
-        "groups sum to 1; NaN where a camera has no such group",
+        long_name="fraction of the variance of inverse depth (1/depth) that a group of errors causes; the fractions "
+        "of all groups sum to 1; NaN where the camera has no such group",
         symbol="φ_i",
         reference="Owen and Prieur, SIAM/ASA J. Uncertainty Quantification 5 (2017) 986",
-        error="that of the linearisation in inverse depth",
+        error="not estimated: inverse depth is taken as linear in the errors",
     ),
     "depth_quantile": Variable(
         dims=("camera", "distance", "error_source", "quantile"),
         units="m",
-        long_name=f"quantile of one measured depth; infinite where the quantile is at or beyond infinity, {_UNSEEN}",
+        long_name="quantile of one measured depth; infinite where the quantile lies at or beyond infinity, NaN "
+        "where the camera does not see the point",
         symbol="a_p",
         error=SEE_ERROR,
     ),
     "failed_fraction": Variable(
         dims=("camera", "distance", "error_source"),
         units="1",
-        long_name="fraction of measurements that fail: disparity beyond that of infinity, or a declared fraction of "
-        f"false matches; {_UNSEEN}",
+        long_name="fraction of failed measurements: those whose errors push the depth beyond infinity, and the "
+        "false matches that the study declares; NaN where the camera does not see the point",
         symbol="P(a = ∞)",
-        error="failed_fraction_error",
+        error="see failed_fraction_error",
     ),
     "failed_fraction_error": Variable(
         dims=("camera", "distance", "error_source"),
         units="1",
-        long_name=f"error of failed_fraction, defined as depth_uncertainty_error; {_UNSEEN}",
-        error="an estimate of an error",
+        long_name="error of failed_fraction, of the same kind as depth_uncertainty_error; NaN where the camera does "
+        "not see the point",
+        error=ESTIMATE,
     ),
     "converged": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="whether the Student t interval of every reported half-width is within the tolerance or, where "
-        "an interval has no far end, whether that of the failed fraction is",
-        error="a comparison",
+        long_name="whether the draws suffice for accuracy.depth_uncertainty: the 95 % confidence interval of the "
+        "half-width of every interval of depths is within this tolerance or, where the interval has no "
+        "far end, that of failed_fraction is",
     ),
     "equivalent_baseline": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="baseline of a stereo rig that measures depth equally well with the same focal length and "
-        "disparity error",
+        long_name="equivalent baseline of the camera",
         symbol="B_eq",
-        error=DEPTH_ROUNDING,
+        error=ROUNDING,
     ),
     "disparity_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="disparity across the estimator's baseline",
+        long_name="disparity that the estimator uses; it decreases with distance; for an unfocused plenoptic "
+        "camera, 1 px is one microlens",
         symbol="Δσ",
         reference=_EIGHT,
-        error=DEPTH_ROUNDING,
+        error=ROUNDING,
     ),
     "disparity_error_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="standard deviation of one measured disparity: declared, or the matching bound plus what a declared "
-        "matcher adds; for the views of an unfocused plenoptic camera, 1 px is one microlens; "
-        "NaN where the camera forms no image or its image has no texture left",
+        long_name="disparity error, including that of the matcher: as declared, or derived from scene.picture; for "
+        "an unfocused plenoptic camera, 1 px is one microlens; NaN where the camera forms no image or its "
+        "image has no texture left",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_error",
@@ -122,73 +125,78 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "disparity_error_px_error": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="estimated numerical error of disparity_error_px: quadrature over the band, aliasing, diffraction; "
-        "0 where it is declared; NaN where the camera forms no image",
-        error="an estimate of an error",
+        long_name="estimated numerical error of disparity_error_px; 0 where the disparity error is declared, NaN "
+        "where the camera forms no image",
+        error=ESTIMATE,
     ),
     "virtual_depth": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="virtual depth, positive if Keplerian, negative if Galilean; NaN for a stereo rig",
+        long_name="virtual depth, positive for a Keplerian and negative for a Galilean camera; NaN for a stereo rig",
         symbol="v = a_L/b_L",
-        error=DEPTH_ROUNDING,
+        error=ROUNDING,
     ),
     "usable": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="whether the camera is usable: every declared limit holds",
-        error="a comparison; ends are in usable_near and usable_far",
+        long_name="whether the camera is usable: every limit that applies holds",
     ),
     "limit_value": Variable(
         dims=("camera", "distance", "limit"),
         units="mixed",
-        long_name="value that is compared with a limit, in the unit of limit_units; infinite where the quantity "
-        "is infinite; NaN where the limit does not apply",
-        error=DEPTH_ROUNDING,
+        long_name="value that is compared with the limit: in m for 'real_image'; in px for 'focus', 'matching' and "
+        "'last_disparity_step'; otherwise a plain number; may be infinite; NaN where the limit does not "
+        "apply",
+        error="rounding only; limits on failures and on relative uncertainty also have the error of the draws",
     ),
     "limit_met": Variable(
         dims=("camera", "distance", "limit"),
         units="1",
         long_name="1 where the limit holds, 0 where it does not, −1 where it does not apply",
-        error="a comparison",
     ),
     "limit_bound": Variable(
         dims=("camera", "limit"),
         units="mixed",
-        long_name="bound of a limit; NaN where the limit does not apply",
-        error="declared",
+        long_name="bound of the limit, in the unit of limit_value; NaN where the limit does not apply",
+        error=DECLARED,
     ),
     "usable_near": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="near end of a usable interval; NaN where the camera has fewer intervals than another",
-        error="usable_near_error",
+        long_name="near end of a usable interval of distances; NaN beyond the last interval of the camera",
+        error="see usable_near_error",
     ),
     "usable_near_error": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="standard error over scrambles of the draws; 0 where no draws decide the end, infinite where "
-        "not every scramble has this end, NaN where a camera has fewer intervals",
-        error="an estimate of an error",
+        long_name="standard error of usable_near over scrambles; 0 where no draws decide the end, infinite where a "
+        "scramble lacks this end, NaN beyond the last interval",
+        error=ESTIMATE,
     ),
     "usable_far": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="far end of a usable interval; NaN where the camera has fewer intervals than another",
-        error="usable_far_error",
+        long_name="far end of a usable interval of distances; NaN beyond the last interval of the camera",
+        error="see usable_far_error",
     ),
     "usable_far_error": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="standard error over scrambles of the draws; 0 where no draws decide the end, infinite where "
-        "not every scramble has this end, NaN where a camera has fewer intervals",
-        error="an estimate of an error",
+        long_name="standard error of usable_far over scrambles; 0 where no draws decide the end, infinite where a "
+        "scramble lacks this end, NaN beyond the last interval",
+        error=ESTIMATE,
     ),
     "near_limit": Variable(
-        dims=("camera", "interval"), units="", long_name="limit that sets the near end of the usable interval"
+        dims=("camera", "interval"),
+        units="",
+        long_name="limit that sets usable_near, or 'range of the study' where scene.distances begins; empty beyond "
+        "the last interval",
     ),
     "far_limit": Variable(
-        dims=("camera", "interval"), units="", long_name="limit that sets the far end of the usable interval"
+        dims=("camera", "interval"),
+        units="",
+        long_name="limit that sets usable_far, or 'range of the study' where scene.distances ends; empty beyond the "
+        "last interval",
     ),
 }
 
@@ -206,19 +214,18 @@ DEPTH_MAP: Final[Mapping[str, Variable]] = {
     "depth_uncertainty": Variable(
         dims=("camera", "distance", "down", "across"),
         units="m",
-        long_name="half the width of the central 68.27 % interval of one measured depth over the picture, with "
-        "noise exact and calibration linear in inverse depth; down and across are distances from the middle of the "
-        "sensor, as fractions of half its height and width; infinite where the interval has no far end, NaN where "
-        "only one camera sees the point, or neither",
+        long_name="depth uncertainty from matching noise and calibration errors together, with inverse depth taken "
+        "as linear in the calibration errors; infinite where the interval of depths has no far end, NaN "
+        "where a camera of the rig does not see the point",
         symbol="u(a)",
         error=SEE_ERROR,
     ),
     "depth_uncertainty_error": Variable(
         dims=("camera", "distance", "down", "across"),
         units="m",
-        long_name="error of depth_uncertainty: the largest error of the linear model at this distance, measured on "
-        "the axis, halfway to the corner and in the corner",
-        error="an estimate of an error; NaN where none is measured",
+        long_name="error of depth_uncertainty because inverse depth is taken as linear: the largest that was found "
+        "on the axis, halfway to the corner of the picture and in the corner; NaN where none was computed",
+        error=ESTIMATE,
     ),
 }
 """/depth_map: depth uncertainty over the pictures of rigs with lens models."""
@@ -227,12 +234,12 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "matched_window_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="side of the square matching window: the declared window or, if smaller, the largest part of "
-        "the object that the compared pictures share; for several pairs, the window of a single pair with the same "
-        "information; px as in disparity_error_px; 0 where the pictures share nothing, NaN where the camera forms "
-        "no image",
+        long_name="side of the square window that is matched: scene.picture.matching_window or, if smaller, the "
+        "largest square of the object that the compared pictures share; for an estimator that compares "
+        "several pairs of pictures, the side of the window with which a single pair would give the same "
+        "information; 0 where the pictures share nothing, NaN where the camera forms no image",
         symbol="W",
-        error=ROUNDING + "; up to 8 % too small for least squares",
+        error="rounding only; for an estimator by least squares, up to 8 % too small",
     ),
     "electrons": Variable(
         dims=("camera", "distance"),
@@ -244,9 +251,8 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "disparity_error_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="standard deviation of one measured disparity: the Cramér–Rao bound of matching with all applied "
-        "models; for the views of an unfocused plenoptic camera, 1 px is one microlens; NaN where the camera forms no "
-        "image, infinite where its image has no texture left",
+        long_name="Cramér–Rao bound of the disparity error, without the errors of a declared matcher; infinite "
+        "where the image has no texture left, NaN where the camera forms no image",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_error",
@@ -254,16 +260,15 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "disparity_error_px_error": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="estimated numerical error of disparity_error_px: quadrature over the band, aliasing, diffraction; "
-        "NaN where that is not finite",
-        error="an estimate of an error",
+        long_name="estimated numerical error of disparity_error_px; NaN where this is not finite",
+        error=ESTIMATE,
     ),
     "disparity_error_px_changed": Variable(
         dims=("camera", "distance", "change"),
         units="px",
-        long_name="disparity_error_px after a single change: everything in focus; no diffraction; as many "
-        "electrons as the brightest unsaturated camera has at that distance (NaN for that camera); ten times the "
-        "camera's own electrons",
+        long_name="disparity_error_px with one cause changed: everything in focus, no diffraction, as much light as "
+        "the brightest_camera has, or ten times the light; infinite where the image has no texture left; "
+        "NaN where the camera forms no image, and for the brightest camera with its own light",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_changed_error",
@@ -271,39 +276,41 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "disparity_error_px_changed_error": Variable(
         dims=("camera", "distance", "change"),
         units="px",
-        long_name="estimated numerical error of disparity_error_px_changed; NaN where that is not finite",
-        error="an estimate of an error",
+        long_name="estimated numerical error of disparity_error_px_changed; NaN where this is not finite",
+        error=ESTIMATE,
     ),
     "matched_error_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="disparity_error_px plus what the declared matcher adds; NaN or infinite where disparity_error_px is",
+        long_name="disparity error with the declared matcher: disparity_error_px plus what the matcher adds; NaN or "
+        "infinite where disparity_error_px is",
         symbol="σ_d",
         error="see matched_error_px_error",
     ),
     "matched_error_px_error": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="estimated numerical error of matched_error_px: that of the bound; NaN where that is not finite",
-        error="an estimate of an error",
+        long_name="estimated numerical error of matched_error_px, due to that of disparity_error_px; NaN where "
+        "matched_error_px is not finite",
+        error=ESTIMATE,
     ),
     "matcher": Variable(
         dims=("camera",),
         units="",
-        long_name="declared matcher, applied to depth and failed fraction in all groups; empty where matching reaches "
-        "the bound",
+        long_name="what the declared matcher adds to the Cramér–Rao bound, in words; all depth uncertainties and "
+        "failed fractions in the file include it; empty where no matcher is declared",
     ),
     "false_matches": Variable(
         dims=("camera",),
         units="1",
-        long_name="declared fraction of false matches, included in failed_fraction in all groups",
-        error="declared",
+        long_name="declared fraction of false matches, which every failed_fraction in the file includes",
+        error=DECLARED,
     ),
     "brightest_camera": Variable(
         dims=("distance",),
         units="",
-        long_name="unsaturated camera with the most electrons among those with a derived disparity error; empty where "
-        "there is none",
+        long_name="camera, among those of this group, whose pixels collect the most electrons without saturating; "
+        "empty where there is none",
     ),
 }
 

@@ -6,55 +6,75 @@ from collections.abc import Mapping
 from typing import Final
 
 from tradestudy.results.depth_maps import score_variables
-from tradestudy.results.variable import Variable
+from tradestudy.results.variable import ESTIMATE, EXACT, Variable
 
 _POINT: Final = ("camera", "distance", "contrast", "electrons")
 _CAMERA: Final = ("camera",)
-_FIT: Final = "a standard error; the number of independent errors is the number of non-overlapping windows"
+_FIT: Final = "itself an error estimate: a standard error, with one independent error in each matching window"
 
 DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     **score_variables(_POINT),
-    "reason": Variable(dims=_POINT, units="", long_name="why nothing was measured; empty where depth was measured"),
+    "reason": Variable(dims=_POINT, units="", long_name="why no depth was measured; empty where depth was measured"),
     "blur_px": Variable(
-        dims=_POINT, units="px", long_name="geometric blur of the matched picture", error="closed form"
+        dims=_POINT,
+        units="px",
+        long_name="diameter of the geometric blur in the compared pictures",
+        error="none: closed form",
     ),
     "over_matcher": Variable(
         dims=_POINT,
         units="1",
-        long_name="standard deviation of the errors of true matches, relative to what the fitted matcher "
-        "predicts for their windows",
+        long_name="standard deviation of the disparity errors of all points but false matches, each divided by the "
+        "error that the fitted matcher predicts for its matching window; NaN where nothing was measured or no matcher "
+        "was fitted",
         error="see over_matcher_error",
     ),
     "over_matcher_error": Variable(
-        dims=_POINT, units="1", long_name="standard error of over_matcher", error="from the fourth moment of the errors"
+        dims=_POINT,
+        units="1",
+        long_name="standard error of over_matcher, from the fourth moment of the disparity errors; NaN "
+        "where over_matcher is",
+        error=ESTIMATE,
     ),
     "fitted": Variable(
         dims=("distance",),
         units="1",
-        long_name="whether the matcher is fitted to the errors at this distance",
-        error="exact",
+        long_name="whether the matchers are fitted at this distance, one of depth_loop.fitted_at",
+        error=EXACT,
     ),
     "matcher": Variable(
-        dims=_CAMERA, units="", long_name="fitted matcher, in the notation of study files, or why there is none"
+        dims=_CAMERA, units="", long_name="fitted matcher, as a line of a study file, or why none can be fitted"
     ),
     "matcher_factor": Variable(
         dims=_CAMERA,
         units="1",
-        long_name="fitted factor: noise of the matcher, relative to the Cramér–Rao bound",
+        long_name="fitted factor of the matcher: its noise relative to the Cramér–Rao bound; NaN where none can "
+        "be fitted",
         error="see matcher_factor_error",
     ),
-    "matcher_factor_error": Variable(dims=_CAMERA, units="1", long_name="error of matcher_factor", error=_FIT),
+    "matcher_factor_error": Variable(
+        dims=_CAMERA, units="1", long_name="error of matcher_factor; NaN where matcher_factor is", error=_FIT
+    ),
     "matcher_floor": Variable(
         dims=_CAMERA,
         units="px",
-        long_name="fitted floor: noise that more light does not reduce",
+        long_name="fitted floor of the matcher: its noise that more light does not reduce; NaN where none can "
+        "be fitted",
         error="see matcher_floor_error",
     ),
-    "matcher_floor_error": Variable(dims=_CAMERA, units="px", long_name="error of matcher_floor", error=_FIT),
+    "matcher_floor_error": Variable(
+        dims=_CAMERA, units="px", long_name="error of matcher_floor; NaN where matcher_floor is", error=_FIT
+    ),
     "matcher_false_matches": Variable(
-        dims=_CAMERA, units="1", long_name="fitted fraction of false matches", error="see matcher_false_matches_error"
+        dims=_CAMERA,
+        units="1",
+        long_name="fitted fraction of false matches; NaN where none can be fitted",
+        error="see matcher_false_matches_error",
     ),
     "matcher_false_matches_error": Variable(
-        dims=_CAMERA, units="1", long_name="error of matcher_false_matches", error=_FIT
+        dims=_CAMERA,
+        units="1",
+        long_name="error of matcher_false_matches; NaN where matcher_false_matches is",
+        error=_FIT,
     ),
 }

@@ -5,53 +5,55 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import Variable
+from tradestudy.results.variable import ESTIMATE, EXACT, Variable
 
-_JACKKNIFE: Final = "see {}_error: jackknife over 4 × 4 parts of the map"
-_ESTIMATE: Final = "an estimate of an error, good to about a fifth"
+_JACKKNIFE: Final = "itself an error estimate, good to about 20 %"
 
-# name → unit and long name; each has a standard error beside it
 _ESTIMATES: Final = {
-    "bias": ("m", "median of measured minus true depth"),
-    "spread": ("m", "half the width of the central 68.27 % interval of measured minus true depth"),
-    "own": (
-        "m",
-        "median, over matching windows, of the standard deviation of depth that noise causes with the "
-        "window's own texture; to first order",
-    ),
-    "predicted": ("m", "median of the camera's depth uncertainty at the true distances; NaN where none is predicted"),
-    "relative_bias": (
-        "1",
-        "median of the depth errors, each divided by the depth uncertainty predicted at its distance",
-    ),
+    "bias": ("m", "median depth error"),
+    "spread": ("m", "half the width of the central 68.27 % interval of the depth errors"),
+    "own": ("m", "median standard deviation of depth due to noise"),
+    "predicted": ("m", "median of the predicted depth uncertainties"),
+    "relative_bias": ("1", "median of the depth errors, each divided by its predicted depth uncertainty"),
     "relative_spread": (
         "1",
-        "half the width of the central 68.27 % interval of the depth errors, each divided by the depth "
-        "uncertainty predicted at its distance",
+        "half the width of the central 68.27 % interval of the depth errors, each divided by its predicted depth "
+        "uncertainty",
     ),
-    "within": ("1", "fraction of the depth errors within three predicted depth uncertainties"),
-    "filled": (
-        "1",
-        "fill rate: points with a measured depth, divided by points that appear in two of the compared pictures",
+    "within": ("1", "fraction of the depth errors that are at most three times the predicted depth uncertainty"),
+    "filled": ("1", "fill rate: number of measured points, divided by the number of seen points"),
+    "available": ("1", "number of seen points, divided by the number of points that show a surface"),
+    "bias_px": ("px", "median of the depth errors, converted to disparity"),
+    "spread_px": (
+        "px",
+        "half the width of the central 68.27 % interval of the depth errors, converted to disparity",
     ),
-    "available": ("1", "points that appear in two of the compared pictures, divided by all points that show a surface"),
-    "bias_px": ("px", "median of the disparity errors"),
-    "spread_px": ("px", "half the width of the central 68.27 % interval of the disparity errors"),
     "over_bound": (
         "1",
-        "half the width of the central 68.27 % interval of the depth errors, each divided by the "
-        "standard deviation that noise causes with the window's own texture",
+        "half the width of the central 68.27 % interval of the depth errors, each divided by the standard deviation "
+        "of depth due to noise",
     ),
-    "neighbour_correlation": ("1", "correlation of the depth errors of adjacent points"),
-    "window_correlation": ("1", "correlation of the depth errors of points one matching window apart"),
+    "neighbour_correlation": ("1", "correlation of the depth errors of points next to each other in a row"),
+    "window_correlation": ("1", "correlation of the depth errors of points one matching window apart in a row"),
 }
+"""Unit and long name by name; each has a standard error beside it."""
 ESTIMATES: Final = tuple(_ESTIMATES)
+_UNKNOWN: Final = {
+    "predicted": "NaN where nothing was measured or no depth uncertainty is predicted",
+    "relative_bias": "NaN where nothing was measured or no depth uncertainty is predicted",
+    "relative_spread": "NaN where nothing was measured or no depth uncertainty is predicted",
+    "within": "NaN where nothing was measured or no depth uncertainty is predicted",
+    "filled": "NaN where no point is seen",
+    "available": "NaN where no point shows a surface",
+    "bias_px": "NaN where nothing was measured or the camera measures no disparity",
+    "spread_px": "NaN where nothing was measured or the camera measures no disparity",
+}
 _COUNTS: Final = {
-    "points": "number of points that show a surface within the searched distances",
-    "seen": "number of unoccluded points that appear in two of the compared pictures",
-    "measured": "number of unoccluded points that appear in two of the compared pictures and have a measured depth",
-    "measured_unseen": "number of points with a measured depth that do not appear in two of the compared pictures",
-    "windows": "number of non-overlapping matching windows that the measured points fill",
+    "points": "number of points that show a surface within the distances that the estimator searches",
+    "seen": "number of seen points",
+    "measured": "number of measured points: seen points with a measured depth",
+    "measured_unseen": "number of points with a measured depth that are not seen",
+    "windows": "number of matching windows, side by side, that the measured points fill",
 }
 COUNTS: Final = tuple(_COUNTS)
 
@@ -59,26 +61,30 @@ COUNTS: Final = tuple(_COUNTS)
 def score_variables(dims: tuple[str, ...]) -> dict[str, Variable]:
     """Variables that compare measured with true depth, over the given dimensions."""
     found = {
-        f"depth_{name}": Variable(dims=dims, units="1", long_name=words, error="exact")
-        for name, words in _COUNTS.items()
+        f"depth_{name}": Variable(dims=dims, units="1", long_name=words, error=EXACT) for name, words in _COUNTS.items()
     }
     for name, (units, words) in _ESTIMATES.items():
+        unknown = _UNKNOWN.get(name, "NaN where nothing was measured")
         found[f"depth_{name}"] = Variable(
-            dims=dims, units=units, long_name=words, error=_JACKKNIFE.format(f"depth_{name}")
+            dims=dims, units=units, long_name=f"{words}; {unknown}", error=f"see depth_{name}_error"
         )
         found[f"depth_{name}_error"] = Variable(
-            dims=dims, units=units, long_name=f"standard error of depth_{name}", error=_ESTIMATE
+            dims=dims,
+            units=units,
+            long_name=f"standard error of depth_{name}, by a jackknife; may be NaN",
+            error=_JACKKNIFE,
         )
     found["predicted_availability"] = Variable(
         dims=dims,
         units="1",
-        long_name="predicted fraction of object points on the axis that appear in two of the compared pictures; NaN "
-        "where none is predicted",
-        error="closed form",
+        long_name="predicted depth_available, at the distance of the plane or, for a scene, at the median true depth; "
+        "NaN where none is predicted",
+        error=_CLOSED_FORM,
     )
     return found
 
 
+_CLOSED_FORM: Final = "none: closed form"
 _MAP: Final = ("mapped_camera", "map_row", "map_column")
 _CLASS: Final = ("mapped_camera", "depth_class")
 _AS_MAP: Final = "see depth_spread"
@@ -88,57 +94,75 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "matcher": Variable(
         dims=("mapped_camera",),
         units="",
-        long_name="matcher fitted to the depth errors, in the notation of study files",
+        long_name="matcher fitted to the depth errors, as a line of a study file, or why none can be fitted",
     ),
     "map_block": Variable(
         dims=("mapped_camera",),
         units="px",
-        long_name="side of the square blocks of points over which a map is reduced",
-        error="exact",
+        long_name="side of the square blocks of points in map_depth, map_depth_error and map_hidden",
+        error=EXACT,
     ),
     "map_depth": Variable(
         dims=_MAP,
         units="m",
-        long_name="median measured depth in a block; NaN where no point of the block has a measured depth",
+        long_name="median measured depth in a block; NaN where no point of the block has one",
         error=_AS_MAP,
     ),
     "map_depth_error": Variable(
-        dims=_MAP, units="m", long_name="median of measured minus true depth in a block", error=_AS_MAP
+        dims=_MAP,
+        units="m",
+        long_name="median depth error in a block; NaN where no point of the block has one",
+        error=_AS_MAP,
     ),
     "map_hidden": Variable(
         dims=_MAP,
         units="1",
-        long_name="fraction of a block's points that show a surface but appear in no second picture",
-        error="exact",
+        long_name="fraction of the points in a block that show a surface but are not seen; NaN where no point "
+        "shows one",
+        error=EXACT,
     ),
     "map_sharp": Variable(
         dims=_MAP,
         units="1",
-        long_name="all-in-focus picture that the camera computes with the measured depth, divided by that of a "
-        "white scene; NaN where the camera computes none",
-        error="that of the depths used, and the noise of the picture",
+        long_name="all-in-focus picture that the camera computes from its pictures and the measured depth, relative "
+        "to that of a white scene; NaN where the camera computes none, and outside a picture smaller than the largest",
+        error="not stored: from the errors of the measured depth and the noise of the pictures",
     ),
     "class_distance": Variable(
         dims=_CLASS,
         units="m",
-        long_name="middle of a class of true depths; all classes have the same number of points",
-        error="half the width of the class",
+        long_name="median true depth of the class; NaN where fewer than two matching windows fit",
+        error="none: a median",
     ),
     "class_bias": Variable(
-        dims=_CLASS, units="m", long_name="median depth error of the class", error="see class_bias_error"
+        dims=_CLASS,
+        units="m",
+        long_name="median depth error of the class; NaN where class_distance is",
+        error="see class_bias_error",
     ),
-    "class_bias_error": Variable(dims=_CLASS, units="m", long_name="standard error of class_bias", error=_ESTIMATE),
+    "class_bias_error": Variable(
+        dims=_CLASS,
+        units="m",
+        long_name="standard error of class_bias, from the number of matching windows; NaN where class_distance is",
+        error=ESTIMATE,
+    ),
     "class_spread": Variable(
         dims=_CLASS,
         units="m",
-        long_name="half the width of the central 68.27 % interval of the depth errors of the class",
+        long_name="half the width of the central 68.27 % interval of the depth errors of the class; NaN where "
+        "class_distance is",
         error="see class_spread_error",
     ),
-    "class_spread_error": Variable(dims=_CLASS, units="m", long_name="standard error of class_spread", error=_ESTIMATE),
+    "class_spread_error": Variable(
+        dims=_CLASS,
+        units="m",
+        long_name="standard error of class_spread, from the number of matching windows; NaN where class_distance is",
+        error=ESTIMATE,
+    ),
     "class_predicted": Variable(
         dims=_CLASS,
         units="m",
-        long_name="predicted depth uncertainty of the class; NaN where none is predicted",
-        error="see depth_uncertainty_error of the group depth",
+        long_name="median of the predicted depth uncertainties of the class; NaN where none is predicted",
+        error="see depth_uncertainty_error of /depth",
     ),
 }

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import PAPER, ROUNDING, Variable
+from tradestudy.results.variable import COUNTED, DECLARED, PAPER, ROUNDING, Variable
 
-_THIN_LENS = "exact thin lens; see tradestudy.optics.depth_of_field"
-_RESOLUTION = "larger of lateral sample and geometric blur on the object; see tradestudy.optics.lateral_resolution"
+_THIN_LENS = "thin-lens equation, without further approximation; see tradestudy.optics.depth_of_field"
 
 
 def _length(dims: tuple[str, ...], long_name: str, symbol: str = "", reference: str = _THIN_LENS) -> Variable:
@@ -19,51 +18,56 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "blur_px": Variable(
         dims=("sharp",),
         units="px",
-        long_name="largest blur that counts as sharp, in pixels; for an unfocused plenoptic camera, in microlenses",
+        long_name="largest blur that counts as sharp; for an unfocused plenoptic camera, 1 px is one microlens",
         symbol="c",
-        error="declared",
+        error=DECLARED,
     ),
     "diffraction": Variable(
         dims=("sharp",),
         units="",
-        long_name="width of the diffraction spot that counts in addition to defocus: none, fwhm or airy-diameter",
+        long_name="width of the diffraction spot that counts in addition to defocus: 'none', 'fwhm' or 'airy-diameter'",
     ),
     "slice_name": Variable(
         dims=("camera", "sharp", "slice"),
         units="",
-        long_name="name of a slice (an image of a focus stack, a microlens type, or the lens); empty beyond the "
-        "last slice",
+        long_name="name of a slice; empty beyond the last slice",
     ),
     "slice_near": _length(
-        ("camera", "sharp", "slice"), "near limit of sharpness of a slice; NaN where nothing is sharp"
+        ("camera", "sharp", "slice"),
+        "near limit of a slice; NaN where the slice is sharp nowhere, and beyond the last slice",
     ),
     "slice_far": _length(
         ("camera", "sharp", "slice"),
-        "far limit of sharpness of a slice; infinite from the hyperfocal distance on; NaN where nothing is sharp",
+        "far limit of a slice; infinite if the slice is focused at or beyond the hyperfocal distance; NaN "
+        "where the slice is sharp nowhere, and beyond the last slice",
     ),
     "sharp_near": _length(
-        ("camera", "sharp", "stretch"), "near end of a range that is sharp in some slice; NaN beyond the last range"
+        ("camera", "sharp", "stretch"),
+        "near end of a range in which at least one slice is sharp; NaN beyond the last range",
     ),
     "sharp_far": _length(
         ("camera", "sharp", "stretch"),
-        "far end of a range that is sharp in some slice; infinite where a far limit is; NaN beyond the last range",
+        "far end of a range in which at least one slice is sharp; may be infinite; NaN beyond the last range",
     ),
     "gap_near": _length(
-        ("camera", "sharp", "gap"), "near end of a gap between slices, where nothing is sharp; NaN beyond the last gap"
+        ("camera", "sharp", "gap"),
+        "near end of a gap between two slices, in which nothing is sharp; NaN beyond the last gap",
     ),
     "gap_far": _length(
-        ("camera", "sharp", "gap"), "far end of a gap between slices, where nothing is sharp; NaN beyond the last gap"
+        ("camera", "sharp", "gap"),
+        "far end of a gap between two slices, in which nothing is sharp; NaN beyond the last gap",
     ),
     "overlap_near": _length(
         ("camera", "sharp", "overlap"),
-        "near end of a range that is sharp in two or more slices; NaN beyond the last range",
+        "near end of a range in which at least two slices are sharp; NaN beyond the last range",
     ),
     "overlap_far": _length(
         ("camera", "sharp", "overlap"),
-        "far end of a range that is sharp in two or more slices; infinite where a far limit is; NaN "
-        "beyond the last range",
+        "far end of a range in which at least two slices are sharp; may be infinite; NaN beyond the last range",
     ),
-    "extent": _length(("camera", "sharp"), "total length of all sharp ranges; infinite where a far limit is"),
+    "extent": _length(
+        ("camera", "sharp"), "depth of field: total length of all sharp ranges; infinite where sharp_far is"
+    ),
     "scene_share": Variable(
         dims=("camera", "sharp"),
         units="1",
@@ -73,61 +77,63 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "images": Variable(
         dims=("camera", "sharp"),
         units="1",
-        long_name="number of images that the camera takes of the scene; 0 where no number of images suffices",
-        error="a count",
+        long_name="number of images that the camera takes of depth_of_field.range; 0 if no number of images makes "
+        "it sharp",
+        error=COUNTED,
     ),
     "reason": Variable(
         dims=("camera", "sharp"),
         units="",
-        long_name="why nothing is sharp, or why a slice is not; empty if all slices are",
+        long_name="why nothing is sharp, or why one slice is not; empty if every slice is sharp somewhere",
     ),
     "lateral_resolution": _length(
         ("camera", "distance"),
-        "size of the smallest detail on the object that is resolved geometrically",
+        "size of the smallest detail on the object that the camera resolves, diffraction aside; NaN where "
+        "the camera forms no image",
         "r",
-        _RESOLUTION,
+        "the larger of pixel (or microlens) and geometric blur, both projected to the object; see "
+        "tradestudy.optics.lateral_resolution",
     ),
     "diffraction_width": _length(
         ("camera", "distance"),
-        "full width at half maximum of the diffraction spot, projected to the object",
+        "full width at half maximum of the diffraction spot, projected to the object; NaN where the "
+        "camera forms no image",
         "1.03 λ N_w/m",
-        "Airy pattern of the limiting pupil: lens, microlens, or part of the pupil of one view",
+        "Airy pattern for the wavelength λ, the working f-number N_w and the magnification m of the "
+        "limiting aperture: the pupil, a microlens, or the part of the pupil that one view uses",
     ),
-    "scene_resolution": _length(
-        ("camera",), "coarsest geometric resolution on the object within depth_of_field.range", "r", _RESOLUTION
-    ),
-    "scene_diffraction": _length(("camera",), "largest diffraction_width within depth_of_field.range", "", _RESOLUTION),
+    "scene_resolution": _length(("camera",), "coarsest lateral_resolution within depth_of_field.range", "r", ""),
+    "scene_diffraction": _length(("camera",), "largest diffraction_width within depth_of_field.range", reference=""),
     "microlenses_seeing": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="mean number of microlenses that see a point; NaN for all but focused plenoptic cameras",
+        long_name="mean number of microlenses that see a point of the object; NaN for all but focused plenoptic "
+        "cameras",
         symbol="π r²/cell",
-        reference=f"{PAPER}, section 2.2; area of the pupil's shadow divided by that of a cell",
+        reference=f"{PAPER}, section 2.2: area of the light cone on the array, of radius r, divided by the area of "
+        "one lattice cell",
         error=ROUNDING,
     ),
     "total_covering_plane": _length(
         ("camera",),
-        "distance at which the magnitude of the virtual depth is 2; NaN where there is none, or for "
-        "other kinds of camera",
-        reference="from there on, with matched f-numbers, two microlenses see every point",
+        "distance of the total covering plane; NaN where there is none, and for all but focused plenoptic cameras",
+        reference="",
     ),
     "resolved_near": _length(
         ("camera", "resolved"),
-        "near end of a range in which the camera resolves depth_of_field.equal_resolution",
-        "",
-        _RESOLUTION,
+        "near end of a range in which the camera resolves depth_of_field.equal_resolution, diffraction "
+        "aside; NaN beyond the last range",
+        reference="",
     ),
     "resolved_far": _length(
         ("camera", "resolved"),
-        "far end of a range in which the camera resolves depth_of_field.equal_resolution",
-        "",
-        _RESOLUTION,
+        "far end of the range that begins at resolved_near; NaN beyond the last range",
+        reference="",
     ),
     "resolved_extent": _length(
         ("camera",),
         "total length of the ranges in which the camera resolves depth_of_field.equal_resolution",
-        "",
-        _RESOLUTION,
+        reference="",
     ),
     "resolved_scene_share": Variable(
         dims=("camera",),
@@ -138,6 +144,6 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "resolved_reason": Variable(
         dims=("camera",),
         units="",
-        long_name="why the camera resolves depth_of_field.equal_resolution nowhere; empty where it does somewhere",
+        long_name="why the camera resolves depth_of_field.equal_resolution nowhere; empty if it does somewhere",
     ),
 }

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import Variable
+from tradestudy.results.variable import DECLARED, EXACT, Variable
 
 _DECISION, _CHANGE = ("decision",), ("decision", "quantity")
 _PROBLEM, _TOGETHER = ("problem",), ("problem", "quantity")
-_HOW = "computed, rule (a closed form, with a margin) or trial (a more expensive model at a few places, with a margin)"
-_KNOWN_AS = "see evidence: computed with a margin for places in between, a bound, or a trial with a margin"
+_HOW = "'computed', 'rule' (a closed form) or 'trial' (a more complete model at a few places)"
+_KNOWN_AS = "not stored: the change includes a margin, for example for places between those examined"
 
 
 def _words(dims: tuple[str, ...], long_name: str) -> Variable:
@@ -19,48 +19,52 @@ def _words(dims: tuple[str, ...], long_name: str) -> Variable:
 
 EFFECTS: Final[Mapping[str, Variable]] = {
     "problem_of": _words(
-        _DECISION, "camera, lens or light path to which the model belongs, by its name along the dimension problem"
+        _DECISION, "camera, lens or light path to which the model applies, by its label along 'problem'"
     ),
-    "slot": _words(_DECISION, "effect that the model describes"),
-    "model": _words(_DECISION, "model of the effect; off leaves the effect out"),
-    "chosen": Variable(dims=_DECISION, units="1", long_name="whether the model is applied", error="exact"),
-    "forced": Variable(dims=_DECISION, units="1", long_name="whether the study forces the model", error="exact"),
-    "reason": _words(_DECISION, "why the effect has a single model; empty where there is a choice"),
+    "slot": _words(_DECISION, "effect that the model describes, named as under 'effects' in the study file"),
+    "model": _words(_DECISION, "model of the effect; 'off' leaves the effect out"),
+    "chosen": Variable(dims=_DECISION, units="1", long_name="whether the model is applied", error=EXACT),
+    "forced": Variable(
+        dims=_DECISION, units="1", long_name="whether the study file prescribes the model, under 'effects'", error=EXACT
+    ),
+    "reason": _words(_DECISION, "why the effect has only one model; empty where it has several"),
     "change": Variable(
         dims=_CHANGE,
         units="1",
-        long_name="relative change of a quantity due to this model alone, with the most complete models of all other "
-        "effects; NaN for quantities that do not apply, infinite where the change is unknown",
+        long_name="relative change of the quantity if this model replaces the most complete model of its effect, "
+        "with the most complete models of all other effects; NaN where the quantity does not apply, "
+        "infinite where the change is unknown",
         error=_KNOWN_AS,
     ),
-    "evidence": _words(_CHANGE, f"how the change is known: {_HOW}"),
+    "evidence": _words(_CHANGE, f"how the change is known: {_HOW}; empty where change is NaN"),
     "change_at": Variable(
         dims=_CHANGE,
         units="m",
-        long_name="distance at which the change is largest; NaN where no distance applies",
-        error="one of the examined distances",
+        long_name="distance at which the change is largest; NaN where it has none",
+        error="the spacing of the examined distances",
     ),
     "joint_change": Variable(
         dims=_TOGETHER,
         units="1",
-        long_name="relative change of a quantity due to everything that the applied models leave out together; "
-        "NaN for quantities that do not apply, infinite where the change is unknown",
+        long_name="relative change of the quantity due to everything that the applied models leave out, together; "
+        "NaN where the quantity does not apply, infinite where the change is unknown",
         error=_KNOWN_AS,
     ),
-    "joint_evidence": _words(_TOGETHER, f"how the joint change is known: {_HOW}"),
+    "joint_evidence": _words(_TOGETHER, f"how joint_change is known: {_HOW}; empty where it is NaN"),
     "forced_change": Variable(
         dims=_TOGETHER,
         units="1",
-        long_name="relative change of a quantity due to the models that the study forces; NaN where it forces none, "
-        "infinite where the change is unknown",
+        long_name="relative change of the quantity due to the models that the study file prescribes; NaN where it "
+        "prescribes none, infinite where the change is unknown",
         error=_KNOWN_AS,
     ),
     "tolerance": Variable(
         dims=_TOGETHER,
         units="1",
-        long_name="tolerance on the relative change; NaN where the study does not ask for the quantity",
-        error="declared",
+        long_name="tolerance on the relative change, declared under 'accuracy'; NaN where the study does not need "
+        "the quantity",
+        error=DECLARED,
     ),
-    "problem_title": _words(_PROBLEM, "the camera, lens or light path in words"),
-    "summary": _words(_PROBLEM, "what is simulated, and the largest omission, in one line"),
+    "problem_title": _words(_PROBLEM, "name of the camera, lens or light path in figures and tables"),
+    "summary": _words(_PROBLEM, "what the applied models simulate, and the largest omission, in one line"),
 }

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import Variable
+from tradestudy.results.variable import EXACT, Variable
 
 _CASE: Final = ("case",)
-_OUTCOME: Final = "NaN where the answer is in words, see outcome"
 
 
 def _text(long_name: str) -> Variable:
@@ -19,36 +18,38 @@ def _error(long_name: str) -> Variable:
     return Variable(
         dims=_CASE,
         units="1",
-        long_name=f"{long_name}; infinite where the answer is a wrong infinity, not a number, or an exception; "
-        f"{_OUTCOME}",
-        error="exact: the difference to thirty digits",
+        long_name=f"{long_name}; infinite where the answer is wrongly infinite, not a number or an exception, NaN "
+        "where the right answer is in words",
+        error="none: exact to thirty digits",
     )
 
 
 HARD_CASES: Final[Mapping[str, Variable]] = {
-    "family": _text("family of the case, by its name in a study file"),
+    "family": _text("family of the case, as named in hard_cases.families"),
     "family_title": _text("family of the case, in words"),
-    "law": _text("quantity that is computed"),
-    "naive_answer": _text("answer of the usual formula"),
+    "law": _text("quantity that is computed, with its equation"),
+    "naive_answer": _text("answer of the textbook formula"),
     "our_answer": _text("answer of this program"),
-    "expected": _text("right answer: a multiple-precision number, shortened, or words"),
+    "expected": _text("right answer: a number rounded from a computation with more digits, or words"),
     "outcome": Variable(
-        dims=_CASE, units="1", long_name="whether the right answer is in words (a refusal, a sign, a count)"
+        dims=_CASE, units="1", long_name="whether the right answer is in words, such as a refusal, a sign or a count"
     ),
-    "naive_error": _error("relative error of the usual formula"),
+    "naive_error": _error("relative error of the textbook formula"),
     "our_error": _error("relative error of this program"),
     "bound": Variable(
         dims=_CASE,
         units="1",
-        long_name=f"allowed relative error; {_OUTCOME}",
-        error="1e-12, or ten machine epsilons times the condition number, or what the computation states",
+        long_name="largest relative error of this program that counts as right: 1e-12, or 10 machine epsilons times "
+        "the condition number, or the error that the program itself states; NaN where the right answer is "
+        "in words",
+        error=EXACT,
     ),
     "condition_number": Variable(
         dims=_CASE,
         units="1",
-        long_name=f"relative change of the value per relative change of each input, summed; infinite at a pole or a "
-        f"jump; {_OUTCOME}",
-        error="four digits",
+        long_name="relative change of the result per relative change of an input, summed over the inputs; infinite "
+        "at a pole or a jump, NaN where the right answer is in words",
+        error="correct to four digits",
     ),
     "met": Variable(dims=_CASE, units="1", long_name="whether the answer of this program is right"),
 }

@@ -5,54 +5,62 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import Variable
+from tradestudy.results.variable import DECLARED, EXACT, Variable
 
 _OF: Final = ("picture",)
 _WHOLE: Final = ("picture", "picture_row", "picture_column")
-_SAMPLED: Final = "sampling_error, model_error, and the noise of the picture"
+_SAMPLED: Final = "see sampling_error and model_error; the picture also has noise"
 
 PICTURES: Final[Mapping[str, Variable]] = {
     "brightness": Variable(
         dims=_WHOLE,
         units="1",
-        long_name="mean of each block of pixels, relative to the brightest pixel; NaN beyond the picture",
+        long_name="mean of a block of pixels, relative to the brightest pixel of the picture; NaN outside a picture "
+        "smaller than the largest",
         error=_SAMPLED,
     ),
     "detail": Variable(
         dims=("picture", "detail_row", "detail_column"),
         units="1",
-        long_name="values of the pixels in the middle of the picture, relative to the brightest pixel; NaN "
-        "beyond the picture",
+        long_name="pixels around the middle of the picture, relative to the brightest pixel of the picture; NaN "
+        "outside a picture smaller than the detail",
         error=_SAMPLED,
     ),
     "true_depth": Variable(
         dims=_WHOLE,
         units="m",
-        long_name="true depth of the middle pixel of each block, along the axis of the camera; infinite where "
-        "the pixel sees nothing, NaN where no light reaches it through the pupil",
-        error="that of the rays: rounding",
+        long_name="true depth at the middle pixel of a block; infinite where the pixel sees no surface, NaN where "
+        "no light reaches the pixel through the pupil or outside a picture smaller than the largest",
+        error="rounding only",
     ),
     "camera_of": Variable(dims=_OF, units="", long_name="camera that takes the picture"),
-    "block": Variable(dims=_OF, units="px", long_name="side of the square blocks of pixels", error="exact"),
-    "columns": Variable(dims=_OF, units="px", long_name="number of columns of the picture", error="exact"),
-    "rows": Variable(dims=_OF, units="px", long_name="number of rows of the picture", error="exact"),
-    "pixel_pitch": Variable(dims=_OF, units="m", long_name="pixel pitch of the camera", error="as declared"),
-    "saturated": Variable(dims=_OF, units="1", long_name="number of saturated pixels", error="exact"),
+    "block": Variable(
+        dims=_OF,
+        units="px",
+        long_name="side of the square blocks of pixels in 'brightness' and true_depth",
+        error=EXACT,
+    ),
+    "columns": Variable(dims=_OF, units="px", long_name="number of columns of the whole picture", error=EXACT),
+    "rows": Variable(dims=_OF, units="px", long_name="number of rows of the whole picture", error=EXACT),
+    "pixel_pitch": Variable(dims=_OF, units="m", long_name="pixel pitch of the whole picture", error=DECLARED),
+    "saturated": Variable(dims=_OF, units="1", long_name="number of saturated pixels", error=EXACT),
     "sampling_error": Variable(
         dims=_OF,
         units="1",
-        long_name="relative root-mean-square difference from a picture with 16 times as many rays, without "
-        "noise; for a picture by waves, also from one with twice as many point-spread functions along each axis",
-        error="an estimate of an error, from places all over the picture",
+        long_name="root-mean-square difference from a picture without noise with 16 times as many rays, relative to "
+        "that picture; for a picture by waves, also from one with twice as many point-spread functions "
+        "along each axis",
+        error="itself an error estimate, from places all over the picture",
     ),
     "by_waves": Variable(
-        dims=_OF, units="1", long_name="whether the picture is rendered by waves (1) or by rays (0)", error="exact"
+        dims=_OF, units="1", long_name="whether the picture is rendered by waves rather than by rays", error=EXACT
     ),
     "model_error": Variable(
         dims=_OF,
         units="1",
-        long_name="for pictures by rays, the relative change, in the L2 norm, due to leaving out diffraction; "
-        "for pictures by waves, the fraction of the light that is diffracted beyond the computed range",
-        error="an estimate of an error: by rays from places all over the picture, with a margin of 30 %",
+        long_name="for a picture by rays, the relative change in the L2 norm that diffraction would cause; for a "
+        "picture by waves, the fraction of the light that diffraction spreads beyond the range that is "
+        "computed",
+        error="itself an error estimate; by rays, from places all over the picture, with a margin of 30 %",
     ),
 }

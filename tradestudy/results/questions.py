@@ -5,330 +5,403 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import SEE_ERROR, Variable
+from tradestudy.results.variable import ESTIMATE, EXACT, SEE_ERROR, Variable
 
 DECISION: Final[Mapping[str, Variable]] = {
     "best_camera": Variable(
         dims=("distance", "error_source"),
         units="",
-        long_name="usable candidate with the lowest depth uncertainty, and all whose depth uncertainty exceeds "
-        "it by no more than the two errors together; empty where none is usable",
+        long_name="usable candidate with the lowest depth uncertainty, and each usable candidate whose depth "
+        "uncertainty is higher by no more than the combined error of the two; empty where none is usable",
     ),
     "winner": Variable(
         dims=("reading", "place", "error_source"),
         units="",
-        long_name="usable camera of the main pair with the lower depth uncertainty; empty where neither is usable",
+        long_name="usable camera of the main pair with the lower depth uncertainty, or both if their difference is "
+        "within its error; empty where neither is usable",
     ),
     "more_certain": Variable(
         dims=("reading", "place", "error_source"),
         units="",
-        long_name="camera of the main pair with the lower depth uncertainty, usable or not",
+        long_name="camera of the main pair with the lower depth uncertainty, usable or not; empty if their "
+        "difference is within its error",
     ),
     "uncertainty_ratio": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
-        long_name="depth uncertainty of the first camera of the main pair relative to that of the second; "
-        "infinite where only the first has no far end, NaN where both have none",
-        error=SEE_ERROR,
+        long_name="depth uncertainty of the first camera of the main pair, divided by that of the second; infinite "
+        "where only the first is infinite; NaN where both are, or where a camera forms no image",
+        error=f"{SEE_ERROR} of /depth",
     ),
     "within_tolerance": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
-        long_name="whether the uncertainties of the main pair differ by no more than the tolerance, so that "
-        "omitted effects could reverse their order",
-        error="exact",
+        long_name="whether the depth uncertainties of the main pair differ by no more than "
+        "accuracy.depth_uncertainty, so that omitted effects could reverse their order",
+        error=EXACT,
     ),
     "flips": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
-        long_name="whether the winner differs from the winner in the study as declared",
+        long_name="whether the winner differs from that in the study as declared",
     ),
-    "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes"),
+    "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes, in words"),
     "certainty_flips": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
-        long_name="whether the more certain camera, usable or not, differs from that in the study as declared",
+        long_name="whether more_certain differs from that in the study as declared",
     ),
     "change_distance": Variable(
         dims=("reading", "error_source", "change"),
         units="m",
-        long_name="distance where the winner of the main pair switches; NaN where there is none",
-        error="change_error; its range over readings is stored too",
+        long_name="distance at which the winner changes; NaN beyond the last change",
+        error="see change_error",
     ),
     "change_error": Variable(
         dims=("reading", "error_source", "change"),
         units="m",
-        long_name="standard error over independent scrambles; infinite where not every scramble has the switch, "
-        "NaN where there is none",
-        error="an estimate of an error",
+        long_name="standard error of change_distance over scrambles; infinite where a scramble lacks this change, "
+        "NaN beyond the last change",
+        error=ESTIMATE,
     ),
     "change_nearer": Variable(
-        dims=("reading", "error_source", "change"), units="", long_name="winner on the near side of the switch"
+        dims=("reading", "error_source", "change"),
+        units="",
+        long_name="winner at distances just below change_distance; empty beyond the last change",
     ),
     "change_farther": Variable(
-        dims=("reading", "error_source", "change"), units="", long_name="winner on the far side of the switch"
+        dims=("reading", "error_source", "change"),
+        units="",
+        long_name="winner at distances just above change_distance; empty beyond the last change",
     ),
     "crossover_distance": Variable(
         dims=("reading", "error_source", "crossing"),
         units="m",
-        long_name="distance where the cameras of the main pair are equally uncertain; NaN where there is none",
-        error="crossover_error; its range over readings is stored too",
+        long_name="crossover of the main pair: distance at which both cameras have the same depth uncertainty; NaN "
+        "beyond the last crossover",
+        error="see crossover_error",
     ),
     "crossover_error": Variable(
         dims=("reading", "error_source", "crossing"),
         units="m",
-        long_name="standard error over independent scrambles; infinite where not every scramble has the crossover, "
-        "NaN where there is none",
-        error="an estimate of an error",
+        long_name="standard error of crossover_distance over scrambles; infinite where a scramble lacks this "
+        "crossover, NaN beyond the last crossover",
+        error=ESTIMATE,
     ),
     "crossover_nearer": Variable(
         dims=("reading", "error_source", "crossing"),
         units="",
-        long_name="more certain camera on the near side of the crossover",
+        long_name="camera with the lower depth uncertainty at distances just below crossover_distance; empty beyond "
+        "the last crossover",
     ),
     "design_best_camera": Variable(
         dims=("design_place",),
         units="",
-        long_name="best_camera of each design of a sweep at a few distances, interpolated from the curves of the "
-        "design",
+        long_name="best_camera of each design in a sweep, at the distances of decision.at, interpolated between the "
+        "distances of /depth",
     ),
     "design_best_camera_along": Variable(
-        dims=("distance",), units="", long_name="best_camera of each design of a sweep over distance"
+        dims=("distance",), units="", long_name="best_camera of each design in a sweep, at all distances"
     ),
     "design_crossover_distance": Variable(
         dims=("design_crossing",),
         units="m",
-        long_name="distance where the main pair is equally uncertain in each design, interpolated from the "
-        "curves of the design",
-        error="design_crossover_error",
+        long_name="crossover of the main pair in each design, interpolated between the distances of /depth; NaN "
+        "beyond the last crossover",
+        error="see design_crossover_error",
     ),
     "design_crossover_error": Variable(
         dims=("design_crossing",),
         units="m",
-        long_name="error of the two curves, including their curvature between two distances, divided by the "
-        "difference of their slopes",
-        error="an estimate of an error",
+        long_name="error of design_crossover_distance, from the errors of both depth uncertainties and from "
+        "interpolation; NaN beyond the last crossover",
+        error=ESTIMATE,
     ),
     "design_crossover_nearer": Variable(
         dims=("design_crossing",),
         units="",
-        long_name="more certain camera on the near side of design_crossover_distance",
+        long_name="camera with the lower depth uncertainty at distances just below design_crossover_distance; empty "
+        "beyond the last crossover",
     ),
     "cause": Variable(
         dims=("camera",),
         units="",
-        long_name="uncertain input that contributes most to the variance of depth, averaged over the usable "
-        "distances, and its basis",
+        long_name="uncertain input that contributes most to the variance of depth, on average over the usable "
+        "distances, with its basis",
     ),
     "cause_share": Variable(
         dims=("camera",),
         units="1",
-        long_name="share of the variance of depth that the input named in cause contributes, correlations "
-        "included; by linear propagation",
-        error="that of the linearisation",
+        long_name="fraction of the variance of depth that the input in 'cause' contributes, including its "
+        "correlations with others; NaN where no input is uncertain",
+        error="not estimated: inverse depth is taken as linear in the errors",
     ),
     "solution_count": Variable(
-        dims=("question",), units="1", long_name="number of solutions between the declared ends", error="exact"
+        dims=("question",),
+        units="1",
+        long_name="number of solutions between 'low' and 'high' of the question",
+        error=EXACT,
     ),
     "solved_value": Variable(
         dims=("question",),
         units="mixed",
-        long_name="smallest value of the varied input that answers the inverse question, in solved_units",
-        error="solved_error",
+        long_name="smallest solution: value of the varied input that answers the question, in the unit in "
+        "solved_units; NaN if there is none",
+        error="see solved_error",
     ),
     "solved_error": Variable(
         dims=("question",),
         units="mixed",
-        long_name="standard error over independent scrambles, in solved_units",
-        error="an estimate of an error",
+        long_name="standard error of solved_value over scrambles, in the same unit; NaN if there is no solution",
+        error=ESTIMATE,
     ),
-    "solved_units": Variable(dims=("question",), units="", long_name="SI unit of solved_value"),
-    "solved_says": Variable(dims=("question",), units="", long_name="the inverse question"),
-    "solved_answer": Variable(dims=("question",), units="", long_name="the answer in words"),
+    "solved_units": Variable(dims=("question",), units="", long_name="SI unit of solved_value and solved_error"),
+    "solved_says": Variable(dims=("question",), units="", long_name="the question in words"),
+    "solved_answer": Variable(dims=("question",), units="", long_name="the answer to the question, in words"),
 }
 
 CLAIMS: Final[Mapping[str, Variable]] = {
     "value": Variable(
         dims=("claim", "reading"),
         units="mixed",
-        long_name="value of the claimed quantity under a reading; NaN where the claim is not tested",
-        error=SEE_ERROR,
+        long_name="result that the program computes for the claim under a reading, in SI; NaN where the claim is "
+        "not tested under this reading",
+        error="not estimated here; for depth uncertainties, see depth_uncertainty_error of /depth",
     ),
     "met": Variable(
         dims=("claim", "reading"),
         units="1",
-        long_name="whether the claim is met under a reading: 1 met, 0 not met, −1 not tested",
+        long_name="1 where the value meets the expectation, 0 where it does not, −1 where the claim is not tested "
+        "under this reading",
     ),
-    "value_text": Variable(dims=("claim", "reading"), units="", long_name="value, written with its unit"),
+    "value_text": Variable(dims=("claim", "reading"), units="", long_name="value with its unit, as text"),
+    "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes"),
     "says": Variable(dims=("claim",), units="", long_name="the claim in the words of its source"),
-    "source": Variable(dims=("claim",), units="", long_name="where the claim is made"),
-    "expected": Variable(dims=("claim",), units="", long_name="expected value or bound"),
+    "source": Variable(dims=("claim",), units="", long_name="where the claim was published"),
+    "expected": Variable(dims=("claim",), units="", long_name="value or bound that the claim leads to expect"),
     "quantity": Variable(
-        dims=("claim",), units="", long_name="quantity that answers the claim, with cameras by their titles"
+        dims=("claim",), units="", long_name="quantity that the claim is about, with the cameras called by their titles"
     ),
     "tolerance_reason": Variable(
         dims=("claim",),
         units="",
-        long_name="how the expected result and its tolerance follow from the wording of the source",
+        long_name="why the expected result and its tolerance follow from the wording of the source",
     ),
-    "verdict": Variable(dims=("claim",), units="", long_name="met, not met, or cannot be decided from the paper"),
-    "reason": Variable(dims=("claim",), units="", long_name="reason for the verdict"),
+    "verdict": Variable(
+        dims=("claim",),
+        units="",
+        long_name="verdict over all tested readings: met, not met, or cannot be decided from the paper",
+    ),
+    "reason": Variable(
+        dims=("claim",),
+        units="",
+        long_name="reason for the verdict: the readings under which the claim is met, and those under which it is not",
+    ),
     "within_tolerance": Variable(
         dims=("claim", "reading"),
         units="1",
-        long_name="whether a change of the value by the tolerance could overturn the answer",
-        error="exact",
+        long_name="whether a change of the value by accuracy.tolerance could change whether the claim is met",
+        error=EXACT,
     ),
 }
 
 _OF_REQUIREMENT: Final = ("requirement",)
 _OF_CAMERA: Final = ("requirement", "camera")
 REQUIREMENTS: Final[Mapping[str, Variable]] = {
-    "says": Variable(dims=_OF_REQUIREMENT, units="", long_name="the requirement"),
+    "says": Variable(dims=_OF_REQUIREMENT, units="", long_name="the requirement in words"),
     "priority": Variable(
-        dims=_OF_REQUIREMENT, units="", long_name="priority of the requirement: must (enforced by --strict) or should"
+        dims=_OF_REQUIREMENT,
+        units="",
+        long_name="'must' or 'should'; with '--strict', a run fails unless every 'must' is met",
     ),
-    "quantity": Variable(dims=_OF_REQUIREMENT, units="", long_name="quantity that is compared with the bound"),
-    "of": Variable(dims=_OF_REQUIREMENT, units="", long_name="camera that the requirement concerns, or any, or all"),
+    "quantity": Variable(dims=_OF_REQUIREMENT, units="", long_name="quantity that the requirement bounds"),
+    "of": Variable(
+        dims=_OF_REQUIREMENT,
+        units="",
+        long_name="camera that must meet the requirement; 'any' if one camera suffices, 'all' if every camera must",
+    ),
     "met": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="whether the requirement is met: 1 met, 0 not met, −1 cannot be decided",
+        long_name="1 if the requirement is met, 0 if it is not, −1 if this cannot be decided",
     ),
     "camera_deciding": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="camera with the largest margin or, for a requirement on all cameras, with the smallest",
+        long_name="camera that decides the answer: the one in 'of', the best if 'of' is 'any', the worst if it is "
+        "'all'",
     ),
     "value": Variable(
-        dims=_OF_REQUIREMENT, units="mixed", long_name="worst value over the distances, in SI", error="value_error"
+        dims=_OF_REQUIREMENT,
+        units="mixed",
+        long_name="worst value of the quantity over the distances of the requirement, for the deciding camera, in "
+        "SI; NaN where there is none",
+        error="see value_error",
     ),
     "value_error": Variable(
-        dims=_OF_REQUIREMENT, units="mixed", long_name="estimated error of value", error="an estimate of an error"
+        dims=_OF_REQUIREMENT,
+        units="mixed",
+        long_name="estimated error of the worst value, in SI; NaN where there is none",
+        error=ESTIMATE,
     ),
-    "bound": Variable(dims=_OF_REQUIREMENT, units="mixed", long_name="bound on the quantity, in SI", error="exact"),
+    "bound": Variable(dims=_OF_REQUIREMENT, units="mixed", long_name="bound on the quantity, in SI", error=EXACT),
     "place": Variable(
-        dims=_OF_REQUIREMENT, units="m", long_name="distance at which the worst value lies", error="1e-4, relative"
+        dims=_OF_REQUIREMENT,
+        units="m",
+        long_name="distance of the worst value; NaN where it has none",
+        error="1e-4, relative",
     ),
     "margin_percent": Variable(
         dims=_OF_REQUIREMENT,
         units="percent",
-        long_name="fraction by which the worst value could worsen within its bound; negative when missed, and then "
-        "at least as large as the fraction of the distances, on a logarithmic scale, where the camera is not usable",
-        error="as that of the value",
+        long_name="how far the worst value may worsen before it reaches the bound, relative to the value; negative "
+        "if the bound is missed. If the camera is unusable over part of the required range, the margin is "
+        "at most minus that part, as a fraction of the range on a logarithmic scale. NaN where there is "
+        "no value",
+        error="that of the worst value",
     ),
     "margin_sigma": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="bound minus worst value, divided by the estimated error of that value; NaN where there is none",
-        error="as good as that estimate",
+        long_name="distance of the worst value from the bound, divided by value_error; negative if the bound is "
+        "missed; NaN where the value has no error or the camera is unusable over part of the required "
+        "range",
+        error="not estimated: depends on how good value_error is",
     ),
     "conformity": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="probability that the true worst value meets the bound, for a normally distributed error",
-        error="as good as the estimate of that error",
+        long_name="probability that the true worst value meets the bound, if its error is normally distributed; NaN "
+        "where there is no value",
+        error="not estimated: depends on how good value_error is",
     ),
     "within_tolerance": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="whether a change of the worst value or of usable ranges' ends by the tolerance could overturn the "
-        "answer",
-        error="exact",
+        long_name="whether changes of the worst value, or of the ends of usable ranges, could reverse the answer "
+        "although they are within their tolerances under 'accuracy'",
+        error=EXACT,
     ),
-    "reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="the worst value and where it lies"),
+    "reason": Variable(
+        dims=_OF_REQUIREMENT,
+        units="",
+        long_name="the worst value and its distance, and where the camera is not usable, in words",
+    ),
     "limited_by": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="limit of the usable or sharp range that decides the answer; empty where the value decides",
+        long_name="limit of the usable or sharp range that decides the answer, named as along 'limit' in /depth; "
+        "empty where the worst value decides",
     ),
     "rests_on": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="what the answer rests on: the limit that decides, or the uncertain input that contributes "
-        "most to the variance at the worst distance, with its basis",
+        long_name="what decides the answer, in words: the limit in limited_by or, where errors decide, the "
+        "uncertain input that contributes most to the variance of depth at the distance of the worst "
+        "value, with its basis",
     ),
     "rests_on_share": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="share of the variance that the input named in rests_on contributes, correlations included; by "
-        "linear propagation; NaN where no input decides",
-        error="that of the linearisation",
+        long_name="fraction of the variance of depth that the input in rests_on contributes, including its "
+        "correlations with others; NaN where no input decides",
+        error="not estimated: inverse depth is taken as linear in the errors",
     ),
     "bound_alone_met": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="met if matching were as precise as its bound instead of having the errors of the declared "
-        "matcher; −1 where undecided, or where no matcher makes a difference",
+        long_name="'met' if matching reached its bound; −1 also where no matcher makes a difference",
     ),
     "bound_alone_camera": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="camera_deciding at the matching bound; empty where no matcher makes a difference",
+        long_name="camera_deciding if matching reached its bound; empty where no matcher makes a difference",
     ),
     "bound_alone_value": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="value at the matching bound, in SI; NaN where no matcher makes a difference",
-        error="bound_alone_value_error",
+        long_name="'value' if matching reached its bound, in SI; NaN where no matcher makes a difference",
+        error="see bound_alone_value_error",
     ),
     "bound_alone_value_error": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="value_error at the matching bound",
-        error="an estimate of an error",
+        long_name="value_error if matching reached its bound, in SI; NaN where no matcher makes a difference",
+        error=ESTIMATE,
     ),
     "bound_alone_place": Variable(
-        dims=_OF_REQUIREMENT, units="m", long_name="place at the matching bound", error="1e-4, relative"
+        dims=_OF_REQUIREMENT,
+        units="m",
+        long_name="'place' if matching reached its bound; NaN where no matcher makes a difference",
+        error="1e-4, relative",
     ),
-    "bound_alone_reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="reason at the matching bound"),
+    "bound_alone_reason": Variable(
+        dims=_OF_REQUIREMENT,
+        units="",
+        long_name="'reason' if matching reached its bound; empty where no matcher makes a difference",
+    ),
     "camera_met": Variable(
         dims=_OF_CAMERA,
         units="1",
-        long_name="whether this camera meets the requirement: 1 met, 0 not met, −1 cannot be decided or not required",
+        long_name="1 if this camera meets the requirement, 0 if it does not, −1 if this cannot be decided or the "
+        "requirement does not concern it",
     ),
     "camera_margin_percent": Variable(
-        dims=_OF_CAMERA, units="percent", long_name="margin_percent of this camera", error="as that of its value"
+        dims=_OF_CAMERA,
+        units="percent",
+        long_name="margin_percent of this camera; NaN where the requirement does not concern it",
+        error="that of the worst value",
     ),
-    "camera_reason": Variable(dims=_OF_CAMERA, units="", long_name="worst value of this camera, and where it lies"),
+    "camera_reason": Variable(
+        dims=_OF_CAMERA, units="", long_name="'reason' for this camera; empty where the requirement does not concern it"
+    ),
     "design_met": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="whether the requirement is met in this design: 1 met, 0 not met, −1 cannot be decided",
+        long_name="'met' in each design of a sweep",
     ),
-    "design_camera": Variable(dims=_OF_REQUIREMENT, units="", long_name="camera that decides in this design"),
+    "design_camera": Variable(dims=_OF_REQUIREMENT, units="", long_name="camera_deciding in each design of a sweep"),
     "design_margin_percent": Variable(
-        dims=_OF_REQUIREMENT, units="percent", long_name="margin_percent in this design", error="as that of the value"
+        dims=_OF_REQUIREMENT,
+        units="percent",
+        long_name="margin_percent in each design of a sweep; NaN where there is no value",
+        error="that of the worst value",
     ),
-    "design_margin_sigma": Variable(dims=_OF_REQUIREMENT, units="1", long_name="margin_sigma in this design"),
+    "design_margin_sigma": Variable(
+        dims=_OF_REQUIREMENT,
+        units="1",
+        long_name="margin_sigma in each design of a sweep; NaN where the value has no error or the camera is "
+        "unusable over part of the required range",
+    ),
     "design_within_tolerance": Variable(
-        dims=_OF_REQUIREMENT, units="1", long_name="within_tolerance in this design: 1 yes, 0 no"
+        dims=_OF_REQUIREMENT, units="1", long_name="within_tolerance in each design of a sweep"
     ),
-    "design_reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="reason in this design"),
-    "design_limited_by": Variable(dims=_OF_REQUIREMENT, units="", long_name="limited_by in this design"),
+    "design_reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="'reason' in each design of a sweep"),
+    "design_limited_by": Variable(dims=_OF_REQUIREMENT, units="", long_name="limited_by in each design of a sweep"),
     "met_from": Variable(
         dims=("requirement", "stretch"),
         units="mixed",
-        long_name="start of a range of the only swept parameter in which the requirement is met, in the SI unit "
-        "of that parameter",
-        error="met_to_within",
+        long_name="start of a range of the swept parameter in which the requirement is met, in SI; NaN beyond the "
+        "last range",
+        error="see met_to_within",
     ),
     "met_to": Variable(
         dims=("requirement", "stretch"),
         units="mixed",
-        long_name="end of the range that begins at met_from",
-        error="met_to_within",
+        long_name="end of the range that begins at met_from, in SI; NaN beyond the last range",
+        error="see met_to_within",
     ),
     "met_to_within": Variable(
         dims=("requirement", "stretch"),
         units="mixed",
-        long_name="error of met_from and met_to: half the width of the bracket around the root; 0 at an end of "
-        "the sweep",
-        error="an estimate of an error",
+        long_name="error of met_from and met_to: half the width of the interval to which bisection narrows them "
+        "down; 0 at an end of the sweep, NaN beyond the last range",
+        error=ESTIMATE,
     ),
     "met_camera": Variable(
         dims=("requirement", "stretch"),
         units="",
-        long_name="cameras that decide in this range, in the order of the increasing parameter",
+        long_name="camera that meets the requirement in this range, or 'all' if every camera must; empty beyond the "
+        "last range",
     ),
 }

@@ -5,75 +5,89 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import Variable
+from tradestudy.results.variable import ROUNDING, Variable
 
 CAMERAS: Final[Mapping[str, Variable]] = {
-    "title": Variable(dims=("camera",), units="", long_name="name in figures and tables"),
-    "kind": Variable(dims=("camera",), units="", long_name="kind of camera"),
+    "title": Variable(dims=("camera",), units="", long_name="name of the camera in figures and tables"),
+    "kind": Variable(dims=("camera",), units="", long_name="kind of camera, such as 'stereo'"),
     "family": Variable(
         dims=("camera",),
         units="",
-        long_name="principle of measurement, which all cameras of one family share",
+        long_name="principle of measurement, such as 'plenoptic', which several kinds may share",
     ),
     "method": Variable(
         dims=("camera",),
         units="",
-        long_name="how depth follows from the pictures of the camera, in JSON",
+        long_name="how depth follows from the pictures of the camera, as JSON for the report; empty if the camera "
+        "measures no depth",
     ),
-    "note": Variable(dims=("camera",), units="", long_name="what a reader should know about the camera"),
-    "property_value": Variable(
-        dims=("property",), units="", long_name="value of a property that follows from the inputs, with its unit"
+    "note": Variable(
+        dims=("camera",), units="", long_name="the note declared under the camera; empty if there is none"
     ),
+    "property_value": Variable(dims=("property",), units="", long_name="value of the property, with its unit"),
     "perfect_calibration": Variable(
         dims=("camera",),
         units="",
-        long_name="1 where a camera that measures depth declares no uncertain parameter",
+        long_name="1 where a camera that measures depth has no uncertain parameter, otherwise 0",
     ),
     "property_camera": Variable(dims=("property",), units="", long_name="camera that has the property"),
-    "property_name": Variable(dims=("property",), units="", long_name="name of the property"),
+    "property_name": Variable(
+        dims=("property",),
+        units="",
+        long_name="name of a property that follows from the declared values, with its symbol",
+    ),
 }
 
 ASSUMPTIONS: Final[Mapping[str, Variable]] = {
-    "value": Variable(dims=("path",), units="", long_name="the value as written"),
+    "value": Variable(dims=("path",), units="", long_name="value as written in the study file, with its unit"),
     "basis": Variable(
-        dims=("path",), units="", long_name="basis of the value: paper, datasheet, measured, assumed or derived"
+        dims=("path",),
+        units="",
+        long_name="basis of the value: 'paper', 'datasheet', 'measured', 'assumed' or 'derived'; empty if none is "
+        "declared",
     ),
-    "note": Variable(dims=("path",), units="", long_name="note on where the value comes from"),
+    "note": Variable(dims=("path",), units="", long_name="note on the origin of the value; empty if there is none"),
     "cameras": Variable(
-        dims=("path",), units="", long_name="cameras to which the value belongs; empty for values of the study itself"
+        dims=("path",), units="", long_name="cameras that have the value; empty for values outside cameras"
     ),
-    "warning": Variable(
-        dims=("warned",), units="", long_name="warning about an implausible input, with the path of the input"
-    ),
+    "warning": Variable(dims=("warned",), units="", long_name="warning about an implausible value, with its path"),
 }
 
 CONTRADICTIONS: Final[Mapping[str, Variable]] = {
-    "camera": Variable(dims=("contradiction",), units="", long_name="camera with contradictory inputs"),
+    "camera": Variable(dims=("contradiction",), units="", long_name="camera with the contradictory inputs"),
     "what": Variable(
-        dims=("contradiction",), units="", long_name="quantity that is stated and also implied by other inputs"
+        dims=("contradiction",),
+        units="",
+        long_name="quantity that the study states, against the inputs from which it also follows",
     ),
-    "stated": Variable(dims=("contradiction",), units="", long_name="value that is stated"),
-    "implied": Variable(dims=("contradiction",), units="", long_name="value implied by the other inputs"),
-    "used": Variable(dims=("contradiction",), units="", long_name="which of the two values the study uses"),
+    "stated": Variable(dims=("contradiction",), units="", long_name="value that the study states"),
+    "implied": Variable(dims=("contradiction",), units="", long_name="value that follows from the other inputs"),
+    "used": Variable(dims=("contradiction",), units="", long_name="which value the program uses"),
 }
 
 CRITERIA: Final[Mapping[str, Variable]] = {
     "value": Variable(
         dims=("camera", "criterion"),
         units="",
-        long_name="value of the criterion for a camera, with its unit",
+        long_name="value of the criterion, with its unit, or in words",
     ),
     "basis": Variable(
         dims=("camera", "criterion"),
         units="",
-        long_name="basis of this value: derived from the other inputs, or as declared",
+        long_name="basis of the value; 'derived' if it follows from other inputs, 'declared' if the study states no "
+        "basis",
     ),
     "number": Variable(
         dims=("camera", "criterion"),
         units="mixed",
-        long_name="value of the criterion as a number, in the unit of number_units; NaN where it is not a number",
-        error="closed form of declared values; rounding only",
+        long_name="value of the criterion as a number, in the unit in number_units; NaN where the value is not a "
+        "number",
+        error=ROUNDING,
     ),
-    "number_units": Variable(dims=("criterion",), units="", long_name="SI unit of number"),
-    "says": Variable(dims=("criterion",), units="", long_name="meaning of the criterion"),
+    "number_units": Variable(dims=("criterion",), units="", long_name="SI unit of 'number'"),
+    "says": Variable(
+        dims=("criterion",),
+        units="",
+        long_name="meaning of the criterion; 'as declared' for criteria under attributes.others",
+    ),
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import Variable
+from tradestudy.results.variable import DECLARED, ESTIMATE, EXACT, Variable
 
 _BOTH: Final = ("candidate", "weighed")
 _SMAA: Final = "Lahdelma and Salminen, Oper. Res. 49, 444 (2001)"
@@ -14,89 +14,110 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "weighed_value": Variable(
         dims=_BOTH,
         units="mixed",
-        long_name="value of a criterion for a candidate, in weighed_units; NaN where the candidate is not usable",
-        error="weighed_value_error",
+        long_name="value of the weighed criterion for a candidate, in the unit in weighed_units; NaN where the "
+        "candidate is not usable",
+        error="see weighed_value_error",
     ),
     "weighed_value_error": Variable(
-        dims=_BOTH, units="mixed", long_name="standard error of weighed_value", error="an estimate of an error"
+        dims=_BOTH, units="mixed", long_name="standard error of weighed_value, in the same unit", error=ESTIMATE
     ),
-    "weighed_units": Variable(dims=("weighed",), units="", long_name="SI unit of weighed_value, worst and best"),
-    "weighed_says": Variable(dims=("weighed",), units="", long_name="meaning of the criterion"),
-    "worst": Variable(dims=("weighed",), units="mixed", long_name="value that scores 0", error="declared"),
-    "best": Variable(dims=("weighed",), units="mixed", long_name="value that scores 1", error="declared"),
+    "weighed_units": Variable(dims=("weighed",), units="", long_name="SI unit of weighed_value, 'worst' and 'best'"),
+    "weighed_says": Variable(dims=("weighed",), units="", long_name="meaning of the weighed criterion"),
+    "worst": Variable(
+        dims=("weighed",), units="mixed", long_name="value that scores 0, in the unit in weighed_units", error=DECLARED
+    ),
+    "best": Variable(
+        dims=("weighed",), units="mixed", long_name="value that scores 1, in the unit in weighed_units", error=DECLARED
+    ),
     "worth": Variable(
         dims=_BOTH,
         units="1",
-        long_name="score of weighed_value, linear from 0 at worst to 1 at best, and clipped beyond; 0 where "
+        long_name="score of weighed_value: linear from 0 at 'worst' to 1 at 'best'; 0 or 1 beyond, and 0 where "
         "weighed_value is NaN",
-        error="that of weighed_value over best minus worst",
+        error="that of weighed_value, divided by the difference between 'best' and 'worst'",
     ),
     "clipped": Variable(
-        dims=_BOTH, units="1", long_name="whether weighed_value lies beyond worst or best", error="exact"
+        dims=_BOTH,
+        units="1",
+        long_name="whether weighed_value lies outside the range from 'worst' to 'best'",
+        error=EXACT,
     ),
     "weight_low": Variable(
-        dims=("weighed",), units="1", long_name="smallest possible weight of the criterion", error="declared"
+        dims=("weighed",),
+        units="1",
+        long_name="smallest possible weight, as a fraction of the sum of all weights",
+        error=DECLARED,
     ),
     "weight_high": Variable(
-        dims=("weighed",), units="1", long_name="largest possible weight of the criterion", error="declared"
+        dims=("weighed",),
+        units="1",
+        long_name="largest possible weight, as a fraction of the sum of all weights",
+        error=DECLARED,
     ),
     "weight_order": Variable(
         dims=("weighed",),
         units="1",
-        long_name="position of the criterion in the declared order of importance, counted from 1; 0 where no "
-        "order is declared",
-        error="declared",
+        long_name="position of the criterion in trade_off.order, from 1, the most important; 0 where no order is "
+        "declared",
+        error=DECLARED,
     ),
     "weight_mean": Variable(
-        dims=("weighed",), units="1", long_name="mean of all possible weights of the criterion", error="below 1e-3"
+        dims=("weighed",),
+        units="1",
+        long_name="mean of all possible weights of the criterion, each as a fraction of the sum of all weights",
+        error="below 1e-3",
     ),
     "rank_acceptability": Variable(
         dims=("candidate", "rank"),
         units="1",
         symbol="b_i^r",
         reference=_SMAA,
-        long_name="fraction of the possible weights and errors that give a candidate this rank",
-        error="rank_acceptability_error",
+        long_name="fraction of all possible weights, and of all draws of the criteria within their errors, that "
+        "give a candidate this rank",
+        error="see rank_acceptability_error",
     ),
     "rank_acceptability_error": Variable(
         dims=("candidate", "rank"),
         units="1",
-        long_name="standard error over independent scrambles, at least that of a single draw where anything is drawn",
-        error="an estimate of an error",
+        long_name="standard error of rank_acceptability over scrambles, at least the share of a single draw; 0 "
+        "where nothing is drawn",
+        error=ESTIMATE,
     ),
     "central_weight": Variable(
         dims=_BOTH,
         units="1",
         symbol="w_i^c",
         reference=_SMAA,
-        long_name="mean of the weights that rank a candidate first; NaN for the reason in central_weight_reason",
-        error="central_weight_error",
+        long_name="mean of the weights with which a candidate ranks first; NaN for the reason in central_weight_reason",
+        error="see central_weight_error",
     ),
     "central_weight_error": Variable(
         dims=_BOTH,
         units="1",
-        long_name="standard error over independent scrambles",
-        error="an estimate of an error",
+        long_name="standard error of central_weight over scrambles; NaN where central_weight is",
+        error=ESTIMATE,
     ),
     "central_weight_reason": Variable(
-        dims=("candidate",), units="", long_name="why a candidate has no central weights; empty where it has them"
+        dims=("candidate",), units="", long_name="why a candidate has no central weights; empty where it has"
     ),
     "design_value": Variable(
         dims=_BOTH,
         units="mixed",
-        long_name="weighed_value in a design of the sweep",
-        error="as weighed_value_error",
+        long_name="weighed_value in each design of a sweep; NaN where the candidate is not usable",
+        error="similar to weighed_value_error",
     ),
     "feasible": Variable(
         dims=("candidate",),
         units="1",
-        long_name="whether this candidate meets every 'must' requirement, including those that any camera may meet",
-        error="exact",
+        long_name="whether this candidate by itself meets every requirement of priority 'must', including those "
+        "that any one camera may meet",
+        error=EXACT,
     ),
     "on_pareto_front": Variable(
         dims=("candidate",),
         units="1",
-        long_name="whether no candidate in a feasible design is at least as good in every criterion and better in one",
-        error="exact for the given values",
+        long_name="whether the candidate is Pareto-optimal: no feasible candidate, in any design, is at least as "
+        "good in every weighed criterion and better in one",
+        error="none: exact for these values",
     ),
 }

@@ -5,55 +5,62 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import Variable
+from tradestudy.results.variable import ESTIMATE, Variable
 
-_DRAWS: Final = "standard error of a fraction of draws"
+_DRAWS: Final = "not stored: about √(p (1 − p)/n) for a fraction p of n draws"
 
 VALUE_OF_INFORMATION: Final[Mapping[str, Variable]] = {
     "worth": Variable(
         dims=("assumption",),
         units="1",
-        long_name="expected reduction of relative depth uncertainty, averaged over the distances, from knowing the "
-        "assumption before choosing a camera (EVPPI), corrected for its upward bias",
-        error="worth_error",
+        long_name="expected value of partial perfect information (EVPPI): how much the expected utility of the best "
+        "choice of camera grows if the assumption is known before choosing; worth_bias is already "
+        "subtracted",
+        error="see worth_error",
     ),
-    "worth_error": Variable(
-        dims=("assumption",), units="1", long_name="standard error of worth", error="an estimate of an error"
-    ),
+    "worth_error": Variable(dims=("assumption",), units="1", long_name="standard error of 'worth'", error=ESTIMATE),
     "worth_bias": Variable(
         dims=("assumption",),
         units="1",
-        long_name="upward bias of worth due to noise in the maximum over cameras; already subtracted",
-        error="an estimate of an error",
+        long_name="upward bias of 'worth': noise of the utilities, which taking the best camera turns into an "
+        "apparent gain",
+        error=ESTIMATE,
     ),
-    "says": Variable(dims=("assumption",), units="", long_name="name of the assumption"),
-    "varied": Variable(dims=("assumption",), units="", long_name="paths of the varied values"),
-    "between": Variable(dims=("assumption",), units="", long_name="ends of the range of the varied values"),
+    "says": Variable(dims=("assumption",), units="", long_name="name of the assumption in reports"),
+    "varied": Variable(
+        dims=("assumption",), units="", long_name="paths of the values that the assumption varies, or its readings"
+    ),
+    "between": Variable(
+        dims=("assumption",),
+        units="",
+        long_name="smallest and largest possible value, with units; or the readings, in words",
+    ),
     "expected_utility": Variable(
         dims=("candidate",),
         units="1",
-        long_name="negative mean relative depth uncertainty, over the distances and draws",
-        error="expected_utility_error",
+        long_name="mean utility of the camera over the draws",
+        error="see expected_utility_error",
     ),
     "expected_utility_error": Variable(
-        dims=("candidate",), units="1", long_name="standard error of expected_utility", error="an estimate of an error"
+        dims=("candidate",), units="1", long_name="standard error of expected_utility", error=ESTIMATE
     ),
     "best_overall": Variable(
         dims=("candidate",),
         units="1",
-        long_name="fraction of draws in which the camera has the best utility",
+        long_name="fraction of the draws in which the camera has the highest utility",
         error=_DRAWS,
     ),
     "best_probability": Variable(
         dims=("candidate", "place"),
         units="1",
-        long_name="fraction of draws in which the camera is usable and has the lowest uncertainty at a distance",
+        long_name="fraction of the draws in which the camera is usable at this distance and has the lowest depth "
+        "uncertainty",
         error=_DRAWS,
     ),
     "requirement_probability": Variable(
         dims=("requirement",),
         units="1",
-        long_name="fraction of draws in which the requirement holds at all its distances jointly",
+        long_name="fraction of the draws in which the requirement is met",
         error=_DRAWS,
     ),
 }

@@ -6,7 +6,11 @@ from dataclasses import dataclass
 from typing import Final
 
 PAPER: Final = "Diffraction model of a plenoptic camera for in-situ space exploration"
-ROUNDING: Final = "closed form; rounding only"
+ROUNDING: Final = "rounding only"
+EXACT: Final = "none: exact"
+DECLARED: Final = "none: declared"
+COUNTED: Final = "none: a count"
+ESTIMATE: Final = "itself an error estimate"
 SEE_ERROR: Final = "see depth_uncertainty_error"
 
 

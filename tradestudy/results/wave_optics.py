@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import PAPER, ROUNDING, Variable
+from tradestudy.results.variable import COUNTED, DECLARED, ESTIMATE, EXACT, PAPER, ROUNDING, Variable
 
 _MEASURED = f"{PAPER}, Figure 6, whose measure, window and wavelength are not stated"
 _ELEMENT = ("element", "wavelength")
@@ -17,32 +17,44 @@ def _f_number(dims: tuple[str, ...], long_name: str, reference: str, error: str 
 
 FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "title": Variable(dims=("element",), units="", long_name="name of the lens in figures and tables"),
-    "focal_length": Variable(dims=("element",), units="m", long_name="focal length", symbol="f", error="declared"),
+    "focal_length": Variable(
+        dims=("element",), units="m", long_name="focal length of the lens", symbol="f", error=DECLARED
+    ),
     "object_distance": Variable(
         dims=("element",),
         units="m",
-        long_name="distance of the object in focus from the lens",
+        long_name="distance from the lens to the point source, which is in focus",
         symbol="a",
-        error="declared",
+        error=DECLARED,
     ),
     "image_distance": Variable(
-        dims=("element",), units="m", long_name="in-focus image distance", symbol="b", error=ROUNDING
+        dims=("element",),
+        units="m",
+        long_name="distance from the lens to the image of the point source by the thin-lens equation",
+        symbol="b",
+        error=ROUNDING,
     ),
-    "camera_f_number": _f_number(("element",), "f-number at which the camera uses the lens", "", "declared"),
-    "published_f_number": _f_number(("element",), "f-number of a published error; NaN if none", "", "declared"),
+    "camera_f_number": _f_number(("element",), "f-number at which the camera uses the lens", "", "none: declared"),
+    "published_f_number": _f_number(
+        ("element",), "f-number of the published error; NaN if none is declared", "", "none: declared"
+    ),
     "published_error": Variable(
         dims=("element",),
         units="1",
-        long_name="published error at published_f_number; NaN if none",
-        error="as its source states it",
+        long_name="published error at published_f_number; NaN if none is declared",
+        error=DECLARED,
     ),
     "published_minimum": _f_number(
-        ("element",), "published minimum f-number for Fresnel; NaN if none", f"{PAPER}, section 5.3", "as printed"
+        ("element",),
+        "published minimum f-number for Fresnel; NaN if none is declared",
+        f"{PAPER}, section 5.3",
+        DECLARED,
     ),
     "psf_error": Variable(
         dims=("element", "lens_phase", "wavelength", "f_number", "metric", "window"),
         units="1",
-        long_name="error of Fresnel's point-spread function against Kirchhoff's, in focus on the axis",
+        long_name="difference between the point-spread functions by Fresnel and by Kirchhoff on the axis, measured "
+        "by each 'metric'",
         reference=_MEASURED,
         error="see psf_error_numerical",
     ),
@@ -50,12 +62,12 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         dims=("element", "lens_phase", "wavelength", "f_number", "metric", "window"),
         units="1",
         long_name="numerical error of psf_error",
-        error="an estimate itself",
+        error=ESTIMATE,
     ),
     "off_axis_error": Variable(
         dims=("element", "lens_phase", "f_number", "metric", "window"),
         units="1",
-        long_name="psf_error off the axis, in a window about the thin-lens image",
+        long_name="as psf_error, but at the field angle and wavelength in fresnel_validity.off_axis",
         reference=_MEASURED,
         error="see off_axis_error_numerical",
     ),
@@ -63,13 +75,12 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         dims=("element", "lens_phase", "f_number", "metric", "window"),
         units="1",
         long_name="numerical error of off_axis_error",
-        error="an estimate itself",
+        error=ESTIMATE,
     ),
     "published_point_error": Variable(
         dims=("element", "lens_phase", "wavelength", "metric", "window"),
         units="1",
-        long_name="error of Fresnel's point-spread function on axis at the f-number of the published error, or, where "
-        "none is published, of the camera",
+        long_name="as psf_error, but at published_f_number or, if none is declared, at camera_f_number",
         reference=_MEASURED,
         error="see published_point_error_numerical",
     ),
@@ -77,73 +88,77 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         dims=("element", "lens_phase", "wavelength", "metric", "window"),
         units="1",
         long_name="numerical error of published_point_error",
-        error="an estimate itself",
+        error=ESTIMATE,
     ),
     "camera_point_error": Variable(
         dims=("element", "lens_phase", "wavelength", "metric", "window"),
         units="1",
-        long_name="error of Fresnel's point-spread function on axis at the f-number of the camera",
+        long_name="as psf_error, but at camera_f_number",
         error="see camera_point_error_numerical",
     ),
     "camera_point_error_numerical": Variable(
         dims=("element", "lens_phase", "wavelength", "metric", "window"),
         units="1",
         long_name="numerical error of camera_point_error",
-        error="an estimate itself",
+        error=ESTIMATE,
     ),
     "off_axis_camera_error": Variable(
         dims=("element", "lens_phase", "metric", "window"),
         units="1",
-        long_name="camera_point_error off the axis",
+        long_name="as off_axis_error, but at camera_f_number",
         error="see off_axis_camera_error_numerical",
     ),
     "off_axis_camera_error_numerical": Variable(
         dims=("element", "lens_phase", "metric", "window"),
         units="1",
         long_name="numerical error of off_axis_camera_error",
-        error="an estimate itself",
+        error=ESTIMATE,
     ),
     "limit_f_number": _f_number(
         ("element", "lens_phase", "wavelength", "metric", "window"),
-        "smallest f-number above which the error on axis stays below the study's limit; 0 where it does over the "
-        "whole compared range, infinite where it exceeds the limit at the end of the range",
+        "f-number above which psf_error stays below fresnel_validity.error_limit; 0 if it does so at all "
+        "of fresnel_validity.f_numbers, infinite if it exceeds the limit even at the largest",
         _MEASURED,
-        "root to 1e-4 relative; the error of psf_error divided by its slope",
+        "1e-4, relative; in addition, the error of psf_error divided by the slope of its curve over the f-number",
     ),
     "paper_eq27_f_number": _f_number(
         (*_ELEMENT, "zero"),
-        "both zeros of the criterion as printed; not to be trusted, see paper_eq27_condition",
+        "minimum f-number by eq. 27 of the paper as printed; not to be trusted, see paper_eq27_condition; "
+        "infinite where the fractional part of 4 (a + b)/λ is 0",
         f"{PAPER}, eq. 27",
     ),
     "paper_eq27_condition": Variable(
         dims=_ELEMENT,
         units="1",
-        long_name="factor by which the criterion as printed, through the fractional part that decides it, "
-        "magnifies a relative change of a length",
+        long_name="relative change of the fractional part of 4 (a + b)/λ, which decides the zeros of eq. 27, per "
+        "relative change of a length",
         reference=f"{PAPER}, eq. 27",
         error=ROUNDING,
     ),
     "paper_eq27_sweep": _f_number(
         (*_ELEMENT, "zero", "quarter_wave"),
-        "criterion as printed while object and image distance together grow by a quarter wave",
+        "as paper_eq27_f_number, while a + b grows by a quarter of a wavelength; infinite where the "
+        "fractional part of 4 (a + b)/λ is 0",
         f"{PAPER}, eq. 27",
     ),
     "path_error_f_number": _f_number(
         (*_ELEMENT, "path_error"),
-        "minimum f-number at which the optical path that Fresnel omits stays within its bound",
-        "(f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼; the next term is smaller by r²/(2 b²)",
+        "minimum f-number at which the optical path that Fresnel neglects stays within path_error wavelengths",
+        "(f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼, with path_error ε; the next term is smaller by a factor of "
+        "r²/(2 b²), with the radius r of the pupil",
     ),
     "goodman_f_number": _f_number(
         _ELEMENT,
-        "minimum f-number at which Fresnel omits at most 1 rad of phase on each leg (object to lens, "
-        "lens to image) alone",
+        "minimum f-number at which Fresnel neglects at most 1 rad of phase between the object and the "
+        "lens, and at most 1 rad between the lens and the image",
         "Goodman 2005, section 4.2.2",
     ),
     "southwell_f_number": _f_number(
         _ELEMENT,
-        "minimum f-number at which, for a plane wave behind an empty aperture of that size, the error on the axis at "
-        "the image distance is at most the study's limit",
-        "question of Southwell (1981)",
+        "minimum f-number at which the error of Fresnel on the axis is at most "
+        "fresnel_validity.error_limit for a simpler problem: a plane wave behind an empty hole as large "
+        "as the pupil, at image_distance",
+        "after Southwell (1981)",
     ),
 }
 
@@ -158,152 +173,193 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "numerical_error": Variable(
         dims=("propagator",),
         units="1",
-        long_name="numerical error of image, relative, in the L2 norm over the pixels",
-        error="an estimate itself",
+        long_name="relative numerical error of 'image', in the L2 norm over its pixels",
+        error=ESTIMATE,
     ),
     "power": Variable(
         dims=("propagator",),
         units="1",
         long_name="fraction of the power in the pupil of the main lens that falls on the detector",
-        error="at most numerical_error relative",
+        error="at most numerical_error, relative",
     ),
     "lit_pixels": Variable(
         dims=("propagator",),
         units="1",
-        long_name="number of pixels with more than a hundredth of the light of the brightest pixel",
-        error="a count",
+        long_name="number of pixels with more than 1 % of the light of the brightest pixel",
+        error=COUNTED,
     ),
     "outside_geometric": Variable(
         dims=("propagator",),
         units="1",
-        long_name="fraction of the light on the detector that falls on pixels that rays leave dark",
+        long_name="fraction of the light on the detector that falls on pixels that no ray reaches",
         error="at most numerical_error",
     ),
     "difference": Variable(
         dims=("propagator", "against"),
         units="1",
-        long_name="sum over the pixels of the absolute difference between two images, divided by the sum over "
-        "the pixels of the second one",
-        error="at most the numerical errors of both images together; less where they share it",
+        long_name="L1 difference Σ|I − J|/Σ J of two images over their pixels: I by the method along 'propagator', "
+        "J by the method along 'against'",
+        error="at most the sum of the numerical errors of both images; less where they share errors",
     ),
     "difference_l2": Variable(
         dims=("propagator", "against"),
         units="1",
-        long_name="difference between two images in the L2 norm over the pixels, relative to the second one",
-        error="at most the numerical errors of both images together; less where they share it",
+        long_name="L2 difference ‖I − J‖/‖J‖ of two images over their pixels: I by the method along 'propagator', J "
+        "by the method along 'against'",
+        error="at most the sum of the numerical errors of both images; less where they share errors",
     ),
     "chosen": Variable(
         dims=("propagator",),
         units="1",
-        long_name="1 for the methods that the tolerance requires, 0 for others",
-        error="a choice",
+        long_name="1 for the method that computes chosen_image, 0 for the others",
+        error=EXACT,
     ),
     "chosen_image": Variable(
         dims=("row", "column"),
         units="1",
-        long_name="image by the models chosen for the tolerance, named in the attributes",
+        long_name="fraction of the power in the pupil of the main lens that falls on a pixel, by the models that "
+        "accuracy.pixel_intensity requires; the attributes of the group whose names begin with 'chosen_' "
+        "name these models",
         reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
-        error="see chosen_error, and the bounds of the omitted effects",
+        error="see chosen_error; omitted effects add the changes in /effects",
     ),
     "chosen_error": Variable(
         dims=(),
         units="1",
-        long_name="relative L2 numerical error of chosen_image over the pixels",
-        error="an estimate itself",
+        long_name="relative numerical error of chosen_image, in the L2 norm over its pixels",
+        error=ESTIMATE,
     ),
     "spectral_share": Variable(
-        dims=("wavelength",), units="1", long_name="fraction of the light that has this wavelength", error="declared"
+        dims=("wavelength",),
+        units="1",
+        long_name="fraction of the light that has this wavelength",
+        error=DECLARED,
     ),
     "microlens_x": Variable(
-        dims=("microlens",), units="m", long_name="position of the centre of a microlens, along a row", error=ROUNDING
+        dims=("microlens",),
+        units="m",
+        long_name="coordinate of the centre of a microlens along the rows of the array, from the optical axis",
+        error=ROUNDING,
     ),
     "microlens_y": Variable(
         dims=("microlens",),
         units="m",
-        long_name="position of the centre of a microlens, perpendicular to the rows",
+        long_name="coordinate of the centre of a microlens perpendicular to the rows of the array, from the optical "
+        "axis",
         error=ROUNDING,
     ),
     "microlens_focal_length": Variable(
-        dims=("microlens",), units="m", long_name="focal length of a microlens", symbol="f_L", error="declared"
+        dims=("microlens",), units="m", long_name="focal length of a microlens", symbol="f_L", error=DECLARED
     ),
     "benchmark_error": Variable(
         dims=("benchmark",),
         units="1",
-        long_name="relative error of the intensities in the L2 norm, as the computation states it; the seconds "
-        "are in run.json",
-        error="an estimate itself",
+        long_name="relative numerical error of the intensities of a benchmark, in the L2 norm; its computing time "
+        "is in run.json",
+        error=ESTIMATE,
     ),
     "published_seconds": Variable(
-        dims=("propagator",), units="s", long_name="published computing time; NaN if none", error="as published"
+        dims=("propagator",),
+        units="s",
+        long_name="published computing time of the method; NaN if none is declared as a number",
+        error=DECLARED,
     ),
     "published_words": Variable(
-        dims=("propagator",), units="", long_name="published time in the words of its source; empty if none"
+        dims=("propagator",),
+        units="",
+        long_name="published computing time in the words of its source; empty if none is declared",
     ),
-    "published_source": Variable(dims=("propagator",), units="", long_name="source of the published time"),
+    "published_source": Variable(
+        dims=("propagator",), units="", long_name="source of the published computing time; empty if none is declared"
+    ),
 }
 
 _SPREAD = ("element", "propagator", "varied", "step")
-_SPREAD_ERROR = "see the variable of this name that ends in _error"
 
 
 def _spread(name: str, units: str, long_name: str, reference: str = "") -> Mapping[str, Variable]:
     return {
-        name: Variable(dims=_SPREAD, units=units, long_name=long_name, reference=reference, error=_SPREAD_ERROR),
-        f"{name}_error": Variable(
-            dims=_SPREAD, units=units, long_name=f"numerical error of {name}", error="an estimate itself"
-        ),
+        name: Variable(dims=_SPREAD, units=units, long_name=long_name, reference=reference, error=f"see {name}_error"),
+        f"{name}_error": Variable(dims=_SPREAD, units=units, long_name=f"numerical error of {name}", error=ESTIMATE),
     }
 
 
 POINT_SPREAD: Final[Mapping[str, Variable]] = {
     "title": Variable(dims=("element",), units="", long_name="name of the lens in figures and tables"),
     "airy_radius": Variable(
-        dims=("element",), units="m", long_name="radius of the Airy disc of the lens as declared", error=ROUNDING
+        dims=("element",),
+        units="m",
+        long_name="radius of the first dark ring of the Airy pattern, at the declared f-number and "
+        "point_spread.reference_wavelength",
+        error=ROUNDING,
     ),
     "value": Variable(
         dims=("element", "varied", "step"),
         units="mixed",
-        long_name="value of the varied input, in the unit of varied_units; NaN beyond the last value",
-        error="declared",
+        long_name="value of the varied input, in the unit in varied_units; NaN beyond its last value",
+        error=DECLARED,
     ),
     "chosen": Variable(
         dims=("propagator",),
         units="1",
-        long_name="1 for the method that the tolerance requires, 0 for others",
-        error="a choice",
+        long_name="1 for the method that accuracy.psf_width requires, 0 for the other",
+        error=EXACT,
     ),
-    "varied_units": Variable(dims=("varied",), units="", long_name="SI unit of value"),
+    "varied_units": Variable(
+        dims=("varied",),
+        units="",
+        long_name="SI unit of the varied input; 'wave', that is one wavelength of path, for defocus",
+    ),
     "standing": Variable(
         dims=("element", "varied"),
         units="mixed",
-        long_name="value of this input while another input is varied",
-        error="declared",
+        long_name="value that the input has while another is varied, in the unit in varied_units",
+        error=DECLARED,
     ),
     **_spread(
         "full_width",
         "m",
-        "full width at half maximum of the image of a point, perpendicular to the direction of the field angle",
+        "full width at half maximum, in the direction perpendicular to the plane of the field angle "
+        "(sagittal); NaN where the half maximum lies outside the computed square",
     ),
     **_spread(
         "half_energy_radius",
         "m",
-        "radius of the circle about the thin-lens image that contains 50 % of the pupil's power",
+        "radius of the circle that contains 50 % of the pupil's power; NaN where the computed square contains less",
     ),
     **_spread(
         "energy_radius_80",
         "m",
-        "radius of the circle about the thin-lens image that contains 80 % of the pupil's power; NaN "
-        "where the window contains less",
+        "radius of the circle that contains 80 % of the pupil's power; NaN where the computed square contains less",
     ),
     **_spread(
-        "rms_width", "m", "root-mean-square distance of the light from the thin-lens image, within the declared radius"
+        "rms_width",
+        "m",
+        "root-mean-square distance of the light from the thin-lens image, within point_spread.rms_radius; "
+        "NaN where this radius reaches beyond the computed square",
     ),
-    **_spread("strehl_ratio", "1", "largest intensity, relative to that of the same pupil without aberration"),
-    **_spread("transfer_half_nyquist", "1", "modulation transfer at half the Nyquist frequency of the pixels"),
+    **_spread(
+        "strehl_ratio",
+        "1",
+        "Strehl ratio: largest intensity, relative to that of the same pupil without aberration or "
+        "defocus; NaN beyond the last value",
+    ),
+    **_spread(
+        "transfer_half_nyquist",
+        "1",
+        "modulation transfer at half the Nyquist frequency of pixels with point_spread.pixel_pitch; NaN "
+        "beyond the last value",
+    ),
     **_spread(
         "outside_geometric",
         "1",
-        "fraction of the pupil's power outside the disc that paraxial rays fill; 1 in focus, where the disc is a point",
+        "fraction of the pupil's power outside the disc that paraxial rays fill; 1 in focus, where this "
+        "disc is a point; NaN where the disc reaches beyond the computed square",
     ),
-    **_spread("neighbour_share", "1", "fraction of the pupil's power on the eight pixels around the central one"),
+    **_spread(
+        "neighbour_share",
+        "1",
+        "fraction of the pupil's power on the eight pixels around the one that is centred on the "
+        "thin-lens image; NaN where they reach beyond the computed square",
+    ),
 }

@@ -12,23 +12,28 @@ from tradestudy.study.schema.root import LONGEST_NAME, NAME_PATTERN
 
 
 def starter(name: str, kind: str = "", *, calibration_files: Sequence[Path] = (), said: Sequence[str] = ()) -> str:
-    """A commented study file to start from.
+    """Return the text of a commented study file to start from.
 
     Parameters
     ----------
     name
         Name of the study.
     kind
-        Two cameras of one kind, stereo or plenoptic; if empty, a plenoptic camera against a stereo rig.
+        ``stereo`` or ``plenoptic`` for two cameras of this kind. Default: a plenoptic camera and a stereo rig.
     calibration_files
-        Files from which a single camera is imported, instead of the example cameras.
+        Calibration files of one camera, which replaces the example cameras.
     said
-        Further lines of that camera, each ``key: value``.
+        Further keys of this camera, each as a line ``key: value``.
+
+    Returns
+    -------
+    str
+        Content of the file.
 
     Raises
     ------
     OutOfRangeError
-        If the name cannot be a study's name, or there is no starter of that kind.
+        If the name is not allowed, or there is no such kind.
     """
     if not re.fullmatch(NAME_PATTERN, name) or len(name) > LONGEST_NAME:
         raise OutOfRangeError(

@@ -1,7 +1,7 @@
-"""Distributions of errors, and their propagation to anything computed from them.
+"""Probability distributions of uncertain quantities, and their propagation through any function.
 
-`propagate_through` accepts any function and any of these distributions. Cameras and studies propagate their own errors
-by the same method.
+`propagate_through` takes a function and one of these distributions for each of its inputs. Cameras and studies
+propagate their errors by the same method.
 """
 
 from __future__ import annotations

@@ -30,29 +30,34 @@ Function = Callable[..., ArrayLike]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spread:
-    """Distribution of a function's outputs for uncertain inputs; arrays have the shape of one output.
+    """Result of `propagate_through`: the distribution of the function's output.
+
+    Arrays have the unit of the output. In their shapes, m is the number of intervals, and … stands for the shape of the
+    output for one draw.
 
     Parameters
     ----------
     coverage
-        Probabilities of the intervals.
+        Probability of each of the m intervals.
     median
-        Median of the output, in its unit.
+        Median, shape (…).
     standard_deviation
-        Standard deviation of the output, in its unit. If it does not exist, this value grows with the number of draws.
+        Standard deviation of the outputs, shape (…). If the distribution has none, this value grows with the number of
+        draws.
     low
-        Lower ends of the central intervals, with equal probability outside on both sides; shape (coverages, …).
+        Lower ends of the intervals, shape (m, …). An interval is central: values below and above it are equally
+        probable.
     high
-        Upper ends of these intervals, shape (coverages, …).
+        Upper ends of the intervals, shape (m, …).
     error
-        Standard error of the ends, shape (coverages, …): the larger one of the two ends, from the scatter of
-        independent replicates.
+        For each interval, the greater of the standard errors of its two ends, estimated from the scatter between
+        independent replicates; shape (m, …).
     draws
-        Total number of evaluations.
+        Total number of draws.
     converged
-        Whether every end is within the tolerance at 95 % confidence.
+        Whether every end of every interval is within the tolerance, at 95 % confidence.
     values
-        The outputs of all draws, shape (…, draws).
+        Outputs for all draws, shape (…, draws).
     """
 
     coverage: tuple[float, ...]
@@ -67,7 +72,7 @@ class Spread:
 
     @property
     def half_width(self) -> FloatArray:
-        """Half the width of each interval, shape (coverages, …)."""
+        """Half the width of each interval, shape (m, …)."""
         return np.asarray(0.5 * (self.high - self.low))
 
 
@@ -81,42 +86,46 @@ def propagate_through(
     most_draws: int = 2**22,
     seed: int = 0,
 ) -> Spread:
-    """Propagate distributions through a function by Monte Carlo (JCGM 101:2008) until the intervals have converged.
+    """Propagate the distributions of inputs through a function by the Monte Carlo method (JCGM 101:2008).
 
-    Draws are scrambled Sobol points in sixteen independent replicates, whose scatter gives the errors. Their number
-    doubles until every end of every interval is within the tolerance at 95 % confidence, or until ``most_draws``.
+    The draws are scrambled Sobol points in 16 independent replicates; the scatter between the replicates gives the
+    errors of the intervals. The number of draws is doubled until every end of every interval is within the tolerance at
+    95 % confidence, but not beyond ``most_draws``.
 
     Parameters
     ----------
     function
-        Takes each input by name, as an array of shape (draws,), and returns an array of shape (draws,) or (draws, …).
+        Function that takes each input as a keyword argument, an array of shape (draws,), and returns an array of shape
+        (draws,) or (draws, …).
     inputs
-        A distribution for each argument, such as ``Normal(mean=…, standard_deviation=…)``, ``Uniform(low=…, high=…)``.
+        Distribution of each input, under the name of the argument, such as ``{"gap": Uniform(low=-0.03, high=0.03)}``.
     correlation
-        Correlations of the normal scores of pairs of inputs (a Gaussian copula; for normal inputs, their correlation).
+        Correlation of each pair of inputs, under their names, such as ``{("block", "gap"): 0.5}``. Inputs that are not
+        normal are joined by a Gaussian copula; the correlations are then those of its normal scores. Default: none.
     coverage
-        Probability of the central interval, or of several, each between 0 and 1.
+        Probability of the interval that is reported, between 0 and 1; or one probability for each of several intervals.
     tolerance
-        Allowed error of an end, relative to the half-width of its interval.
+        Largest error of each end of an interval, as a fraction of half its width, between 0 and 1.
     most_draws
-        Largest number of evaluations.
+        Largest number of draws, ≥ 16384.
     seed
-        Seed of the draws, ≥ 0: the same seed gives the same numbers.
+        Seed of the draws, ≥ 0: the same call gives the same digits.
 
     Returns
     -------
     Spread
-        Intervals with their errors; ``converged`` says whether the tolerance was reached.
+        Median, standard deviation and intervals, with the errors of the intervals. ``converged`` says whether the
+        tolerance was reached.
 
     Raises
     ------
     OutOfRangeError
-        A coverage, tolerance or number of draws is outside its range; correlations name unknown inputs or belong to no
-        distribution; or the function returns the wrong shape or non-finite values.
+        A number is outside its range; a correlation names an unknown input; no joint distribution has these
+        correlations; or the function returns an array of the wrong shape or values that are not finite.
 
     Examples
     --------
-    A length from its parts, with 99 % coverage:
+    The sum of two lengths, with the interval that contains it with a probability of 99 %:
 
     >>> from tradestudy.uncertainty import Normal, Uniform, propagate_through
     >>> found = propagate_through(

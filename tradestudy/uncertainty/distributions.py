@@ -60,19 +60,19 @@ def _require_ordered(what: str, *values: float) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Normal:
-    """Normal distribution: x_p = mean + standard deviation · Φ⁻¹(p).
+    """Normal distribution.
 
     Parameters
     ----------
     mean : float
-        Mean [unit of the error].
+        Mean [unit of the quantity].
     standard_deviation : float
-        Standard deviation [unit of the error], >= 0; zero is the constant ``mean``.
+        Standard deviation [unit of the quantity], ≥ 0. If it is zero, the quantity is constant.
 
     Raises
     ------
     OutOfRangeError
-        A parameter is not finite or the standard deviation is negative.
+        A parameter is not finite, or the standard deviation is negative.
     """
 
     mean: float
@@ -83,7 +83,10 @@ class Normal:
         _require_not_negative("the standard deviation of a normal distribution", self.standard_deviation)
 
     def quantile(self, probability: ArrayLike) -> FloatArray:
-        """Return the value at this cumulative probability; ∓∞ at 0 and 1."""
+        """Return the quantiles at probabilities from 0 to 1 [unit of the quantity], in the shape of the argument.
+
+        They are −∞ at 0 and +∞ at 1.
+        """
         from scipy.special import ndtri
 
         return np.asarray(self.mean + self.standard_deviation * ndtri(np.asarray(probability, float)))
@@ -104,17 +107,19 @@ class _Limited:
 
 @dataclass(frozen=True, kw_only=True)
 class Uniform(_Limited):
-    """Rectangular distribution on [low, high]: x_p = low + (high − low) p.
+    """Uniform (rectangular) distribution between two limits.
 
     Parameters
     ----------
-    low, high : float
-        Limits [unit of the error], low <= high.
+    low : float
+        Lower limit [unit of the quantity].
+    high : float
+        Upper limit [unit of the quantity], at least ``low``.
 
     Raises
     ------
     OutOfRangeError
-        A limit is not finite, or the limits are not in increasing order.
+        A limit is not finite, or ``low`` exceeds ``high``.
     """
 
     def __post_init__(self) -> None:
@@ -126,25 +131,27 @@ class Uniform(_Limited):
         return (self.high - self.low) / math.sqrt(12.0)
 
     def quantile(self, probability: ArrayLike) -> FloatArray:
-        """Return the value at this cumulative probability."""
+        """Return the quantiles at probabilities from 0 to 1 [unit of the quantity], in the shape of the argument."""
         return np.asarray(self.low + (self.high - self.low) * np.asarray(probability, float))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Triangular:
-    """Triangular distribution on [low, high] with its peak at ``mode``.
+    """Triangular distribution between two limits, with its peak at ``mode``.
 
     Parameters
     ----------
-    low, high : float
-        Limits [unit of the error], low <= high.
+    low : float
+        Lower limit [unit of the quantity].
+    high : float
+        Upper limit [unit of the quantity], at least ``low``.
     mode : float
-        Peak [unit of the error], low <= mode <= high.
+        Position of the peak [unit of the quantity], between ``low`` and ``high``.
 
     Raises
     ------
     OutOfRangeError
-        A value is not finite, or the values are not in increasing order.
+        A value is not finite, or low, mode and high are not in increasing order.
     """
 
     low: float
@@ -161,12 +168,12 @@ class Triangular:
 
     @property
     def standard_deviation(self) -> float:
-        """√((r² + s² + (r + s)²)/36) with r, s the distances of the mode from the limits."""
+        """√((r² + s² + (r + s)²)/36), where r = mode − low and s = high − mode."""
         r, s = self.mode - self.low, self.high - self.mode
         return math.sqrt((r * r + s * s + (r + s) ** 2) / 36.0)
 
     def quantile(self, probability: ArrayLike) -> FloatArray:
-        """Return the value at this cumulative probability."""
+        """Return the quantiles at probabilities from 0 to 1 [unit of the quantity], in the shape of the argument."""
         p = np.asarray(probability, float)
         r, s = self.mode - self.low, self.high - self.mode
         rising = self.low + np.sqrt(p * r * (r + s))
@@ -176,16 +183,16 @@ class Triangular:
 
 @dataclass(frozen=True, kw_only=True)
 class StudentT:
-    """Scaled and shifted Student t distribution: the uncertainty of a mean from a few repeated measurements.
+    """Student's t distribution with a location and a scale, as for the mean of a few repeated measurements.
 
     Parameters
     ----------
     location : float
-        Median [unit of the error].
+        Median [unit of the quantity]; for repeated measurements, their mean.
     scale : float
-        Scale [unit of the error], >= 0. For n measurements with sample standard deviation s: s/√n.
+        Scale [unit of the quantity], ≥ 0; for n measurements with sample standard deviation s, s/√n.
     degrees_of_freedom : float
-        > 0. The mean exists above 1, the standard deviation above 2; below, they are None.
+        Degrees of freedom ν [1], > 0; for n measurements, n − 1.
 
     Raises
     ------
@@ -210,17 +217,20 @@ class StudentT:
 
     @property
     def mean(self) -> float | None:
-        """The location; None for one degree of freedom or fewer."""
+        """The location; None for ν ≤ 1, where the mean does not exist."""
         return self.location if self.degrees_of_freedom > 1.0 else None
 
     @property
     def standard_deviation(self) -> float | None:
-        """The scale times √(ν/(ν − 2)); None for ν <= 2."""
+        """The scale times √(ν/(ν − 2)); None for ν ≤ 2, where the standard deviation does not exist."""
         nu = self.degrees_of_freedom
         return self.scale * math.sqrt(nu / (nu - 2.0)) if nu > 2.0 else None
 
     def quantile(self, probability: ArrayLike) -> FloatArray:
-        """Return the value at this cumulative probability; ∓∞ at 0 and 1."""
+        """Return the quantiles at probabilities from 0 to 1 [unit of the quantity], in the shape of the argument.
+
+        They are −∞ at 0 and +∞ at 1.
+        """
         from scipy.special import stdtrit
 
         p = np.asarray(probability, float)
@@ -229,17 +239,19 @@ class StudentT:
 
 @dataclass(frozen=True, kw_only=True)
 class Arcsine(_Limited):
-    """Arcsine (U-shaped) distribution on [low, high], as of a sinusoidal influence with unknown phase.
+    """Arcsine (U-shaped) distribution between two limits, as for a sinusoidal disturbance of unknown phase.
 
     Parameters
     ----------
-    low, high : float
-        Limits [unit of the error], low <= high.
+    low : float
+        Lower limit [unit of the quantity].
+    high : float
+        Upper limit [unit of the quantity], at least ``low``.
 
     Raises
     ------
     OutOfRangeError
-        A limit is not finite, or the limits are not in increasing order.
+        A limit is not finite, or ``low`` exceeds ``high``.
     """
 
     def __post_init__(self) -> None:
@@ -251,27 +263,31 @@ class Arcsine(_Limited):
         return (self.high - self.low) / math.sqrt(8.0)
 
     def quantile(self, probability: ArrayLike) -> FloatArray:
-        """Return the value at this cumulative probability."""
+        """Return the quantiles at probabilities from 0 to 1 [unit of the quantity], in the shape of the argument."""
         phase = np.pi * (np.asarray(probability, float) - 0.5)
         return np.asarray(self.mean + 0.5 * (self.high - self.low) * np.sin(phase))
 
 
 @dataclass(frozen=True, kw_only=True)
 class CurvilinearTrapezoid(_Limited):
-    """Rectangular distribution with limits known only to ± ``inexactness`` and a fixed middle (JCGM 101, 6.4.3).
+    """Uniform distribution whose limits are known only to within ± ``inexactness`` (JCGM 101:2008, 6.4.3).
+
+    Both limits move by the same amount in opposite directions, so the middle between them is fixed. All amounts up to
+    the inexactness are equally probable.
 
     Parameters
     ----------
-    low, high : float
-        Nominal limits [unit of the error], low <= high.
+    low : float
+        Nominal lower limit [unit of the quantity].
+    high : float
+        Nominal upper limit [unit of the quantity], at least ``low``.
     inexactness : float
-        Half-width of the uniform uncertainty of each limit [unit of the error],
-        0 <= inexactness <= (high − low)/2.
+        Largest shift of each limit [unit of the quantity], from 0 to (high − low)/2.
 
     Raises
     ------
     OutOfRangeError
-        A value is not finite, the limits are not in increasing order, or the inexactness exceeds the half-width.
+        A value is not finite, ``low`` exceeds ``high``, or the inexactness is negative or exceeds (high − low)/2.
     """
 
     inexactness: float
@@ -294,7 +310,7 @@ class CurvilinearTrapezoid(_Limited):
         return math.sqrt((self.high - self.low) ** 2 / 12.0 + self.inexactness**2 / 9.0)
 
     def quantile(self, probability: ArrayLike) -> FloatArray:
-        """Return the value at this cumulative probability."""
+        """Return the quantiles at probabilities from 0 to 1 [unit of the quantity], in the shape of the argument."""
         p = np.asarray(probability, float)
         w, d = 0.5 * (self.high - self.low), self.inexactness
         if d == 0.0:
@@ -326,17 +342,19 @@ def _flank_depth(e: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Empirical:
-    """Equally weighted draws: x_p is the ⌈np⌉-th smallest of n, without interpolation.
+    """Distribution given by draws, each with the same probability.
+
+    The quantile at the probability p is the ⌈n p⌉-th smallest of n draws, without interpolation.
 
     Parameters
     ----------
     draws : array
-        Finite values [unit of the error], shape (n,), at least two.
+        Finite values [unit of the quantity], shape (n,), n ≥ 2.
 
     Raises
     ------
     OutOfRangeError
-        Fewer than two draws, more than one dimension, or a draw that is not finite.
+        There are fewer than two draws, the array has more than one dimension, or a draw is not finite.
     """
 
     draws: FloatArray
@@ -362,11 +380,11 @@ class Empirical:
 
     @property
     def standard_deviation(self) -> float:
-        """Standard deviation of the draws as a complete distribution (divisor n)."""
+        """Standard deviation of the draws, with divisor n instead of n − 1."""
         return float(np.std(self.draws))
 
     def quantile(self, probability: ArrayLike) -> FloatArray:
-        """Return the value at this cumulative probability."""
+        """Return the quantiles at probabilities from 0 to 1 [unit of the quantity], in the shape of the argument."""
         n = self._sorted.size
         rank = np.ceil(np.asarray(probability, float) * n).astype(np.int64) - 1
         return np.asarray(self._sorted[np.clip(rank, 0, n - 1)])

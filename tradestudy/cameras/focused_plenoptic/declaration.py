@@ -97,12 +97,13 @@ class PlenopticDepthPart(DisparityPart):
 
     estimator: PlenopticEstimator = Field(
         description="Micro-images that are compared: those of two adjacent microlenses, of the two nearest "
-        "microlenses of the same type, of the two microlenses farthest apart that see the point, or of all that see "
-        "it by least squares."
+        "microlenses of the same type, of the two microlenses farthest apart that see the point, or, by least "
+        "squares, of all that see it."
     )
     microlenses: UsedLenses | None = Field(
         default=None,
-        description="Microlenses that the estimators `widest-pair` and `least-squares` use; default: `sharpest-type`.",
+        description="Microlenses that the estimators `widest-pair` and `least-squares` use: `all`, or only those of "
+        "the type that is sharpest at the distance of the point. Default: `sharpest-type`.",
     )
 
     @model_validator(mode="after")

@@ -397,8 +397,8 @@ class StereoRig(DepthCamera):
             ("focal length", pretty(lens.focal_length, LENGTH, 4)),
             ("principal distance", pretty(self.principal_distance, LENGTH, 4)),
             (
-                "thin lens to sensor, as focused",
-                "changes" if focus is None else pretty(self.sensor_distance(focus), LENGTH, 4),
+                "image distance of a thin lens, as focused",
+                "varies with focus" if focus is None else pretty(self.sensor_distance(focus), LENGTH, 4),
             ),
             ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
             ("field of view across, by the principal distance", pretty(self.field_of_view, ANGLE, 4)),

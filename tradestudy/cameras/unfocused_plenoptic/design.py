@@ -281,16 +281,16 @@ class UnfocusedPlenoptic(PlenopticCamera):
         array, lens, sensor = self.microlenses, self.main_lens, self.sensor
         nearer, farther = (float(self.refocus_distance(shift)) for shift in (1.0, -1.0))
         return (
-            ("main lens to array z", pretty(self.mla_distance, LENGTH, 5)),
-            ("microlens focal lengths f_L", pretty(array.gap, LENGTH, 4)),
+            ("distance from main lens to array, z", pretty(self.mla_distance, LENGTH, 5)),
+            ("microlens focal lengths, f_L", pretty(array.gap, LENGTH, 4)),
             ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
-            ("microlens f-number b_L/p", pretty(array.gap / array.pitch, NUMBER, 4)),
+            ("microlens f-number, b_L/p", pretty(array.gap / array.pitch, NUMBER, 4)),
             ("image-side f-number of the main lens", pretty(self.mla_distance / lens.pupil_diameter, NUMBER, 4)),
             ("pixels per microlens", pretty(array.pitch / sensor.pixel_pitch, NUMBER, 4)),
             ("fill factor of the array", fill_factor(array)),
-            ("micro-image of the pupil", pretty(self.micro_image_diameter, LENGTH, 4)),
+            ("diameter of the micro-image of the pupil", pretty(self.micro_image_diameter, LENGTH, 4)),
             ("views", f"{self.views}, {self.views_across} across"),
-            ("pupil of one view", pretty(self.view_pupil_diameter, LENGTH, 4)),
+            ("diameter of the pupil of one view", pretty(self.view_pupil_diameter, LENGTH, 4)),
             ("refocus distance, shift of one microlens nearer", pretty(nearer, LENGTH, 4)),
             ("refocus distance, shift of one microlens farther", pretty(farther, LENGTH, 4)),
             ("field of view across, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),

@@ -28,27 +28,32 @@ _KNOBS = (
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class ChainAccuracy:
-    """Tolerance of an image, and factors on the sampling that it implies: a factor of 2 samples twice as finely.
+    """Tolerance of an image by `chain_image`, and factors on its sampling.
+
+    The tolerance determines the sampling of a computation. Each factor multiplies one part of this sampling: 2 makes it
+    twice as fine.
 
     Parameters
     ----------
     tolerance
-        Target for the relative L2 error over the pixels, in 1e-6 … 0.2.
+        Relative L2 error over the pixels for which the sampling is chosen [1], in 1e-6 … 0.2.
     pupil_nodes
-        Factor on the phase that the nodes of the main pupil resolve.
+        Factor on the range of phase that the quadrature nodes on the pupil of the main lens resolve.
     microlens_nodes
-        Factor on the phase that the nodes of a microlens resolve.
+        Factor on the range of phase that the quadrature nodes on a microlens resolve.
     field_sampling
-        Factor on the sampling of the main-lens field.
+        Factor on the sampling of the main lens's field on the array.
     diffraction_reach
-        Factor on the distance from the geometric image up to which diffracted light is followed.
+        Factor on the distance from the geometric image up to which diffracted light is followed (`fresnel_lengths`).
     pixel_sampling
-        Factor on the detector samples along a pixel.
+        Factor on the number of samples of the field along a pixel.
     source_sampling
-        Factor on the phase that the nodes on an extended source resolve, and on the number of radii at which the
-        main-lens field is computed.
+        Factor on the range of phase that the nodes on a disc source resolve, and on the number of distances from the
+        axis at which the main lens's field is computed for such a source. With ``geometric`` on both legs, factor on
+        the sampling of the rays.
     memory_limit
-        Memory that the arrays of one pass may take [bytes]; the error estimate needs a second pass at the same time.
+        Memory that the arrays of one computation may take [bytes]. The error estimate (`compared`) needs a second
+        computation at the same time, which may take as much again.
 
     Raises
     ------
@@ -91,15 +96,23 @@ class ChainAccuracy:
 
     @property
     def fresnel_lengths(self) -> float:
-        """Distance from where rays land within which diffracted light is followed [Fresnel lengths √(λ z)]."""
+        """Distance from the geometric image up to which diffracted light is followed [Fresnel lengths].
+
+        A Fresnel length is √(λ z), where λ is the wavelength and z the distance of propagation.
+        """
         return 1.2 * math.pow(self.tolerance, -1 / 6) * self.diffraction_reach
 
     def compared(self) -> ChainAccuracy:
-        """Settings of the second computation, whose difference from the first gives the error.
+        """Settings of a second computation, whose difference from the first gives the stated error.
 
-        They are coarser, with two exceptions. A factor below 1 becomes 1: undersampled light would alias in the same
-        way on even fewer samples. The reach is longer: light beyond it comes from the edges of other microlenses, in
-        steps of their pitch, and a shorter reach could miss the same edges.
+        They are coarser, with two exceptions. A factor below 1 becomes 1, because undersampled light could alias in the
+        same way on even fewer samples. `diffraction_reach` becomes larger: light beyond the reach comes from the edges
+        of further microlenses, and a shorter reach could exclude the same edges.
+
+        Returns
+        -------
+        ChainAccuracy
+            The settings.
         """
         tolerance = min(_COARSER_TOLERANCE * self.tolerance, 0.2)
         kept = math.pow(tolerance / self.tolerance, 1 / 6)  # the larger tolerance alone would shorten the reach
@@ -115,7 +128,13 @@ class ChainAccuracy:
         )
 
     def unstarved(self) -> ChainAccuracy:
-        """Settings for checking single points of a spot: a tenth of the tolerance, and no factor below 1."""
+        """Settings for checks at single points: a tenth of the tolerance, at least 1e-6, and no factor below 1.
+
+        Returns
+        -------
+        ChainAccuracy
+            The settings.
+        """
         return replace(
             self,
             tolerance=max(self.tolerance / 10, 1e-6),
@@ -125,30 +144,31 @@ class ChainAccuracy:
 
 @dataclass(frozen=True, kw_only=True)
 class ChainImage:
-    """Light on the pixels, with its error.
+    """Light on the pixels with its error, as `chain_image` and `microlens_image` compute it.
 
     Attributes
     ----------
     pixels
-        Fraction of the power through the main pupil that falls on each pixel, shape (rows, columns); an extended source
-        is averaged over its area.
+        Fraction of the power through the pupil of the main lens that falls on each pixel [1], shape (rows, columns).
     numerical_error
-        Relative L2 error over the pixels: the change from a coarser computation, or the sum of `error_terms`.
+        Stated relative L2 error over the pixels [1], combined from `error_terms`.
     error_terms
-        Contributions to the numerical error, each a relative L2 error.
+        Contributions to `numerical_error`, by name; each is a relative L2 error over the pixels [1].
     direct_check
-        Independent check: root-mean-square discrepancy from direct quadrature at random points, relative to the root
-        mean square, for the field on the array and for the intensity on the detector. The latter is not integrated over
-        pixels and so exceeds the error of the pixels.
+        Results of independent checks, by name: root-mean-square difference between the computed field or intensity and
+        direct quadrature at random points, relative to its root mean square [1]. The intensity on the detector is
+        checked at points, without integration over pixels, so its difference exceeds the error of `pixels`. Empty if
+        there was no check.
     microlens_share
-        Fraction of the pupil's power that passes the microlens plane; NaN where it was not computed. It has no stated
-        error; `direct_check` shows how well the light on the array is known.
+        Fraction of the power through the pupil of the main lens that passes the plane of the microlenses [1]; NaN where
+        it was not computed. Its error is not stated; `direct_check` shows the error of the light on the array.
     effort
-        Counts of nodes, samples and source points that the computation took.
+        Numbers of nodes, samples and source points that the computation took, by name.
     handed_over
-        Fraction of the points that a boundary wave left to Kirchhoff's integral; 0 for the other methods.
+        Fraction of the computed points or of their light [1] for which ``boundary_wave`` used Kirchhoff's integral
+        instead; 0 for other methods.
     tolerance
-        Requested relative L2 error; infinite if none was.
+        Requested relative L2 error over the pixels [1]; infinite if none was requested.
 
     Examples
     --------
@@ -203,21 +223,21 @@ class ChainImage:
 
     @property
     def pixel_error(self) -> float:
-        """Largest possible error of the fraction on a single pixel [1], if the whole stated error falls on it."""
+        """Largest possible error of a single pixel's fraction [1], reached if the whole stated error falls on it."""
         return self.numerical_error * float(np.linalg.norm(self.pixels))
 
     @property
     def share_on_pixels(self) -> Measured:
-        """Fraction of the power through the main pupil that falls on all pixels together.
+        """Fraction of the power through the pupil of the main lens that falls on all pixels together [1].
 
-        The error is √n times `pixel_error` for n pixels: the largest possible sum of their errors (Cauchy–Schwarz).
+        Its error is √n times `pixel_error` for n pixels, the largest possible sum of their errors (Cauchy–Schwarz).
         """
         error = math.sqrt(self.pixels.size) * self.pixel_error
         return Measured(value=np.asarray(self.pixels.sum()), error=np.asarray(error))
 
     @property
     def within_tolerance(self) -> bool:
-        """Whether the stated error is within the tolerance."""
+        """Whether `numerical_error` is at most `tolerance`."""
         return self.numerical_error <= self.tolerance
 
 

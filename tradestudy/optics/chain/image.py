@@ -46,58 +46,69 @@ def chain_image(
     done: Callable[[float], None] = lambda _share: None,
     compute: ComputeParts = in_turn,
 ) -> ChainImage:
-    """Light on every pixel: source → main lens → array → all microlenses → detector, coherent over microlenses.
+    """Image of a point or a disc on the pixels behind a main lens and a microlens array.
 
-    U(σ) = Σ_k ∬ dx ∬ du of the product of the wave behind the main lens, the kernel to the array, the phase and
-    aperture of microlens k, and the kernel to the detector. |U|² is integrated over each pixel and divided by the power
-    in the pupil.
+    U(σ) = Σ_k ∬ T_k(x) K_d(x, σ) [∬ W(u) K_a(u, x) du] dx is the field at a point σ of the detector. It is a sum over
+    the microlenses k, whose light therefore interferes. W is the wave behind the main lens at a point u of its pupil,
+    K_a the kernel that propagates this wave to a point x of the array, T_k the amplitude and phase of microlens k, and
+    K_d the kernel from x to σ. |U|² is integrated over each pixel and divided by the power through the pupil.
 
     Parameters
     ----------
     path
-        Lenses, distances, pixels.
+        Main lens, microlenses, the distances between them and the detector, and the pixels.
     source
-        Point, incoherent disc (the intensities of its points are averaged) or coherent disc (one phase throughout).
+        A `PointSource`; or a `DiscSource`, whose points add as intensities (incoherent disc) or form one wave with one
+        phase over the disc (coherent disc).
     wavelength
-        λ [m], > 0.
+        Wavelength λ [m], > 0.
     legs
-        Law of propagation on each leg. Rays to the array and waves behind it: each microlens receives a spherical wave
-        about the main lens's image, cut off by the shadow of the pupil. Waves to the array and rays behind it: each
-        array point sends its irradiance to one place, and nothing interferes. Boundary wave behind the array: it
-        carries the spherical part of each microlens's light, and Kirchhoff's integral the rest. A coherent disc needs
-        ``fresnel`` or ``kirchhoff`` on both legs.
+        Methods of propagation on the two legs, from the main lens to the array and from the array to the detector. A
+        coherent disc, or a lens with a `Pupil`, needs ``fresnel`` or ``kirchhoff`` on both. Three cases need
+        explanation:
+
+        * Rays to the array, waves behind it: each microlens receives a spherical wave that is centred on the image
+          formed by the main lens and ends at the geometric shadow of the pupil.
+        * Waves to the array, rays behind it: the light at each point of the array travels to one point of the detector.
+          Light from different points of the array does not interfere there.
+        * Boundary wave behind the array: it replaces Kirchhoff's integral only for the spherical part of the wave
+          behind each microlens.
     accuracy
-        Tolerance, sampling and memory limit.
+        Tolerance of the image, factors on the sampling, and the memory allowed.
     rng
-        Draws the targets that are checked against direct quadrature.
+        Random generator that chooses the points at which the result is checked against direct quadrature.
     done
-        Called with the completed fraction of an incoherent disc's points, while their waves propagate behind the array.
+        Function called, for an incoherent disc, with the completed fraction of the propagation behind the array.
     compute
-        Computes groups of those points, here or on workers; the image does not depend on where.
+        Function ``compute(parts, progress)`` that calls every part, returns their results in order, and calls
+        ``progress`` with the completed fraction. Each part computes some of the points of an incoherent disc; the image
+        does not depend on where. Default: one part after another in this process.
 
     Returns
     -------
     ChainImage
-        Fraction of the pupil's power on each pixel, with its numerical error. An image whose error exceeds the
-        tolerance is returned with `ChainImage.within_tolerance` False; `microlens_image` refines it or refuses.
+        Fraction of the power through the pupil on each pixel, with its numerical error. An image whose error exceeds
+        the tolerance is returned with ``within_tolerance`` False; `microlens_image` refines such an image.
 
     Raises
     ------
     OutOfRangeError
-        If the wavelength exceeds an aperture or a distance, rays or boundary waves are requested for a coherent source,
-        a boundary wave is requested behind square microlenses, or rays on one leg meet an array in the focus of the
-        main lens.
+        The wavelength exceeds an aperture or a distance; a method does not apply to the source or to a `Pupil`;
+        microlenses with a boundary wave behind them are square; the source is an incoherent disc and the main lens has
+        a pupil without rotational symmetry; or rays are used on one leg only and the main lens focuses the source onto
+        the array.
     UnaffordableError
-        If nodes or samples need more memory than allowed.
+        The computation needs more memory than ``accuracy`` allows, or more than about a million points of the source.
     NotConvergedError
-        If the fast path disagrees grossly with direct quadrature, or Kirchhoff's integral misses the tolerance where
-        it replaces a boundary wave.
+        The result differs grossly from direct quadrature, or Kirchhoff's integral misses the tolerance where it
+        replaces a boundary wave.
 
     References
     ----------
-    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 14, 16, 22 and 25, with these
-    corrections: the leg to the array needs absolute array coordinates (eqs. 23–26 print local ones); the constant
-    phases of eqs. 25 and 26 should read a_M + z + b_L; they drop out of every intensity.
+    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 14, 16, 22 and 25, with two
+    corrections. In eqs. 23–26, the path from the main lens to the array needs array coordinates measured from the axis
+    of the main lens, not from the centre of a microlens. In eqs. 25 and 26, a_M should replace a_L in the constant path
+    a_L + z + b_L (symbols of the paper), which affects no intensity.
 
     Examples
     --------
@@ -186,30 +197,43 @@ def spectral_image(
     accuracy: ChainAccuracy,
     rng: np.random.Generator,
 ) -> ChainImage:
-    """Weighted mean of the images at several wavelengths, which add as intensities.
+    """Image in light of several wavelengths: the weighted mean of the images that `chain_image` computes for each.
 
     Parameters
     ----------
-    path, source, legs, accuracy, rng
-        As in `chain_image`.
+    path
+        Main lens, microlenses, the distances between them and the detector, and the pixels.
+    source
+        A `PointSource`; or a `DiscSource`, whose points add as intensities (incoherent disc) or form one wave with one
+        phase over the disc (coherent disc).
     wavelengths
-        Wavelengths [m], shape (n,).
+        Wavelengths λ [m], > 0, shape (n,).
     weights
-        Power in the pupil at each wavelength [any unit], ≥ 0, not all zero, shape (n,); only the ratios matter.
-
-    Raises
-    ------
-    OutOfRangeError
-        If shapes differ or weights violate the above; otherwise as for `chain_image`.
+        Power through the pupil at each wavelength [any unit], ≥ 0, not all zero, shape (n,); only the ratios matter.
+    legs
+        Methods of propagation to the array and to the detector, as in `chain_image`.
+    accuracy
+        Tolerance of the image, factors on the sampling, and the memory allowed.
+    rng
+        Random generator that chooses the points at which the result is checked against direct quadrature.
 
     Returns
     -------
     ChainImage
-        The mean image, with the weighted errors of the wavelengths added up.
+        Fraction of the power through the pupil on each pixel. Its error is the weighted sum of the errors at the
+        single wavelengths.
+
+    Raises
+    ------
+    OutOfRangeError
+        The shapes of wavelengths and weights differ, a weight is negative or not finite, all weights are zero, or
+        `chain_image` refuses an argument.
+    UnaffordableError, NotConvergedError
+        `chain_image` fails at one of the wavelengths.
 
     References
     ----------
-    Light of different wavelengths does not interfere: Born and Wolf, section 7.5.8.
+    Light of different wavelengths does not interfere: M. Born and E. Wolf, *Principles of Optics*, section 7.5.8.
 
     Examples
     --------
@@ -280,32 +304,47 @@ def separate_image(
     done: Callable[[float], None] = lambda _share: None,
     compute: ComputeParts = in_turn,
 ) -> ChainImage:
-    """Light on every pixel from its own microlens alone: the nearest one, as seen from the centre of the main lens.
+    """Image without cross-talk: every pixel receives only the light of the microlens to which it belongs.
 
-    Light that lands behind a neighbouring microlens is lost, and light of different microlenses does not interfere.
+    A pixel belongs to the microlens that is nearest to it as seen from the centre of the main lens. Light that a
+    microlens sends to pixels of its neighbours is discarded.
 
     Parameters
     ----------
-    path, source, wavelength, legs, accuracy, rng
-        As in `chain_image`.
+    path
+        Main lens, microlenses, the distances between them and the detector, and the pixels.
+    source
+        A `PointSource`; or a `DiscSource`, whose points add as intensities (incoherent disc) or form one wave with one
+        phase over the disc (coherent disc).
+    wavelength
+        Wavelength λ [m], > 0.
+    legs
+        Methods of propagation to the array and to the detector, as in `chain_image`.
+    accuracy
+        Tolerance of the image, factors on the sampling, and the memory allowed.
+    rng
+        Random generator that chooses the points at which the result is checked against direct quadrature.
     done
-        Called with the completed fraction of the microlenses, after each of them.
+        Function called after each microlens with the fraction of microlenses completed.
     compute
-        Computes groups of microlenses, here or on workers; the image does not depend on where.
+        Function ``compute(parts, progress)`` that calls every part, returns their results in order, and calls
+        ``progress`` with the completed fraction. Each part computes the light of one microlens; the image does not
+        depend on where. Default: one part after another in this process.
 
     Returns
     -------
     ChainImage
-        As for `chain_image`, without cross-talk; the errors of the microlenses add in quadrature.
+        Fraction of the power through the pupil on each pixel. The errors of the single microlenses are added in
+        quadrature.
 
     Raises
     ------
     OutOfRangeError, UnaffordableError, NotConvergedError
-        As for `chain_image`.
+        `chain_image` refuses an argument or fails for one of the microlenses.
 
     References
     ----------
-    The definition: `chain_image` of one microlens at a time.
+    The image that `chain_image` computes for each microlens alone, on the pixels that belong to it.
 
     Examples
     --------

@@ -23,35 +23,39 @@ Gaps = Literal["opaque", "clear"]
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Microlenses:
-    """Thin lenses in one plane, each with its own centre and focal length.
+    """A microlens array: n thin lenses in one plane, each with its own centre and focal length.
+
+    The cell of a microlens is a square or a regular hexagon whose opposite sides are one pitch apart. The object of a
+    microlens is the image that the main lens forms of the source.
 
     Parameters
     ----------
     centres
-        Centres and vertices (x, y) [m], shape (n, 2).
+        Centre (x, y) of each microlens, which is also its vertex [m], shape (n, 2).
     focal_lengths
-        Focal length of each [m], shape (n,); lenses of one type share a value.
+        Focal length of each microlens [m], shape (n,).
     aperture
-        ``circular`` or ``square``, sides along x and y.
+        Shape of the apertures: ``circular``, or ``square`` with sides along x and y.
     aperture_width
-        Diameter or side [m].
+        Diameter of a circular aperture or side of a square one [m], > 0; no aperture may extend beyond its cell.
     pitch
-        Distance between the centres of neighbours [m], ≥ ``aperture_width``.
+        Distance between the centres of neighbouring microlenses [m], > 0.
     layout
-        ``square``, or ``hexagonal`` with rows along x.
+        Lattice of the microlenses: ``hexagonal``, with rows along x, or ``square``.
     gaps
-        ``opaque``, or ``clear``: the part of a lens's cell outside its aperture passes light unchanged.
+        Whether the area between the apertures blocks light, ``opaque``, or passes it unchanged, ``clear``.
     lens_phase
-        As in `CircularLens`; ``perfect`` sends the main lens's image of the source to its thin-lens image.
+        Phase of every microlens: ``perfect``, ``stigmatic`` or ``parabolic``, see `CircularLens`.
     focus_distance
-        Object distance for which a stigmatic lens is exact [m]; for ``stigmatic`` only.
+        Object distance for which a stigmatic lens is exact [m]; required for ``stigmatic``, not allowed otherwise.
     pupil
-        Amplitude and aberrations of every microlens, over the smallest circle around its aperture.
+        Amplitude transmission and aberrations of every microlens, without an obscuration. The radius R of this pupil is
+        that of the smallest circle around the aperture. Default: a clear pupil without aberrations.
 
     Raises
     ------
     OutOfRangeError
-        If shapes or lengths do not fit together, or lenses overlap.
+        If a shape or a value does not meet the conditions above, or two microlenses are closer than `pitch`.
 
     Examples
     --------
@@ -142,12 +146,12 @@ class Microlenses:
 
     @property
     def reach(self) -> float:
-        """Distance from the centre of an aperture to its farthest point [m]."""
+        """Distance from the centre of an aperture to the farthest point of the aperture [m]."""
         return self.aperture_width / 2 * (math.sqrt(2) if self.aperture == "square" else 1.0)
 
     @property
     def cell_reach(self) -> float:
-        """Distance from the centre of a cell to its farthest point that passes light [m]."""
+        """Distance from the centre of a cell to the farthest point of the cell that passes light [m]."""
         if self.gaps == "opaque":
             return self.reach
         return self.pitch / math.sqrt(2) if self.layout == "square" else self.pitch / math.sqrt(3)
@@ -159,7 +163,7 @@ class Microlenses:
         return area / (self.pitch**2 * (1.0 if self.layout == "square" else math.sqrt(3) / 2))
 
     def only(self, *indices: int) -> Microlenses:
-        """Return the array with some of its microlenses.
+        """Return an array of some of these microlenses.
 
         Parameters
         ----------
@@ -169,13 +173,13 @@ class Microlenses:
         Returns
         -------
         Microlenses
-            These microlenses, in the given order.
+            The microlenses kept, in the given order.
         """
         kept = list(indices)
         return replace(self, centres=self.centres[kept], focal_lengths=self.focal_lengths[kept])
 
     def lens(self, index: int) -> CircularLens:
-        """Return one microlens in its own coordinates.
+        """Return one microlens as a lens centred on the origin.
 
         Parameters
         ----------
@@ -185,7 +189,7 @@ class Microlenses:
         Returns
         -------
         CircularLens
-            Lens centred on the origin; its radius reaches the farthest point of the aperture.
+            Lens with a circular aperture; for a square aperture, the smallest circle around the square.
         """
         return CircularLens(
             radius=self.reach,
@@ -198,19 +202,19 @@ class Microlenses:
 
 @checked
 def square_centres(*, pitch: float, count: int) -> FloatArray:
-    """Centres of ``count`` × ``count`` lenses on a square lattice about the axis [m], shape (count², 2).
+    """Centres of microlenses on a square lattice, as a square block about the axis.
 
     Parameters
     ----------
     pitch
-        Distance between neighbours [m].
+        Distance between the centres of neighbouring microlenses [m], > 0.
     count
-        Lenses along a side.
+        Number of microlenses along a side, ≥ 0.
 
     Returns
     -------
     ndarray
-        Centres (x, y) [m], row by row.
+        Centres (x, y) [m], row by row, shape (count², 2).
 
     Raises
     ------
@@ -219,7 +223,7 @@ def square_centres(*, pitch: float, count: int) -> FloatArray:
 
     References
     ----------
-    The definition.
+    Neighbouring rows and neighbouring columns are ``pitch`` apart.
 
     Examples
     --------
@@ -235,14 +239,14 @@ def square_centres(*, pitch: float, count: int) -> FloatArray:
 
 @checked
 def hexagonal_centres(*, pitch: float, rings: int) -> FloatArray:
-    """Centres of the lens on the axis and of ``rings`` hexagons around it, rows along x [m].
+    """Centres of microlenses on a hexagonal lattice: one on the axis, and hexagonal rings around it.
 
     Parameters
     ----------
     pitch
-        Distance between neighbours [m].
+        Distance between the centres of neighbouring microlenses [m], > 0.
     rings
-        Hexagons around the middle lens.
+        Number of rings, ≥ 0.
 
     Returns
     -------
@@ -256,7 +260,7 @@ def hexagonal_centres(*, pitch: float, rings: int) -> FloatArray:
 
     References
     ----------
-    The definition.
+    Rows run along x and are √3/2 times ``pitch`` apart; every other row is shifted by half the pitch.
 
     Examples
     --------

@@ -23,19 +23,25 @@ LEG_METHODS: tuple[LegMethod, ...] = ("geometric", "boundary_wave", "fresnel", "
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Legs:
-    """The law of propagation on each leg.
+    """The methods of propagation from the main lens to the microlens array, and from there to the detector.
 
-    ``geometric``: paraxial rays. ``fresnel``, ``kirchhoff``: the integrals. ``boundary_wave``: Kirchhoff's integral as
-    rays and a wave from the edge of the aperture; where these are singular, the integral itself.
+    * ``geometric``: rays, paraxial unless `exact`.
+    * ``fresnel``: Fresnel's integral, see `FresnelKernel`.
+    * ``kirchhoff``: Kirchhoff's integral, see `KirchhoffKernel`.
+    * ``boundary_wave``: rays and the wave diffracted at the edge of the aperture, which together approximate
+      Kirchhoff's integral; where either is singular, the integral itself.
+
+    The constants `GEOMETRIC`, `EXACT_RAYS`, `FRESNEL`, `KIRCHHOFF` and `KIRCHHOFF_FRESNEL` (``kirchhoff`` to the array,
+    ``fresnel`` to the detector) of this package are the usual combinations.
 
     Attributes
     ----------
     to_array
-        Law from the main lens to the microlens array.
+        Method from the main lens to the microlens array.
     to_detector
-        Law from the microlens array to the detector.
+        Method from the microlens array to the detector.
     exact
-        Whether rays follow Kirchhoff's exact paths instead of paraxial ones; needs ``geometric`` on both legs.
+        Whether rays follow exact paths instead of paraxial ones; needs ``geometric`` on both legs.
 
     Raises
     ------
@@ -78,23 +84,24 @@ KIRCHHOFF = Legs(to_array="kirchhoff", to_detector="kirchhoff")
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class PixelGrid:
-    """Square pixels; row i starts at y = ``edges_y[i]``, column j at x = ``edges_x[j]``.
+    """Grid of square pixels: row i begins at y = ``edges_y[i]``, column j at x = ``edges_x[j]``.
 
     Parameters
     ----------
     pitch
         Side of a pixel [m].
     shape
-        (rows, columns).
+        Numbers of (rows, columns), ≥ 1.
     centre
-        Centre (x, y) of the grid [m]. Default: on the main lens's axis.
+        Centre (x, y) of the grid [m]. Default: on the axis of the main lens.
     integrated
-        Whether a pixel integrates over its square or multiplies the irradiance at its centre by its area.
+        True: the irradiance is integrated over each pixel. False: the irradiance at the centre of each pixel is
+        multiplied by the area of the pixel.
 
     Raises
     ------
     OutOfRangeError
-        If the pitch is not positive and finite, or there are no pixels.
+        If the pitch is not positive and finite, the centre is not finite, or there are no pixels.
 
     Examples
     --------
@@ -123,12 +130,12 @@ class PixelGrid:
             )
 
     def part(self, rows: slice, columns: slice) -> PixelGrid:
-        """Return the grid of a rectangle of pixels.
+        """Return the grid of a rectangular part of the pixels.
 
         Parameters
         ----------
         rows, columns
-            Slices with start and stop.
+            Part of this axis, as a slice with start and stop.
 
         Returns
         -------
@@ -141,18 +148,18 @@ class PixelGrid:
 
     @property
     def corner(self) -> tuple[float, float]:
-        """Outer corner (x, y) of pixel [0, 0] [m]."""
+        """Corner (x, y) of the grid at pixel [0, 0] [m]."""
         rows, columns = self.shape
         return self.centre[0] - columns * self.pitch / 2, self.centre[1] - rows * self.pitch / 2
 
     @property
     def edges_x(self) -> FloatArray:
-        """Edges of the columns [m]."""
+        """Positions x of the edges between and around the columns [m], shape (columns + 1,)."""
         return np.asarray(self.corner[0] + self.pitch * np.arange(self.shape[1] + 1))
 
     @property
     def edges_y(self) -> FloatArray:
-        """Edges of the rows [m]."""
+        """Positions y of the edges between and around the rows [m], shape (rows + 1,)."""
         return np.asarray(self.corner[1] + self.pitch * np.arange(self.shape[0] + 1))
 
 
@@ -164,15 +171,15 @@ class LightPath:
     Parameters
     ----------
     main_lens
-        Lens on the axis.
+        Main lens, centred on the axis.
     microlenses
-        The array.
+        Microlens array.
     array_distance
-        Distance from main lens to array, z [m], > 0.
+        Distance z from the main lens to the microlens array [m], > 0.
     detector_distance
-        Distance from array to detector, b_L [m], > 0.
+        Distance b_L from the microlens array to the detector [m], > 0.
     pixels
-        The detector.
+        Pixels of the detector.
 
     Raises
     ------
@@ -226,21 +233,22 @@ class LightPath:
 
     @property
     def pupils(self) -> tuple[Pupil, ...]:
-        """Pupils given for the main lens and the microlenses."""
+        """The pupils of the main lens and of the microlenses, without those that are None."""
         return tuple(one for one in (self.main_lens.pupil, self.microlenses.pupil) if one is not None)
 
     def image_at_array(self, source: PointSource) -> tuple[float, float, float]:
-        """Main lens's image of a source, relative to the array.
+        """Image that the main lens forms of a source, and its distance from the array.
 
         Parameters
         ----------
         source
-            Point source.
+            Point source in front of the main lens.
 
         Returns
         -------
         tuple
-            x, y [m] and the signed distance in front of the array, a_L = z − b [m].
+            x and y of the image [m], and its distance in front of the array, a_L = z − b [m]. Here, z is
+            `array_distance` and b the distance of the image behind the main lens; a_L < 0 behind the array.
 
         Raises
         ------
@@ -251,24 +259,25 @@ class LightPath:
         return x, y, self.array_distance - b
 
     def object_before(self, index: int, source: PointSource) -> PointSource:
-        """Main lens's image of a source relative to the vertex of one microlens, as its object.
+        """Image that the main lens forms of a source, as the object of one microlens.
 
         Parameters
         ----------
         index
-            Index of the microlens.
+            Index of the microlens in `microlenses`.
         source
             Point source in front of the main lens.
 
         Returns
         -------
         PointSource
-            Object of the microlens, at the distance a_L [m].
+            Object of the microlens: its position relative to the centre of the microlens, and its distance a_L in front
+            of the array [m].
 
         Raises
         ------
         OutOfRangeError
-            If the image lies at infinity or on the array.
+            If the image lies at infinity or in the plane of the array.
         """
         x, y, depth = self.image_at_array(source)
         if depth == 0.0:
@@ -282,17 +291,17 @@ class LightPath:
         return PointSource(x=float(x - centre_x), y=float(y - centre_y), distance=depth)
 
     def chief_point(self, source: PointSource) -> tuple[float, float]:
-        """Where the ray through the centre of the main lens meets the array.
+        """Point where the chief ray, through the centre of the main lens, meets the array.
 
         Parameters
         ----------
         source
-            Point source.
+            Point source in front of the main lens.
 
         Returns
         -------
         tuple
-            (x, y) on the array [m].
+            x and y of the point [m].
         """
         scale = -self.array_distance / source.distance
         return scale * source.x, scale * source.y

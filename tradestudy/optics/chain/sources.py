@@ -24,7 +24,7 @@ Symmetry = tuple[int, int, bool]  # signs of x and y, then whether x and y are s
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class DiscSource:
-    """A disc of uniform brightness facing the camera.
+    """A disc of uniform brightness, parallel to the plane of the main lens.
 
     Parameters
     ----------
@@ -33,9 +33,10 @@ class DiscSource:
     distance
         Distance in front of the main lens [m], > 0.
     x, y
-        Centre of the disc [m].
+        Transverse position of the centre [m], in the same axes as the centre of the lens.
     coherent
-        False: the points radiate independently and their intensities add. True: one wave, of one phase over the disc.
+        False: the points of the disc radiate independently, so their intensities add. True: the whole disc emits one
+        wave, with the same phase at every point.
 
     Raises
     ------
@@ -71,7 +72,7 @@ class DiscSource:
 
     @property
     def centre(self) -> PointSource:
-        """Centre of the disc."""
+        """Centre of the disc, as a point source."""
         return PointSource(x=self.x, y=self.y, distance=self.distance)
 
 

@@ -152,62 +152,72 @@ def aperture_field(
     limits: Limits | None = None,
     counts: NodeCounts | None = None,
 ) -> ApertureField:
-    """Field and intensity of a point source behind a circular lens, with their error.
+    """Field and intensity of a point source behind a circular lens, with their errors.
 
-    U(P) = ∬ U_source(q) exp(i φ_lens(q)) K(q, P) dq over the aperture; the method sets the law of both legs.
+    U(P) = ∬ U_s(q) t(q) exp(i φ(q)) K(q, P) dq is the field at a target P. The integral extends over the points q of
+    the aperture. U_s is the field of the source in front of the lens, t the amplitude transmission of the pupil, φ the
+    phase that lens and pupil add, and K the kernel that propagates the field from q to P. ``method`` sets U_s and K.
 
     Parameters
     ----------
     source
-        Point source, on or off axis, real or virtual.
+        Point source, on or off the axis. A negative distance stands for light that converges to a point behind the
+        lens.
     lens
-        Aperture and lens phase.
+        Aperture and phase of the lens, and its pupil.
     targets
-        Any points behind the lens, or a regular grid (fast).
+        Points at which the field is computed. A `TargetGrid` is faster than scattered `TargetPoints`.
     wavelength
-        Wavelength [m], > 0.
+        Wavelength λ [m], > 0 and at most the diameter of the aperture.
     method
-        ``geometric``: rays. ``boundary_wave``: rays and the wave from the edge, with Kirchhoff's integral where these
-        are singular, and near a focus where it is faster. ``fresnel``: paths to second order, unit cosines, eqs. 17–22;
-        the conjugate paths that a stigmatic or perfect lens cancels are also of second order, so all lens phases give
-        the same result.
-        ``kirchhoff``: exact paths and cosines, eqs. 9–16.
+        Method of propagation; the equations are those of the paper under References.
+
+        * ``kirchhoff``: exact paths and cosines, eqs. 9–16.
+        * ``fresnel``: paths to second order, all cosines 1, eqs. 17–22. The exact paths that a stigmatic or perfect
+          lens cancels are also replaced by second-order ones, so all lens phases give the same result.
+        * ``boundary_wave``: rays and the wave diffracted at the edge of the aperture, which together approximate
+          Kirchhoff's integral. The integral itself is used at targets where either is singular, and near a focus if
+          that is faster.
+        * ``geometric``: rays along exact paths, without diffraction.
     accuracy
-        Relative L2 tolerance of the intensity over the targets, and the check.
+        Tolerance of the intensity, as a relative L2 error over the targets, and the check that measures the error.
     obliquity
-        ``paper``, ``textbook`` or ``rayleigh-sommerfeld-1``, see `KirchhoffKernel` and `LensWave.amplitude`; the
-        Fresnel integral has none and takes only the default.
+        Obliquity factor in K, as in `KirchhoffKernel`. U_s contains the factor a/r for ``paper``, 1 for ``textbook``,
+        and a/r (1 + i/(k r)) for ``rayleigh-sommerfeld-1``, where a is the distance of the source from the lens plane,
+        r that from q, and k = 2π/λ. ``fresnel`` has no such factors and accepts only the default.
     limits
-        Memory and time allowed. Default: 2 GB, 600 s.
+        Nodes, memory and time that the computation may take. Default: 2·10⁷ nodes, 2 GB and 600 s.
     counts
-        Node counts on the disc, for convergence studies: nothing is then refined, and the stated error may exceed the
-        tolerance. A boundary wave uses only the angular count; rays have no nodes and refuse counts. Default: from the
-        slope of the net path.
+        Numbers of quadrature nodes on the aperture, for convergence studies. They are then not increased, so the stated
+        error may exceed the tolerance. ``boundary_wave`` uses only the angular number; ``geometric`` accepts none.
+        Default: as many as the variation of the phase over the aperture requires.
 
     Returns
     -------
     ApertureField
-        Field [1/m² for the unit point source of eqs. 10–12] and intensity in the shape of the targets, the stated
-        error and the effort. The field leaves out the lens's constant phase n Δ.
+        Field [1/m² for a source of unit strength, as in eqs. 10–12] and intensity, both in the shape of the targets,
+        with their stated errors and the computing effort. The field omits the constant phase k n Δ of a lens of
+        refractive index n and central thickness Δ.
 
     Raises
     ------
     OutOfRangeError
-        An argument is outside the validity of the laws, the wavelength exceeds the aperture, a target lies within a
-        wavelength of it, or an option has no meaning for the method.
+        An argument is outside the range in which the method holds, the wavelength exceeds the diameter of the aperture,
+        a target lies within a wavelength of the lens plane, or an argument does not apply to the method. Rays and
+        boundary waves accept no pupil with an amplitude or an obscuration.
     UnaffordableError
-        The nodes needed exceed the limits.
+        The computation needs more than ``limits`` allows.
     NotConvergedError
-        The tolerance is below what the method or double precision can give at these targets.
+        The tolerance is smaller than the error that the method or double precision can reach at these targets.
 
     References
     ----------
-    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–22. The erratum in eq. 23
-    (2πi/(λ a) in place of πi/(λ a)) does not affect this function.
+    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–22. The misprint in eq. 23,
+    2πi/(λ a) instead of πi/(λ a), does not affect this function.
 
     Examples
     --------
-    Spherical aberration of a parabolic f/4.2 lens under exact paths:
+    Peak behind a parabolic f/4.2 lens, whose exact paths cause spherical aberration:
 
     >>> from tradestudy import optics
     >>> field = optics.aperture_field(

@@ -24,21 +24,22 @@ class ApertureSamples:
     Parameters
     ----------
     nodes
-        Positions, with area weights.
+        The n quadrature nodes: their positions and area weights.
     field
-        Complex field directly behind the aperture plane [any unit], shape (n,); the propagated field has the same.
+        Complex field at the nodes, directly behind the aperture [any unit], shape (n,). The field that is propagated
+        from these samples has the same unit.
     axial_cosine
-        Cosine between the wave's direction and the axis at every node [1], shape (n,); needed only by the textbook
-        obliquity, which averages the cosines of two directions.
+        Cosine of the angle between the axis and the wave at each node [1], shape (n,). Only the obliquity ``textbook``
+        of `KirchhoffKernel` needs it.
 
     Raises
     ------
     OutOfRangeError
-        Shapes differ or a value is not finite.
+        The shape of an array differs from (n,), or a value is not finite.
 
     Examples
     --------
-    A plane wave on a disc of a millimetre:
+    A plane wave on a disc with a diameter of 1 mm:
 
     >>> import numpy as np
     >>> from tradestudy import optics
@@ -74,7 +75,7 @@ class ApertureSamples:
         Returns
         -------
         tuple
-            x and y [m], and the field times the weight [m² times the unit of the field], shape (n,) each.
+            x [m], y [m], and the product of field and area weight [m² times the unit of the field], each of shape (n,).
         """
         x, y = self.nodes.x - self.nodes.centre[0], self.nodes.y - self.nodes.centre[1]
         return x, y, np.asarray(self.field * self.nodes.weights, dtype=np.complex128)

@@ -42,12 +42,15 @@ def check_obliquity(obliquity: str) -> None:
 class PointSource:
     """A monochromatic point source of unit strength in front of a lens, or a virtual one behind it.
 
+    Unit strength means that on the line through the source parallel to the axis, the field at the distance r from the
+    source is exp(i k r)/(iλ r) [1/m²], where λ is the wavelength and k = 2π/λ.
+
     Parameters
     ----------
     x, y
         Transverse position [m], in the same axes as the centre of the lens.
     distance
-        Distance in front of the lens plane [m]; < 0 for light that converges to a point behind it.
+        Distance in front of the lens plane [m], ≠ 0; < 0 for light that converges to a point behind this plane.
 
     Raises
     ------
@@ -80,12 +83,12 @@ class PointSource:
     @classmethod
     @checked
     def at_infinity(cls, *, angle_x: float = 0.0, angle_y: float = 0.0) -> PointSource:
-        """Return a point source at 1e15 m, so far away that its wave is plane.
+        """Return a point source at a distance of 1e15 m, so far away that its wave is plane.
 
         Parameters
         ----------
         angle_x, angle_y
-            Angles of its direction from the axis in the x–z and the y–z plane [rad], within ±π/2.
+            Angle between the axis and the direction of the source, in the x–z and in the y–z plane [rad], within ±π/2.
 
         Returns
         -------
@@ -121,21 +124,29 @@ class CircularLens:
     focal_length
         Focal length [m], ≠ 0; < 0 for a diverging lens.
     lens_phase
-        ``parabolic``: −π r²/(λ f), the paper's lens; with exact paths it has the spherical aberration
-        r⁴/8 (1/a³ + 1/b³). ``stigmatic``: a fixed element that cancels the exact paths between the axial point at
-        `focus_distance` and its image; off axis it has coma. ``perfect``: sends every source point exactly to its
-        thin-lens image, as a well-corrected objective does.
+        Phase of the lens:
+
+        * ``perfect``: images every source point exactly onto its thin-lens image, as a well-corrected objective does.
+        * ``stigmatic``: images the axial point at `focus_distance` exactly, as a fixed element; has coma off the axis.
+        * ``parabolic``: the lens of the paper under References, with the phase −π r²/(λ f) at the distance r from the
+          centre, for the wavelength λ and the focal length f. With exact paths, it has the spherical aberration
+          r⁴/8 (1/a³ + 1/b³), a path [m], for the object distance a and the image distance b.
     focus_distance
-        Object distance [m] for which a stigmatic lens is exact; required for a stigmatic lens, refused for the others.
+        Object distance for which a stigmatic lens is exact [m]; required for ``stigmatic``, not allowed otherwise.
     centre
-        Centre of the aperture and vertex of the lens [m].
+        Centre (x, y) of the aperture, which is also the vertex of the lens [m].
     pupil
-        Amplitude and aberrations of the aperture, the same for all source points and methods.
+        Amplitude transmission and aberrations, the same for all source points and methods. Default: a clear pupil
+        without aberrations.
 
     Raises
     ------
     OutOfRangeError
-        A length is out of range, or `focus_distance` is missing or does not apply.
+        A length is out of range, or `focus_distance` is missing or not allowed.
+
+    References
+    ----------
+    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–22.
 
     Examples
     --------
@@ -195,12 +206,15 @@ class CircularLens:
             )
 
     def without_obscuration(self, nodes_of: Callable[[float], QuadratureNodes]) -> QuadratureNodes:
-        """Nodes of the aperture, with the obscuration subtracted as a second disc at full accuracy.
+        """Quadrature nodes of the aperture, from which those of the obscuration are subtracted.
+
+        Both discs have nodes of their own, so the edge of the obscuration costs no accuracy.
 
         Parameters
         ----------
         nodes_of
-            Function that returns the nodes of a disc of a given radius [m] about the centre of the aperture.
+            Function that returns the nodes of a disc about the centre of the aperture, given the radius of the disc
+            [m].
 
         Returns
         -------
@@ -219,22 +233,22 @@ class CircularLens:
         )
 
     def transmission(self, x: Array, y: Array) -> Array | float:
-        """Amplitude of the pupil; 1 without a pupil.
+        """Amplitude transmission t of the pupil, without its obscuration.
 
         Parameters
         ----------
         x, y
-            Positions relative to the centre of the lens [m], broadcast against each other.
+            Positions relative to the centre of the lens [m], broadcast together.
 
         Returns
         -------
         ndarray or float
-            t [1], in the shape of the positions.
+            t [1], in the shape of the positions; the number 1 if the pupil has no amplitude of its own.
 
         Raises
         ------
         OutOfRangeError
-            The pupil's function does not return one finite number for each position.
+            The amplitude function of the pupil does not return one finite number for each position.
         """
         passed = None if self.pupil is None else self.pupil.transmission
         if passed is None:
@@ -243,7 +257,9 @@ class CircularLens:
         return checked_map(passed(u, v), u, "amplitude")
 
     def image_of(self, source: PointSource) -> tuple[float, float, float]:
-        """Thin-lens image of a point, at the distance b = a f/(a − f).
+        """Thin-lens image of a point source, at the distance b = a f/(a − f) behind the lens.
+
+        Here, a is the distance of the source in front of the lens, and f the focal length.
 
         Parameters
         ----------
@@ -253,7 +269,7 @@ class CircularLens:
         Returns
         -------
         tuple
-            x, y and the distance b behind the lens [m]; b < 0 for a virtual image.
+            x and y of the image and its distance b behind the lens [m]; b < 0 for a virtual image.
 
         Raises
         ------

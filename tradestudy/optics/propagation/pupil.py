@@ -24,22 +24,23 @@ _STEP = 1e-4  # of the radius, for the slope of a function: fourth-order differe
 
 
 def noll_order(index: int) -> tuple[int, int]:
-    """Radial order n and azimuthal order m of Noll's Zernike polynomial; m < 0 denotes a sine.
+    """Radial order n and azimuthal order m of the Zernike polynomial with Noll index j.
 
     Parameters
     ----------
     index
-        Noll's j, from 1 to 153.
+        Noll index j, a whole number from 1 to 153.
 
     Returns
     -------
     tuple
-        (n, m); even j are cosines.
+        (n, m). The polynomial contains cos mθ if m > 0 (even j), and sin |m|θ if m < 0 (odd j); θ is the angle from the
+        x axis.
 
     Raises
     ------
     OutOfRangeError
-        If the index is not in this range.
+        The index is not a whole number from 1 to 153.
 
     References
     ----------
@@ -47,7 +48,7 @@ def noll_order(index: int) -> tuple[int, int]:
 
     Examples
     --------
-    Defocus, the two comas, and spherical aberration:
+    Defocus, coma along y, coma along x, and spherical aberration:
 
     >>> from tradestudy import optics
     >>> [optics.noll_order(j) for j in (4, 7, 8, 11)]
@@ -70,32 +71,37 @@ def noll_order(index: int) -> tuple[int, int]:
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Pupil:
-    """Amplitude and optical path that an aperture adds to a wave, besides the lens phase.
+    """Amplitude transmission and aberrations of an aperture.
 
-    The wave is multiplied by t exp(i k W); a positive W delays it. Positions are relative to the radius R of the
-    aperture, (x/R, y/R), along the axes of source and targets.
+    In addition to the lens phase, the aperture multiplies the wave by t exp(i k W), where t is the amplitude
+    transmission, W the added path and k = 2π/λ for the wavelength λ. A positive W delays the wave. W is the sum of
+    `zernikes` and `path`.
 
-    Arrays have shape (n, n), n ≥ 6, and cover the square around the aperture: row i lies at y/R = −1 + 2 i/(n − 1),
-    column j at x/R likewise. A quintic spline interpolates them, so they must continue smoothly beyond the rim.
-    Functions must be smooth: with a step inside the aperture, quadrature converges slowly and may miss the tolerance.
-    Model a dark centre as an `obscuration`, which costs no accuracy. Rays and boundary waves need derivatives
-    everywhere, so they accept only Zernike coefficients.
+    Positions are given as (x/R, y/R), relative to the centre and the radius R of the aperture, along the axes of source
+    and targets. Arrays have shape (n, n), n ≥ 6, and cover the square around the aperture: row i lies at
+    y/R = −1 + 2 i/(n − 1), column j at x/R = −1 + 2 j/(n − 1). A quintic spline interpolates them, so they must
+    continue smoothly beyond the edge of the aperture. Functions must be smooth, too: with a step inside the aperture,
+    quadrature converges slowly and may miss the tolerance. A dark centre costs no accuracy if it is an `obscuration`.
+    The methods ``geometric`` and ``boundary_wave`` need derivatives everywhere, so they accept only Zernike
+    coefficients.
 
     Parameters
     ----------
     zernikes
-        Coefficients of W by Noll's index [m rms], smaller than R; the polynomials have unit variance over the disc.
+        Zernike coefficients of W, by Noll's index from 1 to 153 [m rms], each smaller than R. The polynomials have unit
+        variance over the disc.
     path
-        Path added to W [m]: a function of (x/R, y/R), or an array.
+        Further part of W [m], as a function of (x/R, y/R) or an array. Default: 0.
     amplitude
-        t [1]: a function or an array, like the path. Default: 1.
+        Amplitude transmission t [1], as a function of (x/R, y/R) or an array. Default: 1.
     obscuration
-        Radius of a central dark disc relative to R, in [0, 1); for main lenses only.
+        Radius of a central dark disc relative to R [1], in [0, 1); for main lenses only.
 
     Raises
     ------
     OutOfRangeError
-        A Noll index is unknown, a coefficient is not finite, or an array or the obscuration violates the above.
+        A Noll index is unknown, a coefficient is not finite, or an array or the obscuration does not meet the
+        conditions above.
 
     References
     ----------
@@ -103,7 +109,8 @@ class Pupil:
 
     Examples
     --------
-    A tenth of a wave (rms) of coma along x; and a Gaussian beam that fills the aperture to 1/e²:
+    A tenth of a wave (rms) of coma along x; and a Gaussian beam whose intensity falls to 1/e² at the edge of the
+    aperture:
 
     >>> import numpy as np
     >>> from tradestudy import optics
@@ -170,18 +177,20 @@ class Pupil:
         amplitude: PupilMap | None = None,
         obscuration: float = 0.0,
     ) -> Pupil:
-        """Return the pupil whose coefficients and path are given in waves at a wavelength.
+        """Return a pupil whose Zernike coefficients and path are given in waves.
 
         Parameters
         ----------
         zernikes
-            Coefficients by Noll's index [waves rms].
+            Zernike coefficients of W, by Noll's index from 1 to 153 [waves rms].
         wavelength
-            Wavelength that defines a wave [m], > 0; the path in metres then holds at every wavelength.
+            Length of a wave [m], > 0. The path in metres that follows from it applies at every wavelength.
         path
-            Path [waves], as a function of (x/R, y/R) or an array.
-        amplitude, obscuration
-            As in `Pupil` [1].
+            Further part of W [waves], as a function of (x/R, y/R) or an array. Default: 0.
+        amplitude
+            Amplitude transmission t [1], as a function of (x/R, y/R) or an array. Default: 1.
+        obscuration
+            Radius of a central dark disc relative to R [1], in [0, 1); for main lenses only.
 
         Returns
         -------
@@ -191,7 +200,8 @@ class Pupil:
         Raises
         ------
         OutOfRangeError
-            The wavelength is not positive and finite, or a coefficient is not a number; otherwise as for `Pupil`.
+            The wavelength is not positive and finite, a Noll index is unknown, a coefficient is not a finite number, or
+            an array or the obscuration does not meet the conditions of `Pupil`.
         """
         check_wavelength(wavelength)
         for index, waves in zernikes.items():
@@ -211,22 +221,22 @@ class Pupil:
 
     @property
     def aberrated(self) -> bool:
-        """Whether the pupil changes the path."""
+        """Whether the pupil adds a path to the wave."""
         return self.path is not None or any(self.zernikes.values())
 
     @property
     def evenly_lit(self) -> bool:
-        """Whether the aperture transmits uniformly."""
+        """Whether the whole aperture transmits the full amplitude."""
         return self.amplitude is None and self.obscuration == 0.0
 
     @property
     def round(self) -> bool:
-        """Whether the pupil is rotationally symmetric, with only Zernike coefficients of azimuthal order 0."""
+        """Whether the pupil has only Zernike coefficients of azimuthal order 0, and neither path nor amplitude."""
         even = all(noll_order(index)[1] == 0 for index, coefficient in self.zernikes.items() if coefficient)
         return even and self.path is None and self.amplitude is None
 
     def path_terms(self, radius: float) -> tuple[ZernikePath | MapPath, ...]:
-        """Terms of the path on an aperture.
+        """Terms of the path W over an aperture.
 
         Parameters
         ----------
@@ -236,12 +246,13 @@ class Pupil:
         Returns
         -------
         tuple
-            Zernike polynomials and map, where given; their sum is W.
+            The Zernike polynomials and the further path, each only if given; W is their sum.
 
         Raises
         ------
         OutOfRangeError
-            A coefficient is as large as the radius: waves were given as metres, or the wavelength in another unit.
+            A coefficient is not smaller than R, probably because waves were given as metres or the wavelength in
+            another unit.
         """
         for index, coefficient in self.zernikes.items():
             if not abs(coefficient) < radius:
@@ -260,7 +271,7 @@ class Pupil:
 
     @cached_property
     def transmission(self) -> Callable[[FloatArray, FloatArray], FloatArray] | None:
-        """Amplitude as a function of (x/R, y/R); None where it is 1."""
+        """Amplitude transmission t [1] as a function of (x/R, y/R); None if it is 1 everywhere."""
         return None if self.amplitude is None else pupil_function(self.amplitude)
 
 

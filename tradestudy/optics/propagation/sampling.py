@@ -25,16 +25,19 @@ _TERMS_PER_SECOND = 4.0e5  # (nodes + targets) × 10 terms of the fast path on a
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Resources that a computation may use; it is refused in advance if it needs more.
+    """Largest resources that a computation may use.
+
+    A computation that needs more raises ``UnaffordableError`` before it starts, or before the refinement that would
+    exceed them.
 
     Parameters
     ----------
     nodes
         Largest number of quadrature nodes on one aperture.
     memory_bytes
-        Peak memory [bytes].
+        Largest peak memory [bytes].
     seconds
-        Wall time in total [s]: set-up, computation, check and every refinement.
+        Largest wall time [s] for set-up, computation, check and all refinements together.
 
     Raises
     ------
@@ -61,9 +64,9 @@ class Limits:
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class NodeCounts:
-    """Rings of quadrature nodes on a disc, and nodes on its rim.
+    """Number of rings of quadrature nodes on a disc, and number of nodes on the outermost ring.
 
-    Inner rings have fewer nodes, because the phase completes fewer turns on them.
+    Inner rings have fewer nodes, because the phase varies less along them.
 
     Parameters
     ----------
@@ -96,15 +99,16 @@ class NodeCounts:
 
     @property
     def total(self) -> int:
-        """Largest possible number of nodes."""
+        """Upper bound on the number of all nodes, which is `radial` times `angular`."""
         return self.radial * self.angular
 
     @property
     def on_rings(self) -> IndexArray:
-        """Nodes of every ring, from the innermost, shape (radial,).
+        """Number of nodes on each ring, from the innermost, shape (radial,).
 
-        The margin on the rim is taken to be that of the tightest tolerance (`bessel_margin`). The other nodes resolve
-        the turns of the phase; on smaller rings, their number falls faster than the margin.
+        A ring along which the phase completes t turns has t nodes and a margin that grows as t^⅓. On the outermost
+        ring, t follows from `angular`, with the margin for the tightest tolerance; on the others, t is proportional to
+        the radius.
         """
         relative = np.sqrt(gauss_legendre(self.radial)[0])
         turns = _turns(self.angular)
@@ -122,7 +126,7 @@ class NodeCounts:
         Returns
         -------
         NodeCounts
-            At least one node of each kind.
+            The counts, each at least 1.
         """
         return NodeCounts(radial=math.ceil(self.radial * factor), angular=math.ceil(self.angular * factor))
 

@@ -18,24 +18,25 @@ _MOST_ON_AXIS = 10**7
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class TargetPoints:
-    """Any set of points behind the lens plane.
+    """Targets, that is, points at which a field is computed, anywhere behind the lens plane.
+
+    x, y and distance are numbers or arrays, which are broadcast together.
 
     Parameters
     ----------
     x, y
-        Positions [m], any shapes that broadcast.
+        Transverse coordinates of the points [m].
     distance
-        Distance behind the lens plane [m], > 0; a number or an array that broadcasts with x and y, so the points may
-        lie on tilted or curved surfaces.
+        Distances of the points from the lens plane [m], > 0. An array places them on a tilted or curved surface.
 
     Raises
     ------
     OutOfRangeError
-        Shapes do not broadcast, a coordinate is not finite, a distance is not positive, or there are no points.
+        The shapes do not broadcast, a coordinate is not finite, a distance is not positive, or there are no points.
 
     Examples
     --------
-    Points on the axis, in front of and behind a focus:
+    Eleven points on the axis, up to 50 µm in front of and behind a focus:
 
     >>> import numpy as np
     >>> from tradestudy import optics
@@ -65,22 +66,22 @@ class TargetPoints:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of the results, to which x, y and distance broadcast."""
+        """Shape of fields computed at these points, to which x, y and distance broadcast."""
         return np.broadcast_shapes(np.shape(self.x), np.shape(self.y), np.shape(self.distance))
 
     def coordinates(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Flat x, y and distance of every point [m]."""
+        """Return x, y and distance of every point [m], as three flat arrays."""
         arrays = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (self.x, self.y, self.distance)))
         x, y, z = (np.ascontiguousarray(v).ravel() for v in arrays)
         return x, y, z
 
     def at(self, index: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Positions of some points.
+        """Return the positions of selected points.
 
         Parameters
         ----------
         index
-            Flat indices, shape (n,).
+            Indices into the flat arrays of `coordinates`, shape (n,).
 
         Returns
         -------
@@ -91,12 +92,12 @@ class TargetPoints:
         return x[index], y[index], z[index]
 
     def box(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Smallest and largest x, y and distance [m]."""
+        """Return the smallest and the largest value of x, y and distance [m], as three arrays of shape (2,)."""
         x, y, z = (np.array([np.min(c), np.max(c)], dtype=float) for c in (self.x, self.y, self.distance))
         return x, y, z
 
     def corners(self) -> IndexArray:
-        """Flat indices of the points farthest along the four diagonals."""
+        """Return the indices of the points with the smallest and the largest x + y and x − y, shape (4,)."""
         x, y, _ = self.coordinates()
         rising, falling = x + y, x - y
         return np.array([np.argmin(rising), np.argmin(falling), np.argmax(falling), np.argmax(rising)])
@@ -105,23 +106,27 @@ class TargetPoints:
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class TargetGrid:
-    """A regular grid of targets in one plane, for which propagation is fast.
+    """Targets, that is, points at which a field is computed, on a regular grid parallel to the lens plane.
 
-    Results have shape (y count, x count): row i lies at ``y_start + i * y_pitch``, and column j at
-    ``x_start + j * x_pitch``.
+    Fields on such a grid are computed faster than at scattered `TargetPoints`. They have the shape (y_count, x_count):
+    row i lies at y = ``y_start + i * y_pitch``, and column j at x = ``x_start + j * x_pitch``.
 
     Parameters
     ----------
-    x_start, y_start
-        Position of element [0, 0] along this axis [m].
-    x_pitch, y_pitch
-        Distance between neighbouring points along this axis [m], > 0.
+    x_start
+        x of the first column [m].
+    y_start
+        y of the first row [m].
+    x_pitch
+        Distance between neighbouring columns [m], > 0.
+    y_pitch
+        Distance between neighbouring rows [m], > 0.
     x_count
-        Number of columns, ≥ 1.
+        Number of columns, from 1 to 10⁷.
     y_count
-        Number of rows, ≥ 1.
+        Number of rows, from 1 to 10⁷.
     distance
-        Distance behind the lens plane [m], > 0.
+        Distance of the grid from the lens plane [m], > 0.
 
     Raises
     ------
@@ -176,7 +181,7 @@ class TargetGrid:
     @classmethod
     @checked
     def centred(cls, *, centre: tuple[float, float], pitch: float, count: int, distance: float) -> TargetGrid:
-        """Square grid of points about a centre, as pixel centres lie on a sensor.
+        """Return a square grid about a centre.
 
         Parameters
         ----------
@@ -185,19 +190,21 @@ class TargetGrid:
         pitch
             Distance between neighbouring points [m], > 0.
         count
-            Points along a side, ≥ 1.
+            Number of points along a side, from 1 to 10⁷.
         distance
-            Distance behind the lens plane [m], > 0.
+            Distance of the grid from the lens plane [m], > 0.
 
         Returns
         -------
         TargetGrid
-            Grid of `count` × `count` points.
+            Grid of ``count`` × ``count`` points.
 
         Raises
         ------
         OutOfRangeError
-            As for `TargetGrid`.
+            A coordinate is not finite, the pitch or the distance is not positive, or the count is below 1.
+        UnaffordableError
+            The count is above 10⁷.
         """
         half = pitch * (count - 1) / 2
         return cls(
@@ -212,31 +219,42 @@ class TargetGrid:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of the results, rows (y) by columns (x)."""
+        """Shape of fields computed on this grid, (y_count, x_count)."""
         return self.y_count, self.x_count
 
     @property
     def x_axis(self) -> FloatArray:
-        """Positions of the columns [m]."""
+        """x of every column [m], shape (x_count,)."""
         return self.x_start + self.x_pitch * np.arange(self.x_count, dtype=float)
 
     @property
     def y_axis(self) -> FloatArray:
-        """Positions of the rows [m]."""
+        """y of every row [m], shape (y_count,)."""
         return self.y_start + self.y_pitch * np.arange(self.y_count, dtype=float)
 
     def coordinates(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Flat x, y and distance of every point [m], row by row."""
+        """Return x, y and distance of every point [m], row by row, as three flat arrays."""
         x = np.tile(self.x_axis, self.y_count)
         return x, np.repeat(self.y_axis, self.x_count), np.full(x.size, self.distance)
 
     def at(self, index: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Positions of some points [m], as in `TargetPoints.at`."""
+        """Return the positions of selected points.
+
+        Parameters
+        ----------
+        index
+            Indices into the flat arrays of `coordinates`, shape (n,).
+
+        Returns
+        -------
+        tuple
+            x, y and distance [m], shape (n,) each.
+        """
         row, column = np.divmod(index, self.x_count)
         return self.x_axis[column], self.y_axis[row], np.full(index.size, self.distance)
 
     def box(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Smallest and largest x, y and distance [m]."""
+        """Return the smallest and the largest value of x, y and distance [m], as three arrays of shape (2,)."""
         return (
             self.x_start + self.x_pitch * np.array([0.0, self.x_count - 1.0]),
             self.y_start + self.y_pitch * np.array([0.0, self.y_count - 1.0]),
@@ -244,7 +262,7 @@ class TargetGrid:
         )
 
     def corners(self) -> IndexArray:
-        """Flat indices of the four corners."""
+        """Return the indices of the four corners of the grid, shape (4,)."""
         last = self.x_count - 1, self.x_count * (self.y_count - 1)
         return np.array([0, last[1], last[0], last[0] + last[1]])
 

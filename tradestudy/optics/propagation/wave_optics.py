@@ -78,17 +78,17 @@ def nodes_for(wave: LensWave, kernel: Kernel, targets: Targets, accuracy: FieldA
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class FieldAccuracy:
-    """Tolerance of a field, and how the result is checked.
+    """Tolerance of a field, and the targets at which the result is checked.
 
     Parameters
     ----------
     tolerance
-        Relative L2 error allowed for the intensity over the targets, in 1e-10 … 0.1.
+        Largest relative L2 error of the intensity over the targets [1], in 1e-10 … 0.1.
     check_targets
-        Number of random targets, mostly bright ones, at which the result is compared with direct quadrature on twice
-        the nodes in each direction, ≥ 4.
+        Number of targets at which the result is checked, ≥ 4. They are drawn at random, mostly from bright ones. The
+        check is direct quadrature with twice as many nodes in each direction.
     seed
-        Seed of the random check targets: the same call gives the same digits.
+        Seed of the random draw: the same call gives the same digits.
 
     Raises
     ------
@@ -129,45 +129,49 @@ class FieldAccuracy:
 def propagate_samples(
     *, samples: ApertureSamples, kernel: Kernel, targets: Targets, accuracy: FieldAccuracy, limits: Limits | None = None
 ) -> ApertureField:
-    """Field on targets of a wave that is known only as an array on quadrature nodes.
+    """Propagate a wave that is known only at the quadrature nodes of an aperture to the targets.
+
+    Whether the nodes are dense enough **cannot be checked here**, so the errors of the field and of the intensity are
+    NaN. To estimate them, compare with a computation on twice as many nodes. For a point source behind a lens, use
+    `aperture_field`, which chooses the nodes itself.
 
     Parameters
     ----------
     samples
-        The wave on the aperture.
+        Field of the wave at the nodes.
     kernel
-        `KirchhoffKernel` or `FresnelKernel`.
+        Kernel that propagates the field from a node to a target.
     targets
-        Points or grid.
+        Points at which the field is computed. A `TargetGrid` is faster than scattered `TargetPoints`.
     accuracy
-        Tolerance of the sum. **The nodes themselves cannot be doubled here**, so the errors of field and intensity are
-        NaN: compare with twice the nodes, or use `aperture_field`, which chooses its nodes. `error.check` states how
-        accurately the nodes are summed.
+        Tolerance of the sum over the nodes, as a relative L2 error over the targets, and the check that measures it.
     limits
-        Memory and time allowed.
+        Nodes, memory and time that the computation may take. Default: 2·10⁷ nodes, 2 GB and 600 s.
 
     Returns
     -------
     ApertureField
-        Field and intensity, with the errors of the summation; the errors of field and intensity are NaN.
+        Field and intensity in the shape of the targets. ``error.field`` and ``error.intensity`` are NaN;
+        ``error.check`` is the measured error of the sum over the nodes.
 
     Raises
     ------
     OutOfRangeError
-        The kernel needs directions that `samples` does not have, the wavelength exceeds the aperture, or a target lies
-        within a wavelength of it.
+        The kernel needs the directions of the wave and ``samples.axial_cosine`` is None, the wavelength exceeds the
+        width of the aperture, or a target lies within a wavelength of the aperture plane.
     UnaffordableError
-        The computation needs more than the limits allow.
+        The computation needs more than ``limits`` allows.
     NotConvergedError
-        The tolerance is below what double precision gives at these targets.
+        The tolerance is smaller than the error that double precision can reach at these targets.
 
     References
     ----------
-    See `KirchhoffKernel` and `FresnelKernel`.
+    The integral of `KirchhoffKernel` or of `FresnelKernel`, as a sum over the nodes.
 
     Examples
     --------
-    On the axis, behind an aperture of an odd number of Fresnel zones, the intensity is four times the unobstructed one:
+    Behind a circular aperture that contains an odd number of Fresnel zones, the intensity on the axis is four times
+    that of the unobstructed wave:
 
     >>> import numpy as np
     >>> from tradestudy import optics

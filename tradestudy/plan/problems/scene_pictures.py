@@ -90,7 +90,7 @@ class ScenePicturesProblem(SimulationProblem):
             Slot(
                 name=leg,
                 models=models_of(leg, "picture") if leg in self._legs and not reason else (OFF,),
-                reason=reason if leg in self._legs else "no microlenses",
+                reason=reason if leg in self._legs else "the camera has no microlenses",
             ).under(self._forced)
             for leg in LENSES
         )

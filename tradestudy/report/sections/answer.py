@@ -23,7 +23,7 @@ from tradestudy.report.document import (
 )
 from tradestudy.report.words import distance_with_error, length, part_words, share
 from tradestudy.results.views.conclusions import best_ranges, measure_first, question_words, rests_on
-from tradestudy.results.views.decision import answer_title, flips, handovers, solved_questions, tied
+from tradestudy.results.views.decision import answer_title, flips, handovers, readings_in_words, solved_questions, tied
 from tradestudy.results.views.depth import least_broken
 from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
 from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated, titles_in
@@ -40,7 +40,8 @@ from tradestudy.units import significant
 from tradestudy.wording import distance, limit_words, listed, span
 
 _MOST_REASONS = 3
-_WHICH: Final = "Which camera for which distance"
+_WHICH: Final = "Which camera for which distance, with its depth uncertainty"
+_DECLARED: Final = " (study as declared)"
 
 
 def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -55,14 +56,14 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     if designs:
         yield Callout(title="Which design", blocks=(Bullets(designs),), tone="answer")
     yield Callout(
-        title=_which(titles_in(tree, "depth")) + (", as declared" if designs else ""),
+        title=_which(titles_in(tree, "depth")) + (_DECLARED if designs else ""),
         blocks=(Bullets((*_stretches(best_cameras(tree)), *_changes(tree), *_solved(tree))),),
         tone="answer",
         name="answer-cameras",
     )
-    yield from _requirements(requirement_conclusions(tree), ", as declared" if designs else "")
+    yield from _requirements(requirement_conclusions(tree), _DECLARED if designs else "")
     if measured := tuple(_measured(tree)):
-        yield Callout(title="Measured in pictures", blocks=(Bullets(measured),))
+        yield Callout(title="Depth measured in rendered pictures", blocks=(Bullets(measured),))
     sentences = [
         *_weighed(tree),
         *_taken_as_perfect(tree),
@@ -147,7 +148,7 @@ def _weighed(tree: xr.DataTree) -> Iterator[Spans]:
 def _measured(tree: xr.DataTree) -> Iterator[Spans]:
     """How measurements in rendered pictures compare with the prediction."""
     for sentence in measured_words(tree):
-        yield say("{sentence}.", sentence=sentence)
+        yield say("{sentence}.", sentence=sentence.removeprefix("In pictures of the scene, "))
 
 
 def _taken_as_perfect(tree: xr.DataTree) -> Iterator[Spans]:
@@ -186,7 +187,9 @@ def _doubted(tree: xr.DataTree) -> Iterator[Spans]:
 def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
     """The inputs on which the answers rest, with the basis of each."""
     if inputs := rests_on(tree):
-        yield say("**This rests on** the {inputs}.", inputs="; the ".join(one.removeprefix("the ") for one in inputs))
+        yield say(
+            "**This rests on** the {inputs}.", inputs="; and on the ".join(one.removeprefix("the ") for one in inputs)
+        )
 
 
 def _at_the_bound(tree: xr.DataTree) -> Iterator[Spans]:
@@ -221,14 +224,13 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
     turned = [one for one in found if reversed_by[one.place]]
     if turned:
         names = list(dict.fromkeys(name for one in turned for name in reversed_by[one.place]))
+        says = readings_in_words(tree)
         counts = sorted({len(reversed_by[one.place]) for one in turned})
-        by_name = {1: "under the reading *{first}*", 2: "under the readings *{first}* and *{last}*"}
-        by = by_name.get(len(names), "under {counts} of {all} other readings")
+        by = "under the reading “{only}”" if len(names) == 1 else "under {counts} of {all} other readings"
         yield say(
             "The verdict is **reversed** at {places} " + by + " ([](#verdict-table)).",
             places=listed([distance(one.place) for one in turned]),
-            first=names[0],
-            last=names[-1],
+            only=says[names[0]],
             counts=str(counts[0]) if len(counts) == 1 else f"{counts[0]} to {counts[-1]}",
             all=str(max(one.alternatives for one in found)),
         )
@@ -294,8 +296,8 @@ def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:
     ends = [float(np.exp(np.interp(np.log(place), *logs))) for place in places]
     near, far = (f"{length(s)} ({share(s / z)})" for s, z in zip(ends, places, strict=True))
     first, last = (part_words(depth.parts[best.nearest(place)] or "nothing") for place in places)
-    cause = f"mostly {first}" if first == last else f"near mostly {first}, far mostly {last}"
-    return f"±{near} near, ±{far} far; {cause}"
+    cause = first if first == last else f"{first} at the near end and {last} at the far end"
+    return f"±{near} to ±{far}, mostly from {cause}"
 
 
 def _changes(tree: xr.DataTree) -> Iterator[Spans]:

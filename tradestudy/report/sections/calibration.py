@@ -66,7 +66,7 @@ def _sources(tree: xr.DataTree, inputs: Mapping[str, str]) -> Table:
             Column(title="Camera", weight=2),
             Column(title="Source", weight=2),
             Column(title="Declared errors", weight=4),
-            Column(title="Changed since", weight=2),
+            Column(title="May have changed since", weight=2),
         ),
         rows=tuple(rows),
     )
@@ -136,7 +136,7 @@ def _refusals(tree: xr.DataTree) -> Iterator[Block]:
     for key, title in titles_in(tree, "sensitivity").items():
         reason = str(data["parameter_refused"].sel(camera=key).item())
         if reason:
-            rows.append((title, "bars by parameter", reason))
+            rows.append((title, "a bar for every parameter", reason.replace(" -", " −")))
         why = sorted({str(text) for text in data["index_refused"].sel(camera=key, field=0.0).values} - {""})
         if why:
             rows.append((title, "Sobol indices at some distances", "; ".join(why)))

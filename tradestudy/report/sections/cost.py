@@ -44,7 +44,7 @@ def _answer(problem: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
     else:
         more = "no measured set of models is ten times as exact"
     return say(
-        "**{title}**: {models} takes {seconds} and errs by {most}{error}; {more}.{left_out}",
+        "**{title}** ({models}) takes {seconds}, with an error of {most}{error}; {more}.{left_out}",
         title=str(problem["title"].item()),
         models=str(own["models"]),
         seconds=_seconds(own),

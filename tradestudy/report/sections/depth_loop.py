@@ -27,8 +27,8 @@ def describe_depth_loop(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield Heading(text="From pictures to depth and back", anchor="depth-loop")
     yield Paragraph(
         "The program rendered planes across the axis, each with its own texture and noise, and measured their depth "
-        "with each camera free of errors. The search for the disparity started near the true one, so distant false "
-        "matches do not occur."
+        "with each camera, free of calibration errors. The search for the disparity started near the true one, so "
+        "distant false matches do not occur."
     )
     yield from pictures_of(drawings, "depth_loop")
     for k, name in enumerate(data["camera"].values):
@@ -48,10 +48,10 @@ def _fitted_matcher(one: xr.Dataset, title: str) -> Text:
     over = over[np.isfinite(over)]
     text = say("**{title}**: `{matcher}`.", title=title, matcher=declared.partition("  # ")[0])
     factor = with_error(one["matcher_factor"].item(), one["matcher_factor_error"].item(), NUMBER)
-    text += say(" Its factor is {factor}.", factor=factor)
+    text += say(" The fitted factor is {factor}.", factor=factor)
     if over.size:
         text += say(
-            " It predicts {low} to {high} of the noise found on {count}.",
+            " This matcher predicts {low} to {high} of the noise found on {count}.",
             count=counted(over.size, "other plane"),
             low=share(float(1.0 / over.max())),
             high=share(float(1.0 / over.min())),

@@ -23,8 +23,8 @@ def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     data, titles = group(tree, "pictures"), camera_titles(tree)
     yield Heading(text="Depth measured in the pictures", anchor="depth-maps", level=2)
     yield Paragraph(
-        "Each camera measures depth in its pictures as if it had no errors, with its own estimator. Points hidden "
-        "from the estimator do not count as failures; points without depth, or with a false one, do."
+        "Each camera measures depth in its pictures with its own estimator, as if its calibration were perfect. "
+        "Points hidden from the estimator do not count as failures; points without depth, or with a false one, do."
     )
     yield from pictures_of(drawings, "depth_maps", "depth_achieved")
     rows = [data.isel(mapped_camera=k) for k in range(data.sizes["mapped_camera"])]
@@ -68,13 +68,13 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
         caption="Errors of disparity, ± one standard error.",
         columns=(
             *first,
-            *_columns("Bias", "Spread", "Over noise", "Neighbours", "A window apart", "Windows"),
+            *_columns("Bias [px]", "Spread [px]", "Over noise", "Neighbours", "A window apart", "Windows"),
         ),
         rows=tuple(cells if one is None else (*cells, *_of_disparity(one)) for cells, one in rows),
         notes=(
-            "Bias and spread in pixels. Over noise: spread of the errors relative to the first-order error that noise "
-            "causes in each window, given its texture. Neighbours and A window apart: correlation of the errors of "
-            "adjacent points, and of points one window apart. Windows: number of non-overlapping windows measured.",
+            "Over noise: spread of the errors relative to the first-order error that noise causes in each window, "
+            "given its texture. Neighbours, A window apart: correlation of the errors of adjacent points, and of "
+            "points one window apart. Windows: number of non-overlapping windows measured.",
         ),
     )
 

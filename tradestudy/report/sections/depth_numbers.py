@@ -96,7 +96,7 @@ def _noise_is_coarse(tree: xr.DataTree) -> str:
     largest = share(float(np.nanmax(np.where(coarse, noise["joint_change"].values, np.nan))))
     return (
         f" Noise only has no tolerance of its own: omitted effects change it by up to {largest} "
-        "(set accuracy.depth_noise to limit this)."
+        "(declare accuracy.depth_noise to limit this)."
     )
 
 
@@ -168,8 +168,8 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
     yield table(
         "failed-table",
         "failed_fraction",
-        "Fraction of measurements that end beyond infinity"
-        f"{' or are false matches' * false_matches_declared(tree)}, noise and calibration together.",
+        "Fraction of measurements that fail: errors move their disparity beyond that of infinity"
+        f"{', or they are false matches' * false_matches_declared(tree)}. Noise and calibration errors together.",
         lambda value: share(value) if value >= _NEGLIGIBLE_SHARE else "< 1 ppm",
     )
 
@@ -230,8 +230,8 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
     places = decision["place"].values
     return Table(
         name="reading-table",
-        caption=f"Uncertainty of {pair['first']} over that of {pair['second']}, noise and calibration together, under "
-        "every reading; bold where another camera is more certain than as declared.",
+        caption=f"Uncertainty of {pair['first']} over that of {pair['second']}, from noise and calibration errors "
+        "together, under every reading; bold where the reading reverses which camera is more certain.",
         columns=(
             Column(title="Reading"),
             Column(title="Assumption", weight=1),
@@ -267,9 +267,8 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
         return
     yield Paragraph(
         say(
-            "In the declared study, {declared}. Under {under}, the curves cross between "
-            "{low} and {high}. That is a range of assumptions, not a confidence interval. The first page says where "
-            "the preferred camera switches.",
+            "In the declared study, {declared}. Under {under}, the curves of their uncertainties cross between "
+            "{low} and {high}. This range covers assumptions; it is not a confidence interval.",
             declared=declared,
             under="the other reading" if count == all_others == 1 else f"{count} of the {all_others} other readings",
             low=distance(float(others.min())),

@@ -120,7 +120,9 @@ def _findings(tree: xr.DataTree, rows: list[_Row]) -> Iterator[Spans]:
     if missing:
         yield say(
             "Not sharp throughout: {cameras}.",
-            cameras="; ".join(f"{row.title} ({share(row.share) if row.share > 0 else 'nothing'})" for row in missing),
+            cameras="; ".join(
+                f"{row.title} ({share(row.share) if row.share > 0 else 'none of it'})" for row in missing
+            ),
         )
     yield from _diffraction_finding(tree)
 
@@ -133,7 +135,7 @@ def _diffraction_finding(tree: xr.DataTree) -> Iterator[Spans]:
         one = data.sel(sharp=name)
         if str(one["diffraction"].item()) != "none":
             blind = int(np.sum(np.asarray(one["extent"].values, dtype=np.float64) == 0.0))
-            words.append(f"{blind or 'none'} ({_criterion_words(one)})")
+            words.append(f"{blind or 'none'} by the criterion “{_criterion_words(one)}”")
     if words:
         yield say(
             "Of {count}, diffraction alone leaves nothing sharp in {words}.",
@@ -216,7 +218,7 @@ def _criteria_of_sharpness(tree: xr.DataTree) -> Table:
     rows: list[tuple[Text, ...]] = []
     for name in data["sharp"].values:
         one = data.sel(sharp=name)
-        rows.append((f"{name}: {_criterion_words(one)}",))
+        rows.append((f"Criterion: {_criterion_words(one)}",))
         for key, title in titles.items():
             camera = one.sel(camera=key)
             found = sharp_ranges(camera, "sharp")
@@ -228,7 +230,8 @@ def _criteria_of_sharpness(tree: xr.DataTree) -> Table:
                     length(float(camera["extent"])) if found else "—",
                     share(float(camera["scene_share"])) if found else "—",
                     str(int(camera["images"])) if found and int(camera["images"]) else "—",
-                    "; ".join(f"gap {_ends((gap,))}" for gap in gaps) or str(camera["reason"].item()).split(";")[0],
+                    ("gaps: " * bool(gaps) + "; ".join(_ends((gap,)) for gap in gaps))
+                    or str(camera["reason"].item()).split(";")[0],
                 )
             )
     return Table(
@@ -238,7 +241,7 @@ def _criteria_of_sharpness(tree: xr.DataTree) -> Table:
             Column(title="Camera", weight=3),
             Column(title="Sharp", weight=3),
             Column(title="Depth of field", align="right"),
-            Column(title="of the scene", align="right"),
+            Column(title="Of the scene", align="right"),
             Column(title="Exposures", align="right"),
             Column(title="Gaps, or why nothing is sharp", weight=4),
         ),
@@ -256,7 +259,7 @@ def _slices(tree: xr.DataTree) -> Iterator[Block]:
         if len(names) > 1:
             limits = zip(one["slice_near"].values, one["slice_far"].values, strict=True)
             parts = [
-                f"{name} {_ends(((float(near), float(far)),))}" if np.isfinite(near) else f"{name} nowhere"
+                f"{name}: {_ends(((float(near), float(far)),))}" if np.isfinite(near) else f"{name}: nowhere"
                 for name, (near, far) in zip(names, limits, strict=False)
             ]
             overlaps = _ends(sharp_ranges(one, "overlap")) if sharp_ranges(one, "overlap") else "none"
@@ -287,7 +290,7 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
             Column(title="Camera", weight=3),
             Column(title="Resolved", weight=3),
             Column(title="Depth of field", align="right"),
-            Column(title="of the scene", align="right"),
+            Column(title="Of the scene", align="right"),
             Column(title="Why nowhere", weight=4),
         ),
         notes=(

@@ -113,11 +113,12 @@ def _largest_cause_in_words(camera: xr.Dataset, titles: Mapping[str, str], middl
     there = camera.isel(distance=middle)
     own = _largest(there)
     others = [
-        f"at {distance(float(place['distance']))} {_CAUSES[other[0]]} ({significant(other[1])} times)"
+        f"{_CAUSES[other[0]]} at {distance(float(place['distance']))} "
+        f"({significant(other[1])} times smaller without it)"
         for place in (camera.isel(distance=k) for k in range(camera.sizes["distance"]))
         if (other := _largest(place)) is not None and (own is None or other[0] != own[0])
     ]
-    return _sentence(there, titles) + (f" What counts most elsewhere: {', '.join(others)}." if others else "")
+    return _sentence(there, titles) + (f" Elsewhere, something else counts most: {listed(others)}." if others else "")
 
 
 def _sentence(there: xr.Dataset, titles: Mapping[str, str]) -> str:
@@ -211,7 +212,7 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
             if real
             else "Derived disparity error in pixels with every effect, and"
         )
-        + " with one cause removed; in brackets, the factor by which that reduces it.",
+        + " with one cause removed; in brackets, how many times smaller that makes it.",
         columns=(
             Column(title="Camera", weight=7),
             Column(title="Electrons", align="right"),

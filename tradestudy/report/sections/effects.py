@@ -38,8 +38,9 @@ def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="What was simulated, and what was not", anchor="effects")
     yield Paragraph(
         say(
-            "Each effect has models from off to the most complete. The program chose the cheapest set that keeps "
-            "the answers within the tolerance at the worst distance, reading and design. {together}",
+            "Each effect has models from off to the most complete one, named as in study files. The program chose the "
+            "cheapest set that keeps the answers within the tolerance at the worst distance, reading and design. "
+            "{together}",
             together=" ".join(_together(tree)),
         )
     )
@@ -117,7 +118,12 @@ def _cells(row: Mapping[str, Any], *, marked: bool) -> tuple[str, ...]:
     if row["change"] == 0.0:
         return in_words(str(row["slot"])), model, _FULL, "—", "—"
     at = "" if math.isnan(row["at"]) else f", largest at {distance(row['at'])}"
-    known = "unknown" if math.isinf(row["change"]) else f"{_HOW[str(row['evidence'])]}{at}"
+    if math.isinf(row["change"]):
+        known = "unknown"
+    elif row["evidence"] == "trial" and row["quantity"] == "pixel_intensity":
+        known = f"trial at a few places{at}"
+    else:
+        known = f"{_HOW[str(row['evidence'])]}{at}"
     return in_words(str(row["slot"])), model, _share(row["change"]), quantity, known
 
 

@@ -84,7 +84,10 @@ def _findings(data: xr.Dataset) -> Iterator[Spans]:
             start=length(float(data["wavelength"].values[0])),
             end=length(float(data["wavelength"].values[-1])),
         )
-    yield say("At the f-numbers of the camera, the difference is: {each}.", each=_as_used(data, window))
+    yield say(
+        "At the f-numbers of the camera, the difference over these wavelengths is: {each}.",
+        each=_as_used(data, window),
+    )
     yield from _off_axis(data, window)
 
 
@@ -105,11 +108,11 @@ def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
     for element in data["element"].values:
         at = data["off_axis_camera_error"].sel(element=element, metric="l1", window=window)
         each = [f"{share(float(at.sel(lens_phase=phase)))} ({phase})" for phase in data["lens_phase"].values]
-        parts.append(f"{element_title(data, str(element)).lower()}, {', '.join(each)}")
+        parts.append(f"{element_title(data, str(element)).lower()}: {', '.join(each)}")
     yield say(
-        "**The lens phase decides more than the propagator.** At the same f-numbers, but {angle}° off the axis, it is: "
-        "{parts}. "
-        "Fresnel's approximation has neither the coma nor the distortion of a fixed element.",
+        "**The lens phase matters more than the choice between Fresnel and Kirchhoff.** At the same f-numbers, but "
+        "{angle}° off the axis, the difference is: {parts}. Fresnel's approximation has neither the coma nor the "
+        "distortion of a fixed element.",
         angle=significant(float(np.degrees(data.attrs["field_angle"])), 2),
         parts="; ".join(parts),
     )
@@ -165,7 +168,7 @@ def _error_table(data: xr.Dataset, element: str) -> Table:
     columns = [("peak", windows[0])] + [(m, w) for m in ("l1", "largest") for w in windows]
     rows: list[tuple[Text, ...]] = []
     for phase in data["lens_phase"].values:
-        rows.append((f"{phase}",))
+        rows.append((f"{str(phase).capitalize()} lens phase",))
         for wave in waves:
             point = one["published_point_error"].sel(lens_phase=phase, wavelength=wave)
             rows.append((length(float(wave)), *(share(float(point.sel(metric=m, window=w))) for m, w in columns)))
@@ -173,7 +176,7 @@ def _error_table(data: xr.Dataset, element: str) -> Table:
     return Table(
         name=f"fresnel-error-{element}",
         caption=f"{element_title(data, element)} at f/{significant(place)}: error of Fresnel's point-spread function "
-        "by every measure, window (in Airy radii) and wavelength.",
+        "by every measure and wavelength. Numbers in the column heads: radius of the window in Airy radii.",
         columns=(
             Column(title="Wavelength", weight=1),
             *(
@@ -199,7 +202,7 @@ def _limit_table(data: xr.Dataset) -> Table:
                 rows.append((f"{phase}, {length(float(wave))}", *cells))
     return Table(
         name="fresnel-limits",
-        caption=f"Minimum f-number from which the error on the axis stays below {limit}, windows of "
+        caption=f"Smallest f-number above which the error on the axis stays below {limit}, by every measure, within "
         f"{significant(window)} Airy radii.",
         columns=(
             Column(title="Lens phase and light", weight=1),
@@ -260,9 +263,9 @@ def _printed_criterion(data: xr.Dataset, drawings: Mapping[str, Drawing]) -> Ite
     )
     yield from pictures_of(drawings, "paper_eq27")
     second = data["paper_eq27_sweep"].sel(zero="second")
-    spans = "; ".join(
-        f"{element_title(data, str(e)).lower()} {significant(float(second.sel(element=e).min()))} to "
-        f"{significant(float(second.sel(element=e).max()))}"
+    spans = " and ".join(
+        f"between {significant(float(second.sel(element=e).min()))} and "
+        f"{significant(float(second.sel(element=e).max()))} for the {element_title(data, str(e)).lower()}"
         + (f" (printed: {significant(p)})" if np.isfinite(p := float(data["published_minimum"].sel(element=e))) else "")
         for e in data["element"].values
     )
@@ -270,10 +273,10 @@ def _printed_criterion(data: xr.Dataset, drawings: Mapping[str, Drawing]) -> Ite
         say(
             "Lengths are in wavelengths, and *l* is an integer next to 4 (α + β). So the numerator is twice the "
             "fractional part of 4 (α + β), plus 2 for the larger zero: it depends on how many quarter waves fit "
-            "between object and image. At all wavelengths of the study, the larger zero lies within {spans}; the "
+            "between object and image. At all wavelengths of the study, the larger zero lies {spans}; the "
             "smaller zero takes any value above its minimum. The fractional part magnifies a "
             "relative change of a length up to {condition} times. So no reproducible reading "
-            "gives the printed numbers, and nothing was tuned towards them. The bounded criterion, at most ε waves of "
+            "gives the printed numbers. The bounded criterion, at most ε waves of "
             "neglected path, is smooth and monotone:",
             spans=spans,
             condition=significant(float(data["paper_eq27_condition"].max()), 2),

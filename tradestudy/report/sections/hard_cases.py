@@ -47,7 +47,8 @@ def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
             "both with thirty digits of multiple-precision arithmetic. The bound on the relative error is 10^−12^; "
             "where the condition number κ magnifies rounding beyond that, 10 κ ε with the machine epsilon ε; and for "
             "sampled values, six times the stated standard error. Where the ill-conditioned step is a difference of "
-            "the inputs themselves, which floating point computes exactly, κ is shown but not used."
+            "the inputs themselves, which floating point computes exactly, κ is shown but not used. One ulp is the "
+            "distance between neighbouring floating-point numbers."
         )
     )
     yield from pictures_of(drawings, "hard_cases")
@@ -60,7 +61,7 @@ def _verdict(rows: list[dict[str, Any]]) -> Spans:
     beyond = sum(not row["naive_error"] <= row["bound"] for row in numbers)
     wrong = [str(row["case"]) for row in rows if not row["met"]]
     return say(
-        "**The program meets {met} hard cases.** Of the {numbers} whose answer is a number, the usual "
+        "**The program gets {met} hard cases right.** Of the {numbers} whose answer is a number, the usual "
         "formula misses the same bound in {beyond}.{wrong}",
         met=f"{len(rows) - len(wrong)} of {len(rows)}" if wrong else f"all {len(rows)}",
         numbers=str(len(numbers)),

@@ -39,10 +39,10 @@ _SOURCES = {
     "point": "The spot is a point. Its spherical",
 }
 _ERRORS = {
-    True: "that of the source angles and radii, compared with points between them, of single points, compared with an "
-    "independent computation, and of the integration over pixels. Methods share their nodes, so their difference is "
-    "more accurate than each image.",
-    False: "that of the image, compared with one from fewer nodes and samples, and with direct quadrature at random "
+    True: "contains that of the chosen points of the spot (by comparison with points between them), that of the image "
+    "of one point (by comparison with an independent computation), and that of the integration over pixels. All "
+    "methods use the same points, so their difference is more accurate than each image.",
+    False: "is found by comparison with an image from fewer nodes and samples, and with direct quadrature at random "
     "places.",
 }
 _VARIED = {"f_number": "f-number", "wavelength": "wavelength", "field_angle": "field angle", "defocus": "defocus"}
@@ -121,9 +121,9 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
     picture, compared = data["chosen_image"], data["image"].sel(propagator=reference)
     same = [str(name) for name in data["propagator"].values if (data["image"].sel(propagator=name) == picture).all()]
     if reference in same:
-        found = "the reference itself"
+        found = "this is the reference itself"
     elif same:
-        found = "the same picture as above"
+        found = "this is the same picture as above"
     else:
         took = f"{_duration(_seconds(run, 'image: chosen'))} here"
         found = (
@@ -167,21 +167,27 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
         )
     return Table(
         name="light-spot-table",
-        caption="The images in numbers: time here and as published, stated numerical error (relative L2 over pixels; "
-        "marked if above the tolerance), differences from the reference, lit pixels (above 1 % of the brightest), "
-        "light where rays leave the detector dark, and fraction of the pupil's light on the detector.",
+        caption="The images in numbers.",
         columns=(
             Column(title="Method", weight=3),
             Column(title="Time here", align="right"),
             Column(title="Published", align="right", weight=1),
             Column(title="Error", align="right"),
-            Column(title="L1", align="right"),
-            Column(title="L2", align="right"),
+            Column(title="Sum", align="right"),
+            Column(title="RMS", align="right"),
             Column(title="Lit", unit="px", align="right"),
-            Column(title="In the dark", align="right"),
+            Column(title="Beyond rays", align="right"),
             Column(title="Power", align="right"),
         ),
         rows=tuple(rows),
+        notes=(
+            "Published: the time that the paper states. Error: the stated numerical error, as the root mean square "
+            "over pixels relative to that of the image; marked if above the tolerance. Sum: the absolute differences "
+            "from the reference, summed over pixels, relative to the sum of the reference. RMS: the same for root mean "
+            "squares. "
+            "Lit: pixels with more than 1 % of the light of the brightest. Beyond rays: fraction of the light on "
+            "pixels that paraxial rays leave dark. Power: fraction of the pupil's light that reaches the detector.",
+        ),
     )
 
 
@@ -191,8 +197,8 @@ def _method(data: xr.Dataset) -> Iterator[Block]:
         say(
             "{source} wave passes the pupil and phase of the main lens, travels to the array, passes the aperture and "
             "phase of every microlens about the lens's own centre, and travels to the detector, where the waves behind "
-            "all microlenses add as fields. The intensity is integrated over each pixel{sum}. Light: {light}; main "
-            "lens {main}, microlenses {micro}. The array: {array}.",
+            "all microlenses add as fields. The intensity is integrated over each pixel{sum}. Light: {light}; phase "
+            "of the main lens: {main}, of the microlenses: {micro}. The array: {array}.",
             source=_SOURCES[source],
             sum=", and the intensities of all points of the spot are averaged" if source == "incoherent disc" else "",
             light=_light(data),
@@ -204,17 +210,17 @@ def _method(data: xr.Dataset) -> Iterator[Block]:
     yield Bullets(
         (
             say(
-                "**Paraxial rays**: areas of the pupil that a pixel sees, exact in one direction; rays on one leg, "
-                "combined with waves on the other, are paraxial too. **Exact rays**, used where diffraction is off, "
-                "follow the directions of Kirchhoff's paths: its picture without diffraction and interference. "
-                "**Boundary wave**: the light that rays lack, as a wave from the rim of the main lens, or of every "
-                "microlens that is lit as a whole and out of focus. It is the leading term of Kirchhoff's integral."
+                "**Paraxial rays** give each pixel the light of the area of the pupil that it sees. The same rays "
+                "describe one leg where waves describe the other. **Exact rays**, used where diffraction is off, "
+                "follow the directions of Kirchhoff's paths, without diffraction and interference. The **boundary "
+                "wave** is the light that rays lack, as a wave from the rim of the main lens, or of every microlens "
+                "that is lit as a whole and out of focus: the leading term of Kirchhoff's integral."
             ),
             say(
-                "**Kirchhoff** keeps the exact path and the cosine on each leg (eqs. 9 to 16), **Fresnel** the paths "
-                "to second order and no cosines (eqs. 17 to 22)."
+                "**Kirchhoff** keeps the exact path and the cosine on each leg (eqs. 9 to 16 of the paper). "
+                "**Fresnel** keeps the path to second order and no cosine (eqs. 17 to 22)."
             ),
-            say("**Error**: " + _ERRORS[source == "incoherent disc"]),
+            say("The **stated error** of an image " + _ERRORS[source == "incoherent disc"]),
         )
     )
 
@@ -237,12 +243,13 @@ def _light(data: xr.Dataset) -> str:
 def _array(data: xr.Dataset) -> str:
     kinds = dict.fromkeys(float(value) for value in data["microlens_focal_length"].values)
     counts = ", ".join(
-        f"{length(kind)} ({int((data['microlens_focal_length'] == kind).sum())})" for kind in sorted(kinds)
+        f"{int((data['microlens_focal_length'] == kind).sum())} microlenses with a focal length of {length(kind)}"
+        for kind in sorted(kinds)
     )
     apertures = f"{data.attrs['microlens_aperture']} apertures {length(float(data.attrs['microlens_aperture_width']))}"
     pitch = length(float(data.attrs["microlens_pitch"]))
     layout = data.attrs["microlens_layout"]
-    return f"{layout}, {pitch} from lens to lens, {apertures} wide, focal lengths (and their number) {counts}"
+    return f"{layout}, {pitch} from lens to lens, {apertures} wide; {counts}"
 
 
 def _benchmarks(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Table]:
@@ -251,8 +258,8 @@ def _benchmarks(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Table]:
     names = [str(name) for name in data["benchmark"].values]
     yield Table(
         name="light-benchmarks",
-        caption="Computing times of parts on this machine, and the relative L2 error of the intensities that "
-        "each states after a check against direct quadrature.",
+        caption="Computing times of parts on this machine, and the root mean square error of the intensities that each "
+        "states, relative to their root mean square, by comparison with direct quadrature.",
         columns=(
             Column(title="Case", weight=1),
             Column(title="Time", align="right"),
@@ -290,7 +297,8 @@ def _spread_table(data: xr.Dataset, element: str) -> Table:
         ),
         rows=tuple(rows),
         notes=(
-            "50 %, 80 %: radii that contain these fractions of the pupil's light. MTF: at half the Nyquist frequency "
+            "FWHM: full width at half maximum. 50 %, 80 %: radii that contain these fractions of the pupil's light. "
+            "RMS: root mean square distance from the thin-lens image. MTF: at half the Nyquist frequency "
             "of the pixels, along the field angle. Outside rays: fraction of the light outside the disc that paraxial "
             "rays fill, which in focus is a point. Neighbours: fraction on the eight pixels around the one centred on "
             "the image. "

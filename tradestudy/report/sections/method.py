@@ -99,8 +99,8 @@ def _uncertainty() -> Iterator[Block]:
             ),
             say(
                 "**Depth uncertainty**: half the central 68.27 % interval of the depth from one measurement by a "
-                "rig drawn from its calibration. It is stated for matching noise only, calibration errors only, and "
-                "both."
+                "camera whose errors are drawn from its calibration. It is stated for matching noise only, "
+                "calibration errors only, and both."
             ),
             say(
                 "**Quantiles, not standard deviations.** Depth is the inverse of a quantity that can reach zero, so "

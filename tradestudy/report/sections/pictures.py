@@ -34,7 +34,7 @@ def describe_pictures(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
             Column(title="Picture", weight=2),
             Column(title="Pixels", align="right"),
             Column(title="Pitch", align="right"),
-            Column(title="Full pixels", align="right"),
+            Column(title="Saturated pixels", align="right"),
             Column(title="Sampling error", align="right"),
         ),
         rows=tuple(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Final
 
 import numpy as np
 import xarray as xr
@@ -20,12 +21,16 @@ from tradestudy.report.document import (
     say,
     with_subscripts,
 )
-from tradestudy.report.words import or_dash, share
+from tradestudy.report.words import or_dash, parameter_dimension, share
 from tradestudy.results.views.groups import camera_titles, group, has
-from tradestudy.units import significant
+from tradestudy.units import Dimension, pretty, significant
 from tradestudy.wording import distance, in_words
 
 _CLEARLY = 2.0  # standard errors
+_NAMES: Final[Mapping[str, str]] = {
+    "log_noise_px": "logarithm of the noise in px",
+    "motion_scale": "motion of the board",
+}
 
 
 def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -36,10 +41,10 @@ def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield Heading(text="Calibration as inference", anchor="posterior", level=2)
     yield Paragraph(
         say(
-            "The parameters are inferred from pictures of a board, with the poses of the board marginalised view by "
-            "view and the declared errors as priors. The sampler emcee runs four independent "
-            "ensembles; a result counts as converged if it meets every limit below. The spread of the draws about "
-            "their mean is propagated to depth, jointly."
+            "The parameters are inferred from pictures of a board: the poses of the board are marginalised view by "
+            "view, and the declared errors are the priors. The sampler emcee runs four independent "
+            "ensembles; a result counts as converged if it meets every limit below. The spread of the joint draws "
+            "about their mean is propagated to depth."
         )
     )
     for name in data["posterior"].values:
@@ -80,7 +85,7 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         )
     return Table(
         name="posterior-table",
-        caption="Convergence of the chains, for the worst parameter of each.",
+        caption="Convergence of the chains; each value is that of the worst parameter.",
         columns=(
             Column(title="Camera", weight=1),
             Column(title="Converged"),
@@ -90,14 +95,16 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
             Column(title="Tail ESS", align="right"),
             Column(title="Acceptance", align="right"),
             Column(title="Poses", align="right"),
-            Column(title="Seconds, emcee / Laplace", align="right"),
+            Column(title="emcee / Laplace [s]", align="right"),
         ),
         rows=tuple(rows),
         notes=(
-            "N/τ: length of the chains in autocorrelation times, at least 50. R-hat: at most 1.01. ESS: effective "
-            "sample size, at least 400. Acceptance: 0.2 to 0.5. Poses: effective fraction of the draws after they are "
-            "weighted for poses that are solved again at each draw, at least 0.9. With a finite number of draws, a "
-            "standard deviation, and a depth uncertainty based on it, is uncertain by 1/√(2 ESS): at most "
+            "Limits: N/τ, the length of the chains in autocorrelation times, at least 50; R-hat, the disagreement of "
+            "the chains, at most 1.01; ESS, the effective sample size, at least 400; acceptance, the fraction of "
+            "accepted steps, 0.2 to 0.5; poses, the fraction of the draws that remains effective when the poses are "
+            "solved again at each draw, at least 0.9. Last column: computing times of the sampler and of the normal "
+            "approximation. The number of draws makes standard deviations, and depth uncertainties based on them, "
+            f"uncertain by 1/√(2 ESS): at most "
             f"{share(1.0 / np.sqrt(2.0 * np.nanmin(data['posterior_tail_size'].values)))} here.",
         ),
     )
@@ -109,29 +116,45 @@ def _parameters(there: xr.Dataset, name: str, title: str) -> Table:
     with_term = bool(np.isfinite(one["rig_overconfidence"].values).any())
 
     def number(variable: str, k: int) -> str:
-        value = float(one[variable].values[k])
-        return "—" if not np.isfinite(value) else significant(value)
+        return or_dash(float(one[variable].values[k]))
+
+    def quantity(variable: str, k: int) -> str:
+        value, dimension = float(one[variable].values[k]), parameter_dimension(str(one["parameter"].values[k]))
+        return pretty(value, dimension) if np.isfinite(value) else "—"
 
     last = "rig_overconfidence" if with_term else "prior_deviation"
     return Table(
         name=f"parameters-{name}",
-        caption=say("Parameters of {title}, in SI units, or in pixels where marked [px].", title=title),
+        caption=say(
+            "Parameters of {title}{errors}: mean and standard deviation of the draws, {compared}. τ: autocorrelation "
+            "time in steps of the chain.",
+            title=title,
+            errors="" if with_term else ", each as an error of its declared value",
+            compared="standard deviation by Laplace's normal approximation, and the ratio of the standard deviation to "
+            "that of a fit in which the board does not move"
+            if with_term
+            else "standard deviation by Laplace's normal approximation, and that of the prior",
+        ),
         columns=(
             Column(title="Parameter", weight=1),
             Column(title="Mean", align="right"),
             Column(title="Std. dev.", align="right"),
             Column(title="Laplace", align="right"),
-            Column(title="Over that without motion" if with_term else "Prior", align="right"),
+            Column(title="Ratio" if with_term else "Prior", align="right"),
             Column(title="τ", align="right"),
             Column(title="R-hat", align="right"),
         ),
         rows=tuple(
             (
                 _name(str(one["parameter"].values[k])),
-                _to_the_digit(float(one["posterior_mean"].values[k]), float(one["posterior_deviation"].values[k])),
-                number("posterior_deviation", k),
-                number("laplace_deviation", k),
-                number(last, k),
+                _to_the_digit(
+                    float(one["posterior_mean"].values[k]),
+                    float(one["posterior_deviation"].values[k]),
+                    parameter_dimension(str(one["parameter"].values[k])),
+                ),
+                quantity("posterior_deviation", k),
+                quantity("laplace_deviation", k),
+                number(last, k) if with_term else quantity(last, k),
                 number("posterior_autocorrelation", k),
                 f"{float(one['posterior_r_hat'].values[k]):.4f}",
             )
@@ -141,15 +164,15 @@ def _parameters(there: xr.Dataset, name: str, title: str) -> Table:
 
 
 def _name(parameter: str) -> str:
-    return in_words(parameter) + " [px]" * parameter.endswith("_px")
+    return _NAMES.get(parameter) or in_words(parameter)
 
 
-def _to_the_digit(value: float, deviation: float) -> str:
+def _to_the_digit(value: float, deviation: float, dimension: Dimension) -> str:
     """Write a value as far as the second digit of its standard deviation."""
     if not (np.isfinite(value) and deviation > 0.0):
-        return significant(value)
+        return pretty(value, dimension)
     digits = 2 + max(0, int(np.floor(np.log10(abs(value) / deviation)))) if value else 2
-    return significant(value, digits)
+    return pretty(value, dimension, digits)
 
 
 def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
@@ -160,9 +183,9 @@ def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         rows += [(with_subscripts(str(name)), str(value)) for camera, name, value in found if camera == rig]
     return Table(
         name="rig-table",
-        caption="Fits to the corners of the real rig: each camera alone, the pair with one relative pose, and the "
-        "pair with a small left–right motion of the board in each view, which view means of opposite sign in the two "
-        "cameras suggest.",
+        caption="Fits to the corners of the board: each camera alone, the pair with one relative pose, and the pair if "
+        "the board may move a little to the left or right between the two exposures of a view. Opposite mean residuals "
+        "of a view in the two cameras suggest such a motion.",
         columns=(
             Column(title="Quantity", weight=1),
             Column(title="Value", weight=1, align="right"),
@@ -171,12 +194,12 @@ def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         notes=(
             "Residuals are root mean square lengths per corner. Without the motion, the residual of the pair "
             "counts as noise of its corners, and the standard deviations of the relative pose are too small by the "
-            "factors in the table above.",
+            "factors in the column “Ratio” above.",
             "Standard deviations are those of generalised least squares: the noise differs from view to view and "
             "neighbours on the board share it, both estimated by restricted likelihood; outlying corners have little "
             "or no weight, and the fit includes bending of the board. Accuracy: the claimed uncertainty, times the "
             "ratio of the halves where that is above 1. Corners cannot reveal the size of the squares: an error of "
-            "0.1 % in it is one of 0.3 mm at 0.3 m.",
+            "0.1 % in their size is an error of 0.1 % in depth, 0.3 mm at 0.3 m.",
         ),
     )
 
@@ -195,8 +218,8 @@ def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
     yield Table(
         name="lens-model-table",
         caption="Other lens models. Support: gain in log likelihood over the model in use, for views left out of the "
-        "fit one at a time, ± standard error over views. By distance: the change of depth midway between the cameras "
-        "[mm], ± standard error by the jackknife over views.",
+        "fit one at a time, ± standard error over views. Under each distance: the change of depth midway between the "
+        "cameras in mm, ± standard error by the jackknife over views.",
         columns=(
             Column(title="Rig", weight=1),
             Column(title="Lens model", weight=2),

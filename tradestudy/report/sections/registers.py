@@ -86,7 +86,7 @@ def _properties(tree: xr.DataTree, family: str, keys: list[str]) -> Iterator[Tab
     if names:
         yield Table(
             name=f"properties-{family}",
-            caption=f"Derived properties: {family}.",
+            caption=f"Derived properties of the {family} cameras.",
             columns=(Column(title="Property", weight=3), *(Column(title=titles[key], weight=2) for key in keys)),
             rows=tuple((with_subscripts(name), *(values.get((key, name), "—") for key in keys)) for name in names),
         )
@@ -142,8 +142,15 @@ def _by_basis(rows: list[dict[str, Any]], bases: list[str], tree: xr.DataTree) -
         for row in of_basis:
             what = in_words(str(row["path"]).replace(".", " › "))
             owners = [key for key in str(row["cameras"]).split(", ") if key]
-            value = _PAIR.sub(r"\1 × \2", str(row["value"]))
+            value = _value_words(_PAIR.sub(r"\1 × \2", str(row["value"])))
             yield _shared(owners, tree) or "study", what, value, str(row["note"])
+
+
+def _value_words(value: str) -> str:
+    """Write a declared value as people do: names without underscores, infinity in full, degrees with their sign."""
+    if value == "inf":
+        return "infinity"
+    return in_words(value) if value.isidentifier() else value.replace(" degC", " °C")
 
 
 def _shared(owners: list[str], tree: xr.DataTree) -> str:
@@ -196,7 +203,7 @@ def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
     )
     yield Table(
         name="claim-verdicts",
-        caption="The claims and their verdicts.",
+        caption="The claims and their verdicts. A reading is one set of assumptions.",
         columns=(
             Column(title="Claim"),
             Column(title="Says", weight=4),
@@ -231,16 +238,18 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
         return f"{text} {'✓' if met == 1 else '✗'}{near}" if met >= 0 else text
 
     tried = [name for name in data["reading"].values if any(cell(row["claim"], name) for row in rows)]
+    names = list(map(str, data["reading"].values))
+    says = dict(zip(names, map(str, data["reading_says"].values), strict=True))
     yield Heading(text="Claims under every reading", anchor="claim-readings")
     yield Table(
         name="claim-values",
         caption="Value found for each claim under each tested reading: ✓ met, ✗ not met, "
         "≈ so close that a change within the study's tolerance could reverse the verdict.",
         columns=(
-            Column(title="Reading", weight=2),
-            *(Column(title=str(row["claim"]), align="right", weight=1) for row in rows),
+            Column(title="Reading", weight=1),
+            *(Column(title=str(row["claim"]), align="right") for row in rows),
         ),
-        rows=tuple((str(name), *(cell(row["claim"], name) for row in rows)) for name in tried),
+        rows=tuple((says[str(name)], *(cell(row["claim"], name) for row in rows)) for name in tried),
         notes=tuple(
             say(
                 "**{claim}**: {quantity}. Tolerance: {why}.",
@@ -253,7 +262,9 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
     )
 
 
-_NEAR: Final = ", within the tolerance: omitted effects could reverse it"
+_NEAR: Final = (
+    ", within the tolerance: omitted effects could change its worst value or a usable range enough to reverse it"
+)
 
 
 def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
@@ -333,7 +344,7 @@ def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
                 for name, text in zip(data["criterion"].values, says, strict=False)
             ),
             *(
-                say("^{mark}^ declared: {basis}.", mark=mark, basis=basis)
+                say("^{mark}^ declared, {basis}.", mark=mark, basis=_BASES.get(basis, basis))
                 for mark, basis in zip(_MARKS, bases, strict=False)
             ),
         ),

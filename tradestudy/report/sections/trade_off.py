@@ -27,14 +27,14 @@ def describe_trade_off(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> It
     clipped, outside = bool((data["clipped"].values > 0.0).any()), not all(one.is_feasible for one in found)
     yield Table(
         name="trade-off-table",
-        caption="Candidates by the fraction of the possible weights that rank them first, with its standard error, "
-        f"and the mean of those weights. Weights: {weight_words(tree)}."
+        caption="How often each candidate ranks first: the fraction of the possible weights that rank it first, with "
+        f"its standard error, and the mean of these weights. Limits of the weights: {weight_words(tree)}."
         + (f" The first {_MOST_ROWS} of {len(found)}." if len(found) > _MOST_ROWS else ""),
         columns=(
             Column(title="Camera", weight=3),
             *(Column(title=str(name), align="right") for name in data["weighed"].values),
             Column(title="Ranks first", align="right"),
-            Column(title="With these weights", weight=3),
+            Column(title="Mean of these weights", weight=3),
         ),
         rows=tuple(
             (

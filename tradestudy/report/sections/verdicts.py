@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Column, Heading, Spans, Table, Text, say
-from tradestudy.results.views.decision import Flips, answer_title, flips
+from tradestudy.results.views.decision import Flips, answer_title, flips, readings_in_words
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import significant
 from tradestudy.wording import counted, distance
@@ -30,7 +30,7 @@ def _favoured_cameras(tree: xr.DataTree) -> Iterator[Spans]:
     decision, titles = group(tree, "decision"), camera_titles(tree)
     pair = [str(decision.attrs[end]) for end in ("first", "second")]
     yield say(
-        "Of {first} and {second}, {noise}; {calibration}.",
+        "Between {first} and {second}, {noise}; {calibration}.",
         first=titles[pair[0]],
         second=titles[pair[1]],
         noise=_favoured(decision.isel(reading=0).sel(error_source="noise"), pair, titles, "noise"),
@@ -61,26 +61,25 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
     found = tuple(flips(tree))
     if not found:
         return
-    titles, decision = camera_titles(tree), group(tree, "decision")
+    titles, decision, says = camera_titles(tree), group(tree, "decision"), readings_in_words(tree)
     others = any(one.alternatives for one in found)  # readings
     pair = f"{titles[decision.attrs['first']]} against {titles[decision.attrs['second']]}"
-    changed = ", the other readings that change it," if others else ""
+    changed = ", the other readings that change this (with the better camera under each)" if others else ""
     yield Table(
         name="verdict-table",
-        caption=f"{pair}: the better usable camera{changed} and the camera with the smaller uncertainty, usable or "
-        "not.",
+        caption=f"{pair}: the better of those that are usable{changed} and the more certain one, usable or not.",
         columns=(
             Column(title="At", align="right"),
             Column(title="Better, where usable", weight=0 if others else 1),
-            *((Column(title="Changes under", weight=1),) if others else ()),
-            Column(title="Smaller uncertainty", weight=0 if others else 1),
-            Column(title="by a factor", align="right"),
+            *((Column(title="Other readings that change this", weight=1),) if others else ()),
+            Column(title="More certain", weight=0 if others else 1),
+            Column(title="By a factor of", align="right"),
         ),
         rows=tuple(
             (
                 distance(one.place),
                 answer_title(titles, one.winner, "neither"),
-                *((_flipped(one, titles),) if others else ()),
+                *((_flipped(one, titles, says),) if others else ()),
                 answer_title(titles, one.more_certain, "neither" if np.isnan(one.ratio) else "tied"),
                 _factor(one.ratio) + (", within the tolerance" if one.within_tolerance else ""),
             )
@@ -100,11 +99,11 @@ def _factor(ratio: float) -> str:
     return next((words for words in written if words != "1"), "1" if factor == 1.0 else "about 1")
 
 
-def _flipped(one: Flips, titles: Mapping[str, str]) -> Text:
+def _flipped(one: Flips, titles: Mapping[str, str], says: Mapping[str, str]) -> Text:
     return say(
         "**{count} of {all}**{names}",
         count=str(len(one.flipped)),
         all=str(one.alternatives),
         names=(": " if one.flipped else "")
-        + ", ".join(f"{name} ({answer_title(titles, winner, 'neither')})" for name, winner in one.flipped),
+        + "; ".join(f"“{says[name]}” ({answer_title(titles, winner, 'neither')})" for name, winner in one.flipped),
     )

@@ -171,6 +171,12 @@ def flips(tree: xr.DataTree) -> Iterator[Flips]:
         )
 
 
+def readings_in_words(tree: xr.DataTree) -> dict[str, str]:
+    """What every reading of a decision assumes, by its name."""
+    decision = group(tree, "decision")
+    return dict(zip(map(str, decision["reading"].values), map(str, decision["reading_says"].values), strict=True))
+
+
 def handovers(decision: xr.Dataset) -> Iterator[tuple[float, float]]:
     """Distances [m] where the better camera of the pair switches, with their errors.
 

@@ -358,8 +358,8 @@ def crossover_words(tree: xr.DataTree) -> str:
     if not found.size:
         return f"{first} and {second} are not equally certain at any distance in any design"
     least, most = (distance(float(end)) for end in (found.min(), found.max()))
-    where = f"at {least}" if least == most else f"between {least} and {most}, depending on the design"
-    suffix = f"; in {counted(none, 'design')} nowhere" if none else ""
+    where = f"at {least}" if least == most else f"at a distance between {least} and {most}, depending on the design"
+    suffix = f"; in {counted(none, 'design')}, at no distance" if none else ""
     return f"{first} and {second} are equally certain {where}{suffix}"
 
 

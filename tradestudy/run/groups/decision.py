@@ -172,6 +172,7 @@ def claims_group(
     tolerance = definition.file.accuracy.tolerance
     rows, asked = list(claims), claims_in_order(claims, names)
     shares = shares_before(seconds, len(asked) + len(definition.file.requirements))
+    says = {name: reading.says for name, reading in definition.file.readings.items()}
     answers: dict[str, dict[str, bool | None]] = {key: {} for key in claims}
     for share, (key, name) in zip(shares, asked, strict=False):
         progress("claims", share)
@@ -183,7 +184,7 @@ def claims_group(
         met[row, column] = -1 if answers[key][name] is None else int(bool(answers[key][name]))
         near[row, column] = could_be_overturned(claim.expect, value[row, column], dimension, tolerance)
     verdicts = [
-        verdict_over_readings({name: answers[key][name] for name in readings_of(claim, names)})
+        verdict_over_readings({name: answers[key][name] for name in readings_of(claim, names)}, says)
         for key, claim in claims.items()
     ]
     return dataset(
@@ -192,6 +193,7 @@ def claims_group(
             "value": value,
             "met": met,
             "value_text": text,
+            "reading_says": [says.get(name, "the study as declared") for name in names],
             "says": [claim.says for claim in claims.values()],
             "source": [claim.source for claim in claims.values()],
             "expected": [expectation(claim.expect) for claim in claims.values()],

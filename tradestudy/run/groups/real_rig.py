@@ -80,7 +80,7 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     for side, values in zip(("left", "right"), cameras, strict=True):
         yield f"valid field of the {side} lens, from the axis", pretty(float(lens.at(values[4:]).valid_field), ANGLE)
     yield "residual of the pair with one relative pose", pretty(fit.pair.corner_rms_px, PIXELS)
-    yield "correlation of the view means, left with right", f"{fit.means.correlation:.4f}".replace("-", "−")
+    yield "correlation of the views' mean residuals, left with right", f"{fit.means.correlation:.4f}".replace("-", "−")
     yield "left–right motion of the board that explains this correlation", pretty(fit.explained.motion_scale, LENGTH)
     yield (
         "residual with this motion, left and right",
@@ -103,7 +103,7 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
         where, to, says = (pretty(float(length), LENGTH, digits=3) for length in (z, good, claimed))
         yield f"accuracy of this calibration at {where}", f"{to}; it claims {says}"
     yield (
-        f"random halves of the views: their difference over the claimed one, {trust.halves} splits",
+        f"difference between random halves of the views, over the claimed difference ({trust.halves} splits)",
         ", ".join(
             f"{ratio:.2f} at {pretty(float(z), LENGTH)}" for z, ratio in zip(trust.distances, trust.ratio, strict=True)
         ),
@@ -124,7 +124,7 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
     for name, value, deviation in zip(names, fit.warp, fit.warp_deviation, strict=True):
         yield f"warp of the board, {name}", f"{_digits(1e6 * float(value), 1e6 * float(deviation))} µm"
     yield (
-        "synchrony of the cameras",
+        "synchrony of the exposures",
         f"views differ as if the board moved {pretty(fit.explained.motion_scale, LENGTH)} between the exposures",
     )
 

@@ -20,7 +20,7 @@ Tolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=1.
 
 
 class AccuracyPart(Part):
-    """Largest relative changes that simplifications may cause, and the time limit of a run."""
+    """Largest relative changes of the answers that simplifications may cause, and the time limit of a run."""
 
     tolerance: Tolerance = Field(
         default=0.01, description="Tolerance on every quantity that has no tolerance of its own below."

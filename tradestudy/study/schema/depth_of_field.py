@@ -58,7 +58,7 @@ class DepthOfFieldPart(Part):
 
 
 class ReliefPart(Part):
-    """Relief in the middle of depth_of_field.range; it implies criteria such as the strip hidden beside a step."""
+    """Relief in the middle of depth_of_field.range; it adds criteria, such as the strip hidden beside a step."""
 
     step_height: PositiveLength = Field(
         description="Height of a depth step, which hides a strip beside it from one of two views."

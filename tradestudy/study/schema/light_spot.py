@@ -237,7 +237,7 @@ class PublishedTimePart(Part):
 
 
 class LightSpotPart(Part):
-    """The picture of a spot of light behind main lens and microlenses, computed by several methods."""
+    """The picture of a spot of light behind a main lens and microlenses, computed by several methods."""
 
     main_lens: MainLensPart
     mla_distance: LensToSensor = Field(description="Distance from the main lens to the microlens array.")

@@ -168,8 +168,8 @@ class PicturePart(Part):
     )
     field_angle: FieldAngle = Field(
         default=0.0,
-        description="Field angle at which vignetting is computed for the depth on the axis; each of "
-        "propagation.field_places uses its own angle. It has no effect where vignetting is left out.",
+        description="Field angle whose vignetting applies to all depths but those at "
+        "propagation.field_places, which use their own angles. It has no effect where vignetting is left out.",
     )
     stop_separation: NonNegativeLength = Field(
         default=0.0,

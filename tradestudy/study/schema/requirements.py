@@ -91,7 +91,7 @@ class SharpPart(Part):
 
 
 class CriterionPart(Part):
-    """A criterion of a camera, declared under its attributes or derived for the relief, and its bound."""
+    """A bound on a criterion that compares cameras: one declared under `attributes`, or one that `relief` adds."""
 
     name: Text = Field(description="Name of the criterion, such as one of a camera's attributes.others.")
     below: QuantityText | None = Field(
@@ -120,7 +120,7 @@ class CriterionPart(Part):
 
 
 class GuardBandPart(Part):
-    """Margin that a value must keep from its bound, in standard errors or by the risk that remains."""
+    """Margin that a value must keep from its bound, as a number of standard errors or as the remaining risk."""
 
     standard_errors: PositiveNumber | None = Field(
         default=None, description="Width of the guard band, in standard errors of the value."

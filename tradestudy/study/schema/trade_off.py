@@ -52,7 +52,7 @@ class WeighedPart(Part):
 
 
 class TradeOffPart(Part):
-    """Ranks of cameras by several criteria at once, over all possible weights."""
+    """Ranking of the cameras by several criteria at once, over all possible weights."""
 
     criteria: Annotated[dict[AttributeName, WeighedPart], Field(min_length=1, max_length=20)] = Field(
         description="Criteria by name, each with its worst and best value and its weight."

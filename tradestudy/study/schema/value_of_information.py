@@ -23,9 +23,7 @@ class AssumptionPart(Part):
     low: QuantityText = Field(default="", description="Smallest possible value, with its unit.")
     high: QuantityText = Field(default="", description="Largest possible value, with its unit.")
     readings: Annotated[tuple[CameraName, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] | None = (
-        Field(
-            default=None, description="Instead of `vary`: names of readings, each as likely as the study as declared."
-        )
+        Field(default=None, description="Instead of `vary`: names of readings, each as likely as the declared study.")
     )
 
     @model_validator(mode="after")
@@ -43,7 +41,7 @@ class AssumptionPart(Part):
 class ValueOfInformationPart(Part):
     """How much knowing each assumption would improve the choice among the candidates.
 
-    The loss of choosing a camera is its depth uncertainty relative to the distance, averaged over the distances.
+    The loss of choosing a camera is its relative depth uncertainty, averaged over the distances `at`.
     """
 
     assumptions: Annotated[dict[str, AssumptionPart], Field(min_length=1, max_length=40)] = Field(
