@@ -300,7 +300,7 @@ def new(
         typer.Option(
             "--set",
             metavar="KEY=VALUE",
-            help="Value that the calibration file lacks, such as length_unit=mm; may be repeated.",
+            help="Key and value to add to the imported camera, such as length_unit=mm; may be repeated.",
         ),
     ] = None,
     debug: DebugOption = False,
