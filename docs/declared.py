@@ -20,19 +20,18 @@ Depth uncertainty and usable range of each camera that measures depth, at the di
 The *interval of depths* contains the central 68.27 % of measured depths, or as many as `propagation.coverage` states.
 It has no far end where too many measurements fail.
 
-Along `side`, the true depth is nearer or farther. Along `part` are groups of errors, such as `noise` or
-`relative rotation`. Along `quantile` are the probabilities that bound the intervals of `propagation.coverage`, and 0.5.
+`side` says whether the true depth is nearer or farther. `part` names groups of errors, such as `noise` or
+`relative rotation`. `quantile` lists the probabilities that bound the intervals of `propagation.coverage`, and 0.5.
 `interval` numbers the usable intervals of a camera, from the nearest.
 
-Along `limit` are the limits of the usable range. Those declared in `usable_range` have the names of their keys, except
+`limit` names the limits of the usable range. Those declared in `usable_range` have the names of their keys, except
 `total_covering_plane` (key `virtual_depth`), `focus` (key `blur`) and `last_disparity_step` (key `disparity_step`). The
 others are not declared: `real_image` (the lens forms a real image), and for derived disparity errors `saturation` (the
 brightest pixels are not saturated) and `matching` (a matcher can reach the error).
 """,
     "depth_at_places": "The variables of [`/depth`](#group-depth), at the distances of `decision.at`.",
     "depth_field": """
-Variables of [`/depth`](#group-depth) off the axis, at the field positions of `propagation.field_places`, which are
-along `field`.
+Variables of [`/depth`](#group-depth) off the axis. `field` lists the field positions of `propagation.field_places`.
 """,
     "depth_map": """
 Depth uncertainty over the picture of each stereo rig with a lens model, at a few distances. `across` and `down` are
@@ -43,7 +42,7 @@ What makes each derived disparity error as large as it is. Effects that the tole
 For an unfocused plenoptic camera, 1 px is one microlens.
 """,
     "depth_loop": """
-Depth measured in rendered pictures of planes, compared with its prediction. Along `contrast` and `electrons` are
+Depth measured in rendered pictures of planes, compared with its prediction. `contrast` and `electrons` list
 the values of `depth_loop.contrasts` and `depth_loop.electrons`.
 
 A *point* is a pixel of the depth map that a camera computes. It is *seen* if nothing hides it and at least two of the
@@ -54,7 +53,7 @@ jackknife* leave out one of 4 × 4 parts of the depth map at a time. They are Na
 fewer than three parts have measured points.
 """,
     "depth_of_field": """
-Where each camera is sharp, and how finely it resolves the object. Along `sharp` are the blur criteria of
+Where each camera is sharp, and how finely it resolves the object. `sharp` names the blur criteria of
 `depth_of_field.criteria`. A *slice* is a range that is sharp at once: that of one image of a focus stack, of one type
 of microlens, or of the lens. `stretch`, `gap`, `overlap` and `resolved` number ranges of distance, from the nearest.
 """,
@@ -64,31 +63,31 @@ all possible weights of the criteria in `trade_off.criteria` (along `weighed`).
 """,
     "decision": """
 Which camera is best at which distance and under which reading, and where that changes. The *main pair* is the two
-cameras of `decision.between`. Along `place` are the distances of `decision.at`, along `pair` the pairs of
-`decision.compare`, and along `question` the questions of `solve`. `change` and `crossing` number distances, from the
+cameras of `decision.between`. `place` lists the distances of `decision.at`, `pair` the pairs of
+`decision.compare`, and `question` the questions of `solve`. `change` and `crossing` number distances, from the
 nearest.
 """,
     "calibration": """
 Calibrations that the program computes: stereo rigs fitted to the corners of a calibration board, and calibrations
-inferred from a simulated target. Along `posterior` are their cameras. Values of a parameter are in SI or, if its name
+inferred from a simulated target. `posterior` names their cameras. Values of a parameter are in SI or, if its name
 ends in `_px`, in pixels.
 
 Variables whose names begin with `rig_` concern stereo rigs calibrated from corners. Their depths are those of points
 midway between the cameras.
 """,
     "sensitivity": """
-How much each error contributes to the depth uncertainty, at the distances of `sensitivity.at`. Along `field` are
-the axis (0) and the field positions of `propagation.field_places`. Along `source` are independent error sources, each
-of which may change several parameters together.
+How much each error contributes to the depth uncertainty, at the distances of `sensitivity.at`. `field` lists the axis
+(0) and the field positions of `propagation.field_places`. `source` names independent error sources, each of which may
+change several parameters together.
 """,
     "fresnel_validity": """
 From which f-number on Fresnel's approximation may replace Kirchhoff's integral, for each lens (along `element`).
 
-Along `metric` are three measures of the difference between two point-spread functions: `peak`, at the thin-lens image
-point, relative to the intensity there; `l1`, the integral of the absolute difference over a window, relative to the
-integral of the intensity; and `largest`, the largest difference in the window, relative to the largest intensity.
-`window` is the radius of the window about the thin-lens image point, in Airy radii. Along `lens_phase` are the phases
-of `fresnel_validity.lens_phases`.
+`metric` names three measures of the difference between two point-spread functions: `peak`, the difference at the
+thin-lens image point, relative to the intensity there; `l1`, the integral of the absolute difference over a window,
+relative to the integral of the intensity; and `largest`, the largest difference in the window, relative to the largest
+intensity. `window` is the radius of the window about the thin-lens image point, in Airy radii. `lens_phase` lists the
+phases of `fresnel_validity.lens_phases`.
 
 In equations, f is the focal length, a the distance of the object, b that of the image, and λ the wavelength. Eq. 27 of
 the paper has two solutions (along `zero`): the `first`, with the smaller aperture and the larger f-number, and the
@@ -266,8 +265,8 @@ description is the attribute `long_name` of the variable; *Symbol*, *Source* and
 
 Text, and flags (1 or true for yes, 0 or false for no), have no errors of their own.
 
-Along dimensions such as `camera`, `reading`, `claim` and `requirement`, the labels are keys of the study file. Along
-`error_source`, they are `noise` (matching noise alone), `calibration` (calibration errors alone) and `both`. In a
+The labels of dimensions such as `camera`, `reading`, `claim` and `requirement` are keys of the study file. Those of
+`error_source` are `noise` (matching noise alone), `calibration` (calibration errors alone) and `both`. In a
 sweep, the swept parameters are dimensions too; they come before those given here.
 
 A *scramble* is one of several repetitions of a computation, each with its own quasi-random draws. A standard error

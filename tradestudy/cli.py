@@ -46,7 +46,7 @@ OutOption = Annotated[
         "--out",
         metavar="DIR",
         help="Output folder.",
-        show_default="reports/NAME, with the name of the study and any changed values",
+        show_default="reports/NAME, where NAME is the name of the study, followed by any changed values",
     ),
 ]
 SetOption = Annotated[
@@ -230,7 +230,9 @@ def plan(
     tolerance: ToleranceOption = None,
     verbose: Annotated[
         bool,
-        typer.Option("--verbose", help="Show every choice of a model with its numbers, and every step of the run."),
+        typer.Option(
+            "--verbose", help="Show every choice of a model and the numbers behind it, and every step of the run."
+        ),
     ] = False,
     debug: DebugOption = False,
 ) -> None:
@@ -257,7 +259,7 @@ def cost(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Measure error and computing time of every choice of models. Write them to cost.json and cost.svg."""
+    """Measure the error and computing time of every set of models. Write them to cost.json and cost.svg."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
@@ -298,7 +300,7 @@ def new(
         typer.Option(
             "--set",
             metavar="KEY=VALUE",
-            help="Further value of the imported camera, such as length_unit=mm; may be repeated.",
+            help="Key and value to add to the imported camera, such as length_unit=mm; may be repeated.",
         ),
     ] = None,
     debug: DebugOption = False,
@@ -362,7 +364,7 @@ def compare(
     ] = None,
     debug: DebugOption = False,
 ) -> None:
-    """Compare runs: conclusions, inputs and results. A result counts if it differs by more than its error."""
+    """Compare runs: conclusions, inputs and results. Results that differ by more than their error count as changed."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.results.storage import replace_file

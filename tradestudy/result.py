@@ -39,7 +39,7 @@ class Result:
 
     @property
     def unmet_requirements(self) -> list[str]:
-        """Requirements of priority ``must`` that are not met or undecided, and calibrations that did not converge."""
+        """Requirements of priority ``must`` that are missed or undecided, and calibrations that did not converge."""
         missed = []
         if "requirements" in self.data.children:
             columns = ["says", "priority", "met", "camera_deciding", "reason"]
@@ -207,7 +207,7 @@ class Result:
         return replace(self, data=self.data.assign({"cost": type(self.data)(cost)}))
 
     def write(self, directory: str | Path, *, pdf: bool = True, drawer: Drawer | None = None) -> Path:
-        """Write results, record, tables, figures and report, each file completely or not at all.
+        """Write the results, tables, figures, report and provenance, each file completely or not at all.
 
         Parameters
         ----------

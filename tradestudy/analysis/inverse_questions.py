@@ -59,7 +59,7 @@ class Solved:
 
 
 def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
-    """Find the values of an input that make two cameras equally certain at a distance, or one as certain as required.
+    """Find the values of an input that make two depth uncertainties equal at a distance, or give one a required value.
 
     The ratio of the uncertainties is computed at nine values between the declared ends. Wherever it passes one between
     two of them, Brent's method finds the crossing on a logarithmic scale, in each scramble of the draws. Two crossings

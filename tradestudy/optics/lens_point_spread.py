@@ -77,7 +77,7 @@ class LensPointSpread(PointSpread):
     method
         Method of propagation, as given to `point_spread`.
     effort
-        What the computation took, among others the number of quadrature ``nodes`` and the wall time ``seconds`` [s].
+        What the computation took, including the number of quadrature ``nodes`` and the wall time ``seconds`` [s].
 
     Raises
     ------
@@ -130,7 +130,7 @@ class LensPointSpread(PointSpread):
         Returns
         -------
         Measured
-            Width [m], shape (); its error allows for the spacing of the samples and for their stated error.
+            Width [m], shape (); its error accounts for the spacing and the stated error of the samples.
 
         Raises
         ------
@@ -159,8 +159,8 @@ class LensPointSpread(PointSpread):
         Returns
         -------
         Measured
-            Fractions [1] in the shape of the radii; their error allows for the spacing of the samples and for their
-            stated error.
+            Fractions [1] in the shape of the radii; their error accounts for the spacing and the stated error of the
+            samples.
 
         Raises
         ------
@@ -181,7 +181,7 @@ class LensPointSpread(PointSpread):
         Returns
         -------
         Measured
-            Radius [m], shape (); its error allows for the spacing of the samples and for their stated error.
+            Radius [m], shape (); its error accounts for the spacing and the stated error of the samples.
 
         Raises
         ------
@@ -196,7 +196,7 @@ class LensPointSpread(PointSpread):
         Returns
         -------
         Measured
-            Ratio [1], shape (); its error allows for the spacing of the samples and for their stated error.
+            Ratio [1], shape (); its error accounts for the spacing and the stated error of the samples.
 
         Raises
         ------
@@ -222,8 +222,8 @@ class LensPointSpread(PointSpread):
         Returns
         -------
         Measured
-            MTF [1] in the shape of the frequencies; its error allows for the spacing of the samples, for their stated
-            error and for the light outside the window.
+            MTF [1] in the shape of the frequencies; its error accounts for the spacing and the stated error of the
+            samples, and for the light outside the window.
 
         Raises
         ------

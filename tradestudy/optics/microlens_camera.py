@@ -56,7 +56,7 @@ class MicrolensCamera:
     microlens_aperture
         Diameter of the circular aperture of every microlens [m]. Default: `microlens_pitch`.
     gaps
-        Whether the area between the apertures blocks light, ``opaque``, or passes it unchanged, ``clear``.
+        Whether the area between the apertures blocks light (``opaque``) or passes it unchanged (``clear``).
     lens_phase
         Phase of the main lens: ``perfect``, ``stigmatic`` or ``parabolic``, see `CircularLens`. A stigmatic main lens
         is exact at the distance of the source.

@@ -92,7 +92,8 @@ def fresnel_psf_difference(
     wavelength
         λ [m].
     lens_phases
-        Lens phases; Kirchhoff's pattern is computed for each. A stigmatic lens is exact for ``object_distance``.
+        Lens phases; Kirchhoff's pattern is computed for each. A stigmatic lens images the axial
+        point at ``object_distance`` exactly.
     windows
         Radii about the thin-lens image, in Airy radii, increasing.
     tolerance

@@ -36,7 +36,7 @@ def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
     Returns
     -------
     Measured
-        Width [m], shape (); its error allows for the spacing of the samples and for their stated error.
+        Width [m], shape (); its error accounts for the spacing and the stated error of the samples.
 
     Raises
     ------
@@ -129,8 +129,8 @@ def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius:
     Returns
     -------
     Measured
-        Fractions [1] in the shape of the radii; their error allows for the spacing of the samples and for their stated
-        error.
+        Fractions [1] in the shape of the radii; their error accounts for the spacing and the stated error of the
+        samples.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
     Returns
     -------
     Measured
-        Radius [m], shape (); its error allows for the spacing of the samples and for their stated error.
+        Radius [m], shape (); its error accounts for the spacing and the stated error of the samples.
 
     Raises
     ------
@@ -250,7 +250,7 @@ def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float)
     Returns
     -------
     Measured
-        Width [m], shape (); its error allows for the spacing of the samples and for their stated error.
+        Width [m], shape (); its error accounts for the spacing and the stated error of the samples.
 
     Raises
     ------
@@ -299,7 +299,7 @@ def strehl_ratio(field: SpreadField, *, reference_peak: float) -> Measured:
     Returns
     -------
     Measured
-        Ratio [1], shape (); its error allows for the spacing of the samples and for their stated error. The
+        Ratio [1], shape (); its error accounts for the spacing and the stated error of the samples. The
         reference peak is taken as exact.
 
     Raises

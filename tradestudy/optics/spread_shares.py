@@ -39,7 +39,7 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
     Returns
     -------
     Measured
-        MTF [1] in the shape of the frequencies; its error allows for the spacing of the samples, for their stated error
+        MTF [1] in the shape of the frequencies; its error accounts for the spacing and the stated error of the samples,
         and for the light outside the window.
 
     Raises
@@ -110,7 +110,7 @@ def window_share(field: SpreadField) -> Measured:
     Returns
     -------
     Measured
-        Fraction [1], shape (); its error allows for the spacing of the samples and for their stated error.
+        Fraction [1], shape (); its error accounts for the spacing and the stated error of the samples.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def share_outside_disc(field: SpreadField, *, centre: tuple[float, float], radiu
     Returns
     -------
     Measured
-        Fraction [1], shape (); its error allows for the spacing of the samples and for their stated error.
+        Fraction [1], shape (); its error accounts for the spacing and the stated error of the samples.
 
     Raises
     ------
@@ -199,8 +199,8 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
     Returns
     -------
     Measured
-        Fractions [1], in the given shape; their error allows for the spacing of the samples and for their stated
-        error. Row i starts at y = ``corner[1] + i * pitch``, column j at x = ``corner[0] + j * pitch``.
+        Fractions [1], in the given shape; their error accounts for the spacing and the stated error of the samples. Row
+        i starts at y = ``corner[1] + i * pitch``, column j at x = ``corner[0] + j * pitch``.
 
     Raises
     ------

@@ -260,7 +260,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "disparity_error_px_error": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="estimated numerical error of disparity_error_px; NaN where this is not finite",
+        long_name="estimated numerical error of disparity_error_px; NaN where disparity_error_px is not finite",
         error=ESTIMATE,
     ),
     "disparity_error_px_changed": Variable(
@@ -268,7 +268,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         units="px",
         long_name="disparity_error_px with one cause changed: everything in focus, no diffraction, as much light as "
         "the brightest_camera has, or ten times the light; infinite where the image has no texture left; "
-        "NaN where the camera forms no image, and for the brightest camera with its own light",
+        "NaN where the camera forms no image, and, with the light of the brightest_camera, for that camera itself",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_changed_error",
@@ -276,7 +276,8 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "disparity_error_px_changed_error": Variable(
         dims=("camera", "distance", "change"),
         units="px",
-        long_name="estimated numerical error of disparity_error_px_changed; NaN where this is not finite",
+        long_name="estimated numerical error of disparity_error_px_changed; NaN where "
+        "disparity_error_px_changed is not finite",
         error=ESTIMATE,
     ),
     "matched_error_px": Variable(

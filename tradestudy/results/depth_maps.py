@@ -53,7 +53,7 @@ _COUNTS: Final = {
     "seen": "number of seen points",
     "measured": "number of measured points: seen points with a measured depth",
     "measured_unseen": "number of points with a measured depth that are not seen",
-    "windows": "number of matching windows, side by side, that the measured points fill",
+    "windows": "number of measured points, divided by the number of points in one matching window",
 }
 COUNTS: Final = tuple(_COUNTS)
 

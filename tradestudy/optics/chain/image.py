@@ -93,15 +93,16 @@ def chain_image(
     Raises
     ------
     OutOfRangeError
-        The wavelength exceeds an aperture or a distance; a method does not apply to the source or to a `Pupil`;
-        microlenses with a boundary wave behind them are square; the source is an incoherent disc and the main lens has
-        a pupil without rotational symmetry; or rays are used on one leg only and the main lens focuses the source onto
-        the array.
+        The wavelength exceeds an aperture or a distance; the source is a coherent disc, or a lens has a `Pupil`, and a
+        leg uses rays or a boundary wave; the microlenses are square and the leg to the detector uses a boundary wave;
+        the source is an incoherent disc and the main lens has a pupil without rotational symmetry; or rays are used on
+        one leg only and the main lens focuses the source onto the array.
     UnaffordableError
-        The computation needs more memory than ``accuracy`` allows, or more than about a million points of the source.
+        The computation needs more memory than ``accuracy`` allows, or would divide the source into more
+        than about a million points.
     NotConvergedError
-        The result differs grossly from direct quadrature, or Kirchhoff's integral misses the tolerance where it
-        replaces a boundary wave.
+        The result differs grossly from direct quadrature, or Kirchhoff's integral misses the tolerance at points where
+        a boundary wave does not apply.
 
     References
     ----------

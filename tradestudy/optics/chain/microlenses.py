@@ -43,11 +43,12 @@ class Microlenses:
     layout
         Lattice of the microlenses: ``hexagonal``, with rows along x, or ``square``.
     gaps
-        Whether the area between the apertures blocks light, ``opaque``, or passes it unchanged, ``clear``.
+        Whether the area between the apertures blocks light (``opaque``) or passes it unchanged (``clear``).
     lens_phase
         Phase of every microlens: ``perfect``, ``stigmatic`` or ``parabolic``, see `CircularLens`.
     focus_distance
-        Object distance for which a stigmatic lens is exact [m]; required for ``stigmatic``, not allowed otherwise.
+        Distance of the axial point that a stigmatic lens images exactly [m]; required for ``stigmatic``, not allowed
+        otherwise.
     pupil
         Amplitude transmission and aberrations of every microlens, without an obscuration. The radius R of this pupil is
         that of the smallest circle around the aperture. Default: a clear pupil without aberrations.

@@ -132,7 +132,8 @@ class CircularLens:
           centre, for the wavelength λ and the focal length f. With exact paths, it has the spherical aberration
           r⁴/8 (1/a³ + 1/b³), a path [m], for the object distance a and the image distance b.
     focus_distance
-        Object distance for which a stigmatic lens is exact [m]; required for ``stigmatic``, not allowed otherwise.
+        Distance of the axial point that a stigmatic lens images exactly [m]; required for ``stigmatic``, not allowed
+        otherwise.
     centre
         Centre (x, y) of the aperture, which is also the vertex of the lens [m].
     pupil

@@ -126,7 +126,7 @@ class ApertureField:
         Stated numerical error. In at least 95 % of cases, its entries ``field`` and ``intensity`` should bound the L2
         norm of the error over the targets, relative to the norm of the field and of the intensity [1].
     effort
-        What the computation took, among others the number of quadrature ``nodes`` and the wall time ``seconds`` [s].
+        What the computation took, including the number of quadrature ``nodes`` and the wall time ``seconds`` [s].
     method
         Method of propagation, as given to `aperture_field`.
     targets

@@ -106,9 +106,8 @@ class NodeCounts:
     def on_rings(self) -> IndexArray:
         """Number of nodes on each ring, from the innermost, shape (radial,).
 
-        A ring along which the phase completes t turns has t nodes and a margin that grows as t^⅓. On the outermost
-        ring, t follows from `angular`, with the margin for the tightest tolerance; on the others, t is proportional to
-        the radius.
+        A ring along which the phase completes t turns needs t + 10 t^⅓ + 3 nodes, even for the tightest tolerance. On
+        the outermost ring, `angular` nodes determine t; on the other rings, t is proportional to the radius.
         """
         relative = np.sqrt(gauss_legendre(self.radial)[0])
         turns = _turns(self.angular)

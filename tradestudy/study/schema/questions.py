@@ -35,8 +35,8 @@ class UsableRangePart(Part):
     )
     availability: Share | None = Field(
         default=None,
-        description="Smallest fraction of object points that two of the microlenses used by the estimator see; "
-        "default: any above 0 %.",
+        description="Smallest fraction of object points that are seen by two of the microlenses that the "
+        "estimator uses; default: any above 0 %.",
     )
     virtual_depth: PositiveNumber | None = Field(
         default=None, description="Smallest magnitude of the virtual depth; it is 2 at the total covering plane."
@@ -102,7 +102,7 @@ class ReadingPart(Part):
 
 
 class SolvePart(Part):
-    """Values of an input for which two cameras are equally certain, one is certain enough, or a requirement is met."""
+    """Values of an input that make two depth uncertainties equal, give one a required value, or meet a requirement."""
 
     says: Text = Field(description="The question in words.")
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(

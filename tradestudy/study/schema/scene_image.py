@@ -165,7 +165,7 @@ class MosaicPart(Part):
 
 
 class SceneImagePart(Part):
-    """Surfaces, and how `render` makes pictures of them.
+    """Surfaces, and how `tradestudy render` makes pictures of them.
 
     Texture, light, noise, fill factor and stops are those of scene.picture; its other keys (window, matcher, field
     angle, spectrum and lens phase) do not change the pictures. Pictures show the whole field. They are rendered by
@@ -184,8 +184,8 @@ class SceneImagePart(Part):
     )
     rig: Rig = Field(
         default="as-designed",
-        description="Cameras that take the pictures: without errors (`as-designed`), or each with errors drawn "
-        "once from its calibration (`drawn`).",
+        description="Whether the cameras that take the pictures have no errors (`as-designed`), or errors drawn "
+        "once from the calibration of each (`drawn`).",
     )
     noise: SensorNoiseModel = Field(
         default="shot+read+quantisation",
