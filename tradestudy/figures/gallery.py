@@ -96,6 +96,8 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
             + (f" of the candidates {listed(among)}" if among else "")
             + ", and any other whose uncertainty differs from this by less than the numerical error."
         )
+        if len(tuple(reported_winners(tree))) > 1:
+            caption += " Dotted lines: distances at which the best camera changes."
     return Drawing(
         name="whole_range",
         caption=caption,
