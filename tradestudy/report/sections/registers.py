@@ -110,7 +110,7 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
     known = [basis for basis in _BASES if counts[basis]] + sorted(set(counts) - set(_BASES))
     yield Paragraph(
         say(
-            "The study says where these values come from: {counts}.{order}",
+            "Of these values, {counts}.{order}",
             counts=listed(
                 [f"{counts[one]} {'is' if counts[one] == 1 else 'are'} {_BASES.get(one, one)}" for one in known]
             ),
@@ -203,7 +203,8 @@ def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
     )
     yield Table(
         name="claim-verdicts",
-        caption="The claims and their verdicts. A reading is one set of assumptions.",
+        caption="The claims and their verdicts; in brackets, where a claim was published. A reading is one set of "
+        "assumptions.",
         columns=(
             Column(title="Claim"),
             Column(title="Says", weight=4),
