@@ -126,7 +126,8 @@ def _cells(row: Mapping[str, Any], *, marked: bool) -> tuple[str, ...]:
         known = f"trial at a few places{at}"
     else:
         known = f"{_HOW[str(row['evidence'])]}{at}"
-    return in_words(str(row["slot"])), model, _share(row["change"]), quantity, known
+    change = "unknown" if math.isinf(row["change"]) else _share(row["change"])
+    return in_words(str(row["slot"])), model, change, quantity, known
 
 
 def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
