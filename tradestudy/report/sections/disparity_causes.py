@@ -17,8 +17,8 @@ from tradestudy.units import significant
 from tradestudy.wording import distance, listed
 
 _COLUMNS: Final = {
-    "no blur": "Without blur",
-    "no diffraction": "Without diffraction",
+    "no blur": "No blur",
+    "no diffraction": "No diffraction",
     "light of the brightest": "Brightest light",
     "ten times the light": "Tenfold light",
 }
