@@ -375,7 +375,7 @@ def _recorded(content: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     yield from ((in_words(key), _shown(value)) for key, value in content.items() if key not in groups)
     for key, values in groups.items():
         if values:
-            yield (in_words(key).capitalize(),)
+            yield ("Parts computed separately, in each step" if key == "points" else in_words(key).capitalize(),)
             yield from map(_points, values.items()) if key == "points" else _recorded(values)
 
 
