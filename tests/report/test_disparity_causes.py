@@ -156,17 +156,18 @@ def test_the_report_says_what_counts_most_and_has_the_table() -> None:
     depth = data["depth_at_places"].to_dataset().sel(camera=found["camera"])
     np.testing.assert_allclose(found["disparity_error_px"], depth["disparity_error_px"], rtol=1e-12)
     blocks = tuple(all_blocks(compose_report(data, {}, {}).blocks))
-    reported = [text for text in bullets(blocks) if "electrons, a disparity error of" in text]
+    reported = [text for text in bullets(blocks) if "electrons per pixel, a disparity error" in text]
     assert [text.split(":")[0] for text in reported] == [f"Hand-lens pair, f/{n}" for n in ("9.8", "22", "5.6")]
     one = found.sel(camera="pair-f22").isel(distance=1)
     error, changed = float(one["disparity_error_px"]), one["disparity_error_px_changed"]
     lit, sharp = (error / float(changed.sel(change=name)) for name in ("light of the brightest", "no diffraction"))
-    assert reported[1] == (
-        f"Hand-lens pair, f/22: 799 electrons, a disparity error of {error:.3g} px. What counts most is the light that "
-        f"it lacks: with the light of Hand-lens pair, f/5.6 it would be {lit:.3g} times smaller; without diffraction "
-        f"{sharp:.3g} times smaller, without blur the same."
-    )
-    assert "What counts most is diffraction" in reported[2]
+    own, most, changes = re.split(r"[.:;] (?=[Ww])", reported[1].replace("pair, f/22: ", "pair, f/22, "))[:3]
+    assert own.startswith("Hand-lens pair, f/22, 799 electrons")
+    assert own.endswith(f"{error:.3g} px")
+    assert most.endswith("lack of light")
+    assert f"the light of Hand-lens pair, f/5.6 it would be {lit:.3g} times smaller" in changes
+    assert reported[1].endswith(f"without diffraction {sharp:.3g} times smaller, without blur the same.")
+    assert "most is diffraction:" in reported[2]
     assert re.search(r"[Ee]lsewhere.*defocus blur at 53 mm \([\d.]+ times", reported[2])
     table = rows(blocks)
     assert [row[0] for row in table if len(row) == 1] == ["At 53 mm", "At 55.3 mm", "At 58 mm"]
@@ -188,7 +189,7 @@ def test_declared_errors_have_no_causes(tree: xr.DataTree) -> None:
         assert "disparity_causes" not in one.children
         blocks = tuple(all_blocks(compose_report(one, {}, {}).blocks))
         assert not any(isinstance(block, Table) and block.name == NAME for block in blocks)
-        assert not any("What counts most" in text for text in bullets(blocks))
+        assert not any("without diffraction" in text for text in bullets(blocks))
 
 
 @pytest.mark.parametrize(("used", "reported"), [(1.0, False), (1.1, True), (np.nan, False)])
@@ -224,21 +225,19 @@ def test_larger_equal_and_missing_errors_are_described(found: xr.Dataset) -> Non
     blocks = section(found)
     (bullet,) = bullets(blocks)
     own, _, elsewhere = bullet.partition(" Elsewhere")
-    assert own == (
-        "Hand-lens pair, f/9.8: 4030 electrons, a disparity error of 0.04 px. None of these causes counts: without "
-        "blur it would be the same; without diffraction 1.25 times larger."
-    )
+    assert own.startswith("Hand-lens pair, f/9.8: 4030 electrons")
+    assert "0.04 px. None of these causes" in own
+    assert own.endswith("without blur it would be the same; without diffraction 1.25 times larger.")
     assert "defocus blur at 58 mm (∞ times" in elsewhere
     assert rows(blocks)[1][1:] == ["—", "—", "no picture", "—", "—", "—"]
     nothing = found.isel(distance=[2])
-    assert bullets(section(nothing)) == [
-        "Hand-lens pair, f/9.8: 4030 electrons, and no texture is left to match: without blur the disparity error "
-        "would be 0.02 px, without diffraction none either."
-    ]
+    (unmatched,) = bullets(section(nothing))
+    assert unmatched.startswith("Hand-lens pair, f/9.8: 4030 electrons")
+    assert unmatched.endswith("without blur the disparity error would be 0.02 px, without diffraction none either.")
     noiseless = found.isel(distance=[1]).copy(deep=True)
     noiseless["disparity_error_px"][:], noiseless["disparity_error_px_changed"][:] = 0.0, [[[0.0, 0.01, np.nan, 0.0]]]
-    assert bullets(section(noiseless))[0].endswith(
-        "0 px. None of these causes counts: without blur it would be the same; without diffraction ∞ times larger."
-    )
+    (free,) = bullets(section(noiseless))
+    assert "0 px. None of these causes" in free
+    assert free.endswith("without blur it would be the same; without diffraction ∞ times larger.")
     pictureless = found.isel(distance=[0])
     assert bullets(section(pictureless)) == ["Hand-lens pair, f/9.8: no picture is formed there."]

@@ -47,10 +47,11 @@ def depth_loop_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     distance = data["distance"].values
     yield Drawing(
         name="depth_loop",
-        caption="Depth of rendered planes. First: spread of depth errors (dots, with standard errors) and the "
-        "predicted curve. Second: spread relative to the error that noise causes in each window, given its texture. "
-        "Third: standard deviation relative to that of the matcher fitted at the distances with filled dots; "
-        "grey: 10 % to either side. Fourth: bias as an error of disparity; grey: 0.05 px.",
+        caption="Depth of rendered planes. First: spread of the depth errors (half their central 68.27 % interval; "
+        "marks, with standard errors), and the predicted depth uncertainty (curves). Second: spread relative to the "
+        "standard deviation that noise causes, given the texture in each matching window. Third: standard deviation of "
+        "the errors without false matches, relative to the prediction of the matcher, which was fitted at the "
+        "distances with filled marks; grey: within 10 %. Fourth: bias of the disparity; grey: within 0.05 px.",
         alt=f"For {names}, from {span(float(distance[0]), float(distance[-1]))}: achieved and predicted spread, the "
         f"spread relative to noise and to the fitted matcher, and bias. Spread relative to that from noise: "
         f"{_noise_words(tree)}.",
@@ -112,7 +113,7 @@ def _draw(panels: Sequence[Axes], one: xr.Dataset, order: int, label: str) -> It
     scale = 100.0 / distance
     fitted = one["fitted"].values > 0.0
     # Later marks are smaller, and those not fitted are open, so that all marks at one place can be seen.
-    size = max(_LARGEST_MARK - 1.5 * order, 3.0)
+    size = max(_LARGEST_MARK - 1.0 * order, 3.0)
     for axes, (name, factor) in zip(panels, _values(scale), strict=True):
         values, errors = one[name].values * factor, one[f"{name}_error"].values * factor
         for among, filled in ((fitted, True), (~fitted, False)):

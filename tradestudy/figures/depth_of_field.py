@@ -52,8 +52,8 @@ def focus_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     )
     yield Drawing(
         name="lateral-resolution",
-        caption="Size of detail that each camera resolves on the object: the larger of its lateral sample and its "
-        "geometric blur. Bold: sharp by the first criterion.",
+        caption="Size of detail that each camera resolves on the object: the larger of the sampling interval and "
+        "the geometric blur, both on the object. Bold: where " + _criterion_words(tree) + ".",
         alt="Log-log chart of resolved detail against distance. " + _resolution_words(tree),
         draw=partial(draw_lateral_resolution, tree),
     )
@@ -71,7 +71,7 @@ def _thin_words(tree: xr.DataTree) -> str:
     if "equal_resolution" not in data.attrs:
         return ""
     size = pretty(float(data.attrs["equal_resolution"]), LENGTH)
-    return f" Thin lines below: where {size} on the object is resolved, the comparison at equal resolution."
+    return f" Thin lines below the bars: where {size} on the object is resolved, for a comparison at equal resolution."
 
 
 def _sharp_words(tree: xr.DataTree) -> str:

@@ -44,15 +44,15 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     aside = ""
     if "off_axis_error" in data:
         aside = (
-            f" Below: the object point {np.degrees(data.attrs['field_angle']):.2g}° off the axis, "
-            f"{pretty(data.attrs['field_wavelength'], LENGTH)}; the fixed elements then have coma and distortion, "
-            f"which Fresnel's approximation ignores."
+            f" Below: {np.degrees(data.attrs['field_angle']):.2g}° off the axis, at "
+            f"{pretty(data.attrs['field_wavelength'], LENGTH)}."
         )
     yield Drawing(
         name="fresnel_error",
         caption=f"Measured error of Fresnel's point-spread function against f-number (the paper's Figure 6): summed "
         f"difference from Kirchhoff's over {window} Airy radii, in focus on the axis. Bands: {waves}. Stars: the "
-        "paper's values. Dotted: the camera's f-number." + aside,
+        "paper's values. Dotted: the camera's f-number. Parabolic: with spherical aberration, as in the paper; "
+        "stigmatic: without it on the axis; perfect: without aberrations." + aside,
         alt="Log-log charts of error against f-number, one column per lens, one line per lens phase. " + _words(data),
         draw=partial(draw_fresnel_error, tree),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from functools import partial
+from typing import Final
 
 import numpy as np
 import xarray as xr
@@ -96,6 +97,8 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
             + (f" of the candidates {listed(among)}" if among else "")
             + ", and any other whose uncertainty differs from this by less than the numerical error."
         )
+        if len(tuple(reported_winners(tree))) > 1:
+            caption += " Dotted lines: distances at which the best camera changes."
     return Drawing(
         name="whole_range",
         caption=caption,
@@ -169,14 +172,19 @@ def _values_at(tree: xr.DataTree, shown: tuple[CameraTrace, ...], place: float) 
     return f"at {distance(float(there['distance'].item()))}: {each}"
 
 
+_ERRORS: Final = {"array": "microlens positions"}
+
+
 def _shares(tree: xr.DataTree) -> Drawing:
     every, shown = variance_shares.largest_shares(nominal(tree)), variance_shares.shown_parts(nominal(tree))
-    silent = listed([in_words(name) for name, most in every.items() if most >= 0.0 and name not in shown])
+    silent = listed(
+        [_ERRORS.get(name, in_words(name)) for name, most in every.items() if most >= 0.0 and name not in shown]
+    )
     return Drawing(
         name="variance_shares",
         caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: they "
         "sum to 100 %, for correlated errors too). Grey: matching noise, which averaging reduces; coloured: error "
-        "sources that averaging does not reduce; pale: not usable."
+        "sources that averaging does not reduce; pale: not usable; blank: no depth."
         + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
         + _design_words(tree),
         alt="One chart per camera of stacked shares against distance. Largest shares: " + _largest_shares(tree),
@@ -247,7 +255,8 @@ def _readings(tree: xr.DataTree) -> Drawing:
         name="readings",
         caption=f"Which assumption reverses the verdict on certainty: uncertainty of {numerator} over that of "
         f"{denominator}, under every reading (names as in the table above). Left of 1 (shaded), {numerator} is more "
-        f"certain; right of 1, {denominator}. Open marks: not the camera of the declared study."
+        f"certain; right of 1, {denominator}. Open marks: the reverse of the "
+        "verdict of the study as declared."
         + (f" {listed(signs)} at the edge: one of the two uncertainties has no bound." if signs else ""),
         alt=f"Dot chart of the uncertainty of {numerator} over that of {denominator}, one row per reading, one mark "
         "per distance, three panels: noise and calibration, noise only, calibration only. " + "".join(sentences),

@@ -86,7 +86,7 @@ def _of_corners(corners: ImportedCorners) -> Iterator[Stated]:
         value=f"{corners.noise * 2.0**0.5!r} px",
         key=corners.key,
         basis="assumed",
-        note="assumes the precision of the corner detector: √2 times the fitted noise of one coordinate",
+        note="assumes that matching is as precise as the corner detector: √2 times the fitted noise of one coordinate",
     )
     yield _pitch(corners.key)
     yield Stated(path=("calibration", "corners", "file"), value=corners.file, key=corners.key)

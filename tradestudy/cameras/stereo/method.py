@@ -11,19 +11,21 @@ METHOD: Final = Method(
     title="Depth from a stereo rig",
     statements=(
         "Two cameras of principal distance *c*, a baseline *B* apart, see a point at distance *Z* with disparity "
-        "*d*; a yaw ψ between them adds *c*ψ to the disparity.",
+        "*d*. A yaw ψ between them changes the disparity by about *c* (1 + *x*²/*c*²) ψ where the point appears a "
+        "distance *x* from the middle of the picture.",
         Formula(
             typst="Z = (c B) / d, quad delta Z = Z^2 / (c B) thin delta d, quad "
             "delta Z approx Z^2 / B (1 + x^2 / c^2) psi",
             alt="Z equals c times B over d. The change of Z equals Z squared over c B times the change of d. A yaw psi "
             "changes Z by about Z squared over B, times one plus x squared over c squared, times psi.",
         ),
-        "These linear forms explain the magnitudes; the numbers come from the exact law, which has a pole where the "
-        "yaw cancels the disparity, at *Z* = *B*/ψ. The overlap of the two fields of view, 1 − *B*/*W* with "
-        "*W* = 2 *Z* tan(FOV/2), bounds the near range. *c* is the distance of the sensor behind the lens: the "
-        "focal length *f*, for example from a calibration in pixels, or, if the study says “focused”, "
-        "the image distance of a thin lens focused at *a*, *c* = *f* *a*/(*a*\u00a0−\u00a0*f*). The table of the "
-        "cameras states *c* next to that image distance, which exceeds *f* by the fraction *f*/(*a* − *f*).",
+        "The last two are linear approximations, which explain the magnitudes. The numbers come from the exact "
+        "expression, in which depth becomes infinite where the yaw cancels the disparity, at *Z* = *B*/ψ. The overlap "
+        "of the two fields of view, 1 − *B*/*W* with *W* = 2 *Z* tan(FOV/2), limits how near the rig can measure.",
+        "The principal distance *c* is the distance from the lens to the sensor. By default it equals the focal length "
+        "*f*, as in a calibration in pixels. If the study declares `principal_distance: focused`, it is the image "
+        "distance of a thin lens focused at *a*, *f* *a*/(*a*\u00a0−\u00a0*f*), which exceeds *f* by the fraction "
+        "*f*/(*a*\u00a0−\u00a0*f*). The derived properties of the cameras list both.",
     ),
     baseline_note="The reference rig has parallel axes. A rig with converging axes and baseline *B* measures as well "
     "as a parallel one with *B* (1 + *x*²/*c*²)/(1 + *B*²/4*Z*²), where *x* is half the disparity. Where the axes "

@@ -44,9 +44,11 @@ def describe_calibration(tree: xr.DataTree, run: Mapping[str, Any], drawings: Ma
 def _sources(tree: xr.DataTree, inputs: Mapping[str, str]) -> Table:
     """List where each calibration comes from, and which of its errors are declared."""
     rows: list[tuple[Text, ...]] = []
+    on_board = False
     for key, title in titles_in(tree, "depth").items():
         start = f"cameras.{key}.calibration."
         own = {path.removeprefix(start): str(value) for path, value in inputs.items() if path.startswith(start)}
+        on_board |= any(path.split(".")[0] in ("target", "corners") for path in own)
         names = list(dict.fromkeys(path.split(".")[1] for path in own if path.startswith("errors.")))
         since = dict.fromkeys(path.split(".")[1] for path in own if path.startswith("stability."))
         since = {name: None for name in since if name in _SINCE}
@@ -60,8 +62,12 @@ def _sources(tree: xr.DataTree, inputs: Mapping[str, str]) -> Table:
         )
     return Table(
         name="calibration-source-table",
-        caption="Sources of the calibrations. With a target or corners, the declared errors are priors, or errors "
-        "that the board cannot reveal.",
+        caption="Sources of the calibrations."
+        + (
+            " Where a board was used, the declared errors are priors, or errors that the board cannot reveal."
+            if on_board
+            else ""
+        ),
         columns=(
             Column(title="Camera", weight=2),
             Column(title="Source", weight=2),

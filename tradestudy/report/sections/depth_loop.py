@@ -26,9 +26,9 @@ def describe_depth_loop(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     data, titles = group(tree, "depth_loop"), camera_titles(tree)
     yield Heading(text="From pictures to depth and back", anchor="depth-loop")
     yield Paragraph(
-        "The program rendered planes across the axis, each with its own texture and noise, and measured their depth "
-        "with each camera, free of calibration errors. The search for the disparity started near the true one, so "
-        "distant false matches do not occur."
+        "The program rendered planes perpendicular to the optical axis, each with its own texture and noise, and "
+        "measured their depth with each camera. The cameras have no calibration errors. The search for a disparity "
+        "started near the true one, so false matches far from it do not occur."
     )
     yield from pictures_of(drawings, "depth_loop")
     for k, name in enumerate(data["camera"].values):
@@ -46,9 +46,9 @@ def _fitted_matcher(one: xr.Dataset, title: str) -> Text:
         return say("**{title}**: {why}.", title=title, why=declared)
     over = one["over_matcher"].values[one["fitted"].values == 0.0]
     over = over[np.isfinite(over)]
-    text = say("**{title}**: `{matcher}`.", title=title, matcher=declared.partition("  # ")[0])
+    text = say("**{title}**: the fitted matcher is `{matcher}`.", title=title, matcher=declared.partition("  # ")[0])
     factor = with_error(one["matcher_factor"].item(), one["matcher_factor_error"].item(), NUMBER)
-    text += say(" The fitted factor is {factor}.", factor=factor)
+    text += say(" Its factor, {factor}, multiplies the bound on the disparity error.", factor=factor)
     if over.size:
         text += say(
             " This matcher predicts {low} to {high} of the noise found on {count}.",

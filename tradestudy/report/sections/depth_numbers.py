@@ -95,8 +95,8 @@ def _noise_is_coarse(tree: xr.DataTree) -> str:
         return ""
     largest = share(float(np.nanmax(np.where(coarse, noise["joint_change"].values, np.nan))))
     return (
-        f" Noise only has no tolerance of its own: omitted effects change it by up to {largest} "
-        "(declare accuracy.depth_noise to limit this)."
+        f" The study declares no tolerance for u noise: omitted effects change it by up to {largest} "
+        "(to limit this, declare accuracy.depth_noise)."
     )
 
 
@@ -160,7 +160,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
         yield table(
             "baseline-table",
             "equivalent_baseline",
-            "Equivalent baseline: baseline of a stereo rig with the same focal length and disparity error that "
+            "Equivalent baseline: that of a stereo rig that has the camera's focal length and disparity error and "
             "measures depth equally well.",
             length,
             _baseline_note(tree, depth),

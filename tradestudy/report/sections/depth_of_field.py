@@ -138,7 +138,7 @@ def _diffraction_finding(tree: xr.DataTree) -> Iterator[Spans]:
             words.append(f"{blind or 'none'} by the criterion “{_criterion_words(one)}”")
     if words:
         yield say(
-            "Of {count}, diffraction alone leaves nothing sharp in {words}.",
+            "Diffraction alone keeps this many of {count} from being sharp anywhere: {words}.",
             count=counted(data.sizes["camera"], "camera"),
             words=listed(words),
         )
@@ -156,7 +156,7 @@ def _answer_table(tree: xr.DataTree, rows: list[_Row]) -> Table:
     first = by_first_criterion(tree)
 
     def cells(row: _Row) -> tuple[Text, ...]:
-        sharp = share(row.share) if row.share > 0.0 else "nothing"
+        sharp = share(row.share) if row.share > 0.0 else "none"
         return (
             row.title,
             say("**{sharp}**", sharp="all") if row.keeps_all else sharp,
@@ -170,7 +170,8 @@ def _answer_table(tree: xr.DataTree, rows: list[_Row]) -> Table:
     return Table(
         name="sharp-table",
         caption=say(
-            "The scene, {scene}, by {criterion}; cameras that keep all of it sharp come first, the finest at the top.",
+            "Sharp part of the scene, {scene}, by the criterion “{criterion}”. Cameras that keep all of it sharp come "
+            "first.",
             scene=_scene(tree),
             criterion=_criterion_words(first),
         ),
@@ -185,8 +186,9 @@ def _answer_table(tree: xr.DataTree, rows: list[_Row]) -> Table:
         ),
         rows=tuple(cells(row) for row in rows),
         notes=(
-            "Resolves: the coarsest resolution within the scene, the larger of lateral sample and defocus on the "
-            "object. Diffraction spot: width at half maximum on the object. Distances are from the principal plane.",
+            "Resolves: the coarsest resolution within the scene, the larger of sampling interval and defocus blur on "
+            "the object. Diffraction spot: width at half maximum on the object. Distances are from the principal "
+            "plane.",
         ),
     )
 
@@ -282,6 +284,7 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
     if "resolved_near" not in data:
         return
     size = length(float(data.attrs["equal_resolution"]))
+    unresolved = any(str(reason) for reason in data["resolved_reason"].values)
     yield Table(
         name="equal-resolution-table",
         caption=f"Comparison at equal lateral resolution: distances at which {size} on the object is resolved, "
@@ -291,7 +294,7 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
             Column(title="Resolved", weight=3),
             Column(title="Depth of field", align="right"),
             Column(title="Of the scene", align="right"),
-            Column(title="Why nowhere", weight=4),
+            *((Column(title="Why nowhere resolved", weight=4),) if unresolved else ()),
         ),
         notes=(
             "One sufficiently fine picture resolves a detail; measuring depth also requires that two microlenses, "
@@ -303,7 +306,7 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
                 _ends(sharp_ranges(data.sel(camera=key), "resolved")),
                 length(float(data["resolved_extent"].sel(camera=key))),
                 share(float(data["resolved_scene_share"].sel(camera=key))),
-                str(data["resolved_reason"].sel(camera=key).item()),
+                *((str(data["resolved_reason"].sel(camera=key).item()),) if unresolved else ()),
             )
             for key, title in titles.items()
         ),

@@ -17,8 +17,8 @@ from tradestudy.units import significant
 from tradestudy.wording import distance, listed
 
 _COLUMNS: Final = {
-    "no blur": "Without blur",
-    "no diffraction": "Without diffraction",
+    "no blur": "No blur",
+    "no diffraction": "No diffraction",
     "light of the brightest": "Brightest light",
     "ten times the light": "Tenfold light",
 }
@@ -26,7 +26,7 @@ _COLUMNS: Final = {
 _CAUSES: Final = {
     "no blur": "defocus blur",
     "no diffraction": "diffraction",
-    "light of the brightest": "the light that it lacks",
+    "light of the brightest": "the lack of light",
 }
 
 
@@ -40,9 +40,10 @@ def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="What the disparity error is made of", anchor="disparity-causes", level=2)
     yield Paragraph(
         say(
-            "For disparity errors derived from the picture, the program computes the bound again with one cause "
-            "removed: defocus blur, the diffraction of all lenses, or the lack of light relative to the brightest of "
-            "these cameras. [](#disparity-causes-table) has the values; at {place}:",
+            "A disparity error derived from the picture is the smallest that any matcher can reach. To find its "
+            "causes, the program recomputes it without one of them: defocus blur, the diffraction of all lenses, or "
+            "the lack of light relative to the brightest of these cameras. At {place} (see "
+            "[](#disparity-causes-table) for the other distances):",
             place=distance(float(found["distance"][middle])),
         )
     )
@@ -77,8 +78,8 @@ def _in_use(tree: xr.DataTree, found: xr.Dataset, titles: Mapping[str, str]) -> 
     if differences:
         yield Paragraph(
             say(
-                "These disparity errors include every effect, so that the influence of each shows. Depth is computed "
-                "without effects that change it by less than the tolerance, and therefore with {differences}.",
+                "These disparity errors include every effect. The computation of depth leaves out effects that change "
+                "the depth uncertainty by less than the tolerance, and therefore uses {differences}.",
                 differences=listed(differences),
             )
         )
@@ -118,14 +119,16 @@ def _largest_cause_in_words(camera: xr.Dataset, titles: Mapping[str, str], middl
         for place in (camera.isel(distance=k) for k in range(camera.sizes["distance"]))
         if (other := _largest(place)) is not None and (own is None or other[0] != own[0])
     ]
-    return _sentence(there, titles) + (f" Elsewhere, something else counts most: {listed(others)}." if others else "")
+    return _sentence(there, titles) + (
+        f" Elsewhere, something else increases it most: {listed(others)}." if others else ""
+    )
 
 
 def _sentence(there: xr.Dataset, titles: Mapping[str, str]) -> str:
     title, error = titles[str(there["camera"].item())], float(there["disparity_error_px"])
     if np.isnan(error):
         return f"{title}: no picture is formed there."
-    light = f"{title}: {significant(float(there['electrons']))} electrons"
+    light = f"{title}: {significant(float(there['electrons']))} electrons per pixel"
     changed = _changed(there)
     words = {
         "no blur": "without blur",
@@ -146,8 +149,12 @@ def _sentence(there: xr.Dataset, titles: Mapping[str, str]) -> str:
     )
     largest = _largest(there)
     real = _is_real(there)
-    most = "What counts most in the bound is" if real else "What counts most is"
-    what = "None of these causes counts" if largest is None else f"{most} {_CAUSES[largest[0]]}"
+    increased = "the bound" if real else "it"
+    what = (
+        f"None of these causes increases {increased}"
+        if largest is None
+        else f"What increases {increased} most is {_CAUSES[largest[0]]}"
+    )
     if real:
         matched = f"a disparity error of {significant(float(there['matched_error_px']))} px by the declared matcher"
         return f"{light}, {matched}, with a bound of {significant(error)} px. {what}: {changes}."
@@ -214,28 +221,28 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
         )
         + " with one cause removed; in brackets, how many times smaller that makes it.",
         columns=(
-            Column(title="Camera", weight=7),
+            Column(title="Camera", weight=6),
             Column(title="Electrons", align="right"),
-            *((Column(title="Window, px", align="right"),) if windows else ()),
+            *((Column(title="Window", align="right"),) if windows else ()),
             *(
-                Column(title=title, align="right", weight=4)
+                Column(title=title, align="right", weight=5)
                 for title in (("By matcher", "Bound") if real else ("Disparity error",))
             ),
             *(Column(title=_COLUMNS[name], align="right", weight=6) for name in changes),
         ),
         rows=tuple(rows),
         notes=(
-            "Electrons: mean of a pixel. "
+            "Electrons: mean per pixel. "
             + (
-                "Window: side of the matching window, the declared one or the largest that both pictures share. "
+                "Window: side of the matching window in pixels, as declared or the largest that both pictures share. "
                 if windows
                 else ""
             )
             + "A factor below 1 means that the error would be larger, since blur also removes texture that is too "
-            "fine for the pixels. The causes interact, so their factors need not multiply to the whole. Tenfold "
-            "light, as if no pixel saturated, makes the error about 3.2 times smaller where "
-            "texture exceeds shot noise; more where the sensor adds noise or noise hides the texture, less where "
-            "aliased texture is the noise. Where a camera is not usable, a matcher may miss these bounds."
+            "fine for the pixels. The causes interact: removing two of them need not multiply their factors. Tenfold "
+            "light, as if no pixel saturated, makes the error about 3.2 times smaller where shot noise limits it; more "
+            "where the sensor adds noise or noise hides the texture, less where aliased texture acts as noise. Where a "
+            "camera is not usable, a matcher may miss these bounds."
             + (" Brightest light: that of the unsaturated camera with the most electrons." if compared else "")
             + _numerical_error(found, titles),
         ),

@@ -13,18 +13,18 @@ from tradestudy.accuracy import IN_WORDS, QUANTITIES
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, say
 from tradestudy.report.words import share
 from tradestudy.results.views.groups import group, records
-from tradestudy.wording import distance, in_words
+from tradestudy.wording import distance, in_words, listed
 
 _HOW: Final = {
     "computed": "computed",
     "rule": "closed-form rule, with a margin",
     "trial": "trial at a few distances",
 }
-_FULL: Final = "nothing"
+_FULL: Final = "none"
 _COLUMNS: Final = (
     Column(title="Effect", weight=4),
     Column(title="Model", weight=4),
-    Column(title="Leaves out", align="right", weight=3),
+    Column(title="Change", align="right", weight=3),
     Column(title="Quantity", weight=4),
     Column(title="Evidence", weight=4),
 )
@@ -38,8 +38,9 @@ def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="What was simulated, and what was not", anchor="effects")
     yield Paragraph(
         say(
-            "Each effect has models from off to the most complete one, named as in study files. The program chose the "
-            "cheapest set that keeps the answers within the tolerance at the worst distance, reading and design. "
+            "Each effect has several models, from `off` to the most complete one, named as in study files. The program "
+            "chose the cheapest set that keeps the answers within the tolerance at the worst distance, reading and "
+            "design. "
             "{together}",
             together=" ".join(_together(tree)),
         )
@@ -48,7 +49,7 @@ def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
     if matter:
         yield Table(
             name="effects-that-matter",
-            caption="The model of each effect that matters, and the change that its omissions cause.",
+            caption="The model of each effect that can change an answer, and the change due to what it leaves out.",
             columns=_COLUMNS,
             rows=tuple(_grouped(matter)),
             notes=tuple(_nothing(rows)),
@@ -64,7 +65,8 @@ def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
         yield Heading(text="Every model that was compared", anchor="every-model")
         yield Table(
             name="effects-all",
-            caption="Every model of every effect, and the change from its omissions alone; a dot marks used models.",
+            caption="Every model of every effect, and the change due to its omissions alone; a dot marks the models in "
+            "use.",
             columns=_COLUMNS,
             rows=tuple(_grouped(rows, marked=True)),
         )
@@ -124,7 +126,8 @@ def _cells(row: Mapping[str, Any], *, marked: bool) -> tuple[str, ...]:
         known = f"trial at a few places{at}"
     else:
         known = f"{_HOW[str(row['evidence'])]}{at}"
-    return in_words(str(row["slot"])), model, _share(row["change"]), quantity, known
+    change = "unknown" if math.isinf(row["change"]) else _share(row["change"])
+    return in_words(str(row["slot"])), model, change, quantity, known
 
 
 def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
@@ -144,6 +147,7 @@ def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
 def _together(tree: xr.DataTree) -> Iterator[str]:
     """Say how much all omissions together change each quantity with a tolerance, and how much forced models do."""
     data = group(tree, "effects")
+    unchanged: dict[str, list[str]] = {}
     for number in range(len(QUANTITIES)):
         asked, joint = data["tolerance"].values[:, number], data["joint_change"].values[:, number]
         if np.isnan(asked).all():
@@ -154,13 +158,18 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
             continue
         most = float(np.nanmax(np.where(np.isnan(asked), np.nan, joint)))
         changed = IN_WORDS[QUANTITIES[number]]
-        change = f"change the {changed} by up to {_share(most)}" if most > 0.0 else f"do not change the {changed}"
-        yield (f"The omitted effects {change}; the tolerance is {_share(float(np.nanmax(asked)))}.")
+        tolerance = _share(float(np.nanmax(asked)))
+        if most > 0.0:
+            yield f"The omitted effects change the {changed} by up to {_share(most)} (tolerance {tolerance})."
+        else:
+            unchanged.setdefault(tolerance, []).append(f"the {changed}")
         forced = data["forced_change"].values[:, number]
         if not np.isnan(forced).all():
             worst = float(np.nanmax(forced))
             more = "more than" if worst > np.nanmax(asked) else "within"
-            yield f"The models that the study forces change it by up to {_share(worst)}, {more} the tolerance."
+            yield f"Models that the study forces change the {changed} by up to {_share(worst)}, {more} the tolerance."
+    for tolerance, names in unchanged.items():
+        yield f"The omitted effects leave {listed(names)} unchanged (tolerance {tolerance})."
 
 
 def _share(value: float) -> str:

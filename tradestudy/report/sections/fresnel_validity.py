@@ -74,18 +74,18 @@ def _findings(data: xr.Dataset) -> Iterator[Spans]:
         one = data.sel(element=element)
         limits = np.asarray(one["limit_f_number"].sel(lens_phase=first, metric="l1", window=window).values, dtype=float)
         yield say(
-            "**{title}, {phase} phase: from {f_numbers} on**, the summed difference {over} stays below {limit}, "
-            "in light from {start} to {end}.",
+            "**{title}, {phase} phase: from {f_numbers} on**, the two point-spread functions differ by less than "
+            "{limit}, summed {over}.",
             title=element_title(data, str(element)),
             phase=first,
             f_numbers=_f_numbers(limits, data),
             over=over,
             limit=share(limit),
-            start=length(float(data["wavelength"].values[0])),
-            end=length(float(data["wavelength"].values[-1])),
         )
     yield say(
-        "At the f-numbers of the camera, the difference over these wavelengths is: {each}.",
+        "At the f-numbers of the camera, the difference in light from {start} to {end} is: {each}.",
+        start=length(float(data["wavelength"].values[0])),
+        end=length(float(data["wavelength"].values[-1])),
         each=_as_used(data, window),
     )
     yield from _off_axis(data, window)
@@ -111,8 +111,8 @@ def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
         parts.append(f"{element_title(data, str(element)).lower()}: {', '.join(each)}")
     yield say(
         "**The lens phase matters more than the choice between Fresnel and Kirchhoff.** At the same f-numbers, but "
-        "{angle}° off the axis, the difference is: {parts}. Fresnel's approximation has neither the coma nor the "
-        "distortion of a fixed element.",
+        "{angle}° off the axis, the difference is: {parts}. There, a parabolic or stigmatic lens has coma and "
+        "distortion, which Fresnel's approximation ignores.",
         angle=significant(float(np.degrees(data.attrs["field_angle"])), 2),
         parts="; ".join(parts),
     )
@@ -129,7 +129,9 @@ def _f_numbers(limits: FloatArray, data: xr.Dataset) -> str:
         )
 
     low, high = one(float(limits.min())), one(float(limits.max()))
-    return low if low == high else f"{high} (short waves) or {low} (long waves)"
+    waves = data["wavelength"].values
+    at = [length(float(waves[index])) for index in (limits.argmax(), limits.argmin())]
+    return low if low == high else f"{high} (at {at[0]}) or {low} (at {at[1]})"
 
 
 def _measures(data: xr.Dataset) -> Iterator[Block]:

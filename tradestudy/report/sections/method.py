@@ -144,8 +144,8 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
     """Explain the limits that apply to cameras of the study."""
     yield Heading(text="Where a camera counts as usable", anchor="method-usable", level=2)
     yield Paragraph(
-        "A distance is usable where every limit that the study declares holds. The report names the limit that sets "
-        "each end of the range."
+        "A camera is usable at a distance where it meets every limit that the study declares. The report names the "
+        "limit that sets each end of the usable range."
     )
     meanings = {
         "overlap": say("**Overlap**: the fraction of each stereo picture that the other camera also sees."),
@@ -153,8 +153,12 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
             "**Total covering plane**: the image formed by the main lens lies at least the declared virtual depth "
             "from the array."
         ),
-        "availability": say("**Availability**: the fraction of points that two of the estimator's microlenses see."),
-        "focus": say("**Focus**: the geometric blur of the sharpest picture that the estimator needs, on the sensor."),
+        "availability": say(
+            "**Availability**: the fraction of points that at least two of the microlenses used by the estimator see."
+        ),
+        "focus": say(
+            "**Focus**: the geometric blur on the sensor, in the least sharp picture that the estimator needs."
+        ),
         "last_disparity_step": say(
             "**Last disparity step**: the disparity still differs from that of infinity by more than one step."
         ),

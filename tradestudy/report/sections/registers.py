@@ -110,11 +110,12 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
     known = [basis for basis in _BASES if counts[basis]] + sorted(set(counts) - set(_BASES))
     yield Paragraph(
         say(
-            "The study says where these values come from: {counts}.{order}",
+            "Of these values, {counts}.{order}{sources}",
             counts=listed(
                 [f"{counts[one]} {'is' if counts[one] == 1 else 'are'} {_BASES.get(one, one)}" for one in known]
             ),
             order=_ORDER.format(given=_SET if known[0] in _SET else "") if len(known) > 1 else "",
+            sources=" Sections, tables and figures in the notes are those of the paper." if counts["paper"] else "",
         )
     )
     yield Table(
@@ -203,7 +204,8 @@ def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
     )
     yield Table(
         name="claim-verdicts",
-        caption="The claims and their verdicts. A reading is one set of assumptions.",
+        caption="The claims and their verdicts; in brackets, where a claim was published. A reading is one set of "
+        "assumptions.",
         columns=(
             Column(title="Claim"),
             Column(title="Says", weight=4),
@@ -373,7 +375,7 @@ def _recorded(content: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     yield from ((in_words(key), _shown(value)) for key, value in content.items() if key not in groups)
     for key, values in groups.items():
         if values:
-            yield (in_words(key).capitalize(),)
+            yield ("Parts computed separately, in each step" if key == "points" else in_words(key).capitalize(),)
             yield from map(_points, values.items()) if key == "points" else _recorded(values)
 
 

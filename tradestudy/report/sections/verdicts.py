@@ -64,10 +64,11 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
     titles, decision, says = camera_titles(tree), group(tree, "decision"), readings_in_words(tree)
     others = any(one.alternatives for one in found)  # readings
     pair = f"{titles[decision.attrs['first']]} against {titles[decision.attrs['second']]}"
-    changed = ", the other readings that change this (with the better camera under each)" if others else ""
+    changed = ", and the other readings that change this, each with the camera that is then better" if others else ""
     yield Table(
         name="verdict-table",
-        caption=f"{pair}: the better of those that are usable{changed} and the more certain one, usable or not.",
+        caption=f"{pair}: the better camera of those that are usable{changed}. On the right: the camera with the "
+        "smaller depth uncertainty, usable or not, and the ratio of the two uncertainties.",
         columns=(
             Column(title="At", align="right"),
             Column(title="Better, where usable", weight=0 if others else 1),
