@@ -83,7 +83,7 @@ def test_the_report_shows_maps_and_compares_them(ran: tuple[api.Result, Path]) -
     assert matcher.endswith(" windows).")
     spread = float(tree["pictures"]["depth_spread"][0])
     listed = [plain_text(item) for one in all_blocks(report.blocks) if isinstance(one, Bullets) for item in one.items]
-    shown = f", to ±{pretty(spread, LENGTH, digits=2)}".replace("\N{NO-BREAK SPACE}", " ")
+    shown = f"±{pretty(spread, LENGTH, digits=2)}".replace("\N{NO-BREAK SPACE}", " ")
     assert any(shown in text for text in listed)
 
 

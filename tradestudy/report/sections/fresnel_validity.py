@@ -110,7 +110,7 @@ def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
         each = [f"{share(float(at.sel(lens_phase=phase)))} ({phase})" for phase in data["lens_phase"].values]
         parts.append(f"{element_title(data, str(element)).lower()}: {', '.join(each)}")
     yield say(
-        "**The lens phase matters more than the choice between Fresnel and Kirchhoff.** At the same f-numbers, but "
+        "**Off the axis, the lens phase decides how large the difference is.** At the same f-numbers, but "
         "{angle}° off the axis, the difference is: {parts}. There, a parabolic or stigmatic lens has coma and "
         "distortion, which Fresnel's approximation ignores.",
         angle=significant(float(np.degrees(data.attrs["field_angle"])), 2),
