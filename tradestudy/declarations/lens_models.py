@@ -9,7 +9,7 @@ from functools import reduce
 from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, WithJsonSchema, create_model, model_validator
 
 from tradestudy import units
 from tradestudy.declarations.mistakes import MistakeAt
@@ -25,9 +25,12 @@ _ABOUT = {
     "rational": "Radial, tangential and thin-prism distortion with a tilted sensor, as in OpenCV",
     "kannala-brandt": "The fisheye model of Kannala and Brandt, as in OpenCV and Kalibr (equidistant)",
     "fov": "The fisheye model of Devernay and Faugeras, which has a single coefficient",
-    "omni": "The omnidirectional model of Mei and Rives, with radial and tangential distortion",
-    "double-sphere": "The double-sphere model of Usenko, Demmel and Cremers",
-    "eucm": "The extended unified camera model of Khomutenko, Garcia and Martinet",
+    "omni": "The omnidirectional model of Mei and Rives: points are projected onto a unit sphere around the camera, "
+    "from there through a second centre of projection onto a plane, and then distorted radially and tangentially",
+    "double-sphere": "The double-sphere model of Usenko, Demmel and Cremers: points are projected onto two unit "
+    "spheres in turn, and from the second one through a pinhole onto a plane",
+    "eucm": "The extended unified camera model of Khomutenko, Garcia and Martinet: points are projected onto an "
+    "ellipsoid around the camera, and from there through a pinhole onto a plane",
 }
 
 
@@ -81,6 +84,17 @@ def _meanings(family: type[LensModel]) -> dict[str, str]:
     return {name: re.sub(r" \[\w+\]", "", what) for names, what in found for name in names.split(", ")}
 
 
+def _coefficient(family: type[LensModel], name: str) -> Any:
+    """The type of a coefficient; it says "of either sign" only if the family accepts negative values."""
+    dimension = units.ANGLE if name in ANGLES else units.NUMBER
+    read, schema = quantity(dimension)
+    try:
+        family(**{**STARTS.get(family.name, {}), name: -0.1})
+    except OutOfRangeError:
+        schema = WithJsonSchema({**(schema.json_schema or {}), "title": dimension.name})
+    return Annotated[float, read, schema]
+
+
 def _fitted_part_of(family: type[LensModel]) -> type[FittedLensModelPart]:
     """The part that declares every coefficient in its dimension, and which of them are fitted."""
     names = family.coefficient_names()
@@ -95,11 +109,10 @@ def _fitted_part_of(family: type[LensModel]) -> type[FittedLensModelPart]:
     }
     meanings = _meanings(family)
     for name in names:
-        unit = units.ANGLE if name in ANGLES else units.NUMBER
         start = STARTS.get(family.name, {}).get(name, 0.0)
         default = f"{math.degrees(start):.3g} deg" if name in ANGLES else f"{start:g}"
         what = Field(default=None, description=f"{meanings[name]} Default: {default}.")
-        fields[name] = (Annotated[float, *quantity(unit)] | None, what)
+        fields[name] = (_coefficient(family, name) | None, what)
     made = create_model(
         f"Fitted{family.__name__}Part",
         __base__=FittedLensModelPart,
@@ -115,9 +128,8 @@ def _part_of(family: type[LensModel]) -> type[LensModelPart]:
     fields: dict[str, Any] = {"model": (Literal[family.name], Field(description=_MODEL))}
     optional, meanings = family.optional_names(), _meanings(family)
     for name in family.coefficient_names():
-        unit = units.ANGLE if name in ANGLES else units.NUMBER
         what = Field(default=0.0 if name in optional else ..., description=meanings[name])
-        fields[name] = (Annotated[float, *quantity(unit)], what)
+        fields[name] = (_coefficient(family, name), what)
     made = create_model(f"{family.__name__}Part", __base__=LensModelPart, __doc__=f"{_ABOUT[family.name]}.", **fields)
     made.family = family
     return made

@@ -21,7 +21,7 @@ class DoubleSphere(LensModel):
     xi
         Distance ξ [1] between the centres of the two spheres, above −1 and at most 1.
     alpha
-        Blending factor α [1] between the second sphere and the pinhole behind it, from 0 to 1.
+        Blending factor α [1], from 0 to 1: the pinhole lies α/(1 − α) behind the centre of the second sphere.
 
     Notes
     -----

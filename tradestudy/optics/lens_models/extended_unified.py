@@ -19,7 +19,7 @@ class ExtendedUnified(LensModel):
     Parameters
     ----------
     alpha
-        Blending factor α [1] between the ellipsoid and the pinhole, from 0 to 1.
+        Blending factor α [1], from 0 to 1: the pinhole lies α/(1 − α) behind the centre of the ellipsoid.
     beta
         Shape β [1] of the ellipsoid, above 0; 1 makes it a sphere.
 

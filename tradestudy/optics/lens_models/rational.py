@@ -36,8 +36,10 @@ class Rational(LensModel):
         Coefficient of tangential distortion [1].
     s1, s2, s3, s4
         Coefficient of thin-prism distortion [1].
-    tau_x, tau_y
-        Tilt of the sensor [rad].
+    tau_x
+        Tilt of the sensor about its x axis [rad].
+    tau_y
+        Tilt of the sensor about its y axis [rad].
 
     Notes
     -----
