@@ -83,10 +83,10 @@ def disc_nodes(
 ) -> QuadratureNodes:
     """Quadrature nodes on a disc: rings at Gauss–Legendre points in the squared radius, each with equally spaced nodes.
 
-    The mean of a smooth function over a ring is an even function of the radius, and so a smooth function of the squared
-    radius. Equal steps of the squared radius also enclose equal areas. The sum over the nodes is exact for polynomials
-    x^i y^j with i + j < ``angular_count`` (its smallest entry, for an array) and i + j ≤ 4 ``radial_count`` − 2. For
-    other smooth functions, the error falls faster than any power of the counts.
+    The mean of a smooth function over a ring is a smooth function of the squared radius, and equal steps of the squared
+    radius enclose equal areas. The rule therefore converges fast: it is exact for polynomials x^i y^j with i + j <
+    ``angular_count`` (its smallest entry, for an array) and i + j ≤ 4 ``radial_count`` − 2. For other smooth functions,
+    the error falls faster than any power of the counts.
 
     Parameters
     ----------

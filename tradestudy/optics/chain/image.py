@@ -82,7 +82,7 @@ def chain_image(
     compute
         Function ``compute(parts, progress)`` that calls every part, returns their results in order, and calls
         ``progress`` with the completed fraction. Each part computes some of the points of an incoherent disc; the image
-        does not depend on where. Default: one part after another in this process.
+        is the same wherever the parts are computed. Default: one part after another in this process.
 
     Returns
     -------
@@ -93,10 +93,10 @@ def chain_image(
     Raises
     ------
     OutOfRangeError
-        The wavelength exceeds an aperture or a distance; the source is a coherent disc, or a lens has a `Pupil`, and a
-        leg uses rays or a boundary wave; the microlenses are square and the leg to the detector uses a boundary wave;
-        the source is an incoherent disc and the main lens has a pupil without rotational symmetry; or rays are used on
-        one leg only and the main lens focuses the source onto the array.
+        The wavelength exceeds an aperture or a distance; a leg uses rays or a boundary wave although the source is a
+        coherent disc or a lens has a `Pupil`; the leg to the detector uses a boundary wave although the microlenses are
+        square; the main lens has a pupil without rotational symmetry although the source is an incoherent disc; or only
+        one leg uses rays although the main lens focuses the source onto the array.
     UnaffordableError
         The computation needs more memory than ``accuracy`` allows, or would divide the source into more
         than about a million points.
@@ -329,8 +329,8 @@ def separate_image(
         Function called after each microlens with the fraction of microlenses completed.
     compute
         Function ``compute(parts, progress)`` that calls every part, returns their results in order, and calls
-        ``progress`` with the completed fraction. Each part computes the light of one microlens; the image does not
-        depend on where. Default: one part after another in this process.
+        ``progress`` with the completed fraction. Each part computes the light of one microlens; the image is the
+        same wherever the parts are computed. Default: one part after another in this process.
 
     Returns
     -------

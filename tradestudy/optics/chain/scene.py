@@ -134,8 +134,10 @@ class PixelGrid:
 
         Parameters
         ----------
-        rows, columns
-            Part of this axis, as a slice with start and stop.
+        rows
+            Rows of the part, as a slice with start and stop.
+        columns
+            Columns of the part, as a slice with start and stop.
 
         Returns
         -------

@@ -231,7 +231,7 @@ class Pupil:
 
     @property
     def round(self) -> bool:
-        """Whether the pupil has only Zernike coefficients of azimuthal order 0, and neither path nor amplitude."""
+        """Whether all Zernike coefficients are of azimuthal order 0, and `path` and `amplitude` are left out."""
         even = all(noll_order(index)[1] == 0 for index, coefficient in self.zernikes.items() if coefficient)
         return even and self.path is None and self.amplitude is None
 

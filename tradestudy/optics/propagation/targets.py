@@ -142,8 +142,10 @@ class TargetGrid:
     >>> grid.shape, f"{grid.x_axis[0]:.3g}"
     ((65, 65), '-1.6e-05')
     >>> x, y, distance = grid.at(grid.corners())
-    >>> print(f"corners at x = {x * 1e6} µm, of {grid.coordinates()[0].size} points from y = {grid.box()[1][0]:.3g} m")
-    corners at x = [-16. -16.  16.  16.] µm, of 4225 points from y = -1.6e-05 m
+    >>> print(f"x of the corners: {x * 1e6} µm; smallest y: {grid.box()[1][0] * 1e6:.3g} µm")
+    x of the corners: [-16. -16.  16.  16.] µm; smallest y: -16 µm
+    >>> print(f"{grid.coordinates()[0].size} points")
+    4225 points
     """
 
     x_start: float
