@@ -48,7 +48,11 @@ class AccuracyPart(Part):
     psf_width: Tolerance | None = Field(
         default=None, description="Tolerance on the width of the image of a point; default: `tolerance`."
     )
-    time_limit: PositiveDuration | None = Field(default=None, description="Time limit of the whole run; default: none.")
+    time_limit: PositiveDuration | None = Field(
+        default=None,
+        description="Longest time that a run may be predicted to take; a slower one is refused before it starts. "
+        "Default: none.",
+    )
 
     def asked(self) -> accuracy.Accuracy:
         """The tolerance of each quantity for which models are chosen."""
@@ -65,25 +69,26 @@ class AccuracyPart(Part):
 
 
 _AT_A_LENS = (
-    "none, an Airy pattern in focus, the wave from the rim of the aperture to first order, Fresnel's approximation, or "
-    "Kirchhoff's integral with exact paths"
+    "none; the Airy pattern of the lens in focus, combined with the disc of defocus; rays and the wave diffracted at "
+    "the edge of the aperture; Fresnel's approximation; or Kirchhoff's integral with exact paths"
 )
 _MODELS = {
     "defocus_blur": "none, or a disc of uniform light",
     "main_lens_diffraction": _AT_A_LENS,
     "microlens_diffraction": _AT_A_LENS,
-    "crosstalk": "none, the share of light from neighbouring microlenses, or waves from all microlenses that interfere",
+    "crosstalk": "none, the share of light from neighbouring microlenses, or interference of the waves from all "
+    "microlenses",
     "pixel_integration": "one sample at the centre of each pixel (off), or the mean over its square active area",
     "source_extent": "a point (off), or a disc",
     "spectrum": "the central wavelength alone (off), or all wavelengths with their weights",
-    "vignetting": "none, or the cos⁴ law together with the stops",
+    "vignetting": "none, or the cos⁴ law and the stops of scene.picture.stop_separation",
     "sensor_noise": "the terms that are included",
     "calibration": "none, errors propagated to depth linearly, or errors propagated exactly",
 }
 
 
 class _EffectsPart(Part):
-    """Models that the study forces; each replaces the model that the program would choose for its effect."""
+    """Models of effects, each of which replaces the model that the program would choose."""
 
     def forced(self) -> dict[SlotName, str]:
         """The forced models, by effect."""

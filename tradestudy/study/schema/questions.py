@@ -166,7 +166,7 @@ class SolvePart(Part):
 
 
 class ExpectPart(Part):
-    """The result that a claim leads to expect: a value with a tolerance, or a bound."""
+    """The result to be expected if the claim is true: a value with a tolerance, or a bound."""
 
     about: QuantityText | None = Field(default=None, description="Expected value, with its unit.")
     within: PositiveFraction | None = Field(
@@ -205,7 +205,10 @@ class _ClaimPart(Part):
 
 
 class LimitDistanceClaim(_ClaimPart):
-    """A claim about the distance at which one limit of the usable range begins or ceases to hold by itself."""
+    """A claim about the distance from which, or up to which, a camera meets one limit of the usable range.
+
+    The other limits are ignored.
+    """
 
     quantity: Literal["limit_distance"]
     camera: CameraName = Field(description="Camera that the claim is about.")
@@ -214,8 +217,8 @@ class LimitDistanceClaim(_ClaimPart):
         "relative_uncertainty", "saturation", "matching",
     ] = Field(
         description="Limit that the claim is about: `total_covering_plane` is the limit on virtual_depth, `focus` the "
-        "limit on blur, `last_disparity_step` the limit on disparity_step; `saturation` and `matching` are limits of a "
-        "derived disparity error."
+        "limit on blur, `last_disparity_step` the limit on disparity_step; `saturation` and `matching` apply to a "
+        "derived disparity error: no pixel saturates, and a matcher can reach that error."
     )  # fmt: skip
     end: Literal["near", "far"] = Field(description="Whether the limit sets the near or the far end of the range.")
 
