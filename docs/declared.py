@@ -38,8 +38,8 @@ Depth uncertainty over the picture of each stereo rig with a lens model, at a fe
 distances from the middle of the sensor, as fractions of half its width and half its height.
 """,
     "disparity_causes": """
-What makes each derived disparity error as large as it is. Effects that the tolerance leaves out elsewhere are included.
-For an unfocused plenoptic camera, 1 px is one microlens.
+What makes each derived disparity error as large as it is. These variables include the effects that other results
+leave out because they matter less than the tolerance. For an unfocused plenoptic camera, 1 px is one microlens.
 """,
     "depth_loop": """
 Depth measured in rendered pictures of planes, compared with its prediction. `contrast` and `electrons` list

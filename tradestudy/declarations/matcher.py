@@ -18,7 +18,7 @@ FalseShare = Annotated[Share, Field(lt=1.0)]
 
 
 class MatcherPart(Part):
-    """Errors that a real matcher adds to the Cramér–Rao bound of a disparity error; omitted keys add nothing."""
+    """Errors that a real matcher adds to the Cramér–Rao bound on a disparity error; omitted keys add nothing."""
 
     factor: NoiseFactor | None = Field(
         default=None, description="Noise of the matcher, relative to the Cramér–Rao bound."

@@ -54,7 +54,7 @@ def band_nodes(along: int, across: int) -> BandNodes:
 
 
 def matching_bound_px(nodes: BandNodes, *, signal: ArrayLike, noise: ArrayLike, window_px: ArrayLike) -> FloatArray:
-    """Cramér–Rao bound of a disparity: ``σ⁻² = W² ∬ (2π ν_x)² γ²/(1 − γ²) d²ν``, γ = S/(S + N).
+    """Cramér–Rao bound on a disparity error: ``σ⁻² = W² ∬ (2π ν_x)² γ²/(1 − γ²) d²ν``, γ = S/(S + N).
 
     It applies to two pictures of one stationary Gaussian texture, shifted by an unknown disparity, each with
     independent white noise. The spectrum of the texture is known, the texture itself is not. γ is the coherence of the

@@ -80,7 +80,7 @@ class DerivedDisparityError:
 def disparity_error_px(
     geometry: PictureGeometry, settings: PictureSettings, models: PictureModels
 ) -> DerivedDisparityError:
-    """Cramér–Rao bound of the disparity of one pair of windows [samples], over the distances of the geometry.
+    """Cramér–Rao bound on the disparity error of one pair of windows [samples], over the distances of the geometry.
 
     Raises
     ------

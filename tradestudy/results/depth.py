@@ -223,8 +223,8 @@ DEPTH_MAP: Final[Mapping[str, Variable]] = {
     "depth_uncertainty_error": Variable(
         dims=("camera", "distance", "down", "across"),
         units="m",
-        long_name="error of depth_uncertainty because inverse depth is taken as linear: the largest that was found "
-        "on the axis, halfway to the corner of the picture and in the corner; NaN where none was computed",
+        long_name="error of depth_uncertainty that comes from taking inverse depth as linear: the largest that was "
+        "found on the axis, halfway to the corner of the picture and in the corner; NaN where none was computed",
         error=ESTIMATE,
     ),
 }
@@ -251,7 +251,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "disparity_error_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="Cramér–Rao bound of the disparity error, without the errors of a declared matcher; infinite "
+        long_name="Cramér–Rao bound on the disparity error, without the errors of a declared matcher; infinite "
         "where the image has no texture left, NaN where the camera forms no image",
         symbol="σ_d",
         reference=_MATCHING,

@@ -178,7 +178,7 @@ CLAIMS: Final[Mapping[str, Variable]] = {
     "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes"),
     "says": Variable(dims=("claim",), units="", long_name="the claim in the words of its source"),
     "source": Variable(dims=("claim",), units="", long_name="where the claim was published"),
-    "expected": Variable(dims=("claim",), units="", long_name="value or bound that the claim leads to expect"),
+    "expected": Variable(dims=("claim",), units="", long_name="value or bound to be expected if the claim is true"),
     "quantity": Variable(
         dims=("claim",), units="", long_name="quantity that the claim is about, with the cameras called by their titles"
     ),
