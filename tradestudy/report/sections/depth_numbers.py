@@ -257,9 +257,10 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
     own = [distance_with_error(float(v), float(e)) for v, e in zip(values[0], errors, strict=True) if np.isfinite(v)]
     others = values[1:][np.isfinite(values[1:])]
     declared = (
-        f"the two are equally uncertain at {' and '.join(own)}, whether or not they are usable there"
+        f"the depth uncertainties of the two cameras are equal at {' and '.join(own)}, whether or not the cameras are "
+        "usable there"
         if own
-        else "the curves do not cross"
+        else "the curves of the two depth uncertainties do not cross"
     )
     count, all_others = int(np.isfinite(values[1:]).any(axis=1).sum()), len(values) - 1
     if not others.size:
@@ -268,7 +269,7 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
     yield Paragraph(
         say(
             "In the declared study, {declared}. Under {under}, the curves of their uncertainties cross between "
-            "{low} and {high}. This range covers assumptions; it is not a confidence interval.",
+            "{low} and {high}. The assumptions cause this range; it is not a confidence interval.",
             declared=declared,
             under="the other reading" if count == all_others == 1 else f"{count} of the {all_others} other readings",
             low=distance(float(others.min())),
