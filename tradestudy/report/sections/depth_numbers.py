@@ -227,7 +227,7 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
         text = or_dash(float(at["uncertainty_ratio"]))
         return say("**{text}**", text=text) if bool(at["certainty_flips"]) else text
 
-    places = decision["place"].values
+    places, undecided = decision["place"].values, bool(np.isnan(both["uncertainty_ratio"]).any())
     return Table(
         name="reading-table",
         caption=f"Uncertainty of {pair['first']} over that of {pair['second']}, from noise and calibration errors "
@@ -243,7 +243,8 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
         ),
         notes=(
             f"Below 1, {pair['first']} is more certain; above 1, {pair['second']}, whether or not they are usable "
-            f"there.",
+            "there."
+            + (" Dash: a camera forms no image there, or neither uncertainty has a bound." if undecided else ""),
         ),
     )
 
