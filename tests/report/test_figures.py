@@ -20,6 +20,7 @@ from tradestudy.figures.sweeps import frontier, moved_cameras, reference_distanc
 from tradestudy.report.curve_values import curve_values
 from tradestudy.results.views.decision import has_winners, winners
 from tradestudy.results.views.depth import nominal
+from tradestudy.results.views.groups import camera_titles
 from tradestudy.units import LENGTH, NUMBER, pretty
 
 HOSTILE = r"_R5 $x_1$ \frac{1}{0} <b>&amp; %s {0} #id '\"" + "日本"
@@ -219,9 +220,16 @@ def test_readings_without_bound_are_counted_and_shown(make_tree: Callable[..., x
     drawing = figures.build(tree)["readings"]
     sentence = "At 1\u00a0m the ratio runs from 0 to ∞ and is above 1 in 2 of 4 readings, undecided in 1."
     assert sentence in drawing.alt
-    assert drawing.caption.endswith("∞ and 0 at the edge: one of the two uncertainties has no bound.")
+    first, second = (camera_titles(tree)[decision.attrs[end]] for end in ("first", "second"))
+    unbounded, undecided = drawing.caption.split("∞ at the edge: ")[1].split(" No mark: ")
+    of_first, of_second = unbounded.split(" 0 at the edge: ")
+    assert first in of_first
+    assert second in of_second
+    assert undecided
     assert [(text.get_text(), text.xy[1]) for text in drawing.draw().axes[0].texts] == [("∞", 1), ("0", 3)]
-    assert "edge" not in figures.build(make_tree())["readings"].caption
+    as_usual = figures.build(make_tree())["readings"].caption
+    assert "edge" not in as_usual
+    assert "No mark" not in as_usual
 
 
 def test_words_and_table_have_one_value_at_a_declared_distance(make_tree: Callable[..., xr.DataTree]) -> None:

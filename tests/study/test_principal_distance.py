@@ -53,7 +53,7 @@ def test_the_report_describes_it() -> None:
     assert rows["principal distance"] == rows["image distance of a thin lens, as focused"] == "27.35 mm"
     rows = dict(rig_of("cameras.pair-declared.principal_distance=focal_length").properties())
     assert (rows["principal distance"], rows["image distance of a thin lens, as focused"]) == ("18.3 mm", "27.35 mm")
-    assert rows["field of view on the diagonal, from the principal distance"] == "44.03°"  # 14.8 mm behind 18.3 mm
+    assert rows["diagonal field of view, from the principal distance"] == "44.03°"  # 14.8 mm behind 18.3 mm
     refocused = ["focus_distance=autofocus", "principal_distance=focal_length"]
     rows = dict(rig_of(*(f"cameras.pair-declared.{change}" for change in refocused)).properties())
     assert rows["image distance of a thin lens, as focused"].startswith("varies")

@@ -259,7 +259,7 @@ def light_benchmarks(part: LightSpotPart, seconds: MutableMapping[str, float]) -
     errors: dict[str, float] = {}
     places = (("on axis", 0.0), (f"{_OFF_AXIS * 1e3:g} mm off axis", _OFF_AXIS))
     for phase, (where, x) in product(LENS_PHASES, places):
-        name = f"main lens alone, {_TARGETS}² targets, Kirchhoff, {phase}, {where}"
+        name = f"main lens alone, {_TARGETS} × {_TARGETS} points, Kirchhoff, {phase}, {where}"
         found = [_aperture(part, phase, x) for _ in range(_REPEATS)]
         errors[name] = found[0][1]
         seconds[name] = min(took for took, _ in found)

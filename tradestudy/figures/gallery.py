@@ -235,9 +235,15 @@ def _readings(tree: xr.DataTree) -> Drawing:
     decision = tree["decision"].to_dataset()
     ratio = decision["uncertainty_ratio"]
     every = np.asarray(ratio.values, dtype=float)
-    signs = [sign for sign, there in (("∞", np.isinf(every)), ("0", every == 0.0)) if there.any()]
     titles = camera_titles(tree)
     numerator, denominator = titles[decision.attrs["first"]], titles[decision.attrs["second"]]
+    unbounded = [
+        f"{sign} at the edge: only the uncertainty of {title} has no bound."
+        for sign, there, title in (("∞", np.isinf(every), numerator), ("0", every == 0.0, denominator))
+        if there.any()
+    ]
+    if np.isnan(every).any():
+        unbounded.append("No mark: a camera forms no image there, or neither uncertainty has a bound.")
     sentences = []
     for place in ratio["place"].values:
         values = np.asarray(ratio.sel(place=place, error_source="both").values, dtype=float)
@@ -256,8 +262,7 @@ def _readings(tree: xr.DataTree) -> Drawing:
         caption=f"Which assumption reverses the verdict on certainty: uncertainty of {numerator} over that of "
         f"{denominator}, under every reading (names as in the table above). Left of 1 (shaded), {numerator} is more "
         f"certain; right of 1, {denominator}. Open marks: the reverse of the "
-        "verdict of the study as declared."
-        + (f" {listed(signs)} at the edge: one of the two uncertainties has no bound." if signs else ""),
+        + " ".join(["verdict of the study as declared.", *unbounded]),
         alt=f"Dot chart of the uncertainty of {numerator} over that of {denominator}, one row per reading, one mark "
         "per distance, three panels: noise and calibration, noise only, calibration only. " + "".join(sentences),
         draw=partial(readings.draw_readings, tree),

@@ -66,11 +66,12 @@ def light_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         spread = tree["point_spread"].to_dataset()
         yield Drawing(
             name="point_spread",
-            caption="Spread of a point behind each lens, one quantity varied at a time: radii about the thin-lens "
-            "image that contain 50 % and 80 % of the light, root-mean-square distance within "
+            caption="Spread of a point behind each lens, one quantity varied at a time: radii of the circles around "
+            "the thin-lens image that contain 50 % and 80 % of the light, root-mean-square distance within "
             f"{plain_number(float(spread.attrs['rms_radius']))} Airy radii, full width at half maximum. Defocus "
             "is in waves at the rim of the pupil. Solid: "
-            "Kirchhoff, with its numerical error as a bar; pale and dotted: Fresnel. Grey: one pixel.",
+            "Kirchhoff, with its numerical error as a bar; pale and dotted: Fresnel. Grey: one pixel."
+            + (" A bar across the whole panel: a width that is not determined." if _undetermined(spread) else ""),
             alt="Line charts of widths, one row per lens, one column per varied quantity. " + _spread_words(spread),
             draw=partial(draw_point_spread, tree),
         )
@@ -232,6 +233,12 @@ def _spread_panel(axes: Axes, data: xr.Dataset, scale: float) -> None:
                 elinewidth=0.7,
                 label=words if exact else f"{words}, Fresnel",
             )
+
+
+def _undetermined(data: xr.Dataset) -> bool:
+    """Whether the error of any drawn width exceeds the width itself."""
+    exact = data.sel(propagator="kirchhoff")
+    return any(bool((exact[f"{name}_error"] > exact[name]).any()) for name in _SPREADS)
 
 
 def _spread_words(data: xr.Dataset) -> str:

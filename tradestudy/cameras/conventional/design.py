@@ -160,9 +160,9 @@ class ConventionalCamera(Camera):
             ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
             ("focus distance, from the principal plane", pretty(self.focus_distance, LENGTH, 4)),
             ("working f-number", pretty(single.working_f_number, NUMBER, 4)),
-            ("field of view across, focused at infinity", pretty(lens.field_of_view(self.sensor.width), ANGLE, 4)),
+            ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(self.sensor.width), ANGLE, 4)),
             (
-                "field of view on the diagonal, focused at infinity",
+                "diagonal field of view, focused at infinity",
                 pretty(lens.field_of_view(self.sensor.diagonal), ANGLE, 4),
             ),
         ]

@@ -31,8 +31,8 @@ def properties_of(
         ("virtual depth at infinity", pretty(virtual_depth_at_infinity, NUMBER, 4)),
         ("total covering plane, where |virtual depth| is 2", pretty(total_covering_plane, LENGTH, 4)),
         ("every point is seen by two microlenses (exact lattice) from", _covered_from(lens, array, mla_distance)),
-        ("field of view across, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
-        ("field of view on the diagonal, focused at infinity", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
+        ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
+        ("diagonal field of view, focused at infinity", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
     )
 
 

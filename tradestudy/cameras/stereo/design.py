@@ -401,9 +401,9 @@ class StereoRig(DepthCamera):
                 "varies with focus" if focus is None else pretty(self.sensor_distance(focus), LENGTH, 4),
             ),
             ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
-            ("field of view across, from the principal distance", pretty(self.field_of_view, ANGLE, 4)),
+            ("horizontal field of view, from the principal distance", pretty(self.field_of_view, ANGLE, 4)),
             (
-                "field of view on the diagonal, from the principal distance",
+                "diagonal field of view, from the principal distance",
                 pretty(self.view_of(self.sensor.width, self.sensor.height), ANGLE, 4),
             ),
             ("baseline", pretty(self.baseline, LENGTH, 4)),

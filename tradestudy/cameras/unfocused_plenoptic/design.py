@@ -293,9 +293,9 @@ class UnfocusedPlenoptic(PlenopticCamera):
             ("diameter of the pupil of one view", pretty(self.view_pupil_diameter, LENGTH, 4)),
             ("refocus distance, shift of one microlens nearer", pretty(nearer, LENGTH, 4)),
             ("refocus distance, shift of one microlens farther", pretty(farther, LENGTH, 4)),
-            ("field of view across, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
+            ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
             (
-                "field of view on the diagonal, focused at infinity",
+                "diagonal field of view, focused at infinity",
                 pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4),
             ),
         )

@@ -357,7 +357,7 @@ def _absent(pictured: Sequence[DepthCamera], slot: SlotName) -> str:
     laws = [(one, one.disparity_error_px) for one in pictured]
     complete = [complete_in_closed_form(one, law) for one, law in laws if isinstance(law, PictureDisparityError)]
     if slot in ("microlens_diffraction", "crosstalk") and all(one.microlens_diffraction == OFF for one in complete):
-        return "no microlenses blur this picture"
+        return "no microlenses blur the pictures"
     if slot == "spectrum" and all(one.spectrum == OFF for one in complete):
         return "the study declares one wavelength"
     return ""

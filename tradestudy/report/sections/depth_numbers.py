@@ -227,7 +227,7 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
         text = or_dash(float(at["uncertainty_ratio"]))
         return say("**{text}**", text=text) if bool(at["certainty_flips"]) else text
 
-    places = decision["place"].values
+    places, undecided = decision["place"].values, bool(np.isnan(both["uncertainty_ratio"]).any())
     return Table(
         name="reading-table",
         caption=f"Uncertainty of {pair['first']} over that of {pair['second']}, from noise and calibration errors "
@@ -243,7 +243,8 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
         ),
         notes=(
             f"Below 1, {pair['first']} is more certain; above 1, {pair['second']}, whether or not they are usable "
-            f"there.",
+            "there."
+            + (" Dash: a camera forms no image there, or neither uncertainty has a bound." if undecided else ""),
         ),
     )
 
@@ -257,9 +258,10 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
     own = [distance_with_error(float(v), float(e)) for v, e in zip(values[0], errors, strict=True) if np.isfinite(v)]
     others = values[1:][np.isfinite(values[1:])]
     declared = (
-        f"the two are equally uncertain at {' and '.join(own)}, whether or not they are usable there"
+        f"the depth uncertainties of the two cameras are equal at {' and '.join(own)}, whether or not the cameras are "
+        "usable there"
         if own
-        else "the curves do not cross"
+        else "the curves of the two depth uncertainties do not cross"
     )
     count, all_others = int(np.isfinite(values[1:]).any(axis=1).sum()), len(values) - 1
     if not others.size:
@@ -268,7 +270,7 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
     yield Paragraph(
         say(
             "In the declared study, {declared}. Under {under}, the curves of their uncertainties cross between "
-            "{low} and {high}. This range covers assumptions; it is not a confidence interval.",
+            "{low} and {high}. The assumptions cause this range; it is not a confidence interval.",
             declared=declared,
             under="the other reading" if count == all_others == 1 else f"{count} of the {all_others} other readings",
             low=distance(float(others.min())),

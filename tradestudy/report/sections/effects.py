@@ -17,7 +17,7 @@ from tradestudy.wording import distance, in_words, listed
 
 _HOW: Final = {
     "computed": "computed",
-    "rule": "closed-form rule, with a margin",
+    "rule": "closed-form rule with a margin",
     "trial": "trial at a few distances",
 }
 _FULL: Final = "none"
@@ -39,9 +39,8 @@ def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
     yield Paragraph(
         say(
             "Each effect has several models, from `off` to the most complete one, named as in study files. The program "
-            "chose the cheapest set that keeps the answers within the tolerance at the worst distance, reading and "
-            "design. "
-            "{together}",
+            "chose the cheapest models that together keep the answers within the tolerance at the worst distance, "
+            "reading and design. {together}",
             together=" ".join(_together(tree)),
         )
     )
@@ -119,9 +118,9 @@ def _cells(row: Mapping[str, Any], *, marked: bool) -> tuple[str, ...]:
         return in_words(str(row["slot"])), model, "see above", "—", "—"
     if row["change"] == 0.0:
         return in_words(str(row["slot"])), model, _FULL, "—", "—"
-    at = "" if math.isnan(row["at"]) else f", largest at {distance(row['at'])}"
+    at = "" if math.isnan(row["at"]) else f"; worst at {distance(row['at'])}"
     if math.isinf(row["change"]):
-        known = "unknown"
+        known = "not estimated"
     elif row["evidence"] == "trial" and row["quantity"] == "pixel_intensity":
         known = f"trial at a few places{at}"
     else:

@@ -153,11 +153,12 @@ def _measures(data: xr.Dataset) -> Iterator[Block]:
     )
     yield Paragraph(
         say(
-            "To second order every lens phase is the parabola, so there is one Fresnel function but three of "
-            "Kirchhoff's: behind the paper's *parabolic* phase the exact paths leave spherical aberration "
-            "*W* = *r*^4^/8 (1/*a*³ + 1/*b*³), a *stigmatic* element cancels them on the axis for its own object "
-            "distance, and a *perfect* lens does so for every point. On the axis the last two agree. The numerical "
-            "error is at most {error} of the numbers below.",
+            "To second order, all three lens phases are the same parabola, so Fresnel's point-spread function is the "
+            "same for all of them. Kirchhoff's is not. With the paper's *parabolic* phase, the exact paths differ by a "
+            "spherical aberration *W* = *r*^4^/8 (1/*a*³ + 1/*b*³), where *r* is the distance from the axis in the "
+            "pupil, *a* the object distance and *b* the image distance. A *stigmatic* lens cancels this aberration "
+            "for the axial point at its object distance, a *perfect* lens for every point. On the axis, these two "
+            "agree. The numerical error is at most {error} of the numbers below.",
             error=share(float((data["published_point_error_numerical"] / data["published_point_error"]).max())),
         )
     )
@@ -178,7 +179,7 @@ def _error_table(data: xr.Dataset, element: str) -> Table:
     return Table(
         name=f"fresnel-error-{element}",
         caption=f"{element_title(data, element)} at f/{significant(place)}: error of Fresnel's point-spread function "
-        "by every measure and wavelength. Numbers in the column heads: radius of the window in Airy radii.",
+        "in every measure, at every wavelength. Numbers in the column heads: radius of the window in Airy radii.",
         columns=(
             Column(title="Wavelength", weight=1),
             *(
@@ -187,7 +188,7 @@ def _error_table(data: xr.Dataset, element: str) -> Table:
             ),
         ),
         rows=tuple(rows),
-        notes=(f"Published for f/{significant(place)}: {share(stated)}.",) if np.isfinite(stated) else (),
+        notes=(f"The paper states {share(stated)} at f/{significant(place)}.",) if np.isfinite(stated) else (),
     )
 
 

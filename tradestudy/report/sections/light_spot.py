@@ -195,10 +195,11 @@ def _method(data: xr.Dataset) -> Iterator[Block]:
     source = str(data.attrs["source"])
     yield Paragraph(
         say(
-            "{source} wave passes the pupil and phase of the main lens, travels to the array, passes the aperture and "
-            "phase of every microlens about the lens's own centre, and travels to the detector, where the waves behind "
-            "all microlenses add as fields. The intensity is integrated over each pixel{sum}. Light: {light}; phase "
-            "of the main lens: {main}, of the microlenses: {micro}. The array: {array}.",
+            "{source} wave passes the pupil and phase of the main lens, travels to the array (the first leg), passes "
+            "the aperture and phase of every microlens about the lens's own centre, and travels to the detector (the "
+            "second leg), where the waves behind all microlenses add as fields. The intensity is integrated over each "
+            "pixel{sum}. Light: {light}; phase of the main lens: {main}, of the microlenses: {micro}. The array: "
+            "{array}.",
             source=_SOURCES[source],
             sum=", and the intensities of all points of the spot are averaged" if source == "incoherent disc" else "",
             light=_light(data),
@@ -258,20 +259,20 @@ def _benchmarks(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Table]:
     names = [str(name) for name in data["benchmark"].values]
     yield Table(
         name="light-benchmarks",
-        caption="Computing times of parts on this machine, and the root mean square error of the intensities that each "
-        "states, relative to their root mean square, by comparison with direct quadrature.",
+        caption="Parts of the computation, timed on this machine. Stated error: root mean square error of the "
+        "intensity, found by comparison with direct quadrature, relative to the root mean square of the intensity.",
         columns=(
             Column(title="Case", weight=1),
             Column(title="Time", align="right"),
             Column(title="Stated error", align="right"),
         ),
         rows=tuple(
-            (name, _duration(_seconds(run, name)), significant(float(data["benchmark_error"].sel(benchmark=name)), 2))
+            (name, _duration(_seconds(run, name)), share(float(data["benchmark_error"].sel(benchmark=name)), 2))
             for name in names
         ),
         notes=(
-            "One aperture: shortest of three runs, with set-up but without the check. One source point: one run, with "
-            "its check. Other work on the machine lengthens all times.",
+            "Main lens alone: the shortest of three runs, without the comparison that gives the error. One source "
+            "point: one run, including this comparison. Other work on the machine lengthens all times.",
         ),
     )
 

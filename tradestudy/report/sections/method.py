@@ -53,14 +53,18 @@ def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
         )
     )
     yield Paragraph(
-        "Off the axis, the light falls by cos⁴ of the field angle, and further where the picture declares two stops, "
-        "whose rims narrow the pupil most along the radius of the field. Rims dim the whole picture of a stereo rig. "
-        "Behind microlenses each pixel sees through one spot of the pupil: rims remove whole views of an unfocused "
-        "camera, and narrow the micro-images of a focused one, which leaves fewer lenses and shorter baselines. The "
-        "smallest width, the radial one, is used for all directions."
+        "Off the axis, the light decreases with cos⁴ of the field angle. Where the study declares a second stop, the "
+        "rims of the two stops also clip the pupil, most along the radius of the field. In a stereo rig, this clipping "
+        "darkens the picture. Behind a microlens, each pixel receives light from one part of the "
+        "pupil. The rims therefore remove whole views from an unfocused plenoptic camera. In a focused one they narrow "
+        "the micro-images, so that fewer microlenses see each point and the baselines between them are shorter. The "
+        "computation uses the radial width of the clipped pupil, the smallest, for all directions."
     )
     if not matchers:
-        yield Paragraph("No matcher can do better than this bound; the study does not declare what a real one adds.")
+        yield Paragraph(
+            "No matcher can do better than the Cramér–Rao bound. The study does not declare how much larger the "
+            "error of a real matcher is."
+        )
         return
     yield Equation(
         typst="sigma^2 = (k sigma_d)^2 + f^2 + A^2 / 2",
@@ -144,29 +148,36 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
     """Explain the limits that apply to cameras of the study."""
     yield Heading(text="Where a camera counts as usable", anchor="method-usable", level=2)
     yield Paragraph(
-        "A camera is usable at a distance where it meets every limit that the study declares. The report names the "
-        "limit that sets each end of the usable range."
+        "A camera is usable at a distance where it meets all of the limits below. The report names the limit that sets "
+        "each end of the usable range."
     )
     meanings = {
-        "overlap": say("**Overlap**: the fraction of each stereo picture that the other camera also sees."),
+        "overlap": say(
+            "**Overlap**: the other camera also sees at least the declared fraction of each stereo picture."
+        ),
         "total_covering_plane": say(
             "**Total covering plane**: the image formed by the main lens lies at least the declared virtual depth "
             "from the array."
         ),
         "availability": say(
-            "**Availability**: the fraction of points that at least two of the microlenses used by the estimator see."
+            "**Availability**: at least two of the microlenses used by the estimator see at least the declared "
+            "fraction of points."
         ),
         "focus": say(
-            "**Focus**: the geometric blur on the sensor, in the least sharp picture that the estimator needs."
+            "**Focus**: the geometric blur on the sensor, in the least sharp picture that the estimator needs, is at "
+            "most the declared one."
         ),
         "last_disparity_step": say(
             "**Last disparity step**: the disparity still differs from that of infinity by more than one step."
         ),
         "failed_fraction": say(
-            "**Failed measurements**: the fraction that noise and calibration errors put beyond infinity"
-            + (", and false matches where the study declares some." if "matching" in applied else ".")
+            "**Failed measurements**: at most the declared fraction of measurements fail, because noise and "
+            "calibration errors put them beyond infinity"
+            + (", or because of a false match, where the study declares some." if "matching" in applied else ".")
         ),
-        "relative_uncertainty": say("**Relative uncertainty**: the depth uncertainty as a fraction of the distance."),
+        "relative_uncertainty": say(
+            "**Relative uncertainty**: the depth uncertainty is at most the declared fraction of the distance."
+        ),
         "saturation": say(
             "**Saturation**: the brightest texture, three standard deviations above the mean, does not saturate the "
             "pixels."

@@ -131,7 +131,7 @@ def _parameters(there: xr.Dataset, name: str, title: str) -> Table:
             title=title,
             errors="" if with_term else ", each as an error of its declared value",
             compared="standard deviation by Laplace's normal approximation, and the ratio of the standard deviation to "
-            "that of a fit in which the board does not move"
+            "that of a fit that assumes that the board does not move between the exposures of the two cameras"
             if with_term
             else "standard deviation by Laplace's normal approximation, and that of the prior",
         ),

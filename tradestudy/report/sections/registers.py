@@ -39,6 +39,7 @@ _BASES: Final[Mapping[str, str]] = {
     "paper": "from the paper",
 }
 _PAIR: Final = re.compile(r"\[(\d+), (\d+)\]")  # width and height of a sensor
+_LIST: Final = re.compile(r"^\[([^\[\]]+)\]$")  # without lists in it
 
 
 def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
@@ -120,12 +121,12 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
     )
     yield Table(
         name="assumption-register",
-        caption="Assumptions register; a value that several cameras share is listed once.",
+        caption="Assumptions register. A value that several cameras take from one line of a file is listed once.",
         columns=(
             Column(title="Camera", weight=3),
-            Column(title="Input", weight=3),
+            Column(title="Input", weight=4),
             Column(title="Value", weight=2),
-            Column(title="Note", weight=5),
+            Column(title="Note", weight=4),
         ),
         rows=tuple(_by_basis(rows, known, tree)),
     )
@@ -148,9 +149,10 @@ def _by_basis(rows: list[dict[str, Any]], bases: list[str], tree: xr.DataTree) -
 
 
 def _value_words(value: str) -> str:
-    """Write a declared value as people do: names without underscores, infinity in full, degrees with their sign."""
+    """Write a declared value as people do: no underscores or brackets, infinity in full, degrees with their sign."""
     if value == "inf":
         return "infinity"
+    value = _LIST.sub(r"\1", value)
     return in_words(value) if value.isidentifier() else value.replace(" degC", " °C")
 
 
@@ -363,7 +365,7 @@ def describe_provenance(run: Mapping[str, Any]) -> Iterator[Block]:
         yield Heading(text="Provenance", anchor="provenance")
         yield Table(
             name="provenance-table",
-            caption="How this report was made; everything else in it depends on the study alone.",
+            caption="How this report was made.",
             columns=(Column(title="What", weight=1), Column(title="Value", weight=2)),
             rows=rows,
         )
@@ -372,11 +374,18 @@ def describe_provenance(run: Mapping[str, Any]) -> Iterator[Block]:
 def _recorded(content: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     """Rows of plain values first, then those of every group of values under its name."""
     groups = {key: value for key, value in content.items() if isinstance(value, Mapping)}
-    yield from ((in_words(key), _shown(value)) for key, value in content.items() if key not in groups)
+    yield from (_plain(key, value) for key, value in content.items() if key not in groups)
     for key, values in groups.items():
         if values:
             yield ("Parts computed separately, in each step" if key == "points" else in_words(key).capitalize(),)
             yield from map(_points, values.items()) if key == "points" else _recorded(values)
+
+
+def _plain(key: str, value: Any) -> tuple[str, str]:
+    """The row of a plain value; a number of seconds is a time."""
+    if key.endswith("_seconds") and value is not None:
+        return in_words(key.removesuffix("_seconds")) + " time", f"{_shown(value)} s"
+    return in_words(key), _shown(value)
 
 
 def _points(one: tuple[str, Mapping[str, int]]) -> tuple[str, str]:
