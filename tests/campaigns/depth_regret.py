@@ -339,7 +339,8 @@ def main() -> None:
         "depth_regret",
         f"Choices for {len(found)} random cameras and scenes, tolerance 0.1 to 10 %",
         f"python -m tests.campaigns.depth_regret --cases {given.cases} --seed {given.seed}"
-        + f" --part … --join, stopped after {len(found)} scenes" * bool(given.join),
+        + " --part … --join" * bool(given.join)
+        + f", stopped after {len(found)} scenes" * (len(found) < given.cases),
         HEAD,
         table(found),
         note=NOTE,

@@ -198,6 +198,15 @@ def test_exact_paths_are_tried_on_both_sides_of_the_focus() -> None:
     assert found.models["main_lens_diffraction"] == "kirchhoff"
 
 
+def test_a_steep_limit_between_coarse_distances_sets_an_end() -> None:
+    """Blur ends matching so steeply that 1 % away from its end the disparity error is far from its limit.
+
+    Diffraction without defocus shifts the ends by 1.5 times the tolerance.
+    """
+    (found,) = run(range(381, 382), 802)
+    assert found.change <= found.tolerance
+
+
 def test_a_model_that_acts_nowhere_is_a_mistake_with_a_position() -> None:
     study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", ["effects.main_lens_diffraction=fresnel"])
     with pytest.raises(StudyError, match=r"^--set:1:\d+: effects\.main_lens_diffraction: 'fresnel' .*0\.1 px"):

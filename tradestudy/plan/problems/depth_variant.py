@@ -29,7 +29,7 @@ from tradestudy.plan.problems.kirchhoff_rule import change_by_exact_paths, place
 from tradestudy.plan.problems.off_axis import closed_form_of, moved_off_axis
 from tradestudy.study.applied_models import apply_models, complete_in_closed_form, in_closed_form, with_models
 
-_ENDS_ARE_KNOWN_TO: Final = 1e-2  # of their distance; their shift is found from the slope there
+_ENDS_ARE_KNOWN_TO: Final = 1e-3  # of their distance: at 1e-2, a steep limit would seem not to decide its end
 _BESIDE_AN_END: Final = 1e-2  # of its distance, for that slope
 _NEAR_ITS_BOUND: Final = 0.1  # of the bound: a limit whose value is this near decides an end
 _NEAR_A_STEEP_BOUND: Final = 2.0  # the same for a failed fraction, which can be several times its bound 1 % farther
