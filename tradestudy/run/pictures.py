@@ -112,9 +112,9 @@ def render_scene(definition: StudyDefinition, steps: Steps, seconds: Sequence[fl
     _refuse_too_large(whole, scene, workers=int(getattr(steps.executor, "count", 1)))
     tiles = [tiles_of(one) for one in whole]
     flat = [tile for some in tiles for tile in some]
-    efforts = _efforts(flat, dict(zip((one.name for one in cameras), seconds, strict=bool(seconds))))
+    predicted = {one.name: its for one, its in zip(cameras, seconds, strict=True)} if seconds else {}
     labels = [f"{tile.camera} {tile.exposure.name}, row {tile.rows[0]}, column {tile.columns[0]}" for tile in flat]
-    rendered = iter(steps.map(STEP, render_tile, flat, labels, efforts))
+    rendered = iter(steps.map(STEP, render_tile, flat, labels, _efforts(flat, predicted)))
     pictures = [
         assemble(one, [(tile, next(rendered)) for tile in some], error)
         for one, some, error in zip(whole, tiles, errors, strict=True)

@@ -147,8 +147,8 @@ def _weighed(tree: xr.DataTree) -> Iterator[Spans]:
 
 def _measured(tree: xr.DataTree) -> Iterator[Spans]:
     """How measurements in rendered pictures compare with the prediction."""
-    for sentence in measured_words(tree):
-        yield say("{sentence}.", sentence=sentence.removeprefix("In pictures of the scene, "))
+    for sentence in measured_words(tree, of_scene=""):
+        yield say("{sentence}.", sentence=sentence)
 
 
 def _taken_as_perfect(tree: xr.DataTree) -> Iterator[Spans]:
@@ -224,7 +224,7 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
     turned = [one for one in found if reversed_by[one.place]]
     if turned:
         names = list(dict.fromkeys(name for one in turned for name in reversed_by[one.place]))
-        says = readings_in_words(tree)
+        says = readings_in_words(group(tree, "decision"))
         counts = sorted({len(reversed_by[one.place]) for one in turned})
         by = "under the reading “{only}”" if len(names) == 1 else "under {counts} of {all} other readings"
         yield say(

@@ -25,6 +25,7 @@ from tradestudy.report.document import (
 )
 from tradestudy.report.words import or_dash
 from tradestudy.results.storage import CHECKSUM
+from tradestudy.results.views.decision import readings_in_words
 from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
 from tradestudy.units import significant
 from tradestudy.wording import in_words, listed
@@ -242,8 +243,7 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
         return f"{text} {'✓' if met == 1 else '✗'}{near}" if met >= 0 else text
 
     tried = [name for name in data["reading"].values if any(cell(row["claim"], name) for row in rows)]
-    names = list(map(str, data["reading"].values))
-    says = dict(zip(names, map(str, data["reading_says"].values), strict=True))
+    says = readings_in_words(data)
     yield Heading(text="Claims under every reading", anchor="claim-readings")
     yield Table(
         name="claim-values",

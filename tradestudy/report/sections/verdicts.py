@@ -61,7 +61,8 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
     found = tuple(flips(tree))
     if not found:
         return
-    titles, decision, says = camera_titles(tree), group(tree, "decision"), readings_in_words(tree)
+    titles, decision = camera_titles(tree), group(tree, "decision")
+    says = readings_in_words(decision)
     others = any(one.alternatives for one in found)  # readings
     pair = f"{titles[decision.attrs['first']]} against {titles[decision.attrs['second']]}"
     changed = ", and the other readings that change this, each with the camera that is then better" if others else ""

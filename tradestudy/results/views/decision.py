@@ -171,10 +171,9 @@ def flips(tree: xr.DataTree) -> Iterator[Flips]:
         )
 
 
-def readings_in_words(tree: xr.DataTree) -> dict[str, str]:
-    """What every reading of a decision assumes, by its name."""
-    decision = group(tree, "decision")
-    return dict(zip(map(str, decision["reading"].values), map(str, decision["reading_says"].values), strict=True))
+def readings_in_words(data: xr.Dataset) -> dict[str, str]:
+    """What every reading of ``/decision`` or ``/claims`` assumes, by its name."""
+    return dict(zip(map(str, data["reading"].values), map(str, data["reading_says"].values), strict=True))
 
 
 def handovers(decision: xr.Dataset) -> Iterator[tuple[float, float]]:

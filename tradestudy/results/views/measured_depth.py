@@ -29,9 +29,12 @@ def measured_numbers(tree: xr.DataTree) -> list[dict[str, Any]]:
     return found
 
 
-def measured_words(tree: xr.DataTree) -> tuple[str, ...]:
-    """How well cameras measured planes and the scene, without full stops; empty if the study measured neither."""
-    return (*_of_planes(tree), *_of_scene(tree))
+def measured_words(tree: xr.DataTree, *, of_scene: str = "In pictures of the scene, ") -> tuple[str, ...]:
+    """How well cameras measured planes and the scene, without full stops; empty if the study measured neither.
+
+    ``of_scene`` begins the sentences on the scene; empty where a heading says it.
+    """
+    return (*_of_planes(tree), *(f"{of_scene}{sentence}" for sentence in _of_scene(tree)))
 
 
 def _of_planes(tree: xr.DataTree) -> Iterator[str]:
@@ -60,7 +63,7 @@ def _of_scene(tree: xr.DataTree) -> Iterator[str]:
         return
     data, titles = group(tree, "pictures"), camera_titles(tree)
     for k in range(data.sizes["mapped_camera"]):
-        yield f"In pictures of the scene, {_one(data.isel(mapped_camera=k), titles)}"
+        yield _one(data.isel(mapped_camera=k), titles)
 
 
 def _one(row: xr.Dataset, titles: Mapping[str, str]) -> str:

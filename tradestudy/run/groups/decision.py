@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -83,7 +83,7 @@ def decision_group(
             progress("decision", share)
             verdicts[name] = decide_pair(reading.case, pair, places)
         values |= _pair_arrays(verdicts, file.accuracy.asked().tolerances["depth_uncertainty"])
-        values["reading_says"] = ["the study as declared", *(reading.says for reading in file.readings.values())]
+        values["reading_says"] = _in_words(definition, readings)
         coordinates |= {"reading": list(readings), "place": places}
         attributes |= {"first": pair[0], "second": pair[1]}
     return dataset("decision", values, coordinates, attributes=attributes)
@@ -153,6 +153,12 @@ def _padded(
     }
 
 
+def _in_words(definition: StudyDefinition, readings: Iterable[str]) -> list[str]:
+    """What each reading assumes."""
+    declared = definition.file.readings
+    return [declared[name].says if name in declared else "the study as declared" for name in readings]
+
+
 def claims_group(
     definition: StudyDefinition,
     readings: Mapping[str, StudyDefinition],
@@ -193,7 +199,7 @@ def claims_group(
             "value": value,
             "met": met,
             "value_text": text,
-            "reading_says": [says.get(name, "the study as declared") for name in names],
+            "reading_says": _in_words(definition, names),
             "says": [claim.says for claim in claims.values()],
             "source": [claim.source for claim in claims.values()],
             "expected": [expectation(claim.expect) for claim in claims.values()],
