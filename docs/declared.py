@@ -236,7 +236,7 @@ says about it, and `python -m tradestudy --version` prints the version.
 | exit status | means |
 |---|---|
 | 0 | done |
-| 1 | any other error; one line says what happened and names a log file |
+| 1 | a failure other than those below; one line says what happened and names a log file |
 | 2 | the input is wrong, or asks for an accuracy that cannot be reached |
 | 3 | with `--strict`, a requirement that must hold is missed or undecided |
 | 130 | interrupted; finished parts are kept |

@@ -211,7 +211,7 @@ def export(
     ] = False,
     debug: DebugOption = False,
 ) -> None:
-    """Write a camera's calibration as files for other programs. The format posterior is for other studies."""
+    """Write a camera's calibration as files for other programs. Other studies read the format posterior."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 

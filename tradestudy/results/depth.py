@@ -92,9 +92,9 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "converged": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="whether the draws suffice for accuracy.depth_uncertainty: the 95 % confidence interval of the "
-        "half-width of every interval of depths is within this tolerance or, where the interval has no "
-        "far end, that of failed_fraction is",
+        long_name="whether the draws suffice for accuracy.depth_uncertainty: with 95 % confidence, the half-width of "
+        "every interval of depths is known to within this tolerance; where an interval has no far end, the "
+        "failed_fraction must be known to within it instead",
     ),
     "equivalent_baseline": Variable(
         dims=("camera", "distance"),
@@ -239,7 +239,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         "several pairs of pictures, the side of the window with which a single pair would give the same "
         "information; 0 where the pictures share nothing, NaN where the camera forms no image",
         symbol="W",
-        error="rounding only; for an estimator by least squares, up to 8 % too small",
+        error="rounding only; for an estimator by least squares, the value may be up to 8 % too small",
     ),
     "electrons": Variable(
         dims=("camera", "distance"),
