@@ -6,6 +6,7 @@ import re
 import sys
 from pathlib import Path
 
+from docutils import nodes
 from sphinx.application import Sphinx
 
 HERE = Path(__file__).parent
@@ -57,6 +58,18 @@ def keep_initials(_app: Sphinx, _what: str, _name: str, _obj: object, _options: 
     lines[:] = [re.sub(r"^(\s*[A-Z])\. ", r"\1\\. ", line) for line in lines]
 
 
+def shorten_types(_app: Sphinx, _domain: str, _kind: str, content: nodes.Element) -> None:
+    """Name types as their users do: arrays without their element types, classes without their modules."""
+    array = r"[~\w.]*ndarray\[[^]]*\], [~\w.]*dtype\[[^][]*(\[[^]]*\])?\]\]"
+    array_like = r"[~\w.]*_Buffer .*_NestedSequence\[complex[^]]*\]"
+    for field in content.findall(nodes.field):
+        name, body = field.children
+        if name.astext().startswith(("type", "rtype")):
+            for text in list(body.findall(nodes.Text)):
+                short = re.sub(array, "numpy.ndarray", re.sub(array_like, "array_like", text))
+                text.parent.replace(text, nodes.Text(re.sub(r"\btradestudy\.(\w+\.)+(?=\w)", "", short)))
+
+
 def unlink_architecture(_app: Sphinx, _name: str, source: list[str]) -> None:
     """Name ARCHITECTURE.md without a link: it lies outside the documentation, and plain viewers alone can follow it."""
     source[0] = re.sub(r"\[(ARCHITECTURE\.md)\]\([./]+ARCHITECTURE\.md\)", r"`\1`", source[0])
@@ -68,3 +81,4 @@ def setup(app: Sphinx) -> None:
     app.connect("source-read", unlink_architecture)
     app.connect("autodoc-process-docstring", keep_bars)
     app.connect("autodoc-process-docstring", keep_initials)
+    app.connect("object-description-transform", shorten_types, priority=600)  # after autodoc adds the types
