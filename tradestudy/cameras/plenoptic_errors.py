@@ -74,7 +74,7 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "distortion_k1": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Radial distortion coefficient of the main lens, which multiplies the square of a ray's slope.",
+        meaning="Radial distortion coefficient of the main lens, the factor of the squared slope of a ray.",
     ),
     "distortion_k2": ErrorParameter(
         unit="1",

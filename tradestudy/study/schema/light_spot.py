@@ -261,8 +261,8 @@ class LightSpotPart(Part):
     seed: Seed = Field(default=0, description="Random seed of the points drawn on the source.")
     benchmarks: bool = Field(
         default=False,
-        description="Whether to time also the computation of one aperture and of one source point, whatever the "
-        "methods.",
+        description="Whether to time two more computations by Kirchhoff's law, whatever the methods: one point "
+        "through the main lens alone, and one through both lenses.",
     )
     published_times: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = Field(
         default=(), description="Published computing times, shown next to the measured ones."

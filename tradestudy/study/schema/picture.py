@@ -145,8 +145,8 @@ class PicturePart(Part):
     texture: TexturePart
     matching_window: PictureWindow = Field(
         description="Side of the square matching window, in pixels or as a length on the object. Where the "
-        "compared pictures share less than the window, only the shared part is matched; micro-images share less, "
-        "the farther apart their microlenses are."
+        "compared pictures share less than the window, only the shared part is matched. The farther apart two "
+        "microlenses are, the less their pictures share."
     )
     matcher: MatcherPart | None = Field(
         default=None,

@@ -20,7 +20,7 @@ class WeighedPart(Part):
     quantity: Literal["depth_uncertainty", "usable_near", "usable_far"] | None = Field(
         default=None,
         description="Quantity that the program computes for the criterion; default: the declared or derived "
-        "criterion of this name.",
+        "criterion whose name is the key of this entry.",
     )
     at: ObjectDistance | None = Field(
         default=None, description="Distance at which the depth uncertainty counts; needed with depth_uncertainty."
