@@ -737,7 +737,7 @@ A study is one YAML file. These pages list its keys, each with the values it acc
 are made from the JSON Schema that `python -m tradestudy schema` prints; editors complete keys with it.
 
 Every section describes one mapping. Below its heading stands the place of that mapping in the file, where `NAME` is a
-name that you choose, and `[]` an item of a list. Sections without a place describe mappings that occur in several places.
+name that you choose, and `[]` an item of a list. Sections without a place describe mappings with several places.
 
 Write a quantity that has a unit with that unit: `12.5 mm`, not `12.5`. Every value may carry its basis:
 `{value: 12.5 mm, basis: datasheet, note: where it comes from}`, where `basis` is `paper`, `datasheet`, `measured`,

@@ -116,7 +116,7 @@ def _fitted_part_of(family: type[LensModel]) -> type[FittedLensModelPart]:
     made = create_model(
         f"Fitted{family.__name__}Part",
         __base__=FittedLensModelPart,
-        __doc__=f"{_ABOUT[family.name]}. The fit starts from these values; coefficients that `fitted` omits keep theirs.",
+        __doc__=f"{_ABOUT[family.name]}. The fit starts from these values; those that `fitted` omits are kept.",
         **fields,
     )
     made.family = family

@@ -21,7 +21,7 @@ class Omnidirectional(LensModel):
     Parameters
     ----------
     xi
-        Distance ξ [1] from the centre of the unit sphere to the second centre of projection, at least 0; 0 is a pinhole.
+        Distance ξ [1] from the centre of the unit sphere to the second centre of projection, ≥ 0; 0 is a pinhole.
     k1, k2
         Coefficient of radial distortion [1].
     p1, p2

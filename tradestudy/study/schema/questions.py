@@ -102,7 +102,7 @@ class ReadingPart(Part):
 
 
 class SolvePart(Part):
-    """Values of an input that make two depth uncertainties equal, bring one to a required value, or meet a requirement."""
+    """Values of an input that make two depth uncertainties equal, give one a required value, or meet a requirement."""
 
     says: Text = Field(description="The question in words.")
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
@@ -287,7 +287,8 @@ class DepthOfFieldRatioClaim(_ClaimPart):
     )
     resolution: PositiveLength | None = Field(
         default=None,
-        description="Instead of `blur`: size of the smallest detail on the object that the camera must resolve by geometrical optics.",
+        description="Instead of `blur`: size of the smallest detail on the object that the camera must resolve by "
+        "geometrical optics.",
     )
     over: Span | None = Field(
         default=None, description="Nearest and farthest distance that count; default: all distances."
