@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from tradestudy.plan.rendering_pilot import plane_seconds
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Paragraph, Table, all_blocks, plain_text
 from tradestudy.results.views.conclusions import terminal_lines
+from tradestudy.results.views.measured_depth import measured_words
 from tradestudy.run import depth_loop
 from tradestudy.study.document import Value
 
@@ -210,6 +212,14 @@ def test_results_without_a_measurement_give_the_reason(tmp_path: Path) -> None:
     assert np.all(data["depth_measured"].sel(distance=0.024) == 0.0)
     assert "independent matching windows: 0" in str(data["matcher"].item())
     assert np.isnan(data["matcher_factor"])
+
+
+def test_conclusions_say_why_a_camera_measured_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A missing package stops a stereo rig from measuring; the sentence names the package and how to install it."""
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    words = " ".join(measured_words(study(tmp_path, LOOP.replace("400", "100")).run().data))
+    assert "OpenCV" in words
+    assert "pip install" in words
 
 
 def test_a_plane_nearer_than_the_focal_length_has_no_picture_and_the_others_are_measured(tmp_path: Path) -> None:

@@ -42,19 +42,21 @@ def _of_planes(tree: xr.DataTree) -> Iterator[str]:
     if not has(tree, "depth_loop", "depth_spread"):
         return
     data, titles = group(tree, "depth_loop"), camera_titles(tree)
-    reached, failed = [], []
+    reached: list[str] = []
+    failed: dict[str, list[str]] = {}  # the cameras, by the reason that all their planes share
     for name in data["camera"].values:
         over = data["depth_relative_spread"].sel(camera=name).values
         over, title = over[np.isfinite(over)], titles[str(name)]
         if not over.size:
-            failed.append(title)
+            reasons = np.unique(data["reason"].sel(camera=name).values.astype(str))
+            failed.setdefault(f": {reasons[0]}" if reasons.size == 1 and reasons[0] else "", []).append(title)
             continue
         low, high = significant(float(over.min()), 2), significant(float(over.max()), 2)
         reached.append(f"{low} for {title}" if low == high else f"{low} to {high} for {title}")
     if reached:
         yield f"In pictures of planes, the ratio of measured to predicted depth spread is {'; '.join(reached)}"
-    if failed:
-        yield f"In pictures of planes, {listed(failed)} measured nothing"
+    for reason, cameras in failed.items():
+        yield f"In pictures of planes, {listed(cameras)} measured nothing{reason}"
 
 
 def _of_scene(tree: xr.DataTree) -> Iterator[str]:
