@@ -74,12 +74,13 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "distortion_k1": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Radial distortion coefficient of the main lens, the factor of the squared slope of a ray.",
+        meaning="Coefficient of the radial distortion of the main lens that multiplies the square of a ray's slope.",
     ),
     "distortion_k2": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Radial distortion coefficient of the main lens, which multiplies the fourth power of a ray's slope.",
+        meaning="Coefficient of the radial distortion of the main lens that multiplies the fourth power of "
+        "a ray's slope.",
     ),
     "microlens_center_scatter": ErrorParameter(
         unit="m",

@@ -74,7 +74,8 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
             ErrorParameter(
                 unit="1",
                 part=INTERIOR,
-                meaning=f"Radial distortion coefficient of the {side} lens, for the {power} of a ray's slope.",
+                meaning=f"Coefficient of the radial distortion of the {side} lens that multiplies the {power} of a "
+                "ray's slope.",
             ),
         )
 

@@ -18,9 +18,9 @@ _MOST = 50
 class DepthLoopPart(Part):
     """A test of predicted depth uncertainties on rendered pictures of planes perpendicular to the axis.
 
-    Texture, light, noise and window are those of scene.picture. Planes at the distances in `fitted_at` share one random
-    seed for texture and noise; every other plane has its own. The parameters of the matcher are fitted to the
-    depth errors at these distances and tested at all others.
+    Texture, light, noise and window are those of scene.picture. The parameters of the matcher are fitted to the
+    depth errors at the distances in `fitted_at`, whose planes share one random seed for texture and noise. They are
+    tested at all other distances, each with a seed of its own.
     """
 
     distances: Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=_MOST)] = Field(

@@ -261,8 +261,8 @@ class LightSpotPart(Part):
     seed: Seed = Field(default=0, description="Random seed of the points drawn on the source.")
     benchmarks: bool = Field(
         default=False,
-        description="Whether to time two more computations by Kirchhoff's law, whatever the methods: one point "
-        "through the main lens alone, and one through both lenses.",
+        description="Whether to time also the light of one point by Kirchhoff's law, whatever the methods: through "
+        "the main lens alone, for either phase of the lens, on and off the axis; and through both lenses.",
     )
     published_times: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = Field(
         default=(), description="Published computing times, shown next to the measured ones."

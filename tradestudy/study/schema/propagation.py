@@ -19,7 +19,10 @@ _SAME_COVERAGE = 1e-4  # of a standard deviation's, 68.27 %, which studies round
 class PropagationPart(Part):
     """How calibration errors are propagated to depth."""
 
-    seed: Seed = Field(default=0, description="Seed of all random numbers but those of light_spot, which has its own.")
+    seed: Seed = Field(
+        default=0,
+        description="Seed of all random draws of errors, noise, textures and weights; light_spot has its own seed.",
+    )
     field_places: Annotated[tuple[Share, ...], Field(max_length=10), AfterValidator(distinct)] = Field(
         default=(),
         description="Field positions at which depth is also computed: 0 % is the axis, 100 % the corner of the sensor.",
