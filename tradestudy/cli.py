@@ -62,7 +62,7 @@ ToleranceOption = Annotated[
     typer.Option(
         "--tolerance",
         metavar="X",
-        help="Tolerance of every quantity, such as '1 %', instead of the study's.",
+        help="Use this tolerance for every quantity, such as '1 %', instead of those of the study.",
         show_default=False,
     ),
 ]
@@ -122,7 +122,11 @@ def run(
         bool, typer.Option("--strict", help="Exit with status 3 if a 'must' requirement is missed or undecided.")
     ] = False,
     with_cost: Annotated[
-        bool, typer.Option("--with-cost", help="Also measure error against computing time, and show it in the report.")
+        bool,
+        typer.Option(
+            "--with-cost",
+            help="Also measure the error and computing time of every set of models; the report shows them.",
+        ),
     ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the conclusions as one JSON object instead of lines.")
@@ -170,7 +174,7 @@ def render(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Render the pictures of a study's scene. Write with them the true depth and a description of each camera."""
+    """Render the pictures of a study's scene. Also write the true depth and a description of each camera."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
@@ -196,7 +200,15 @@ def render(
 def export(
     study: StudyArgument,
     camera: Annotated[str, typer.Argument(metavar="CAMERA", help="Name of the camera.", show_default=False)],
-    out: OutOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Output folder.",
+            show_default="reports/NAME/cameras, where NAME is the name of the study, followed by any changed values",
+        ),
+    ] = None,
     set_: SetOption = None,
     formats: Annotated[
         list[str] | None,
@@ -211,7 +223,7 @@ def export(
     ] = False,
     debug: DebugOption = False,
 ) -> None:
-    """Write a camera's calibration as files for other programs. Other studies read the format posterior."""
+    """Write a camera's calibration as files for other programs. Other studies can read the format 'posterior'."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
@@ -253,7 +265,9 @@ def cost(
     budget: Annotated[
         float,
         typer.Option(
-            "--budget", metavar="SECONDS", help="Longest time for all measurements; those that do not fit are left out."
+            "--budget",
+            metavar="SECONDS",
+            help="Longest time for all measurements together; those that do not fit are left out.",
         ),
     ] = DEFAULT_BUDGET,
     quiet: QuietOption = False,
@@ -292,7 +306,7 @@ def new(
         typer.Option(
             "--from",
             metavar="FILE",
-            help="Start from the camera of this calibration file; for a pair, repeat it: left, then right.",
+            help="Start from the camera of this calibration file; for a pair of files, give it twice, left first.",
         ),
     ] = None,
     set_: Annotated[
@@ -359,7 +373,7 @@ def compare(
         typer.Option(
             "--html",
             metavar="FILE",
-            help="Also write the comparison as a page, with a figure of the curves that changed.",
+            help="Also write the comparison as an HTML page, with a figure of the curves that changed.",
         ),
     ] = None,
     debug: DebugOption = False,

@@ -55,7 +55,7 @@ class CalibratedAtPart(Part):
 
 
 class StabilityPart(Part):
-    """Changes since the calibration; by default, none."""
+    """Changes of the air and the camera since the calibration; by default, none."""
 
     temperature: TemperatureDistribution | None = Field(
         default=None, description="Change of the air temperature since the calibration."
@@ -149,15 +149,15 @@ class PosteriorPart(Part):
 
 
 class CalibrationPart(Part):
-    """The calibration of a camera: its errors, what they may be computed from, and later changes."""
+    """The errors of a camera's parameters, or what they are computed from, and changes since the calibration."""
 
     camera: ClassVar[type[DepthCamera]]
     kind: ClassVar[str]
 
     errors: ErrorsPart = Field(
         default_factory=ErrorsPart,
-        description="Errors of the parameters. With `target`, these are the priors; with `posterior`, only the errors "
-        "that it does not contain; with `corners`, none. At most one of these three keys is given.",
+        description="Errors of the parameters. With `target`, they are the priors. With `posterior`, only errors that "
+        "it does not contain may be given, and with `corners` none. At most one of these three keys may be given.",
     )
     correlations: dict[str, dict[str, Correlation]] = Field(
         default={},

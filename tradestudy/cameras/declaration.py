@@ -51,7 +51,7 @@ class LensPart(Part):
     """How many of the keys focal_length and field_of_view a lens may have."""
 
     focal_length: FocalLengthOrPixels | None = Field(
-        default=None, description="Focal length, as a length or, as in calibration files, in pixels."
+        default=None, description="Focal length: a length or, as in calibration files, a number of pixels."
     )
     field_of_view: PositiveAngle | None = Field(
         default=None,
@@ -130,13 +130,14 @@ class DisparityPart(Part):
     """The precision with which disparity is measured."""
 
     disparity_error: PositivePixels | Literal["derived"] = Field(
-        description="Standard deviation of one measured disparity, or `derived` for the Cramér–Rao bound of "
-        "matching pictures of the scene's texture (scene.picture)."
+        description="Standard deviation of one measured disparity, or `derived`: the Cramér–Rao bound of matching "
+        "pictures of the scene's texture (scene.picture), with the errors that `matcher` adds."
     )
     error_of: Literal["disparity", "coordinate"] = Field(
         default="disparity",
-        description="Whether disparity_error is the error of the disparity or of each image coordinate, which "
-        "makes the error of the disparity √2 times as large.",
+        description="What disparity_error is the error of: the disparity, or each of the two image coordinates "
+        "(`coordinate`) whose difference is the disparity. In the latter case, the error of the disparity is √2 times "
+        "as large.",
     )
     discrimination_step: PositivePixels = Field(
         default="0.1 px",

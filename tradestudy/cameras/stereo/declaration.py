@@ -46,7 +46,7 @@ class StereoDepthPart(DisparityPart):
         default="disparity",
         validate_default=True,
         description="How depth is computed: from the disparity along the baseline (`disparity`), or from the "
-        "midpoint between the two rays (`midpoint`).",
+        "midpoint of the shortest line between the two rays (`midpoint`).",
     )
     disparity_error: PositivePixels | Literal["derived"] = Field(
         default="0.1 px", validate_default=True, description=DisparityPart.model_fields["disparity_error"].description
@@ -93,14 +93,15 @@ class StereoDeclaration(DepthCameraDeclaration):
     )
     principal_distance: Literal["focal_length", "focused"] = Field(
         default="focal_length",
-        description="Distance from lens to sensor with which disparity is converted to depth: the focal length "
-        "(for a calibration in pixels, or lenses focused at infinity) or, with `focused`, the image distance of "
-        "focus_distance.",
+        description="Distance from lens to sensor with which disparity is converted to depth. It is the focal "
+        "length for a calibration in pixels and for lenses focused at infinity; `focused` stands for the image "
+        "distance of focus_distance.",
     )
     depth: StereoDepthPart = Field(default_factory=StereoDepthPart)
     distortion: AnyLensModel | None = Field(
         default=None,
-        description="Lens model of both cameras, assumed to be free of errors; default: no distortion.",
+        description="Lens model of both cameras, exact except for the errors under `calibration`; default: no "
+        "distortion.",
     )
     calibration: StereoCalibration = Field(default_factory=StereoCalibration)
 

@@ -56,7 +56,7 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
         ErrorParameter(
             unit="m",
             part=INTERIOR,
-            meaning=f"Principal distance of the {side} camera, in addition to the error of focal_length.",
+            meaning=f"Principal distance of the {side} camera; this error adds to that of focal_length.",
         ),
     )
     for axis, where in (("x", "along the baseline"), ("y", "perpendicular to the baseline")):

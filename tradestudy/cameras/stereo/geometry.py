@@ -44,7 +44,8 @@ class GeometryPart(Part):
     right: CalibratedCameraPart
     rotation: tuple[Angle, Angle, Angle] = Field(
         default=(0.0, 0.0, 0.0),
-        description="Rotation vector of R, from the frame of the left camera to that of the right one.",
+        description="Rotation vector (axis times angle) of R, from the frame of the left camera to that of the right "
+        "one.",
     )
     translation: tuple[Length, Length, Length] = Field(
         description="Translation t: position of the left camera in the frame of the right one; its first component "

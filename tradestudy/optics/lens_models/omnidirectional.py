@@ -21,11 +21,15 @@ class Omnidirectional(LensModel):
     Parameters
     ----------
     xi
-        Distance ξ [1] from the centre of the unit sphere to the second centre of projection, ≥ 0; 0 is a pinhole.
-    k1, k2
-        Coefficient of radial distortion [1].
-    p1, p2
-        Coefficient of tangential distortion [1].
+        Distance ξ [1] from the centre of the sphere to the second centre of projection, in radii, ≥ 0; 0 is a pinhole.
+    k1
+        Coefficient of r² in the radial distortion [1].
+    k2
+        Coefficient of r⁴ in the radial distortion [1].
+    p1
+        Coefficient of tangential distortion [1]: of 2xy along x, and of r² + 2y² along y.
+    p2
+        Coefficient of tangential distortion [1]: of r² + 2x² along x, and of 2xy along y.
 
     Notes
     -----

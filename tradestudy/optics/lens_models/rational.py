@@ -28,14 +28,30 @@ class Rational(LensModel):
 
     Parameters
     ----------
-    k1, k2, k3
-        Coefficient in the numerator of the radial distortion [1].
-    k4, k5, k6
-        Coefficient in the denominator of the radial distortion [1].
-    p1, p2
-        Coefficient of tangential distortion [1].
-    s1, s2, s3, s4
-        Coefficient of thin-prism distortion [1].
+    k1
+        Coefficient of r² in the numerator of the radial distortion [1].
+    k2
+        Coefficient of r⁴ in the numerator of the radial distortion [1].
+    k3
+        Coefficient of r⁶ in the numerator of the radial distortion [1].
+    k4
+        Coefficient of r² in the denominator of the radial distortion [1].
+    k5
+        Coefficient of r⁴ in the denominator of the radial distortion [1].
+    k6
+        Coefficient of r⁶ in the denominator of the radial distortion [1].
+    p1
+        Coefficient of tangential distortion [1]: of 2xy along x, and of r² + 2y² along y.
+    p2
+        Coefficient of tangential distortion [1]: of r² + 2x² along x, and of 2xy along y.
+    s1
+        Coefficient of r² in the thin-prism distortion along x [1].
+    s2
+        Coefficient of r⁴ in the thin-prism distortion along x [1].
+    s3
+        Coefficient of r² in the thin-prism distortion along y [1].
+    s4
+        Coefficient of r⁴ in the thin-prism distortion along y [1].
     tau_x
         Tilt of the sensor about its x axis [rad].
     tau_y
