@@ -17,12 +17,12 @@ _GROUPS: Final = {
     "depth": """
 Depth uncertainty and usable range of each camera that measures depth, at the distances of `scene.distances`.
 
-The *interval of depths* contains the central 68.27 % of measured depths, or as many as `propagation.coverage` states.
-It has no far end where too many measurements fail.
+An *interval of depths* contains the central 68.27 % of measured depths, or the central fraction that
+`propagation.coverage` declares. It has no far end where too many measurements fail.
 
-`side` says whether the true depth is nearer or farther. `part` names groups of errors, such as `noise` or
-`relative rotation`. `quantile` lists the probabilities that bound the intervals of `propagation.coverage`, and 0.5.
-`interval` numbers the usable intervals of a camera, from the nearest.
+`side` is the direction in which the true depth changes: `nearer` to the camera or `farther` from it. `part` names
+groups of errors, such as `noise` or `relative rotation`. `quantile` lists the probabilities of the quantiles: 0.5, and
+those at both ends of every interval of depths. `interval` numbers the usable intervals of a camera, from the nearest.
 
 `limit` names the limits of the usable range. Those declared in `usable_range` have the names of their keys, except
 `total_covering_plane` (key `virtual_depth`), `focus` (key `blur`) and `last_disparity_step` (key `disparity_step`). The
@@ -39,18 +39,21 @@ distances from the middle of the sensor, as fractions of half its width and half
 """,
     "disparity_causes": """
 What makes each derived disparity error as large as it is. These variables include the effects that other results
-leave out because they matter less than the tolerance. For an unfocused plenoptic camera, 1 px is one microlens.
+leave out because they matter less than the tolerance. `change` names the one cause that is changed. For an unfocused
+plenoptic camera, 1 px is one microlens.
 """,
     "depth_loop": """
-Depth measured in rendered pictures of planes, compared with its prediction. `contrast` and `electrons` list
-the values of `depth_loop.contrasts` and `depth_loop.electrons`.
+Depth measured in rendered pictures of planes, compared with the true depth and the predicted depth uncertainty.
+`contrast` and `electrons` list the values of `depth_loop.contrasts` and `depth_loop.electrons`.
 
-A *point* is a pixel of the depth map that a camera computes. It is *seen* if nothing hides it and at least two of the
-pictures that the estimator compares show it. The *depth error* is measured minus true depth, at seen points. The
-*predicted depth uncertainty* is that of the camera at the true distance of the point. The *standard deviation of depth
-due to noise* follows, to first order, from the texture in the matching window of the point. Standard errors by *a
-jackknife* leave out one of 4 × 4 parts of the depth map at a time. They are NaN where the quantity itself is, and where
-fewer than three parts have measured points.
+A *point* is a pixel of the depth map that a camera computes; where the camera has several types of microlenses, only
+pixels behind the type that is sharpest at their depth count. A point is *seen* if nothing hides it, its true depth lies
+within the distances that the estimator searches, and at least two of the pictures that the estimator compares show it.
+The *depth error* is measured minus true depth, at seen points. The *predicted depth uncertainty* is that of the camera
+at the true distance of the point. The *standard deviation of depth due to noise* follows, to first order, from the
+texture in the matching window of the point. Standard errors by *a jackknife* follow from leaving out one of 4 × 4 parts
+of the depth map at a time. They are NaN where the quantity itself is NaN, and where fewer than three parts have
+measured points.
 """,
     "depth_of_field": """
 Where each camera is sharp, and how finely it resolves the object. `sharp` names the blur criteria of
@@ -58,22 +61,23 @@ Where each camera is sharp, and how finely it resolves the object. `sharp` names
 of microlens, or of the lens. `stretch`, `gap`, `overlap` and `resolved` number ranges of distance, from the nearest.
 """,
     "criteria": """
-Criteria besides depth, by which the study compares cameras (along `criterion`); and the ranks of the candidates over
-all possible weights of the criteria in `trade_off.criteria` (along `weighed`).
+Criteria besides depth by which the study compares cameras (along `criterion`), and the ranks of the candidates for all
+possible weights of the criteria in `trade_off.criteria` (along `weighed`).
 """,
     "decision": """
 Which camera is best at which distance and under which reading, and where that changes. The *main pair* is the two
-cameras of `decision.between`. `place` lists the distances of `decision.at`, `pair` the pairs of
-`decision.compare`, and `question` the questions of `solve`. `change` and `crossing` number distances, from the
-nearest.
+cameras of `decision.between`. `place` lists the distances of `decision.at`, `pair` the pairs of `decision.compare`, and
+`question` the questions of `solve`. `change` and `crossing` number distances, from the nearest. `rank_distance` lists
+the distances at which cameras are ranked; `rank_error_source` is `calibration` or `both`. `design_place` and
+`design_crossing` are `place` and `crossing` for the designs of a sweep.
 """,
     "calibration": """
-Calibrations that the program computes: stereo rigs fitted to the corners of a calibration board, and calibrations
-inferred from a simulated target. `posterior` names their cameras. Values of a parameter are in SI or, if its name
-ends in `_px`, in pixels.
+Calibrations that the program infers by Markov chains, from the corners of a calibration board (stereo rigs) or from a
+simulated target. `posterior` names the cameras. `ensemble` numbers independent groups of chains. Values of a
+parameter are in SI or, if its name ends in `_px`, in pixels.
 
-Variables whose names begin with `rig_` concern stereo rigs calibrated from corners. Their depths are those of points
-midway between the cameras.
+Variables whose names begin with `rig_` concern stereo rigs calibrated from corners. Depths in them are those of points
+midway between the two cameras.
 """,
     "sensitivity": """
 How much each error contributes to the depth uncertainty, at the distances of `sensitivity.at`. `field` lists the axis
@@ -81,7 +85,7 @@ How much each error contributes to the depth uncertainty, at the distances of `s
 change several parameters together.
 """,
     "fresnel_validity": """
-From which f-number on Fresnel's approximation may replace Kirchhoff's integral, for each lens (along `element`).
+The f-number from which on Fresnel's approximation may replace Kirchhoff's integral, for each lens (along `element`).
 
 `metric` names three measures of the difference between two point-spread functions: `peak`, the difference at the
 thin-lens image point, relative to the intensity there; `l1`, the integral of the absolute difference over a window,
@@ -91,32 +95,35 @@ phases of `fresnel_validity.lens_phases`.
 
 In equations, f is the focal length, a the distance of the object, b that of the image, and λ the wavelength. Eq. 27 of
 the paper has two solutions (along `zero`): the `first`, with the smaller aperture and the larger f-number, and the
-`second`. `quarter_wave` is a growth of a + b, as a fraction of a quarter of a wavelength.
+`second`. `quarter_wave` is an increase of a + b, as a fraction of a quarter of a wavelength. `path_error` lists the
+values of `fresnel_validity.path_errors`.
 """,
     "images": """
 The image of a light spot behind a main lens and microlenses, by each method of `light_spot.methods` (along `propagator`
-and `against`). `row` and `column` are the coordinates of the pixel centres on the detector.
+and `against`). `row` and `column` are the coordinates of the pixel centres on the detector. `benchmark` names the
+computations that `light_spot.benchmarks` times.
 """,
     "point_spread": """
-The image of a point behind each lens (along `element`), by each method (along `propagator`), while one input at a time
-varies: `varied` names the input, and `step` numbers its values. Circles and distances are centred on the thin-lens
-image. The computed square is that of `point_spread.window`.
+The image of a point behind each lens (along `element`), by each method (along `propagator`). One input at a time
+varies: `varied` names it, and `step` numbers its values. Circles and distances are centred on the thin-lens image. The
+computed square is that of `point_spread.window`.
 """,
     "hard_cases": "Cases in which textbook formulas lose precision, and what this program computes in each.",
     "effects": """
 Which model of each effect was chosen, and how much the others would have changed the answers. A *problem* is a camera,
-a lens or a light path; along `quantity` are the quantities that have tolerances under `accuracy`.
+a lens or a light path. `decision` lists every model of every effect of each problem, and `quantity` the quantities that
+have tolerances under `accuracy`.
 """,
     "cost": """
-Error and computing time of each set of models that can answer the study, as measured by
-[`cost`](#command-cost). A *problem* is a camera or a light path; an *entry* is one set of models for a problem.
+Error and computing time of each set of models that can answer the study, as measured by [`cost`](#command-cost). A
+*problem* is a camera or a light path; an *entry* is one set of models for a problem.
 """,
     "claims": "Published statements, declared in `claims`, each compared with the results under its readings.",
     "datasheet": "Each camera in the terms of depth-camera data sheets, at one to five distances (`sheet_distance`).",
     "pictures": """
-Rendered pictures of the scene and, for the cameras along `mapped_camera`, depth measured in them. Blocks of pixels
-reduce the pictures to the size of the report. The terms are those of [`/depth_loop`](#group-depth_loop). A *class*
-(along `depth_class`) is one of six sets of measured points, by true depth, with the same number of points.
+Rendered pictures of the scene and, for the cameras along `mapped_camera`, depth measured in them. To fit the
+report, the pictures have one value for each block of pixels. The terms are those of [`/depth_loop`](#group-depth_loop).
+The measured points, sorted by true depth, form six *classes* (along `depth_class`) of equally many points.
 """,
     "requirements": """
 What the study requires, and whether the cameras meet it. `stretch` numbers ranges of the parameter that a sweep varies.
@@ -243,27 +250,28 @@ says about it, and `python -m tradestudy --version` prints the version.
 """
 
 _RESULTS: Final = """
-A run writes `results.nc`, a netCDF4 file. It contains `/cameras` and those of the groups below that its study needs.
+A run writes `results.nc`, a netCDF4 file. It contains `/cameras` and those of the groups below that the study needs.
 `tradestudy.open_result(folder).data` is the whole file as an xarray `DataTree`, and `.table(name)` one table of it as a
 pandas data frame; see [Work in Python and notebooks](/how-to/python.md).
 
-Each entry below gives the name of a variable, its dimensions in parentheses and its unit in brackets: an SI unit,
-`px`, or `mixed` if the unit differs from value to value. Without brackets, it is a plain number or text. The
-description is the attribute `long_name` of the variable; *Symbol*, *Source* and *Error* are `symbol`, `reference` and
-`error`. In sources, {term}`the paper <paper, the>` stands for its title, which the attribute gives.
+Each entry below gives the name of a variable, its dimensions in parentheses and its unit in brackets: an SI unit, `px`,
+`electrons`, `percent`, or `mixed` if the unit differs from value to value. A variable without brackets is a plain
+number or text. The description is the attribute `long_name` of the variable; *Symbol*, *Source* and *Error* are its
+attributes `symbol`, `reference` and `error`. Where a source is {term}`the paper <paper, the>`, the attribute gives its
+title.
 
-*Error* says how far a value may be off:
+*Error* says how large the error of a value may be:
 
 | error | means |
 |---|---|
 | see `name` | the variable of this name holds the error, in the same unit |
 | see `name` of `/group` | the same, but the variable is in another group |
 | rounding only | the value follows from the inputs in closed form |
-| none | nothing is uncertain: the value is declared, a count, or exact |
+| none | nothing is uncertain; the text says why, for example because the value is declared or a count |
 | itself an error estimate | the variable is the error of another one |
 | not estimated, not stored | no variable holds the error; the text says where it comes from |
 
-Text, and flags (1 or true for yes, 0 or false for no), have no errors of their own.
+A variable without *Error* states none. Text, and flags (1 or true for yes, 0 or false for no), need none.
 
 The labels of dimensions such as `camera`, `reading`, `claim` and `requirement` are keys of the study file. Those of
 `error_source` are `noise` (matching noise alone), `calibration` (calibration errors alone) and `both`. In a

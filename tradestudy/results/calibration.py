@@ -26,7 +26,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_acceptance": Variable(
         dims=("posterior", "ensemble"),
         units="1",
-        long_name="fraction of proposed steps that the sampler accepts; NaN beyond the last ensemble",
+        long_name="fraction of the proposed steps that the sampler accepted; NaN beyond the last ensemble",
     ),
     "posterior_marginal_efficiency": Variable(
         dims=("posterior",),
@@ -100,8 +100,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_lens_model": Variable(
         dims=("posterior",),
         units="",
-        long_name="lens model of both cameras: its name, its fitted coefficients, and the start of the fit; empty "
-        "for a pinhole with the radial coefficients k1 and k2",
+        long_name="lens model of both cameras: its name, its fitted coefficients, and the values from which the fit "
+        "started; empty for a pinhole with the radial coefficients k1 and k2",
     ),
     "posterior_pixels": Variable(
         dims=("posterior", "side"),
@@ -139,7 +139,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_halves_claim": Variable(
         dims=("posterior", "rig_distance"),
         units="m",
-        long_name="value of rig_halves_difference that the covariances C_A and C_B of the two fits predict; NaN for "
+        long_name="rig_halves_difference as predicted from the covariances C_A and C_B of the two fits; NaN for "
         "cameras not calibrated from corners",
         symbol="√(C_A + C_B)",
     ),

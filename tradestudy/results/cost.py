@@ -53,5 +53,5 @@ COST: Final[Mapping[str, Variable]] = {
         long_name="relative error of the reference; NaN without a reference",
         error=ESTIMATE,
     ),
-    "left_out": _words(_PROBLEM, "what was not measured and why, one line each"),
+    "left_out": _words(_PROBLEM, "what was not measured, and why; one line for each"),
 }

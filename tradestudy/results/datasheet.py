@@ -19,7 +19,7 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "temporal_noise": Variable(
         dims=_OVER,
         units="m",
-        long_name="depth uncertainty from matching noise alone, without pixel locking: the scatter of repeated "
+        long_name="depth uncertainty from matching noise alone, without pixel locking: the spread of repeated "
         "measurements at one pixel",
         error="see depth_uncertainty_by_error_source_error of /depth",
     ),
@@ -62,14 +62,14 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "horizontal_field_of_view": Variable(
         dims=("camera",),
         units="rad",
-        long_name="full horizontal field of view 2 atan(w/2b), with w and b as in field_width; a camera that "
+        long_name="full horizontal field of view 2 atan(w/(2b)), with w and b as in field_width; a camera that "
         "refocuses is focused at the middle sheet_distance",
         error=ROUNDING,
     ),
     "vertical_field_of_view": Variable(
         dims=("camera",),
         units="rad",
-        long_name="full vertical field of view 2 atan(h/2b), with h and b as in field_height; a camera that "
+        long_name="full vertical field of view 2 atan(h/(2b)), with h and b as in field_height; a camera that "
         "refocuses is focused at the middle sheet_distance",
         error=ROUNDING,
     ),

@@ -36,8 +36,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_uncertainty_error": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="error of depth_uncertainty: its standard error over scrambles or, if the camera's calibration is "
-        "propagated linearly, its difference from a computation with draws; NaN where depth_uncertainty "
+        long_name="error of depth_uncertainty: the standard error over scrambles or, if the camera's calibration is "
+        "propagated linearly, the difference from a computation with draws; NaN where depth_uncertainty "
         "is infinite or NaN",
         error=ESTIMATE,
     ),
@@ -72,7 +72,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         long_name="quantile of one measured depth; infinite where the quantile lies at or beyond infinity, NaN "
         "where the camera does not see the point",
         symbol="a_p",
-        error=SEE_ERROR,
+        error="see depth_uncertainty_by_error_source_error, which is that of half the width of the interval of depths",
     ),
     "failed_fraction": Variable(
         dims=("camera", "distance", "error_source"),
@@ -99,14 +99,15 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "equivalent_baseline": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="equivalent baseline of the camera",
+        long_name="equivalent baseline: that of a stereo rig that has the camera's focal length and disparity error "
+        "and measures depth equally well",
         symbol="B_eq",
         error=ROUNDING,
     ),
     "disparity_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="disparity that the estimator uses; it decreases with distance; for an unfocused plenoptic "
+        long_name="disparity that the estimator uses, which decreases with distance; for an unfocused plenoptic "
         "camera, 1 px is one microlens",
         symbol="Δσ",
         reference=_EIGHT,
@@ -144,7 +145,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "limit_value": Variable(
         dims=("camera", "distance", "limit"),
         units="mixed",
-        long_name="value that is compared with the limit: in m for 'real_image'; in px for 'focus', 'matching' and "
+        long_name="value that is compared with limit_bound: in m for 'real_image'; in px for 'focus', 'matching' and "
         "'last_disparity_step'; otherwise a plain number; may be infinite; NaN where the limit does not "
         "apply",
         error="rounding only; limits on failures and on relative uncertainty also have the error of the draws",
@@ -169,8 +170,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "usable_near_error": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="standard error of usable_near over scrambles; 0 where no draws decide the end, infinite where a "
-        "scramble lacks this end, NaN beyond the last interval",
+        long_name="standard error of usable_near over scrambles; 0 where no draws decide the end, infinite where "
+        "a scramble has no such end, NaN beyond the last interval",
         error=ESTIMATE,
     ),
     "usable_far": Variable(
@@ -182,20 +183,20 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "usable_far_error": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="standard error of usable_far over scrambles; 0 where no draws decide the end, infinite where a "
-        "scramble lacks this end, NaN beyond the last interval",
+        long_name="standard error of usable_far over scrambles; 0 where no draws decide the end, infinite where "
+        "a scramble has no such end, NaN beyond the last interval",
         error=ESTIMATE,
     ),
     "near_limit": Variable(
         dims=("camera", "interval"),
         units="",
-        long_name="limit that sets usable_near, or 'range of the study' where scene.distances begins; empty beyond "
+        long_name="limit that sets usable_near, or 'range of the study' if scene.distances begins there; empty beyond "
         "the last interval",
     ),
     "far_limit": Variable(
         dims=("camera", "interval"),
         units="",
-        long_name="limit that sets usable_far, or 'range of the study' where scene.distances ends; empty beyond the "
+        long_name="limit that sets usable_far, or 'range of the study' if scene.distances ends there; empty beyond the "
         "last interval",
     ),
 }
@@ -268,7 +269,8 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         units="px",
         long_name="disparity_error_px with one cause changed: everything in focus, no diffraction, as much light as "
         "the brightest_camera has, or ten times the light; infinite where the image has no texture left; "
-        "NaN where the camera forms no image, and, with the light of the brightest_camera, for that camera itself",
+        "NaN where the camera forms no image and, with the light of the brightest_camera, also for that camera "
+        "itself and where there is no brightest_camera",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_changed_error",
@@ -283,8 +285,8 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "matched_error_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="disparity error with the declared matcher: disparity_error_px plus what the matcher adds; NaN or "
-        "infinite where disparity_error_px is",
+        long_name="disparity error of the declared matcher: disparity_error_px combined with the errors that the "
+        "matcher adds; NaN or infinite where disparity_error_px is",
         symbol="σ_d",
         error="see matched_error_px_error",
     ),
@@ -298,8 +300,8 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "matcher": Variable(
         dims=("camera",),
         units="",
-        long_name="what the declared matcher adds to the Cramér–Rao bound, in words; all depth uncertainties and "
-        "failed fractions in the file include it; empty where no matcher is declared",
+        long_name="what the declared matcher adds to the Cramér–Rao bound, in words; the results of /depth include it; "
+        "empty where no matcher is declared",
     ),
     "false_matches": Variable(
         dims=("camera",),
@@ -311,7 +313,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         dims=("distance",),
         units="",
         long_name="camera, among those of this group, whose pixels collect the most electrons without saturating; "
-        "empty where there is none",
+        "empty where all saturate or fewer than two form an image",
     ),
 }
 

@@ -10,7 +10,7 @@ from tradestudy.results.variable import ESTIMATE, EXACT, Variable
 
 _POINT: Final = ("camera", "distance", "contrast", "electrons")
 _CAMERA: Final = ("camera",)
-_FIT: Final = "itself an error estimate: a standard error, with one independent error in each matching window"
+_FIT: Final = "itself an error estimate: a standard error that counts one independent depth error per matching window"
 
 DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     **score_variables(_POINT),
@@ -25,8 +25,8 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
         dims=_POINT,
         units="1",
         long_name="standard deviation of the disparity errors of all points but false matches, each divided by the "
-        "error that the fitted matcher predicts for its matching window; NaN where nothing was measured or no matcher "
-        "was fitted",
+        "error that the fitted matcher predicts for the matching window of the point; NaN where nothing was measured "
+        "or no matcher was fitted",
         error="see over_matcher_error",
     ),
     "over_matcher_error": Variable(

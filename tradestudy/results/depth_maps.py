@@ -12,15 +12,18 @@ _JACKKNIFE: Final = "itself an error estimate, good to about 20 %"
 _ESTIMATES: Final = {
     "bias": ("m", "median depth error"),
     "spread": ("m", "half the width of the central 68.27 % interval of the depth errors"),
-    "own": ("m", "median standard deviation of depth due to noise"),
+    "own": ("m", "median of the standard deviations of depth due to noise"),
     "predicted": ("m", "median of the predicted depth uncertainties"),
-    "relative_bias": ("1", "median of the depth errors, each divided by its predicted depth uncertainty"),
+    "relative_bias": ("1", "median of the depth errors, each divided by the predicted depth uncertainty"),
     "relative_spread": (
         "1",
-        "half the width of the central 68.27 % interval of the depth errors, each divided by its predicted depth "
+        "half the width of the central 68.27 % interval of the depth errors, each divided by the predicted depth "
         "uncertainty",
     ),
-    "within": ("1", "fraction of the depth errors that are at most three times the predicted depth uncertainty"),
+    "within": (
+        "1",
+        "fraction of the depth errors whose magnitude is at most three times the predicted depth uncertainty",
+    ),
     "filled": ("1", "fill rate: number of measured points, divided by the number of seen points"),
     "available": ("1", "number of seen points, divided by the number of points that show a surface"),
     "bias_px": ("px", "median of the depth errors, converted to disparity"),
@@ -33,8 +36,16 @@ _ESTIMATES: Final = {
         "half the width of the central 68.27 % interval of the depth errors, each divided by the standard deviation "
         "of depth due to noise",
     ),
-    "neighbour_correlation": ("1", "correlation of the depth errors of points next to each other in a row"),
-    "window_correlation": ("1", "correlation of the depth errors of points one matching window apart in a row"),
+    "neighbour_correlation": (
+        "1",
+        "correlation of the depth errors of points next to each other in a row, each error divided by the standard "
+        "deviation of depth due to noise",
+    ),
+    "window_correlation": (
+        "1",
+        "correlation of the depth errors of points one matching window apart in a row, each error divided by the "
+        "standard deviation of depth due to noise",
+    ),
 }
 """Unit and long name by name; each has a standard error beside it."""
 ESTIMATES: Final = tuple(_ESTIMATES)
@@ -47,9 +58,11 @@ _UNKNOWN: Final = {
     "available": "NaN where no point shows a surface",
     "bias_px": "NaN where nothing was measured or the camera measures no disparity",
     "spread_px": "NaN where nothing was measured or the camera measures no disparity",
+    "neighbour_correlation": "NaN for fewer than three pairs of points",
+    "window_correlation": "NaN for fewer than three pairs of points",
 }
 _COUNTS: Final = {
-    "points": "number of points that show a surface within the distances that the estimator searches",
+    "points": "number of points that show a surface",
     "seen": "number of seen points",
     "measured": "number of measured points: seen points with a measured depth",
     "measured_unseen": "number of points with a measured depth that are not seen",
@@ -105,13 +118,13 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "map_depth": Variable(
         dims=_MAP,
         units="m",
-        long_name="median measured depth in a block; NaN where no point of the block has one",
+        long_name="median measured depth in a block; NaN where no point of the block has a measured depth",
         error=_AS_MAP,
     ),
     "map_depth_error": Variable(
         dims=_MAP,
         units="m",
-        long_name="median depth error in a block; NaN where no point of the block has one",
+        long_name="median depth error in a block; NaN where no point of the block has a depth error",
         error=_AS_MAP,
     ),
     "map_hidden": Variable(
@@ -124,14 +137,14 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "map_sharp": Variable(
         dims=_MAP,
         units="1",
-        long_name="all-in-focus picture that the camera computes from its pictures and the measured depth, relative "
-        "to that of a white scene; NaN where the camera computes none, and outside a picture smaller than the largest",
+        long_name="all-in-focus picture, computed from the camera's pictures and the measured depth, relative to "
+        "that of a white scene; NaN where the camera computes none, and outside a picture smaller than the largest",
         error="not stored: from the errors of the measured depth and the noise of the pictures",
     ),
     "class_distance": Variable(
         dims=_CLASS,
         units="m",
-        long_name="median true depth of the class; NaN where fewer than two matching windows fit",
+        long_name="median true depth of the class; NaN where its points fill fewer than two matching windows",
         error="none: a median",
     ),
     "class_bias": Variable(

@@ -25,7 +25,8 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "diffraction": Variable(
         dims=("sharp",),
         units="",
-        long_name="width of the diffraction spot that counts in addition to defocus: 'none', 'fwhm' or 'airy-diameter'",
+        long_name="measure of the diffraction spot that counts in addition to defocus: 'none', 'fwhm' (full width at "
+        "half maximum) or 'airy-diameter'",
     ),
     "slice_name": Variable(
         dims=("camera", "sharp", "slice"),
@@ -77,8 +78,8 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "images": Variable(
         dims=("camera", "sharp"),
         units="1",
-        long_name="number of images that the camera takes of depth_of_field.range; 0 if no number of images makes "
-        "it sharp",
+        long_name="number of images that the camera takes of depth_of_field.range; 0 if no number of images would "
+        "show all of it sharp",
         error=COUNTED,
     ),
     "reason": Variable(

@@ -36,7 +36,7 @@ EFFECTS: Final[Mapping[str, Variable]] = {
         "infinite where the change is unknown",
         error=_KNOWN_AS,
     ),
-    "evidence": _words(_CHANGE, f"how the change is known: {_HOW}; empty where change is NaN"),
+    "evidence": _words(_CHANGE, f"how the change is known: {_HOW}; empty where it is NaN"),
     "change_at": Variable(
         dims=_CHANGE,
         units="m",

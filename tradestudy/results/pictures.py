@@ -47,8 +47,8 @@ PICTURES: Final[Mapping[str, Variable]] = {
     "sampling_error": Variable(
         dims=_OF,
         units="1",
-        long_name="root-mean-square difference from a picture without noise with 16 times as many rays, relative to "
-        "that picture; for a picture by waves, also from one with twice as many point-spread functions "
+        long_name="root-mean-square difference from a noise-free picture with 16 times as many rays, relative to "
+        "that picture; for a picture by waves, also the difference from one with twice as many point-spread functions "
         "along each axis",
         error="itself an error estimate, from places all over the picture",
     ),

@@ -127,7 +127,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         dims=("camera",),
         units="",
         long_name="uncertain input that contributes most to the variance of depth, on average over the usable "
-        "distances, with its basis",
+        "distances, and its basis",
     ),
     "cause_share": Variable(
         dims=("camera",),
@@ -139,7 +139,7 @@ DECISION: Final[Mapping[str, Variable]] = {
     "solution_count": Variable(
         dims=("question",),
         units="1",
-        long_name="number of solutions between 'low' and 'high' of the question",
+        long_name="number of solutions between the values 'low' and 'high' of the question",
         error=EXACT,
     ),
     "solved_value": Variable(
@@ -200,7 +200,7 @@ CLAIMS: Final[Mapping[str, Variable]] = {
     "within_tolerance": Variable(
         dims=("claim", "reading"),
         units="1",
-        long_name="whether a change of the value by accuracy.tolerance could change whether the claim is met",
+        long_name="whether a change of the value by accuracy.tolerance could reverse 'met'",
         error=EXACT,
     ),
 }
@@ -256,8 +256,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         units="percent",
         long_name="how far the worst value may worsen before it reaches the bound, relative to the value; negative "
         "if the bound is missed. If the camera is unusable over part of the required range, the margin is "
-        "at most minus that part, as a fraction of the range on a logarithmic scale. NaN where there is "
-        "no value",
+        "at most minus the percentage of the range, on a logarithmic scale, that this part covers. NaN where "
+        "there is no value",
         error="that of the worst value",
     ),
     "margin_sigma": Variable(
@@ -278,8 +278,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "within_tolerance": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="whether changes of the worst value, or of the ends of usable ranges, could reverse the answer "
-        "although they are within their tolerances under 'accuracy'",
+        long_name="whether the answer could be reversed by changes of the worst value, or of the ends of usable "
+        "ranges, that their tolerances under 'accuracy' allow",
         error=EXACT,
     ),
     "reason": Variable(
@@ -298,7 +298,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         units="",
         long_name="what decides the answer, in words: the limit in limited_by or, where errors decide, the "
         "uncertain input that contributes most to the variance of depth at the distance of the worst "
-        "value, with its basis",
+        "value, and its basis",
     ),
     "rests_on_share": Variable(
         dims=_OF_REQUIREMENT,
@@ -394,8 +394,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "met_to_within": Variable(
         dims=("requirement", "stretch"),
         units="mixed",
-        long_name="error of met_from and met_to: half the width of the interval to which bisection narrows them "
-        "down; 0 at an end of the sweep, NaN beyond the last range",
+        long_name="error of met_from and met_to: half the width of the interval to which bisection narrows each of "
+        "them down; 0 at an end of the sweep, NaN beyond the last range",
         error=ESTIMATE,
     ),
     "met_camera": Variable(

@@ -13,7 +13,7 @@ CAMERAS: Final[Mapping[str, Variable]] = {
     "family": Variable(
         dims=("camera",),
         units="",
-        long_name="principle of measurement, such as 'plenoptic', which several kinds may share",
+        long_name="principle of measurement, which several kinds may share, such as 'plenoptic'",
     ),
     "method": Variable(
         dims=("camera",),
@@ -24,7 +24,6 @@ CAMERAS: Final[Mapping[str, Variable]] = {
     "note": Variable(
         dims=("camera",), units="", long_name="the note declared under the camera; empty if there is none"
     ),
-    "property_value": Variable(dims=("property",), units="", long_name="value of the property, with its unit"),
     "perfect_calibration": Variable(
         dims=("camera",),
         units="",
@@ -36,6 +35,7 @@ CAMERAS: Final[Mapping[str, Variable]] = {
         units="",
         long_name="name of a property that follows from the declared values, with its symbol",
     ),
+    "property_value": Variable(dims=("property",), units="", long_name="value of the property, with its unit"),
 }
 
 ASSUMPTIONS: Final[Mapping[str, Variable]] = {
@@ -50,7 +50,9 @@ ASSUMPTIONS: Final[Mapping[str, Variable]] = {
     "cameras": Variable(
         dims=("path",), units="", long_name="cameras that have the value; empty for values outside cameras"
     ),
-    "warning": Variable(dims=("warned",), units="", long_name="warning about an implausible value, with its path"),
+    "warning": Variable(
+        dims=("warned",), units="", long_name="warning about an implausible value, with the path of the value"
+    ),
 }
 
 CONTRADICTIONS: Final[Mapping[str, Variable]] = {
@@ -58,7 +60,7 @@ CONTRADICTIONS: Final[Mapping[str, Variable]] = {
     "what": Variable(
         dims=("contradiction",),
         units="",
-        long_name="quantity that the study states, against the inputs from which it also follows",
+        long_name="quantity that the study states, and the inputs from which it also follows",
     ),
     "stated": Variable(dims=("contradiction",), units="", long_name="value that the study states"),
     "implied": Variable(dims=("contradiction",), units="", long_name="value that follows from the other inputs"),

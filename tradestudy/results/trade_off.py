@@ -32,8 +32,8 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "worth": Variable(
         dims=_BOTH,
         units="1",
-        long_name="score of weighed_value: linear from 0 at 'worst' to 1 at 'best'; 0 or 1 beyond, and 0 where "
-        "weighed_value is NaN",
+        long_name="score of weighed_value: rises linearly from 0 at 'worst' to 1 at 'best' and is constant beyond; 0 "
+        "where weighed_value is NaN",
         error="that of weighed_value, divided by the difference between 'best' and 'worst'",
     ),
     "clipped": Variable(
@@ -72,14 +72,14 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         units="1",
         symbol="b_i^r",
         reference=_SMAA,
-        long_name="fraction of all possible weights, and of all draws of the criteria within their errors, that "
-        "give a candidate this rank",
+        long_name="fraction of the draws of possible weights, and of criteria within their errors, that give a "
+        "candidate this rank",
         error="see rank_acceptability_error",
     ),
     "rank_acceptability_error": Variable(
         dims=("candidate", "rank"),
         units="1",
-        long_name="standard error of rank_acceptability over scrambles, at least the share of a single draw; 0 "
+        long_name="standard error of rank_acceptability over scrambles, at least 1/n for n draws; 0 "
         "where nothing is drawn",
         error=ESTIMATE,
     ),
@@ -98,7 +98,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         error=ESTIMATE,
     ),
     "central_weight_reason": Variable(
-        dims=("candidate",), units="", long_name="why a candidate has no central weights; empty where it has"
+        dims=("candidate",), units="", long_name="why a candidate has no central weights; empty where it has some"
     ),
     "design_value": Variable(
         dims=_BOTH,
@@ -118,6 +118,6 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="whether the candidate is Pareto-optimal: no feasible candidate, in any design, is at least as "
         "good in every weighed criterion and better in one",
-        error="none: exact for these values",
+        error="none: exact for the stored values",
     ),
 }

@@ -46,15 +46,15 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "published_minimum": _f_number(
         ("element",),
-        "published minimum f-number for Fresnel; NaN if none is declared",
+        "published minimum f-number for Fresnel's approximation; NaN if none is declared",
         f"{PAPER}, section 5.3",
         DECLARED,
     ),
     "psf_error": Variable(
         dims=("element", "lens_phase", "wavelength", "f_number", "metric", "window"),
         units="1",
-        long_name="difference between the point-spread functions by Fresnel and by Kirchhoff on the axis, measured "
-        "by each 'metric'",
+        long_name="difference between the point-spread functions by Fresnel's approximation and by Kirchhoff's "
+        "integral on the axis, measured by each 'metric'",
         reference=_MEASURED,
         error="see psf_error_numerical",
     ),
@@ -117,7 +117,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "limit_f_number": _f_number(
         ("element", "lens_phase", "wavelength", "metric", "window"),
         "f-number above which psf_error stays below fresnel_validity.error_limit; 0 if it does so at all "
-        "of fresnel_validity.f_numbers, infinite if it exceeds the limit even at the largest",
+        "values of fresnel_validity.f_numbers, infinite if it exceeds the limit even at the largest of them",
         _MEASURED,
         "1e-4, relative; in addition, the error of psf_error divided by the slope of its curve over the f-number",
     ),
@@ -130,8 +130,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "paper_eq27_condition": Variable(
         dims=_ELEMENT,
         units="1",
-        long_name="relative change of the fractional part of 4 (a + b)/λ, which decides the zeros of eq. 27, per "
-        "relative change of a length",
+        long_name="condition number of eq. 27: relative change of the fractional part of 4 (a + b)/λ, which decides "
+        "its zeros, per relative change of a length",
         reference=f"{PAPER}, eq. 27",
         error=ROUNDING,
     ),
@@ -143,19 +143,20 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "path_error_f_number": _f_number(
         (*_ELEMENT, "path_error"),
-        "minimum f-number at which the optical path that Fresnel neglects stays within path_error wavelengths",
-        "(f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼, with path_error ε; the next term is smaller by a factor of "
-        "r²/(2 b²), with the radius r of the pupil",
+        "minimum f-number at which the optical path that Fresnel's approximation neglects is at most path_error "
+        "wavelengths",
+        "(f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼, with path_error ε; the next term of the series is smaller by a factor "
+        "of r²/(2 b²), with the radius r of the pupil",
     ),
     "goodman_f_number": _f_number(
         _ELEMENT,
-        "minimum f-number at which Fresnel neglects at most 1 rad of phase between the object and the "
+        "minimum f-number at which Fresnel's approximation neglects at most 1 rad of phase between the object and the "
         "lens, and at most 1 rad between the lens and the image",
         "Goodman 2005, section 4.2.2",
     ),
     "southwell_f_number": _f_number(
         _ELEMENT,
-        "minimum f-number at which the error of Fresnel on the axis is at most "
+        "minimum f-number at which the error of Fresnel's approximation on the axis is at most "
         "fresnel_validity.error_limit for a simpler problem: a plane wave behind an empty hole as large "
         "as the pupil, at image_distance",
         "after Southwell (1981)",
@@ -254,8 +255,8 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "benchmark_error": Variable(
         dims=("benchmark",),
         units="1",
-        long_name="relative numerical error of the intensities of a benchmark, in the L2 norm; its computing time "
-        "is in run.json",
+        long_name="relative numerical error of the intensities that a benchmark computes, in the L2 norm; run.json "
+        "contains its computing time",
         error=ESTIMATE,
     ),
     "published_seconds": Variable(
@@ -302,18 +303,18 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
     "chosen": Variable(
         dims=("propagator",),
         units="1",
-        long_name="1 for the method that accuracy.psf_width requires, 0 for the other",
+        long_name="1 for the method that accuracy.psf_width requires, 0 for the other method",
         error=EXACT,
     ),
     "varied_units": Variable(
         dims=("varied",),
         units="",
-        long_name="SI unit of the varied input; 'wave', that is one wavelength of path, for defocus",
+        long_name="SI unit of the varied input; for defocus 'wave', which is one wavelength of optical path",
     ),
     "standing": Variable(
         dims=("element", "varied"),
         units="mixed",
-        long_name="value that the input has while another is varied, in the unit in varied_units",
+        long_name="value of the input while another input varies, in the unit in varied_units",
         error=DECLARED,
     ),
     **_spread(
@@ -342,13 +343,13 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
         "strehl_ratio",
         "1",
         "Strehl ratio: largest intensity, relative to that of the same pupil without aberration or "
-        "defocus; NaN beyond the last value",
+        "defocus; NaN beyond the last value of the varied input",
     ),
     **_spread(
         "transfer_half_nyquist",
         "1",
         "modulation transfer at half the Nyquist frequency of pixels with point_spread.pixel_pitch; NaN "
-        "beyond the last value",
+        "beyond the last value of the varied input",
     ),
     **_spread(
         "outside_geometric",

@@ -33,7 +33,7 @@ class DepthScore:
     Parameters
     ----------
     points
-        Points of the map that show a surface within the searched distances.
+        Points of the map that show a surface; with several types of microlenses, only those behind the sharpest type.
     seen
         Points that the estimator can measure: it sees them in two pictures, and nothing hides them.
     measured
