@@ -27,7 +27,7 @@ those at both ends of every interval of depths. `interval` numbers the usable in
 `limit` names the limits of the usable range. Those declared in `usable_range` have the names of their keys, except
 `total_covering_plane` (key `virtual_depth`), `focus` (key `blur`) and `last_disparity_step` (key `disparity_step`). The
 others are not declared: `real_image` (the lens forms a real image), and for derived disparity errors `saturation` (the
-brightest pixels are not saturated) and `matching` (a matcher can reach the error).
+brightest pixels are not saturated) and `matching` (a matcher can reach the Cramér–Rao bound).
 """,
     "depth_at_places": "The variables of [`/depth`](#group-depth), at the distances of `decision.at`.",
     "depth_field": """

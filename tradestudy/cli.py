@@ -62,7 +62,7 @@ ToleranceOption = Annotated[
     typer.Option(
         "--tolerance",
         metavar="X",
-        help="Use this tolerance for every quantity, such as '1 %', instead of those of the study.",
+        help="Use this tolerance, such as '1 %', for every quantity instead of the study's tolerances.",
         show_default=False,
     ),
 ]
@@ -306,7 +306,7 @@ def new(
         typer.Option(
             "--from",
             metavar="FILE",
-            help="Start from the camera of this calibration file; for a pair of files, give it twice, left first.",
+            help="Start from the camera of this calibration file; for a pair of files, repeat the option: left, then right.",
         ),
     ] = None,
     set_: Annotated[

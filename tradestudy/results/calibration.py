@@ -106,7 +106,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_pixels": Variable(
         dims=("posterior", "side"),
         units="px",
-        long_name="number of columns and number of rows of the calibration pictures; 0 without pictures",
+        long_name="number of columns and number of rows (along 'side') of the calibration pictures; 0 without pictures",
     ),
     "posterior_draw": Variable(
         dims=("posterior", "draw", "parameter"),
@@ -172,8 +172,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_residual": Variable(
         dims=("posterior", "rig_side", "rig_cell_row", "rig_cell_column", "rig_axis"),
         units="px",
-        long_name="mean residual of the corners in a cell of the left or right picture, along x or y; NaN in cells "
-        "without corners",
+        long_name="mean residual, along x or y, of the corners in one cell of a grid over the left or right picture; "
+        "NaN in cells without corners",
     ),
     "rig_overconfidence": Variable(
         dims=("posterior", "parameter"),
@@ -218,7 +218,7 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
     "parameter_uncertainty_error": Variable(
         dims=("camera", "field", "distance", "parameter"),
         units="m",
-        long_name="standard error of parameter_uncertainty over scrambles; NaN where parameter_uncertainty is",
+        long_name="standard error of parameter_uncertainty over scrambles; NaN where parameter_uncertainty is NaN",
         error=ESTIMATE,
     ),
     "parameter_refused": Variable(
@@ -238,21 +238,21 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
     "first_index_error": Variable(
         dims=("camera", "field", "distance", "source"),
         units="1",
-        long_name="standard error of first_index over scrambles; NaN where first_index is",
+        long_name="standard error of first_index over scrambles; NaN where first_index is NaN",
         error=ESTIMATE,
     ),
     "total_index": Variable(
         dims=("camera", "field", "distance", "source"),
         units="1",
         long_name="total Sobol index: fraction of the variance of inverse depth (1/depth) that the error source "
-        "causes, including its interactions with others; NaN where first_index is",
+        "causes, including its interactions with others; NaN where first_index is NaN",
         symbol="S_Ti",
         error="see total_index_error",
     ),
     "total_index_error": Variable(
         dims=("camera", "field", "distance", "source"),
         units="1",
-        long_name="standard error of total_index over scrambles; NaN where total_index is",
+        long_name="standard error of total_index over scrambles; NaN where total_index is NaN",
         error=ESTIMATE,
     ),
     "index_refused": Variable(

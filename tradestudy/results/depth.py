@@ -116,9 +116,9 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "disparity_error_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="disparity error, including that of the matcher: as declared, or derived from scene.picture; for "
-        "an unfocused plenoptic camera, 1 px is one microlens; NaN where the camera forms no image or its "
-        "image has no texture left",
+        long_name="disparity error: as declared, or derived from scene.picture with the errors of a declared matcher; "
+        "for an unfocused plenoptic camera, 1 px is one microlens; NaN where the camera forms no image or its image "
+        "has no texture left",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_error",
@@ -133,7 +133,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "virtual_depth": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="virtual depth, positive for a Keplerian and negative for a Galilean camera; NaN for a stereo rig",
+        long_name="virtual depth, positive for a Keplerian and negative for a Galilean camera; NaN for all but "
+        "focused plenoptic cameras",
         symbol="v = a_L/b_L",
         error=ROUNDING,
     ),
@@ -286,7 +287,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="px",
         long_name="disparity error of the declared matcher: disparity_error_px combined with the errors that the "
-        "matcher adds; NaN or infinite where disparity_error_px is",
+        "matcher adds; NaN or infinite where disparity_error_px is NaN or infinite",
         symbol="σ_d",
         error="see matched_error_px_error",
     ),

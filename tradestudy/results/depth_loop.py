@@ -33,7 +33,7 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
         dims=_POINT,
         units="1",
         long_name="standard error of over_matcher, from the fourth moment of the disparity errors; NaN "
-        "where over_matcher is",
+        "where over_matcher is NaN",
         error=ESTIMATE,
     ),
     "fitted": Variable(
@@ -53,7 +53,7 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
         error="see matcher_factor_error",
     ),
     "matcher_factor_error": Variable(
-        dims=_CAMERA, units="1", long_name="error of matcher_factor; NaN where matcher_factor is", error=_FIT
+        dims=_CAMERA, units="1", long_name="error of matcher_factor; NaN where matcher_factor is NaN", error=_FIT
     ),
     "matcher_floor": Variable(
         dims=_CAMERA,
@@ -63,7 +63,7 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
         error="see matcher_floor_error",
     ),
     "matcher_floor_error": Variable(
-        dims=_CAMERA, units="px", long_name="error of matcher_floor; NaN where matcher_floor is", error=_FIT
+        dims=_CAMERA, units="px", long_name="error of matcher_floor; NaN where matcher_floor is NaN", error=_FIT
     ),
     "matcher_false_matches": Variable(
         dims=_CAMERA,
@@ -74,7 +74,7 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     "matcher_false_matches_error": Variable(
         dims=_CAMERA,
         units="1",
-        long_name="error of matcher_false_matches; NaN where matcher_false_matches is",
+        long_name="error of matcher_false_matches; NaN where matcher_false_matches is NaN",
         error=_FIT,
     ),
 }

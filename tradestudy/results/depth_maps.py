@@ -150,26 +150,27 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "class_bias": Variable(
         dims=_CLASS,
         units="m",
-        long_name="median depth error of the class; NaN where class_distance is",
+        long_name="median depth error of the class; NaN where class_distance is NaN",
         error="see class_bias_error",
     ),
     "class_bias_error": Variable(
         dims=_CLASS,
         units="m",
-        long_name="standard error of class_bias, from the number of matching windows; NaN where class_distance is",
+        long_name="standard error of class_bias, from the number of matching windows; NaN where class_distance is NaN",
         error=ESTIMATE,
     ),
     "class_spread": Variable(
         dims=_CLASS,
         units="m",
         long_name="half the width of the central 68.27 % interval of the depth errors of the class; NaN where "
-        "class_distance is",
+        "class_distance is NaN",
         error="see class_spread_error",
     ),
     "class_spread_error": Variable(
         dims=_CLASS,
         units="m",
-        long_name="standard error of class_spread, from the number of matching windows; NaN where class_distance is",
+        long_name="standard error of class_spread, from the number of matching windows; NaN where class_distance is "
+        "NaN",
         error=ESTIMATE,
     ),
     "class_predicted": Variable(

@@ -67,7 +67,7 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
         "far end of a range in which at least two slices are sharp; may be infinite; NaN beyond the last range",
     ),
     "extent": _length(
-        ("camera", "sharp"), "depth of field: total length of all sharp ranges; infinite where sharp_far is"
+        ("camera", "sharp"), "depth of field: total length of all sharp ranges; infinite where sharp_far is infinite"
     ),
     "scene_share": Variable(
         dims=("camera", "sharp"),

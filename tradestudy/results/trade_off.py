@@ -94,7 +94,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "central_weight_error": Variable(
         dims=_BOTH,
         units="1",
-        long_name="standard error of central_weight over scrambles; NaN where central_weight is",
+        long_name="standard error of central_weight over scrambles; NaN where central_weight is NaN",
         error=ESTIMATE,
     ),
     "central_weight_reason": Variable(

@@ -123,15 +123,15 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "paper_eq27_f_number": _f_number(
         (*_ELEMENT, "zero"),
-        "minimum f-number by eq. 27 of the paper as printed; not to be trusted, see paper_eq27_condition; "
-        "infinite where the fractional part of 4 (a + b)/λ is 0",
+        "minimum f-number by eq. 27 of the paper as printed; not to be trusted, because it changes with tiny changes "
+        "of a length (see paper_eq27_condition); infinite where the fractional part of 4 (a + b)/λ is 0",
         f"{PAPER}, eq. 27",
     ),
     "paper_eq27_condition": Variable(
         dims=_ELEMENT,
         units="1",
         long_name="condition number of eq. 27: relative change of the fractional part of 4 (a + b)/λ, which decides "
-        "its zeros, per relative change of a length",
+        "the zeros, per relative change of a length",
         reference=f"{PAPER}, eq. 27",
         error=ROUNDING,
     ),
@@ -157,8 +157,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "southwell_f_number": _f_number(
         _ELEMENT,
         "minimum f-number at which the error of Fresnel's approximation on the axis is at most "
-        "fresnel_validity.error_limit for a simpler problem: a plane wave behind an empty hole as large "
-        "as the pupil, at image_distance",
+        "fresnel_validity.error_limit for a simpler problem: a plane wave that is diffracted by an empty hole as large "
+        "as the pupil and observed at image_distance",
         "after Southwell (1981)",
     ),
 }
