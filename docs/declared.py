@@ -134,8 +134,8 @@ without the errors of a declared matcher.
     "value_of_information": """
 How much knowing each assumption would improve the choice of a camera. The values of all assumptions are drawn at random
 together. The *utility* of a camera is minus its relative depth uncertainty, averaged over the distances of
-`value_of_information.at` (along `place`); where the camera is not usable, `value_of_information.unusable` counts
-instead. The attribute `draws` of the group is the number of draws.
+`value_of_information.at` (along `place`); where the camera is not usable, `value_of_information.unusable` replaces that
+uncertainty. The attribute `draws` of the group is the number of draws.
 """,
     "assumptions": "Every value of the study, by its path in the study file, with its basis.",
     "contradictions": "Inputs that contradict each other, and the value that the program uses.",

@@ -306,7 +306,8 @@ def new(
         typer.Option(
             "--from",
             metavar="FILE",
-            help="Start from the camera of this calibration file; for a pair of files, repeat the option: left, then right.",
+            help="Start from the camera of this calibration file; for a pair of files, repeat this option: left, "
+            "then right.",
         ),
     ] = None,
     set_: Annotated[

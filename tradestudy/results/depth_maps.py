@@ -137,8 +137,9 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "map_sharp": Variable(
         dims=_MAP,
         units="1",
-        long_name="all-in-focus picture, computed from the camera's pictures and the measured depth, relative to "
-        "that of a white scene; NaN where the camera computes none, and outside a picture smaller than the largest",
+        long_name="all-in-focus picture, computed from the camera's pictures and the measured depth, relative to that "
+        "of a white scene; NaN where the camera computes none, and beyond the edge of pictures smaller than the "
+        "largest",
         error="not stored: from the errors of the measured depth and the noise of the pictures",
     ),
     "class_distance": Variable(

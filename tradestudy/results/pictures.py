@@ -15,22 +15,22 @@ PICTURES: Final[Mapping[str, Variable]] = {
     "brightness": Variable(
         dims=_WHOLE,
         units="1",
-        long_name="mean of a block of pixels, relative to the brightest pixel of the picture; NaN outside a picture "
-        "smaller than the largest",
+        long_name="mean of a block of pixels, relative to the brightest pixel of the picture; NaN beyond the edge of "
+        "pictures smaller than the largest",
         error=_SAMPLED,
     ),
     "detail": Variable(
         dims=("picture", "detail_row", "detail_column"),
         units="1",
         long_name="pixels around the middle of the picture, relative to the brightest pixel of the picture; NaN "
-        "outside a picture smaller than the detail",
+        "beyond the edge of pictures smaller than the detail",
         error=_SAMPLED,
     ),
     "true_depth": Variable(
         dims=_WHOLE,
         units="m",
         long_name="true depth at the middle pixel of a block; infinite where the pixel sees no surface, NaN where "
-        "no light reaches the pixel through the pupil or outside a picture smaller than the largest",
+        "no light reaches the pixel through the pupil or beyond the edge of pictures smaller than the largest",
         error="rounding only",
     ),
     "camera_of": Variable(dims=_OF, units="", long_name="camera that takes the picture"),

@@ -17,7 +17,7 @@ from tradestudy.optics.lens_models.rational import IDEAL
 
 
 class CalibratedCameraPart(Part):
-    """One camera of a calibrated pair; (0, 0) is the centre of its first pixel, x points right and y down."""
+    """One camera of a calibrated pair; (0, 0) is the centre of its top left pixel, x points right and y down."""
 
     focal_length: tuple[PositivePixels, PositivePixels] = Field(description="Horizontal and vertical focal length.")
     principal_point: tuple[Pixels, Pixels] = Field(
