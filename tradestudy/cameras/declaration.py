@@ -130,13 +130,13 @@ class DisparityPart(Part):
     """The precision with which disparity is measured."""
 
     disparity_error: PositivePixels | Literal["derived"] = Field(
-        description="Standard deviation of one measured disparity, or `derived` for the Cramér–Rao bound of "
-        "matching pictures of the scene's texture (scene.picture)."
+        description="Standard deviation of one measured disparity, or `derived`: the Cramér–Rao bound of matching "
+        "pictures of the scene's texture (scene.picture), plus the errors that `matcher` adds."
     )
     error_of: Literal["disparity", "coordinate"] = Field(
         default="disparity",
-        description="Whether disparity_error is the error of the disparity or of each image coordinate, which "
-        "makes the error of the disparity √2 times as large.",
+        description="Whether disparity_error is the error of the disparity itself, or that of an image coordinate. "
+        "A disparity is the difference of two coordinates, so that its error is √2 times that of one coordinate.",
     )
     discrimination_step: PositivePixels = Field(
         default="0.1 px",
@@ -229,8 +229,7 @@ class CameraDeclaration(Part, ABC):
     attributes: AttributesPart = AttributesPart()
     read_as: dict[AttributeName, Text] = Field(
         default={},
-        description="Conventions that `import` assumed when it read the calibration file of this camera, each with "
-        "its meaning.",
+        description="Conventions, by name, that `import` assumed when it read the calibration file of this camera.",
     )
     kind: str
 
