@@ -68,8 +68,8 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "depth_distortion": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Relative change of the distance between microlens array and main lens's image, in the corner of the "
-        "sensor. The change grows with the square of the distance from the axis.",
+        meaning="Relative change, in the corner of the sensor, of the distance between the microlens array and the "
+        "image of the main lens. The change grows with the square of the distance from the axis.",
     ),
     "distortion_k1": ErrorParameter(
         unit="1",
@@ -85,8 +85,8 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "microlens_center_scatter": ErrorParameter(
         unit="m",
         part="microlens centres",
-        meaning="Each coordinate of the centre of each microlens, independently of the others. Positions in a "
-        "micro-image are measured from this centre, so that the error of a disparity contains √2 times this error.",
+        meaning="Each coordinate of the centre of a microlens; the error differs from microlens to microlens. "
+        "Positions in a micro-image are measured from that centre, so that a disparity contains √2 times this error.",
         error_class=ErrorClass.ELEMENT,
     ),
     PIXEL_NOISE: NOISE_PARAMETER,

@@ -53,8 +53,8 @@ class DepthLoopPart(Part):
     )
     windows: Annotated[int, Field(strict=True, ge=100, le=1_000_000)] = Field(
         default=1500,
-        description="Number of matching windows without common pixels to measure on each plane, in at most eight "
-        "pictures. The spread of their depth errors has a relative error of about 1/√windows.",
+        description="Number of non-overlapping matching windows to measure on each plane, in at most eight pictures. "
+        "The spread of the depth errors is then known with a relative error of about 1/√windows.",
     )
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
         default=64,

@@ -19,16 +19,16 @@ Diffraction = Literal["none", "airy-diameter", "fwhm"]
 
 
 class BlurPart(Part):
-    """What counts as sharp: an upper bound on the quadratic sum of geometric blur and diffraction spot."""
+    """What counts as sharp: an upper bound on geometric blur and diffraction spot together, added in quadrature."""
 
     blur: PositivePixels = Field(
-        description="Largest diameter of the blur, in lateral samples: pixels or, for an unfocused plenoptic camera, "
-        "microlenses."
+        description="Largest diameter of blur and diffraction spot together, in lateral samples: pixels or, for an "
+        "unfocused plenoptic camera, microlenses."
     )
     diffraction: Diffraction = Field(
         default="none",
-        description="Width of the diffraction spot that is included: none, the diameter of its first dark ring "
-        "(`airy-diameter`), or its full width at half maximum (`fwhm`).",
+        description="What counts as the diameter of the diffraction spot: nothing (`none`), the diameter of its first "
+        "dark ring (`airy-diameter`), or its full width at half maximum (`fwhm`).",
     )
 
     def criterion(self, wavelength: float) -> BlurCriterion:
@@ -69,7 +69,7 @@ class ReliefPart(Part):
         description="Height of the depth step, which hides a strip beside it from one of two views."
     )
     surface_tilt: NonNegativeAngle = Field(
-        description="Tilt of the surface, by which two views see it foreshortened by different amounts."
+        description="Tilt of the surface, which makes two views see it foreshortened by different amounts."
     )
 
     @model_validator(mode="after")

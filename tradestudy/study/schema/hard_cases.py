@@ -19,8 +19,8 @@ class HardCasesPart(Part):
 
     families: Annotated[tuple[FamilyName, ...], Field(min_length=1, max_length=len(EVERY_FAMILY))] = Field(
         default=EVERY_FAMILY,
-        description="Groups of cases to compute: `thin-lens`, of the main lens and the microlens array behind it; "
-        "`triangulation`, of the stereo rig; `phases` of light paths; `fields` of light behind an aperture; "
-        "`equation-27`, the minimum f-number of the paper; `depth-of-field`; `propagation` of uncertainty; and "
-        "`study-files` with extreme values or harmful content.",
+        description="Groups of cases to compute: `thin-lens` (main lens and microlens array), `triangulation` (stereo "
+        "rig), `phases` (long and short light paths), `fields` (light behind an aperture), `equation-27` (the paper's "
+        "minimum f-number), `depth-of-field`, `propagation` (of uncertainty) and `study-files` (extreme values and "
+        "harmful content).",
     )

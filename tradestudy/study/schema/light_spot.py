@@ -209,7 +209,7 @@ class SpectrumPart(Part):
         description="Wavelengths of the light, in increasing order."
     )
     weights: Annotated[tuple[Weight, ...], Field(min_length=2, max_length=20)] = Field(
-        description="Power in the pupil at each wavelength, in the same order; only the ratios matter."
+        description="Power of the light in the pupil at each of the wavelengths, in the same order; only ratios matter."
     )
 
     @model_validator(mode="after")

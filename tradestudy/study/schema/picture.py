@@ -97,12 +97,12 @@ class LightPart(Part):
         "quantum_efficiency of each sensor converts them to electrons.",
     )
     at_f_number: FNumber = Field(
-        description="Working f-number (image distance over pupil diameter) at which a pixel collects this light; at "
-        "others, the light changes with the inverse square."
+        description="Working f-number (image distance over pupil diameter) at which a pixel collects this light. The "
+        "light is inversely proportional to the square of the f-number."
     )
     at_pixel_pitch: PixelPitch | None = Field(
         default=None,
-        description="Pixel pitch at which a pixel collects this light; at others, the light changes with the area of "
+        description="Pixel pitch at which a pixel collects this light; the light is then proportional to the area of "
         "the pixel. Default: every pixel collects this light, whatever its size.",
     )
 
@@ -185,8 +185,8 @@ class PicturePart(Part):
     )
     lens_phase: Literal["perfect", "parabolic"] = Field(
         default="perfect",
-        description="Lens in diffraction by Kirchhoff's integral: well corrected (`perfect`), or with the parabolic "
-        "phase of the paper (`parabolic`).",
+        description="Phase of the lens where diffraction is computed by Kirchhoff's integral: that of a well corrected "
+        "lens (`perfect`), or the parabolic phase of the paper (`parabolic`).",
     )
 
     def noise(self, sensor: Sensor | None) -> SensorNoise:

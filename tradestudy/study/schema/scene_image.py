@@ -118,7 +118,7 @@ class DepthMapPart(Part):
 
     shape: Literal["depth-map"]
     depth: FileName = Field(
-        description="File of the depth map: distances along the optical axis, without missing values."
+        description="File of the depth map, which contains distances along the optical axis without missing values."
     )
     unit: DetailSize = Field(description="Distance that a value of 1 in the depth map stands for.")
     first_row: Literal["top", "bottom"] = Field(
@@ -194,7 +194,8 @@ class SceneImagePart(Part):
         "floating-point TIFF files of electrons.",
     )
     black_level: NonNegativeElectrons = Field(
-        default=0.0, description="Number of electrons added to those of every pixel before the signal is digitised."
+        default=0.0,
+        description="Constant number of electrons that is added to every pixel before the signal is digitised.",
     )
     mosaic: MosaicPart | None = Field(default=None, description="Colour filters in front of the pixels; default: none.")
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] | None = Field(

@@ -105,9 +105,9 @@ class OffAxisPart(Part):
 
 
 class FresnelValidityPart(Part):
-    """The error of the point-spread function by Fresnel's approximation, relative to that by Kirchhoff's integral.
+    """How far the point-spread function by Fresnel's approximation is from that by Kirchhoff's integral.
 
-    The error is computed, and compared with criteria that predict the smallest f-number at which it is acceptable.
+    This error is computed, and compared with criteria that predict the smallest f-number at which it is acceptable.
     """
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
@@ -118,7 +118,7 @@ class FresnelValidityPart(Part):
         description="Wavelengths to evaluate."
     )
     lens_phases: Annotated[tuple[LensPhaseName, ...], Field(min_length=1, max_length=3)] = Field(
-        description="Phases that each lens adds, to evaluate; see light_spot.main_lens.lens_phase for their meaning."
+        description="Lens phases to evaluate; see light_spot.main_lens.lens_phase for their meaning."
     )
     off_axis: OffAxisPart | None = Field(default=None, description="A comparison off the axis; default: none.")
     windows: Annotated[tuple[PositiveNumber, ...], Field(min_length=1, max_length=6)] = Field(
