@@ -69,7 +69,7 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
         unit="1",
         part=INTERIOR,
         meaning="Relative change, in the corner of the sensor, of the distance between the microlens array and the "
-        "image of the main lens. The change grows with the square of the distance from the axis.",
+        "image that the main lens forms. The change grows with the square of the distance from the axis.",
     ),
     "distortion_k1": ErrorParameter(
         unit="1",

@@ -37,7 +37,7 @@ class BlurPart(Part):
 
 
 class DepthOfFieldPart(Part):
-    """The range that must be sharp, for which the depth of field of every camera is computed."""
+    """The depth of field of every camera, and the range of distances that must be sharp."""
 
     range: tuple[PositiveLength, PositiveLength] = Field(
         description="Nearest and farthest distance of the range that must be sharp."
