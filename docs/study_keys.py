@@ -290,6 +290,7 @@ _TITLES: Final = {
     "BlurPart": "Blur criterion",
     "BoundOverPart": "Bound on depth uncertainty",
     "CalibratedAtPart": "Air during the calibration",
+    "CriterionFNumberClaim": "Claim about the f-number by a criterion",
     "CriterionPart": "Bound on a criterion",
     "DoubleSpherePart": "Double-sphere lens model",
     "ElementPart": "Lens",
@@ -319,7 +320,7 @@ _TITLES: Final = {
     "ReferenceScalePart": "Reference focus setting",
     "ShareAbovePart": "Lower bound of a fraction",
     "ShareBelowPart": "Upper bound of a fraction",
-    "ShareBetterClaim": "Better share claim",
+    "ShareBetterClaim": "Claim about where a camera is better",
     "SharpPart": "Bound on depth of field",
     "SolvePart": "Inverse question",
     "StatedPart": "Stated values",
@@ -734,17 +735,18 @@ def _owners(reference: Reference) -> tuple[dict[str, str], list[tuple[Part, str]
 
 _INDEX = """
 A study is one YAML file. These pages list its keys, each with the values it accepts, its default and an example. They
-are made from the JSON Schema that `python -m tradestudy schema` prints; editors complete keys with it.
+are made from the JSON Schema that `python -m tradestudy schema` prints; editors can use it to complete keys.
 
 Every section describes one mapping. Below its heading stands the place of that mapping in the file, where `NAME` is a
-name that you choose, and `[]` an item of a list. Sections without a place describe mappings with several places.
+name that you choose, and `[]` an item of a list. Sections without a place describe mappings that can stand in several
+places.
 
 Write a quantity that has a unit with that unit: `12.5 mm`, not `12.5`. Every value may carry its basis:
 `{value: 12.5 mm, basis: datasheet, note: where it comes from}`, where `basis` is `paper`, `datasheet`, `measured`,
 `assumed` or `derived`. `null` removes a value that a shared camera file declares.
 
 Some keys take the *path* of a value in the study: the keys that lead to it, joined by dots, such as `scene.wavelength`.
-The path of a value of a camera may begin with the name of the camera: `stereo-75mm.baseline`.
+The path of a value of a camera may begin with the name of the camera, without `cameras`: `stereo-75mm.baseline`.
 
 For a study of format 1, `python -m tradestudy check` says key by key what to write instead.
 """

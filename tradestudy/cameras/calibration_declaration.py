@@ -149,20 +149,21 @@ class PosteriorPart(Part):
 
 
 class CalibrationPart(Part):
-    """The errors of a camera's parameters, or what they are computed from, and changes since the calibration."""
+    """The errors of a camera's parameters, the calibration that determined them, and changes since then."""
 
     camera: ClassVar[type[DepthCamera]]
     kind: ClassVar[str]
 
     errors: ErrorsPart = Field(
         default_factory=ErrorsPart,
-        description="Errors of the parameters. With `target`, they are the priors. With `posterior`, only errors that "
-        "it does not contain may be given, and with `corners` none. At most one of these three keys may be given.",
+        description="Distributions of the errors of the parameters. With `target`, they are the priors. With "
+        "`posterior`, give only errors that it does not contain; with `corners`, give none. Give at most one of these "
+        "three keys.",
     )
     correlations: dict[str, dict[str, Correlation]] = Field(
         default={},
-        description="Correlation coefficients, from −1 to 1, of the normal scores of two errors (for normal "
-        "errors, of the errors themselves); each pair is given once.",
+        description="Correlation coefficients of pairs of errors, from −1 to 1; give each pair once. For errors that "
+        "are not normal, they apply to the normal scores: the errors transformed to a normal distribution.",
     )
     corners: CornersPart | None = None
     target: TargetPart | None = None

@@ -230,8 +230,7 @@ class CameraDeclaration(Part, ABC):
     attributes: AttributesPart = AttributesPart()
     read_as: dict[AttributeName, Text] = Field(
         default={},
-        description="Conventions that `import` assumed when it read the calibration file of this camera, each with "
-        "its meaning.",
+        description="Conventions, by name, that `import` assumed when it read the calibration file of this camera.",
     )
     kind: str
 

@@ -62,14 +62,14 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "field_curvature": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="How much farther from the main lens its image lies, in the corner of the sensor, than the "
-        "known field curvature implies; the error grows with the square of the distance from the axis.",
+        meaning="Distance from the main lens to its image in the corner of the sensor, minus that on the axis. The "
+        "shift of the image grows with the square of the distance from the axis.",
     ),
     "depth_distortion": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Relative change of the distance from image to microlens array, in the corner of the sensor; "
-        "the change grows with the square of the distance from the axis.",
+        meaning="Relative change, in the corner of the sensor, of the distance between the microlens array and the "
+        "image that the main lens forms. The change grows with the square of the distance from the axis.",
     ),
     "distortion_k1": ErrorParameter(
         unit="1",
@@ -85,8 +85,8 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "microlens_center_scatter": ErrorParameter(
         unit="m",
         part="microlens centres",
-        meaning="Each coordinate of a microlens centre, which is the origin of positions in its micro-image; "
-        "the disparity between two microlenses contains √2 times this error.",
+        meaning="Each coordinate of the centre of a microlens; the error differs from microlens to microlens. "
+        "Positions in a micro-image are measured from that centre, so that a disparity contains √2 times this error.",
         error_class=ErrorClass.ELEMENT,
     ),
     PIXEL_NOISE: NOISE_PARAMETER,

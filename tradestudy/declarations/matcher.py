@@ -21,16 +21,16 @@ class MatcherPart(Part):
     """Errors that a real matcher adds to the Cramér–Rao bound on a disparity error; omitted keys add nothing."""
 
     factor: NoiseFactor | None = Field(
-        default=None, description="Noise of the matcher, relative to the Cramér–Rao bound."
+        default=None, description="Factor by which the matcher multiplies the Cramér–Rao bound."
     )
     floor: NoiseFloor | None = Field(
         default=None,
-        description="Standard deviation of the noise that more light does not reduce; it adds in quadrature.",
+        description="Standard deviation of noise that more light does not reduce; it adds in quadrature.",
     )
     pixel_locking: LockingAmplitude | None = Field(
         default=None,
         description="Amplitude of a bias that is periodic in the disparity. Its phase is unknown, so amplitude/√2 "
-        "adds in quadrature; the bias does not average out over measurements at one distance.",
+        "adds in quadrature. The bias does not average out over measurements at one distance.",
     )
     false_matches: FalseShare | None = Field(
         default=None, description="Fraction of the matches that are false; they count as failed measurements."

@@ -37,17 +37,17 @@ class MicrolensesPart(Part):
     layout: Literal["hexagonal", "square"] = Field(description="Arrangement of the microlenses.")
     pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres.")
     gap: LensToSensor | Literal["f-number-matching"] = Field(
-        description="Distance from the microlens array to the sensor, or `f-number-matching`, which makes the "
-        "f-numbers of microlenses and main lens equal: pitch × mla_distance / pupil diameter."
+        description="Distance from the microlens array to the sensor. With `f-number-matching`, it is pitch × "
+        "mla_distance / pupil diameter, which makes the f-numbers of microlenses and main lens equal."
     )
     types: Literal[1, 3] = Field(default=1, description="Number of microlens types, which differ in focal length.")
     focal_lengths: tuple[FocalLength, ...] | None = Field(
         default=None,
-        description="Focal length of each microlens type; default: chosen so that the depths of field of the "
-        "types, for one pixel of blur, adjoin each other, starting at the total covering plane.",
+        description="Focal length of each microlens type. By default, the focal lengths are such that the depths of "
+        "field of the types, for one pixel of blur, adjoin each other, starting at the total covering plane.",
     )
     aperture_diameter: MicrolensPitch | None = Field(
-        default=None, description="Diameter of one microlens; default: the pitch."
+        default=None, description="Diameter of each microlens; default: the pitch."
     )
 
     @model_validator(mode="after")
@@ -96,9 +96,9 @@ class PlenopticDepthPart(DisparityPart):
     """How the camera measures depth from its micro-images."""
 
     estimator: PlenopticEstimator = Field(
-        description="Micro-images that are compared: those of two adjacent microlenses, of the two nearest "
-        "microlenses of the same type, of the two microlenses farthest apart that see the point, or, by least "
-        "squares, of all that see it."
+        description="Micro-images that are compared: those of two adjacent microlenses (`adjacent-pair`); of the two "
+        "nearest microlenses of the same type (`same-type-pair`); of the two microlenses farthest apart that see the "
+        "point (`widest-pair`); or of all that see it, by least squares (`least-squares`)."
     )
     microlenses: UsedLenses | None = Field(
         default=None,
@@ -135,8 +135,8 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
     depth: PlenopticDepthPart
     field_curvature: Length = Field(
         default=0.0,
-        description="How much farther from the main lens its image lies in the corner of the sensor than on the "
-        "axis. Measured depths are corrected for this.",
+        description="How much farther from the main lens the image of a flat object lies in the corner of the sensor "
+        "than on the axis. Measured depths are corrected for this.",
     )
     calibration: FocusedPlenopticCalibration = Field(default_factory=FocusedPlenopticCalibration)
 

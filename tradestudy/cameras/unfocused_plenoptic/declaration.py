@@ -32,15 +32,15 @@ class UnfocusedMicrolensesPart(Part):
 
     layout: Literal["hexagonal", "square"] = Field(description="Arrangement of the microlenses.")
     pitch: MicrolensPitch = Field(
-        description="Distance between neighbouring microlens centres; each microlens is one lateral sample."
+        description="Distance between neighbouring microlens centres; each microlens is one pixel of every view."
     )
     focal_length: FocalLength | Literal["f-number-matching"] = Field(
-        description="Focal length of a microlens, which is also its distance from the sensor, or "
-        "`f-number-matching`, which makes the f-numbers of microlenses and main lens equal: pitch × mla_distance / "
-        "pupil diameter."
+        description="Focal length of a microlens, which is also its distance from the sensor. With "
+        "`f-number-matching`, it is pitch × distance from main lens to array / pupil diameter, which makes the "
+        "f-numbers of microlenses and main lens equal."
     )
     aperture_diameter: MicrolensPitch | None = Field(
-        default=None, description="Diameter of one microlens; default: the pitch."
+        default=None, description="Diameter of each microlens; default: the pitch."
     )
     f_number: FNumber | None = Field(
         default=None,
@@ -63,10 +63,14 @@ class UnfocusedFocusPart(Part):
 
 
 class UnfocusedDepthPart(DisparityPart):
-    """How depth is measured from views through parts of the pupil; 1 px of disparity is the width of one microlens."""
+    """How depth is measured from views, each of which shows the scene through one part of the pupil.
+
+    A pixel of a view is one microlens, so 1 px of disparity is the width of one microlens.
+    """
 
     estimator: ViewEstimator = Field(
-        description="Views that are compared: the two outermost views of a row, or all views by least squares."
+        description="Views that are compared: the two outermost views of a row (`outermost-views`), or all views by "
+        "least squares (`least-squares`)."
     )
 
 
@@ -90,8 +94,8 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
     depth: UnfocusedDepthPart
     field_curvature: Length = Field(
         default=0.0,
-        description="How much farther from the main lens its image lies in the corner of the sensor than on the "
-        "axis. Measured depths are corrected for this.",
+        description="How much farther from the main lens the image of a flat object lies in the corner of the sensor "
+        "than on the axis. Measured depths are corrected for this.",
     )
     calibration: UnfocusedPlenopticCalibration = Field(default_factory=UnfocusedPlenopticCalibration)
 

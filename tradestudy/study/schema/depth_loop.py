@@ -16,11 +16,11 @@ _MOST = 50
 
 
 class DepthLoopPart(Part):
-    """A test of predicted depth uncertainties on rendered pictures of planes perpendicular to the axis.
+    """A comparison of predicted depth uncertainties with the depth errors in rendered pictures of planes.
 
-    Texture, light, noise and window are those of scene.picture. The parameters of the matcher are fitted to the
-    depth errors at the distances in `fitted_at`, whose planes share one random seed for texture and noise. They are
-    tested at all other distances, each with a seed of its own.
+    The planes are perpendicular to the axis. Texture, light, noise and window are those of scene.picture. The
+    parameters of the matcher are fitted to the depth errors at the distances in `fitted_at`, whose planes share one
+    random seed for texture and noise. The fitted matcher is tested at all other distances, each with a seed of its own.
     """
 
     distances: Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=_MOST)] = Field(
@@ -29,8 +29,8 @@ class DepthLoopPart(Part):
     fitted_at: Annotated[
         tuple[ObjectDistance, ...], Field(min_length=1, max_length=_MOST), AfterValidator(distinct)
     ] = Field(
-        description="Distances, out of `distances`, at which the matcher is fitted to the errors; their planes "
-        "share one random seed."
+        description="Those of the `distances` at which the matcher is fitted to the depth errors; their planes share "
+        "one random seed."
     )
     cameras: Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(
         default=None, description="Cameras to test; default: all that measure depth."
@@ -48,18 +48,18 @@ class DepthLoopPart(Part):
     )
     texture_scaled_from: ObjectDistance | None = Field(
         default=None,
-        description="Distance at which the texture has its declared correlation length. At other distances the "
-        "length scales with the distance, so that a camera sees the same texture everywhere. Default: no scaling.",
+        description="Distance at which the texture has its declared correlation length. At others, that length is "
+        "proportional to the distance, so that a camera sees the same texture everywhere. Default: no scaling.",
     )
     windows: Annotated[int, Field(strict=True, ge=100, le=1_000_000)] = Field(
         default=1500,
-        description="Number of non-overlapping matching windows to measure on each plane, at most as many as eight "
-        "pictures contain; the measured spread then has a relative error of about 1/√windows.",
+        description="Number of non-overlapping matching windows to measure on each plane, in at most eight pictures. "
+        "The spread of the depth errors is then known with a relative error of about 1/√windows.",
     )
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
         default=64,
-        description="Number of rays per pixel and lens; with too few, the sampling error would pass for an error "
-        "of the matcher.",
+        description="Number of rays for each pixel through each lens that lights it; with too few, the noise of "
+        "rendering would pass for an error of the matcher.",
     )
 
     @model_validator(mode="after")

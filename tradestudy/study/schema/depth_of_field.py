@@ -19,15 +19,16 @@ Diffraction = Literal["none", "airy-diameter", "fwhm"]
 
 
 class BlurPart(Part):
-    """What counts as sharp: an upper bound on geometric blur and diffraction spot, added in quadrature."""
+    """What counts as sharp: an upper bound on geometric blur and diffraction spot together, added in quadrature."""
 
     blur: PositivePixels = Field(
-        description="Largest blur, in lateral samples: pixels or, for an unfocused plenoptic camera, microlenses."
+        description="Largest diameter of blur and diffraction spot together, in lateral samples: pixels or, for an "
+        "unfocused plenoptic camera, microlenses."
     )
     diffraction: Diffraction = Field(
         default="none",
-        description="Width of the diffraction spot that counts: none, its first dark ring (`airy-diameter`), or "
-        "its full width at half maximum (`fwhm`).",
+        description="What counts as the diameter of the diffraction spot: nothing (`none`), the diameter of its first "
+        "dark ring (`airy-diameter`), or its full width at half maximum (`fwhm`).",
     )
 
     def criterion(self, wavelength: float) -> BlurCriterion:
@@ -36,13 +37,13 @@ class BlurPart(Part):
 
 
 class DepthOfFieldPart(Part):
-    """The depth of field of every camera."""
+    """The depth of field of every camera, and the range of distances that must be sharp."""
 
     range: tuple[PositiveLength, PositiveLength] = Field(
         description="Nearest and farthest distance of the range that must be sharp."
     )
     criteria: Annotated[dict[CriterionName, BlurPart], Field(min_length=1, max_length=20)] = Field(
-        description="Blur criteria by name; the answer uses the first one."
+        description="Blur criteria by name; the report's answer uses the first one."
     )
     equal_resolution: PositiveLength | None = Field(
         default=None,
@@ -58,13 +59,17 @@ class DepthOfFieldPart(Part):
 
 
 class ReliefPart(Part):
-    """Relief in the middle of depth_of_field.range; it adds criteria, such as the strip hidden beside a step."""
+    """A depth step and a tilted surface in the middle of depth_of_field.range.
+
+    They add two criteria by which cameras are compared: the width of the strip that the step hides, and how
+    differently two views show the tilted surface.
+    """
 
     step_height: PositiveLength = Field(
-        description="Height of a depth step, which hides a strip beside it from one of two views."
+        description="Height of the depth step, which hides a strip beside it from one of two views."
     )
     surface_tilt: NonNegativeAngle = Field(
-        description="Tilt of a surface, which two views see foreshortened by different amounts."
+        description="Tilt of the surface, which makes two views see it foreshortened by different amounts."
     )
 
     @model_validator(mode="after")

@@ -18,5 +18,9 @@ class HardCasesPart(Part):
     """Numerically hard cases, computed by the usual formula and by this program."""
 
     families: Annotated[tuple[FamilyName, ...], Field(min_length=1, max_length=len(EVERY_FAMILY))] = Field(
-        default=EVERY_FAMILY, description="Families of cases to compute."
+        default=EVERY_FAMILY,
+        description="Groups of cases to compute: `thin-lens` (main lens and microlens array), `triangulation` (stereo "
+        "rig), `phases` (long and short light paths), `fields` (light behind an aperture), `equation-27` (the paper's "
+        "minimum f-number), `depth-of-field`, `propagation` (of uncertainty) and `study-files` (extreme values and "
+        "harmful content).",
     )

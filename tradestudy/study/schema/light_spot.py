@@ -209,7 +209,7 @@ class SpectrumPart(Part):
         description="Wavelengths of the light, in increasing order."
     )
     weights: Annotated[tuple[Weight, ...], Field(min_length=2, max_length=20)] = Field(
-        description="Power in the pupil at each wavelength, in the same order; only the ratios matter."
+        description="Power of the light in the pupil at each of the wavelengths, in the same order; only ratios matter."
     )
 
     @model_validator(mode="after")
@@ -230,7 +230,7 @@ class SpectrumPart(Part):
 class PublishedTimePart(Part):
     """A published computing time for the same picture."""
 
-    method: MethodName = Field(description="Method that was timed.")
+    method: MethodName = Field(description="Method that was timed; see light_spot.methods.")
     says: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="The time in the words of its source.")
     takes: PositiveDuration | None = Field(default=None, description="The time as a number, if the source states one.")
     source: Annotated[str, Field(min_length=1, max_length=200)] = Field(description="Where the time was published.")
@@ -252,8 +252,11 @@ class LightSpotPart(Part):
     )
     methods: Annotated[tuple[MethodName, ...], Field(max_length=4)] = Field(
         default=(),
-        description="Methods to compare, in addition to the models chosen for the tolerance. A pair of names, such "
-        "as `kirchhoff-fresnel`, gives the method up to the microlens array and the method behind it.",
+        description="Methods to compare, in addition to the models that the program chooses: paraxial rays "
+        "(`geometric`); rays without the paraxial approximation (`exact-rays`); rays and the wave diffracted at the "
+        "edge of the aperture (`boundary-wave`); Fresnel's approximation (`fresnel`); Kirchhoff's integral "
+        "(`kirchhoff`). A pair of names, such as `kirchhoff-fresnel`, gives the method up to the microlens array and "
+        "the method behind it.",
     )
     tolerance: ImageTolerance = Field(
         default=0.01, description="Largest relative numerical error of the compared pictures."
@@ -261,8 +264,9 @@ class LightSpotPart(Part):
     seed: Seed = Field(default=0, description="Random seed of the points drawn on the source.")
     benchmarks: bool = Field(
         default=False,
-        description="Whether to time also the light of one point by Kirchhoff's law, whatever the methods: through "
-        "the main lens alone, for either phase of the lens, on and off the axis; and through both lenses.",
+        description="Whether to measure also how long Kirchhoff's integral takes for the light of one point: through "
+        "the main lens alone, for each of the three phases of a lens, on and off the axis; and through main lens and "
+        "microlenses.",
     )
     published_times: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = Field(
         default=(), description="Published computing times, shown next to the measured ones."

@@ -93,16 +93,17 @@ class LightPart(Part):
     )
     photons: PositivePhotons | None = Field(
         default=None,
-        description="Instead of `electrons`: mean number of photons that reach a pixel on the optical axis; each "
-        "sensor's quantum_efficiency converts them to electrons.",
+        description="Instead of `electrons`: mean number of photons that reach a pixel on the optical axis; the "
+        "quantum_efficiency of each sensor converts them to electrons.",
     )
     at_f_number: FNumber = Field(
-        description="Working f-number (image distance over pupil diameter) at which a pixel collects this light."
+        description="Working f-number (image distance over pupil diameter) at which a pixel collects this light. The "
+        "light is inversely proportional to the square of the f-number."
     )
     at_pixel_pitch: PixelPitch | None = Field(
         default=None,
-        description="Pitch of a pixel that collects this light, so that larger pixels collect more; default: every "
-        "pixel collects it, whatever its size.",
+        description="Pixel pitch at which a pixel collects this light; the light is then proportional to the area of "
+        "the pixel. Default: every pixel collects this light, whatever its size.",
     )
 
     @model_validator(mode="after")
@@ -140,36 +141,36 @@ class SpectralLinePart(Part):
 
 
 class PicturePart(Part):
-    """Inputs from which disparity errors are derived; they apply to every camera."""
+    """Inputs from which disparity errors are derived and pictures rendered; they apply to every camera."""
 
     texture: TexturePart
     matching_window: PictureWindow = Field(
-        description="Side of the square matching window, in pixels or as a length on the object. Where the "
-        "compared pictures share less than the window, only the shared part is matched. The farther apart two "
-        "microlenses are, the less their pictures share."
+        description="Side of the square window in which two pictures are matched, in pixels or as a length on the "
+        "object. Where the pictures have less than the window in common, only the common part is matched. The farther "
+        "apart two microlenses are, the less their micro-images have in common."
     )
     matcher: MatcherPart | None = Field(
         default=None,
         description="Errors that a real matcher adds to the smallest possible matching error (the Cramér–Rao "
-        "bound). A camera's own depth.matcher overrides these keys one by one; without any matcher, a derived error "
-        "equals the bound.",
+        "bound). The keys of a camera's own depth.matcher override these one by one. Without any matcher, a derived "
+        "error equals the bound.",
     )
     light: LightPart
     read_noise: NonNegativeElectrons = Field(
-        description="Standard deviation of the noise that reading a pixel adds; a sensor's own temporal_dark_noise "
+        description="Standard deviation of the noise that reading a pixel adds; the temporal_dark_noise of a sensor "
         "overrides it."
     )
     full_well: PositiveElectrons = Field(
-        description="Number of electrons at which a pixel saturates; it maps to the largest raw value. A sensor's "
-        "own saturation_capacity and system_gain override it."
+        description="Number of electrons at which a pixel saturates; it maps to the largest raw value. The "
+        "saturation_capacity of a sensor overrides the number, and its system_gain the mapping."
     )
     bit_depth: Annotated[int, Field(strict=True, ge=1, le=32)] = Field(
         description="Number of bits of a raw pixel value."
     )
     field_angle: FieldAngle = Field(
         default=0.0,
-        description="Field angle whose vignetting applies to all depths but those at "
-        "propagation.field_places, which use their own angles. It has no effect where vignetting is left out.",
+        description="Field angle at which the vignetting is computed; depths at propagation.field_places use the "
+        "angles of those places instead. It has no effect where vignetting is left out.",
     )
     stop_separation: NonNegativeLength = Field(
         default=0.0,
@@ -184,8 +185,8 @@ class PicturePart(Part):
     )
     lens_phase: Literal["perfect", "parabolic"] = Field(
         default="perfect",
-        description="Lens in the Kirchhoff model of diffraction: well corrected (`perfect`), or with the parabolic "
-        "phase of the paper (`parabolic`).",
+        description="Phase of the lens where diffraction is computed by Kirchhoff's integral: that of a well corrected "
+        "lens (`perfect`), or the parabolic phase of the paper (`parabolic`).",
     )
 
     def noise(self, sensor: Sensor | None) -> SensorNoise:

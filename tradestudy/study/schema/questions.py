@@ -69,16 +69,16 @@ class UsableRangePart(Part):
 
 
 class DecisionPart(Part):
-    """The two cameras of the main question, and the distances at which the best camera is named."""
+    """The two cameras to choose between, and the distances at which the best camera is named."""
 
-    between: Pair = Field(description="The two cameras of the main question.")
+    between: Pair = Field(description="The two cameras to choose between.")
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] = Field(
         description="Distances at which the best camera is named."
     )
     compare: Annotated[tuple[Pair, ...], Field(max_length=20), AfterValidator(distinct)] = Field(
         default=(),
         description="Pairs of cameras; for each camera of a pair, the program computes the probability that its "
-        "depth error is the smaller one. Default: the pair of the main question.",
+        "depth error is the smaller one. Default: the pair in `between`.",
     )
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1)] | None = Field(
         default=None,

@@ -24,7 +24,7 @@ class ScenePart(Part):
     wavelength: PositiveWavelength = Field(description="Wavelength of the light.")
     picture: PicturePart | None = Field(
         default=None,
-        description="Texture, light and sensor noise, from which disparity errors are derived and pictures rendered.",
+        description="Texture, light and sensor noise: from them, disparity errors are derived and pictures rendered.",
     )
 
     image: SceneImagePart | None = Field(

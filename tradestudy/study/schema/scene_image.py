@@ -33,7 +33,7 @@ Rig = Literal["as-designed", "drawn"]
 
 
 class PlanePart(Part):
-    """A textured plane, upright or slanted."""
+    """A textured plane, perpendicular to the optical axis or tilted."""
 
     shape: Literal["plane"]
     distance: ObjectDistance = Field(description="Distance of the centre, along the optical axis.")
@@ -44,9 +44,9 @@ class PlanePart(Part):
         default=None, description="Width and height of the plane; default: infinite."
     )
     tilt_x: Tilt = Field(
-        default=0.0, description="Slope of the plane along x; above 0°, its right side is farther away."
+        default=0.0, description="Tilt of the plane along x; above 0°, its right side is farther away."
     )
-    tilt_y: Tilt = Field(default=0.0, description="Slope of the plane along y; above 0°, its bottom is farther away.")
+    tilt_y: Tilt = Field(default=0.0, description="Tilt of the plane along y; above 0°, its bottom is farther away.")
 
 
 class StairsPart(Part):
@@ -58,11 +58,11 @@ class StairsPart(Part):
     treads: Annotated[int, Field(strict=True, ge=2, le=MOST_STEPS)] = Field(default=2, description="Number of treads.")
     tread_width: DetailSize | None = Field(
         default=None,
-        description="Width of each tread except the first and the last, which are infinitely wide; not for a step.",
+        description="Width of each tread of a staircase, except the first and the last, which are infinitely wide.",
     )
     edge: Length = Field(
         default=0.0,
-        description="Position of the middle of all edges between treads, measured from the optical axis to the right.",
+        description="How far to the right of the optical axis the step is, or the middle of the staircase.",
     )
 
     @model_validator(mode="after")
@@ -94,15 +94,17 @@ class SpherePart(Part):
 
 
 class RockPart(Part):
-    """A rough surface made of random noise with a fixed seed; it repeats after 32 features."""
+    """A rough surface made of random noise; it repeats itself after 32 times `feature_size`."""
 
     shape: Literal["rock"]
     near: ObjectDistance = Field(description="Distance of the nearest point of the rock.")
     far: ObjectDistance = Field(description="Distance of the farthest point of the rock.")
     feature_size: DetailSize = Field(
-        description="Size of the largest features of the surface; smaller features follow a power law."
+        description="Size of the largest features of the surface; the heights of smaller ones follow a power law."
     )
-    hurst: Share = Field(default=0.8, description="Hurst exponent of the surface, from rugged (0 %) to smooth (100 %).")
+    hurst: Share = Field(
+        default=0.8, description="Hurst exponent of the power law, from rugged (0 %) to smooth (100 %)."
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -116,26 +118,25 @@ class DepthMapPart(Part):
 
     shape: Literal["depth-map"]
     depth: FileName = Field(
-        description="File of the depth map: distances along the optical axis, without missing values."
+        description="File of the depth map, which contains distances along the optical axis without missing values."
     )
-    unit: DetailSize = Field(description="Distance for which a value of 1 in the depth map stands.")
+    unit: DetailSize = Field(description="Distance that a value of 1 in the depth map stands for.")
     first_row: Literal["top", "bottom"] = Field(
         description="Side of the scene that the first row of the depth map shows."
     )
     width: DetailSize | None = Field(
         default=None,
-        description="Width of the part of the scene that the depth map shows, for a map taken along parallel lines "
-        "of sight.",
+        description="Width of the part of the scene that the depth map shows, if its lines of sight are parallel.",
     )
     field_of_view: PositiveAngle | None = Field(
         default=None,
-        description="Instead of `width`: horizontal field of view of the depth map, for a map taken from the "
-        "origin as by a pinhole camera.",
+        description="Instead of `width`: horizontal field of view of the depth map, if its lines of sight meet in "
+        "one point, as those of a pinhole camera do; that point is the origin of the scene.",
     )
     picture: FileName | None = Field(
         default=None,
-        description="Image file of the brightness of the surface, grey or in colour: linear values, with rows in "
-        "the order of the depth map. Default: the texture of scene.picture.",
+        description="Image file of the brightness of the surface, grey or in colour. Its values are linear, and its "
+        "rows are in the order of the depth map. Default: the texture of scene.picture.",
     )
 
     @model_validator(mode="after")
@@ -160,7 +161,7 @@ class MosaicPart(Part):
         description="Colours of the first two pixels of the first row, then of the second row."
     )
     response: tuple[PositiveFraction, PositiveFraction, PositiveFraction] = Field(
-        description="Electrons in a red, a green and a blue pixel, each relative to a pixel without a filter."
+        description="Electrons in a red, a green and a blue pixel, each relative to those in a pixel without a filter."
     )
 
 
@@ -168,38 +169,40 @@ class SceneImagePart(Part):
     """Surfaces, and how `tradestudy render` makes pictures of them.
 
     Texture, light, noise, fill factor and stops are those of scene.picture; its other keys (window, matcher, field
-    angle, spectrum and lens phase) do not change the pictures. Pictures show the whole field. They are rendered by
-    rays, or by waves of the scene's wavelength where diffraction matters or where effects.main_lens_diffraction or
-    effects.microlens_diffraction is fresnel.
+    angle, spectrum and lens phase) do not change the pictures. Pictures show a camera's whole field of view. They are
+    rendered by rays, or by waves of the scene's wavelength where diffraction matters or where
+    effects.main_lens_diffraction or effects.microlens_diffraction is `fresnel`.
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(
         description="Surfaces in the scene; the nearest hides those behind it."
     )
     background: Share = Field(
-        default=0.0, description="Brightness where there is no surface, relative to the mean of the texture."
+        default=0.0, description="Brightness where there is no surface, relative to the mean brightness of the texture."
     )
     cameras: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
         default=None, description="Cameras that take pictures; default: all."
     )
     rig: Rig = Field(
         default="as-designed",
-        description="Whether the cameras that take the pictures have no errors (`as-designed`), or errors drawn "
-        "once from the calibration of each (`drawn`).",
+        description="Whether the pictures are taken by cameras without errors (`as-designed`), or by cameras with "
+        "errors that are drawn once from their calibrations (`drawn`).",
     )
     noise: SensorNoiseModel = Field(
         default="shot+read+quantisation",
-        description="Noise in the pictures. Pictures with quantisation are 16-bit PNG files in digital numbers; "
-        "others are floating-point TIFF files in electrons.",
+        description="Noise in the pictures. Pictures with quantisation are 16-bit PNG files of raw values; others are "
+        "floating-point TIFF files of electrons.",
     )
     black_level: NonNegativeElectrons = Field(
-        default=0.0, description="Number of electrons added to every pixel before digitising."
+        default=0.0,
+        description="Constant number of electrons that is added to every pixel before the signal is digitised.",
     )
     mosaic: MosaicPart | None = Field(default=None, description="Colour filters in front of the pixels; default: none.")
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] | None = Field(
         default=None,
-        description="Number of rays per pixel and lens, halved where a lens is barely lit; the file camera.json "
-        "beside the pictures states the resulting error. Default: 12 for unfocused plenoptic cameras, 8 for others.",
+        description="Number of rays for each pixel through each lens that lights it, halved where the lens is barely "
+        "lit; the file camera.json beside the pictures states the resulting error. Default: 12 for unfocused plenoptic "
+        "cameras, 8 for others.",
     )
     depth_maps: bool = Field(
         default=False,

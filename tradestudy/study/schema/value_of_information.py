@@ -39,7 +39,7 @@ class AssumptionPart(Part):
 
 
 class ValueOfInformationPart(Part):
-    """How much knowing each assumption would improve the choice among the candidates.
+    """For each assumption, how much knowing the truth would improve the choice among the candidates.
 
     The loss of choosing a camera is its relative depth uncertainty, averaged over the distances `at`.
     """

@@ -30,11 +30,11 @@ LensPhaseName = Literal["parabolic", "stigmatic", "perfect"]
 PsfMetric = Literal["peak", "l1", "largest"]
 # The propagators accept no less: it would be beyond double precision.
 IntensityTolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-10, at_most=0.1)]
-PositiveWaves = Annotated[Waves, Field(gt=0)]
+PositiveWaves = Annotated[float, *quantity(units.WAVES, above=0.0)]
 
 
 class FNumberRangePart(Part):
-    """F-numbers on a logarithmic scale."""
+    """A range of f-numbers with logarithmic spacing."""
 
     start: FNumber = Field(alias="from", description="Smallest f-number.")
     stop: FNumber = Field(alias="to", description="Largest f-number.")
@@ -62,10 +62,10 @@ def listed(f_numbers: FNumbers) -> tuple[float, ...]:
 
 
 class PublishedErrorPart(Part):
-    """A published error of Fresnel's point-spread function for this lens."""
+    """A published error of the point-spread function by Fresnel's approximation for this lens."""
 
     f_number: FNumber = Field(description="F-number to which the published error applies.")
-    error: PositiveFraction = Field(description="Published error of Fresnel's point-spread function at this f-number.")
+    error: PositiveFraction = Field(description="Published error of the point-spread function at this f-number.")
 
 
 class ElementPart(Part):
@@ -73,13 +73,14 @@ class ElementPart(Part):
 
     title: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="Name of the lens in reports.")
     focal_length: FocalLength = Field(description="Focal length of the lens.")
-    object_distance: ObjectDistance = Field(description="Distance from the lens to the point source.")
+    object_distance: ObjectDistance = Field(description="Distance from the lens to the object point.")
     f_number: FNumber = Field(description="F-number at which the camera uses the lens.")
     published_error: PublishedErrorPart | None = Field(
         default=None, description="A published error, to compare with the computed one."
     )
     published_minimum_f_number: PositiveNumber | None = Field(
-        default=None, description="A published minimum f-number for Fresnel, to compare with the computed ones."
+        default=None,
+        description="A published minimum f-number for Fresnel's approximation, to compare with the computed ones.",
     )
 
     @model_validator(mode="after")
@@ -95,7 +96,7 @@ class ElementPart(Part):
 
 
 class OffAxisPart(Part):
-    """One off-axis direction at one wavelength; more would take too long without rotational symmetry."""
+    """One object point off the axis, at one wavelength; without rotational symmetry, more would take too long."""
 
     field_angle: PositiveAngle = Field(
         description="Angle between the optical axis and the direction of the object point."
@@ -104,7 +105,10 @@ class OffAxisPart(Part):
 
 
 class FresnelValidityPart(Part):
-    """How far Fresnel's point-spread function is from Kirchhoff's, as computed and by criteria that predict it."""
+    """How far the point-spread function by Fresnel's approximation is from that by Kirchhoff's integral.
+
+    This error is computed, and compared with criteria that predict the smallest f-number at which it is acceptable.
+    """
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
         description="Lenses to evaluate, by name."
@@ -114,17 +118,17 @@ class FresnelValidityPart(Part):
         description="Wavelengths to evaluate."
     )
     lens_phases: Annotated[tuple[LensPhaseName, ...], Field(min_length=1, max_length=3)] = Field(
-        description="Phases of the lens to evaluate; see light_spot.main_lens.lens_phase for their meaning."
+        description="Lens phases to evaluate; see light_spot.main_lens.lens_phase for their meaning."
     )
     off_axis: OffAxisPart | None = Field(default=None, description="A comparison off the axis; default: none.")
     windows: Annotated[tuple[PositiveNumber, ...], Field(min_length=1, max_length=6)] = Field(
         description="Radii of the windows over which the point-spread functions are compared, in Airy radii."
     )
     path_errors: Annotated[tuple[PositiveWaves, ...], Field(min_length=1, max_length=6)] = Field(
-        description="Bounds on the optical path that Fresnel neglects; each gives a minimum f-number."
+        description="Bounds on the optical path that Fresnel's approximation neglects; each gives a minimum f-number."
     )
     error_limit: PositiveFraction = Field(
-        description="Largest error of Fresnel's point-spread function that counts as acceptable."
+        description="Largest acceptable error of the point-spread function by Fresnel's approximation."
     )
     tolerance: IntensityTolerance = Field(description="Largest relative numerical error of each computed intensity.")
 
@@ -166,7 +170,7 @@ class PointSpreadPart(Part):
         description="Wavelength that applies while another quantity is varied."
     )
     defocus: Annotated[tuple[Waves, ...], Field(min_length=1, max_length=20)] = Field(
-        description="Defocus of the object, in waves of path at the rim of the pupil; above 0, the object is "
-        "nearer than the focus."
+        description="Defocus, as the path difference at the rim of the pupil in waves; above 0, the object is nearer "
+        "than the distance in focus."
     )
-    tolerance: IntensityTolerance = Field(description="Largest error of the intensity, relative to its peak.")
+    tolerance: IntensityTolerance = Field(description="Largest numerical error of the intensity, relative to its peak.")
