@@ -291,8 +291,8 @@ def microlens_image(
     Parameters
     ----------
     camera
-        Main lens, microlens array and sensor. A plenoptic camera of a study returns them by its method
-        ``light_chain()``.
+        Main lens, microlens array and sensor. For a plenoptic camera of a study, its method ``light_chain()`` returns
+        them.
     source
         A `PointSource`; or a `DiscSource`, whose points add as intensities (incoherent disc) or form one wave with one
         phase over the disc (coherent disc).
@@ -319,7 +319,8 @@ def microlens_image(
     OutOfRangeError
         An argument is outside the range in which the methods hold; see `chain_image`.
     UnaffordableError
-        The computation needs more than 2 GB of memory, or more than about a million points of the source.
+        The computation needs more than 2 GB of memory, or would divide the source into more than about a million
+        points.
     NotConvergedError
         The stated error stays above the tolerance after refinement.
 

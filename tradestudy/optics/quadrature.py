@@ -29,7 +29,7 @@ class QuadratureNodes:
     centre
         Centre of the area (x, y) [m].
     half_extent
-        Half the longer side of the smallest rectangle about the area, with sides along x and y [m], > 0.
+        Half the longer side of the smallest rectangle around the area, with sides along x and y [m], > 0.
 
     Raises
     ------

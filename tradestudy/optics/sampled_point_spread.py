@@ -96,8 +96,8 @@ class PointSpread:
     pupil_power
         Power through the pupil [W], > 0. Metrics such as the encircled energy are fractions of this power.
     relative_error
-        Stated relative L2 error of the intensity over the samples [1]; every number computed from the samples includes
-        it in its error. Default: 0, for exact samples.
+        Stated relative L2 error of the intensity over the samples [1]. Every number computed from the samples takes it
+        into account in its own error. Default: 0, for exact samples.
 
     Raises
     ------
@@ -249,7 +249,7 @@ class PointSpread:
     def moments(self, centre: tuple[float, float], reach: float) -> DiscMoments:
         """Moments ∫ rⁿ I dA of the intensity over discs about one centre, where r is the distance from the centre.
 
-        They are kept, so that the spline is evaluated only once for all metrics that need them.
+        The result is kept: a second call with the same centre and reach does not evaluate the spline again.
 
         Parameters
         ----------

@@ -360,8 +360,8 @@ def diffraction_limited_peak(*, pupil_power: float, pupil_area: float, wavelengt
     Returns
     -------
     float
-        Intensity [W/m²]. The formula is paraxial; its relative error is 1/(16 F²), where F is z divided by the diameter
-        of the pupil.
+        Intensity [W/m²]. The formula is paraxial; its relative error is about 1/(16 F²), where F is z divided by the
+        diameter of the pupil.
 
     Raises
     ------

@@ -101,7 +101,8 @@ def propagate_through(
         Distribution of each input, under the name of the argument, such as ``{"gap": Uniform(low=-0.03, high=0.03)}``.
     correlation
         Correlation of each pair of inputs, under their names, such as ``{("block", "gap"): 0.5}``. Inputs that are not
-        normal are joined by a Gaussian copula; the correlations are then those of its normal scores. Default: none.
+        normal are joined by a Gaussian copula; the correlations are then those of its normal scores. Default: no
+        correlation.
     coverage
         Probability of the interval that is reported, between 0 and 1; or one probability for each of several intervals.
     tolerance
@@ -125,7 +126,7 @@ def propagate_through(
 
     Examples
     --------
-    The sum of two lengths, with the interval that contains it with a probability of 99 %:
+    The sum of two lengths, and half the width of the interval that contains it with a probability of 99 %:
 
     >>> from tradestudy.uncertainty import Normal, Uniform, propagate_through
     >>> found = propagate_through(
@@ -133,8 +134,10 @@ def propagate_through(
     ...     {"block": Normal(mean=25.0, standard_deviation=0.01), "gap": Uniform(low=-0.03, high=0.03)},
     ...     coverage=[0.99],
     ... )
-    >>> print(f"{found.median:.2f} ± {found.half_width[0]:.3f}, known to {found.error[0]:.1g}: {found.converged}")
-    25.00 ± 0.045, known to 0.0002: True
+    >>> print(f"{found.median:.2f} ± {found.half_width[0]:.3f}, each end with an error of {found.error[0]:.1g}")
+    25.00 ± 0.045, each end with an error of 0.0002
+    >>> found.converged
+    True
     """
     if isinstance(coverage, int | float):
         coverage = (coverage,)

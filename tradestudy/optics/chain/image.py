@@ -71,10 +71,10 @@ def chain_image(
           formed by the main lens and ends at the geometric shadow of the pupil.
         * Waves to the array, rays behind it: the light at each point of the array travels to one point of the detector.
           Light from different points of the array does not interfere there.
-        * Boundary wave behind the array: it replaces Kirchhoff's integral only for the spherical part of the wave
-          behind each microlens.
+        * Boundary wave behind the array: the wave behind each microlens is split into the spherical wave that fits it
+          best and the rest. The boundary wave propagates the spherical wave, Kirchhoff's integral the rest.
     accuracy
-        Tolerance of the image, factors on the sampling, and the memory allowed.
+        Tolerance of the image, factors that refine its sampling, and the memory allowed.
     rng
         Random generator that chooses the points at which the result is checked against direct quadrature.
     done
@@ -101,8 +101,8 @@ def chain_image(
         The computation needs more memory than ``accuracy`` allows, or would divide the source into more
         than about a million points.
     NotConvergedError
-        The result differs grossly from direct quadrature, or Kirchhoff's integral misses the tolerance at points where
-        a boundary wave does not apply.
+        The result differs from direct quadrature by so much that the sampling must be wrong, or Kirchhoff's integral
+        misses the tolerance at points where a boundary wave does not apply.
 
     References
     ----------
@@ -214,7 +214,7 @@ def spectral_image(
     legs
         Methods of propagation to the array and to the detector, as in `chain_image`.
     accuracy
-        Tolerance of the image, factors on the sampling, and the memory allowed.
+        Tolerance of the image, factors that refine its sampling, and the memory allowed.
     rng
         Random generator that chooses the points at which the result is checked against direct quadrature.
 
@@ -307,8 +307,8 @@ def separate_image(
 ) -> ChainImage:
     """Image without cross-talk: every pixel receives only the light of the microlens to which it belongs.
 
-    A pixel belongs to the microlens that is nearest to it as seen from the centre of the main lens. Light that a
-    microlens sends to pixels of its neighbours is discarded.
+    A pixel belongs to the microlens whose centre, projected from the centre of the main lens onto the detector, is
+    nearest to it. Light that a microlens sends to pixels of its neighbours is discarded.
 
     Parameters
     ----------
@@ -322,7 +322,7 @@ def separate_image(
     legs
         Methods of propagation to the array and to the detector, as in `chain_image`.
     accuracy
-        Tolerance of the image, factors on the sampling, and the memory allowed.
+        Tolerance of the image, factors that refine its sampling, and the memory allowed.
     rng
         Random generator that chooses the points at which the result is checked against direct quadrature.
     done

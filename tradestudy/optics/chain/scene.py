@@ -107,8 +107,9 @@ class PixelGrid:
     --------
     >>> from tradestudy import optics
     >>> grid = optics.PixelGrid(pitch=4e-6, shape=(9, 23))
-    >>> print(f"{grid.edges_x[0]:.2g} m, and {grid.part(slice(0, 9), slice(10, 13)).edges_x[0]:.2g} m for a part")
-    -4.6e-05 m, and -6e-06 m for a part
+    >>> part = grid.part(slice(0, 9), slice(10, 13))
+    >>> print(f"first column at {grid.edges_x[0]:.2g} m, of a part at {part.edges_x[0]:.2g} m")
+    first column at -4.6e-05 m, of a part at -6e-06 m
     """
 
     pitch: float
@@ -142,7 +143,7 @@ class PixelGrid:
         Returns
         -------
         PixelGrid
-            Grid of these pixels, in the same place.
+            Grid of these pixels, at their positions in the whole grid.
         """
         x, y = ((e[p.start] + e[p.stop]) / 2 for e, p in ((self.edges_x, columns), (self.edges_y, rows)))
         shape = (rows.stop - rows.start, columns.stop - columns.start)
@@ -150,7 +151,7 @@ class PixelGrid:
 
     @property
     def corner(self) -> tuple[float, float]:
-        """Corner (x, y) of the grid at pixel [0, 0] [m]."""
+        """Corner (x, y) of the grid with the smallest coordinates, which is a corner of pixel [0, 0] [m]."""
         rows, columns = self.shape
         return self.centre[0] - columns * self.pitch / 2, self.centre[1] - rows * self.pitch / 2
 

@@ -155,8 +155,9 @@ def aperture_field(
     """Field and intensity of a point source behind a circular lens, with their errors.
 
     U(P) = ∬ U_s(q) t(q) exp(i φ(q)) K(q, P) dq is the field at a target P. The integral extends over the points q of
-    the aperture. U_s is the field of the source in front of the lens, t the amplitude transmission of the pupil, φ the
-    phase that lens and pupil add, and K the kernel that propagates the field from q to P. ``method`` sets U_s and K.
+    the aperture. U_s is the field of the source just in front of the lens, t the amplitude transmission of the pupil, φ
+    the phase that lens and pupil add, and K the kernel that propagates the field from q to P. ``method`` sets U_s and
+    K.
 
     Parameters
     ----------
@@ -176,21 +177,21 @@ def aperture_field(
         * ``fresnel``: paths to second order, all cosines 1, eqs. 17–22. The exact paths that a stigmatic or perfect
           lens cancels are also replaced by second-order ones, so all lens phases give the same result.
         * ``boundary_wave``: rays and the wave diffracted at the edge of the aperture, which together approximate
-          Kirchhoff's integral. The integral itself is used at targets where either is singular, and near a focus if
-          that is faster.
+          Kirchhoff's integral. The integral itself is used at targets where rays or edge wave are singular, and near
+          a focus if that is faster.
         * ``geometric``: rays along exact paths, without diffraction.
     accuracy
         Tolerance of the intensity, as a relative L2 error over the targets, and the check that measures the error.
     obliquity
         Obliquity factor in K, as in `KirchhoffKernel`. U_s contains the factor a/r for ``paper``, 1 for ``textbook``,
         and a/r (1 + i/(k r)) for ``rayleigh-sommerfeld-1``, where a is the distance of the source from the lens plane,
-        r that from q, and k = 2π/λ. ``fresnel`` has no such factors and accepts only the default.
+        r its distance from q, and k = 2π/λ. ``fresnel`` has no such factors and accepts only the default.
     limits
         Nodes, memory and time that the computation may take. Default: 2·10⁷ nodes, 2 GB and 600 s.
     counts
-        Numbers of quadrature nodes on the aperture, for convergence studies. They are then not increased, so the stated
-        error may exceed the tolerance. ``boundary_wave`` uses only the angular number; ``geometric`` accepts none.
-        Default: as many as the variation of the phase over the aperture requires.
+        Numbers of quadrature nodes on the aperture, for convergence studies. Given numbers are not increased, so the
+        stated error may exceed the tolerance. ``boundary_wave`` uses only the angular number; ``geometric`` accepts
+        none. Default: as many as the variation of the phase over the aperture requires.
 
     Returns
     -------
@@ -203,8 +204,8 @@ def aperture_field(
     ------
     OutOfRangeError
         An argument is outside the range in which the method holds, the wavelength exceeds the diameter of the aperture,
-        a target lies within a wavelength of the lens plane, or an argument does not apply to the method. Rays and
-        boundary waves accept no pupil with an amplitude or an obscuration.
+        a target lies within a wavelength of the lens plane, or an argument does not apply to the method:
+        ``geometric`` and ``boundary_wave`` accept only pupils described by Zernike coefficients alone.
     UnaffordableError
         The computation needs more than ``limits`` allows.
     NotConvergedError

@@ -87,8 +87,10 @@ class PointSource:
 
         Parameters
         ----------
-        angle_x, angle_y
-            Angle between the axis and the direction of the source, in the x–z and in the y–z plane [rad], within ±π/2.
+        angle_x
+            Angle between the axis and the direction of the source, projected onto the x–z plane [rad], within ±π/2.
+        angle_y
+            The same angle, projected onto the y–z plane [rad], within ±π/2.
 
         Returns
         -------

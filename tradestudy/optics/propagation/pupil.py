@@ -77,19 +77,19 @@ class Pupil:
     transmission, W the added path and k = 2π/λ for the wavelength λ. A positive W delays the wave. W is the sum of
     `zernikes` and `path`.
 
-    Positions are given as (x/R, y/R), relative to the centre and the radius R of the aperture, along the axes of source
-    and targets. Arrays have shape (n, n), n ≥ 6, and cover the square around the aperture: row i lies at
-    y/R = −1 + 2 i/(n − 1), column j at x/R = −1 + 2 j/(n − 1). A quintic spline interpolates them, so they must
-    continue smoothly beyond the edge of the aperture. Functions must be smooth, too: with a step inside the aperture,
-    quadrature converges slowly and may miss the tolerance. A dark centre costs no accuracy if it is an `obscuration`.
-    The methods ``geometric`` and ``boundary_wave`` need derivatives everywhere, so they accept only Zernike
+    Positions are given as (x/R, y/R): x and y are measured from the centre of the aperture, along the axes of source
+    and targets, and R is its radius. Arrays have shape (n, n), n ≥ 6, and cover the square around the aperture: row i
+    lies at y/R = −1 + 2 i/(n − 1), column j at x/R = −1 + 2 j/(n − 1). A quintic spline interpolates the values, so
+    they must continue smoothly beyond the edge of the aperture. Functions must be smooth, too: with a step inside the
+    aperture, quadrature converges slowly and may miss the tolerance. A dark centre costs no accuracy if `obscuration`
+    declares it. The methods ``geometric`` and ``boundary_wave`` need the derivatives of W, so they accept only Zernike
     coefficients.
 
     Parameters
     ----------
     zernikes
-        Zernike coefficients of W, by Noll's index from 1 to 153 [m rms], each smaller than R. The polynomials have unit
-        variance over the disc.
+        Zernike coefficients of W, by Noll's index from 1 to 153 [m rms], each smaller than R in magnitude. The
+        polynomials have unit variance over the disc.
     path
         Further part of W [m], as a function of (x/R, y/R) or an array. Default: 0.
     amplitude
@@ -184,7 +184,8 @@ class Pupil:
         zernikes
             Zernike coefficients of W, by Noll's index from 1 to 153 [waves rms].
         wavelength
-            Length of a wave [m], > 0. The path in metres that follows from it applies at every wavelength.
+            Wavelength in which the path is given [m], > 0. The path in metres is then the same for light of every
+            wavelength.
         path
             Further part of W [waves], as a function of (x/R, y/R) or an array. Default: 0.
         amplitude
@@ -231,12 +232,12 @@ class Pupil:
 
     @property
     def round(self) -> bool:
-        """Whether all Zernike coefficients are of azimuthal order 0, and `path` and `amplitude` are left out."""
+        """Whether all Zernike coefficients other than 0 are of azimuthal order 0, without `path` and `amplitude`."""
         even = all(noll_order(index)[1] == 0 for index, coefficient in self.zernikes.items() if coefficient)
         return even and self.path is None and self.amplitude is None
 
     def path_terms(self, radius: float) -> tuple[ZernikePath | MapPath, ...]:
-        """Terms of the path W over an aperture.
+        """Return the terms whose sum is the path W over an aperture.
 
         Parameters
         ----------
@@ -246,13 +247,13 @@ class Pupil:
         Returns
         -------
         tuple
-            The Zernike polynomials and the further path, each only if given; W is their sum.
+            One term for the Zernike polynomials and one for the further path, each only if given.
 
         Raises
         ------
         OutOfRangeError
-            A coefficient is not smaller than R, probably because waves were given as metres or the wavelength in
-            another unit.
+            A coefficient is not smaller than R, probably because waves were given as metres, or the wavelength not in
+            metres.
         """
         for index, coefficient in self.zernikes.items():
             if not abs(coefficient) < radius:

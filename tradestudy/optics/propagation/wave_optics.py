@@ -131,9 +131,9 @@ def propagate_samples(
 ) -> ApertureField:
     """Propagate a wave that is known only at the quadrature nodes of an aperture to the targets.
 
-    Whether the nodes are dense enough **cannot be checked here**, so the errors of the field and of the intensity are
-    NaN. To estimate them, compare with a computation on twice as many nodes. For a point source behind a lens, use
-    `aperture_field`, which chooses the nodes itself.
+    This function **cannot check** whether the nodes are dense enough, so the errors of the field and of the intensity
+    are NaN. To estimate them, compare the result with that on twice as many nodes in each direction. For a point source
+    behind a lens, use `aperture_field`, which chooses the nodes itself.
 
     Parameters
     ----------
