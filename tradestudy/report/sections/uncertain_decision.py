@@ -28,7 +28,7 @@ def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
 
     yield Paragraph(
         say(
-            "For one rig of each, **{first}** has a smaller depth error than {second} with a probability of "
+            "For one specimen of each camera, **{first}** has a smaller depth error than {second} with a probability of "
             "**{rig}** if all noise is averaged out, and of **{reading}** in a single measurement, from {near} to "
             "{far}.",
             first=first,
