@@ -58,8 +58,8 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
     return Drawing(
         name="requirement_margins",
         caption=f"{shown}, against the {names}. A requirement is met where its margin is positive. {marks} are met. "
-        "Dashed: the study as declared. If no camera is usable over the whole range of a requirement, its margin is at "
-        "most minus the fraction of that range, on a logarithmic scale, where the closest camera is not usable.",
+        "Dashed: the study as declared. Where no camera is usable throughout, the margin is at most minus the unusable "
+        "fraction of the range.",
         alt=f"Margins over the {names}. {conclusions}.",
         draw=lambda: draw_requirement_margins(tree),
         values=lambda: _tables(tree, data, dims) if len(dims) == 2 else (),

@@ -124,9 +124,9 @@ def _uncertainty() -> Iterator[Block]:
     )
     yield Paragraph(
         say(
-            "*a*~p~ is the depth that a fraction *p* of all measurements does not exceed, and *Q*~ρ~ the quantile of the "
-            "inverse depth *ρ*. The exact model of the camera measures *ρ* at the distance *a* under noise and all "
-            "calibration errors *ε*, drawn jointly."
+            "*a*~p~ is the depth that a fraction *p* of all measurements does not exceed, and *Q*~ρ~ is the quantile of "
+            "the inverse depth *ρ*. The exact model of the camera measures *ρ* at the distance *a* under noise and "
+            "all calibration errors *ε*, drawn jointly."
         )
     )
     yield Paragraph(

@@ -266,7 +266,10 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
     )
 
 
-_NEAR: Final = ", within the tolerance: omitted effects could change its worst value or a usable range enough to reverse the answer"
+_NEAR: Final = (
+    ", within the tolerance: omitted effects could change its worst value or a usable range enough to reverse "
+    "the answer"
+)
 
 
 def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
