@@ -245,7 +245,12 @@ def test_one_reading_that_reverses_the_verdict_is_named(tree: xr.DataTree) -> No
     assert len(turning) == 1
     texts = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if isinstance(b, Paragraph)]
     says = str(data["reading_says"].sel(reading=turning[0]).item())
-    assert any("The verdict is reversed at " in text and f" under the reading “{says}” (" in text for text in texts)
+    assert any(
+        text.startswith("The verdict between ")
+        and " is reversed at " in text
+        and f" under the reading “{says}” (" in text
+        for text in texts
+    )
 
 
 def test_the_method_explains_only_limits_that_apply_in_the_study(tree: xr.DataTree) -> None:

@@ -225,7 +225,7 @@ CRITERIA: Final = (
     ),
     Criterion(
         name="hidden beside a step",
-        says="strip on the lower surface that one of the two outermost views cannot see, h B/Z",
+        says="strip on the lower surface that one of the two outermost views cannot see, h B/Z at a step of height h",
         of=_hidden_strip,
     ),
     Criterion(

@@ -199,7 +199,7 @@ def fill_factor(array: MicrolensArray) -> str:
     """Fraction of the array that transmits light, with the diameters from which it follows."""
     aperture, pitch = array.aperture_diameter, array.pitch
     area = math.pi / 4.0 * aperture**2 / (_CELL_OVER_PITCH_SQUARED[array.layout] * pitch**2)
-    return f"{pretty(area, FRACTION)} ({pretty(aperture, LENGTH, 4)} wide, every {pretty(pitch, LENGTH, 4)})"
+    return f"{pretty(area, FRACTION)} ({pretty(aperture, LENGTH, 4)} wide, {pretty(pitch, LENGTH, 4)} apart)"
 
 
 def array_contradictions(

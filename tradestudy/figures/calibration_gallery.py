@@ -102,7 +102,7 @@ def _ranks(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="rank-probability",
         caption="Probability that the depth error of the first camera is smaller than that of the second. Calibration "
-        "alone: over rigs, sessions and calibrations, with all noise averaged out. Single measurements: noise as "
+        "alone: rigs, sessions and calibrations vary, and all noise is averaged out. Single measurements: noise as "
         "well. Shaded: 2 Monte Carlo standard errors. Errors common to both cameras (temperature, pressure) are drawn "
         "once.",
         alt="Probability against distance, one chart for each pair of cameras. Calibration alone: "

@@ -184,9 +184,8 @@ def _shares(tree: xr.DataTree) -> Drawing:
         name="variance_shares",
         caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: they "
         "sum to 100 %, for correlated errors too). Grey: matching noise, which averaging reduces; coloured: error "
-        "sources that averaging does not reduce; pale: not usable; blank: no depth."
-        + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
-        + _design_words(tree),
+        "sources that averaging does not reduce; pale: the camera is not usable; blank: it measures no "
+        "depth." + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "") + _design_words(tree),
         alt="One chart per camera of stacked shares against distance. Largest shares: " + _largest_shares(tree),
         draw=partial(variance_shares.draw_variance_shares, tree),
     )
@@ -262,7 +261,7 @@ def _readings(tree: xr.DataTree) -> Drawing:
         caption=f"Which assumption reverses the verdict on certainty: uncertainty of {numerator} over that of "
         f"{denominator}, under every reading (names as in the table above). Left of 1 (shaded), {numerator} is more "
         f"certain; right of 1, {denominator}. Open marks: the reverse of the "
-        + " ".join(["verdict of the study as declared.", *unbounded]),
+        + " ".join(["verdict that the study as declared gives.", *unbounded]),
         alt=f"Dot chart of the uncertainty of {numerator} over that of {denominator}, one row per reading, one mark "
         "per distance, three panels: noise and calibration, noise only, calibration only. " + "".join(sentences),
         draw=partial(readings.draw_readings, tree),

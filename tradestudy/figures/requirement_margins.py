@@ -52,14 +52,14 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
         return None
     names = parameter_words(tree, dims)
     conclusions = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree))
-    shown = "Smallest margin of the requirements that must hold" if len(dims) == 2 else "Margin of each requirement"
+    shown = "Smallest margin of all requirements that must hold" if len(dims) == 2 else "Margin of each requirement"
     curves = "Marks: computed designs; the curves cross 0 at the limits found between them. Shaded: all that must hold"
     marks = "Thick line: a margin of 0. Filled dots: all of them" if len(dims) == 2 else curves
     return Drawing(
         name="requirement_margins",
-        caption=f"{shown} over the {names}; requirements with a positive margin are met. {marks} are met. Dashed: "
-        "the study as declared. Where no camera is usable throughout, the margin is at most minus the fraction of "
-        "the range that is not usable.",
+        caption=f"{shown}, against the {names}. A requirement is met where its margin is positive. {marks} are met. "
+        "Dashed: the study as declared. Where no camera is usable throughout, the margin is at most minus the unusable "
+        "fraction of the range.",
         alt=f"Margins over the {names}. {conclusions}.",
         draw=lambda: draw_requirement_margins(tree),
         values=lambda: _tables(tree, data, dims) if len(dims) == 2 else (),

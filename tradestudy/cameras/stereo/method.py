@@ -21,7 +21,8 @@ METHOD: Final = Method(
         ),
         "The last two are linear approximations, which explain the magnitudes. The numbers come from the exact "
         "expression, in which depth becomes infinite where the yaw cancels the disparity, at *Z* = *B*/ψ. The overlap "
-        "of the two fields of view, 1 − *B*/*W* with *W* = 2 *Z* tan(FOV/2), limits how near the rig can measure.",
+        "of the two fields of view limits how near the rig can measure. It is 1 − *B*/*W*, where "
+        "*W* = 2 *Z* tan(FOV/2) is the width of each field of view at the distance *Z*.",
         "The principal distance *c* is the distance from the lens to the sensor. By default it equals the focal length "
         "*f*, as in a calibration in pixels. If the study declares `principal_distance: focused`, it is the image "
         "distance of a thin lens focused at *a*, *f* *a*/(*a*\u00a0−\u00a0*f*), which exceeds *f* by the fraction "

@@ -224,11 +224,14 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
     turned = [one for one in found if reversed_by[one.place]]
     if turned:
         names = list(dict.fromkeys(name for one in turned for name in reversed_by[one.place]))
-        says = readings_in_words(group(tree, "decision"))
+        decision, titles = group(tree, "decision"), camera_titles(tree)
+        says = readings_in_words(decision)
         counts = sorted({len(reversed_by[one.place]) for one in turned})
         by = "under the reading “{only}”" if len(names) == 1 else "under {counts} of {all} other readings"
         yield say(
-            "The verdict is **reversed** at {places} " + by + " ([](#verdict-table)).",
+            "The verdict between {first} and {second} is **reversed** at {places} " + by + " ([](#verdict-table)).",
+            first=titles[decision.attrs["first"]],
+            second=titles[decision.attrs["second"]],
             places=listed([distance(one.place) for one in turned]),
             only=says[names[0]],
             counts=str(counts[0]) if len(counts) == 1 else f"{counts[0]} to {counts[-1]}",

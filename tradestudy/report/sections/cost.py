@@ -38,13 +38,13 @@ def _answer(problem: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
     own, error, floor = chosen[0], float(chosen[0]["relative_error"]), float(problem["reference_error"])
     finer = [entry for entry in entries if entry["next_digit"]]
     if finer:
-        more = f"ten times as exact takes {_seconds(finer[0])} ({finer[0]['models']})"
+        more = f"a tenth of this error or less takes {_seconds(finer[0])} ({finer[0]['models']})"
     elif error <= floor:
         more = "more exact models give the same result within the error of the reference"
     else:
-        more = "no measured set of models is ten times as exact"
+        more = "no measured set of models has a tenth of this error or less"
     return say(
-        "**{title}** ({models}) takes {seconds}, with an error of {most}{error}; {more}.{left_out}",
+        "**{title}** ({models}) takes {seconds} of computing time, with an error of {most}{error}; {more}.{left_out}",
         title=str(problem["title"].item()),
         models=str(own["models"]),
         seconds=_seconds(own),

@@ -68,11 +68,11 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
         caption="Errors of disparity, ± one standard error.",
         columns=(
             *first,
-            *_columns("Bias [px]", "Spread [px]", "Over noise", "Neighbours", "A window apart", "Windows"),
+            *_columns("Bias [px]", "Spread [px]", "Spread / noise", "Neighbours", "A window apart", "Windows"),
         ),
         rows=tuple(cells if one is None else (*cells, *_of_disparity(one)) for cells, one in rows),
         notes=(
-            "Over noise: spread of the errors relative to the first-order error that noise causes in each window, "
+            "Spread / noise: spread of the errors relative to the first-order error that noise causes in each window, "
             "given its texture. Neighbours, A window apart: correlation of the errors of adjacent points, and of "
             "points one window apart. Windows: number of non-overlapping windows measured.",
         ),

@@ -208,7 +208,7 @@ def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
             "{open} The two cameras compared are {first} and {second}.",
             open="Each other reading changes one assumption of the study as declared and nothing else."
             if others
-            else "The study declares no other reading.",
+            else "The study declares no other reading (set of assumptions).",
             **pair,
         )
     )
@@ -228,6 +228,7 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
         return say("**{text}**", text=text) if bool(at["certainty_flips"]) else text
 
     places, undecided = decision["place"].values, bool(np.isnan(both["uncertainty_ratio"]).any())
+    unbounded = bool(np.isposinf(both["uncertainty_ratio"]).any())
     return Table(
         name="reading-table",
         caption=f"Uncertainty of {pair['first']} over that of {pair['second']}, from noise and calibration errors "
@@ -244,6 +245,7 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
         notes=(
             f"Below 1, {pair['first']} is more certain; above 1, {pair['second']}, whether or not they are usable "
             "there."
+            + f" ∞: only the uncertainty of {pair['first']} has no bound." * unbounded
             + (" Dash: a camera forms no image there, or neither uncertainty has a bound." if undecided else ""),
         ),
     )

@@ -121,7 +121,7 @@ def _findings(tree: xr.DataTree, rows: list[_Row]) -> Iterator[Spans]:
         yield say(
             "Not sharp throughout: {cameras}.",
             cameras="; ".join(
-                f"{row.title} ({share(row.share) if row.share > 0 else 'none of it'})" for row in missing
+                f"{row.title} ({f'{share(row.share)} of it' if row.share > 0 else 'none of it'})" for row in missing
             ),
         )
     yield from _diffraction_finding(tree)
@@ -203,8 +203,8 @@ def describe_depth_of_field(tree: xr.DataTree, drawings: Mapping[str, Drawing]) 
             "A point is sharp where its geometric blur *g* and the diffraction spot *d* stay below the criterion "
             "together, *g*² + *d*² ≤ *c*². For one lens the limits are those of the exact thin lens. A microlens of "
             "diameter *D* blurs a point at virtual depth *v* to *D*|1/*v* − 1/*v*~0~|, so that its depth of field is "
-            "symmetric in 1/*v*; the limits are mapped through the main lens. A view of an unfocused plenoptic camera "
-            "is a lens as wide as its part of the pupil, with one sample per microlens, and *c* counts microlenses. "
+            "symmetric in 1/*v*, where *v*~0~ is the virtual depth in focus; the limits are mapped through the main "
+            "lens. A view of an unfocused plenoptic camera is a lens as wide as its part of the pupil, with one sample per microlens, and *c* counts microlenses. "
             "Each depth of field is in closed form, exact up to rounding."
         )
     )
@@ -269,7 +269,8 @@ def _slices(tree: xr.DataTree) -> Iterator[Block]:
     if rows:
         yield Table(
             name="slice-table",
-            caption="Depth of field of each image of a stack and each type of microlens, by the first criterion.",
+            caption="Depth of field of each image of a stack and each type of microlens, by the criterion "
+            f"“{_criterion_words(data)}”.",
             columns=(
                 Column(title="Camera", weight=2),
                 Column(title="Slices", weight=5),

@@ -17,7 +17,7 @@ from tradestudy.wording import distance, in_words, listed
 
 _HOW: Final = {
     "computed": "computed",
-    "rule": "closed-form rule with a margin",
+    "rule": "formula with a safety margin",
     "trial": "trial at a few distances",
 }
 _FULL: Final = "none"

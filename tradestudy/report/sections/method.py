@@ -124,8 +124,9 @@ def _uncertainty() -> Iterator[Block]:
     )
     yield Paragraph(
         say(
-            "*Q*~ρ~ is the quantile of the inverse depth *ρ* that the exact model of the camera measures under noise "
-            "and all calibration errors, drawn jointly."
+            "*a*~p~ is the depth that a fraction *p* of all measurements does not exceed, and *Q*~ρ~ is the quantile of "
+            "the inverse depth *ρ*. The exact model of the camera measures *ρ* at the distance *a* under noise and "
+            "all calibration errors *ε*, drawn jointly."
         )
     )
     yield Paragraph(
@@ -133,8 +134,8 @@ def _uncertainty() -> Iterator[Block]:
             "**Linear** propagation takes the covariance of all errors through the slopes of that model at each "
             "distance, and its error is measured against draws. **Exact** propagation sends eight independently "
             "scrambled Sobol sequences of draws through the model itself; all distances and designs share them. A "
-            "result is *converged* when every reported half-width has a 95 % t-interval, over the eight sequences, "
-            "within the tolerance of that half-width; where an interval has no far end, the fraction of failed "
+            "result is *converged* when the eight sequences determine every reported half-width to within the "
+            "tolerance (95 % *t*-interval); where an interval has no far end, the fraction of failed "
             "measurements is judged instead. The plan uses linear propagation where it keeps the tolerance."
         )
     )
@@ -160,8 +161,8 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
             "from the array."
         ),
         "availability": say(
-            "**Availability**: at least two of the microlenses used by the estimator see at least the declared "
-            "fraction of points."
+            "**Availability**: at least the declared fraction of points is seen by two or more of the microlenses "
+            "that the estimator uses."
         ),
         "focus": say(
             "**Focus**: the geometric blur on the sensor, in the least sharp picture that the estimator needs, is at "

@@ -267,7 +267,8 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
 
 
 _NEAR: Final = (
-    ", within the tolerance: omitted effects could change its worst value or a usable range enough to reverse it"
+    ", within the tolerance: omitted effects could change its worst value or a usable range enough to reverse "
+    "the answer"
 )
 
 
@@ -282,14 +283,15 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
     """The answers to all requirements in one design, from the rows of ``/requirements``."""
     return Table(
         name="requirement-table",
-        caption="Requirements of the study, each with the camera that comes closest; a positive margin is room to "
-        "spare, in % of the worst value and as a multiple of the estimated numerical error of that value.",
+        caption="Requirements of the study, each with the camera that comes closest. A positive margin is room to "
+        "spare, in % of the worst value; “margin / error” is the margin as a multiple of the estimated numerical error "
+        "of that value.",
         columns=(
             Column(title="Requirement", weight=3),
             Column(title="Met", weight=2),
             Column(title="Camera", weight=2),
             Column(title="Margin", unit="%", align="right"),
-            Column(title="Over its error", align="right"),
+            Column(title="Margin / error", align="right"),
             Column(title="Why", weight=3),
         ),
         rows=tuple(
@@ -377,7 +379,7 @@ def _recorded(content: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     yield from (_plain(key, value) for key, value in content.items() if key not in groups)
     for key, values in groups.items():
         if values:
-            yield ("Parts computed separately, in each step" if key == "points" else in_words(key).capitalize(),)
+            yield ("Number of parts of each step" if key == "points" else in_words(key).capitalize(),)
             yield from map(_points, values.items()) if key == "points" else _recorded(values)
 
 

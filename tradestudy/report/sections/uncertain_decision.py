@@ -28,8 +28,8 @@ def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
 
     yield Paragraph(
         say(
-            "For one rig of each, **{first}** has a smaller depth error than {second} with a probability of "
-            "**{rig}** if all noise is averaged out, and of **{reading}** in a single measurement, from {near} to "
+            "For one specimen of each camera, **{first}** has a smaller depth error than {second} with a probability "
+            "of **{rig}** if all noise is averaged out, and of **{reading}** in a single measurement, from {near} to "
             "{far}.",
             first=first,
             second=second,
