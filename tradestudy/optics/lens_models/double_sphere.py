@@ -19,9 +19,9 @@ class DoubleSphere(LensModel):
     Parameters
     ----------
     xi
-        Distance ξ [1] between the centres of the two spheres, above −1 and at most 1.
+        How far ξ [1] the second sphere's centre lies behind that of the first, in radii; above −1 and at most 1.
     alpha
-        Blending factor α [1], from 0 to 1: the pinhole lies α/(1 − α) behind the centre of the second sphere.
+        Blending factor α [1], from 0 to 1: the pinhole lies α/(1 − α) radii behind the second sphere's centre.
 
     Notes
     -----

@@ -19,9 +19,9 @@ class ExtendedUnified(LensModel):
     Parameters
     ----------
     alpha
-        Blending factor α [1], from 0 to 1: the pinhole lies α/(1 − α) behind the centre of the ellipsoid.
+        Blending factor α [1], from 0 to 1: the pinhole lies α/(1 − α) axial half-axes behind the ellipsoid's centre.
     beta
-        Shape β [1] of the ellipsoid, above 0; 1 makes it a sphere.
+        Square β [1] of the ratio of the ellipsoid's axial to its lateral half-axis, above 0; 1 makes it a sphere.
 
     Notes
     -----
