@@ -70,8 +70,8 @@ class AccuracyPart(Part):
 
 _AT_A_LENS = (
     "none (`off`); the Airy pattern of the lens in focus, combined with the disc of defocus (`airy`); rays and the "
-    "wave diffracted at the edge of the aperture (`boundary_wave`); Fresnel's approximation (`fresnel`); or Kirchhoff's "
-    "integral with exact paths (`kirchhoff`)"
+    "wave diffracted at the edge of the aperture (`boundary_wave`); Fresnel's approximation (`fresnel`); or "
+    "Kirchhoff's integral with exact paths (`kirchhoff`)"
 )
 _MODELS = {
     "defocus_blur": "none (`off`), or a disc of uniform light",

@@ -220,9 +220,9 @@ class LimitDistanceClaim(_ClaimPart):
         "relative_uncertainty", "saturation", "matching",
     ] = Field(
         description="Limit that the claim is about. Some have other names than in usable_range: `total_covering_plane` "
-        "is the limit on virtual_depth, `focus` that on blur, and `last_disparity_step` that on disparity_step. Two exist "
-        "only for a derived disparity error: no pixel saturates (`saturation`), and a matcher can reach that error "
-        "(`matching`)."
+        "is the limit on virtual_depth, `focus` that on blur, and `last_disparity_step` that on disparity_step. Two "
+        "exist only for a derived disparity error: no pixel saturates (`saturation`), and a matcher can reach that "
+        "error (`matching`)."
     )  # fmt: skip
     end: Literal["near", "far"] = Field(description="Whether the limit sets the near or the far end of the range.")
 
