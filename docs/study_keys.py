@@ -307,7 +307,7 @@ _TITLES: Final = {
     "KannalaBrandtPart": "Kannala–Brandt lens model",
     "LengthBelowPart": "Upper bound of a length",
     "LensPart": "Main lens of a camera",
-    "LengthOrPixelsDistribution": "Distribution of a length or pixels",
+    "LengthOrPixelsDistribution": "Distribution of a length inside a camera",
     "LengthDistribution": "Distribution of a length",
     "AngleDistribution": "Distribution of an angle",
     "NumberDistribution": "Distribution of a number",

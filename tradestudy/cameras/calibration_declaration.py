@@ -118,7 +118,7 @@ class StabilityPart(Part):
 
 
 class CornersPart(Part):
-    """A measured calibration, for stereo rigs only: corners of a board that both cameras of the rig see."""
+    """A measured calibration of a stereo rig, from the corners of a board that both of its cameras saw."""
 
     file: Text = Field(description="CSV file of the corners; the path is relative to the file that contains this key.")
     lens_model: FittedLensModel | None = Field(

@@ -58,7 +58,9 @@ class LensPart(Part):
         description="Instead of focal_length: full field of view of the lens when it is focused at infinity.",
     )
     across: Literal["width", "diagonal"] = Field(
-        default="width", validate_default=True, description="Extent of the sensor that field_of_view covers."
+        default="width",
+        validate_default=True,
+        description="Whether field_of_view spans the width or the diagonal of the sensor.",
     )
     f_number: FNumber = Field(description="F-number: focal length divided by pupil diameter.")
 
@@ -207,8 +209,8 @@ class AttributesPart(Part):
     )
     others: dict[AttributeName, Annotated[QuantityText, Field(min_length=1, max_length=200)]] = Field(
         default={},
-        description="Further attributes to compare, by name: words, or a number with its unit (`mass: 380 g`) that "
-        "requirements and trade-offs can use.",
+        description="Further attributes to compare, by name: words, or a number with its unit (`mass: 380 g`). "
+        "Requirements and trade-offs can use the numbers.",
     )
 
 

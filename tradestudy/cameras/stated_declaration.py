@@ -5,20 +5,22 @@ from __future__ import annotations
 from pydantic import Field
 
 from tradestudy.declarations.part import Part
-from tradestudy.declarations.quantities import Angle, Length, PositiveLength, PositivePhotons
+from tradestudy.declarations.quantities import PositiveAngle, PositiveLength, PositivePhotons
 
 
 class StatedPart(Part):
-    """Further values that a data sheet or paper states; they are only compared with the declared values."""
+    """Values that a data sheet or paper states although others imply them; the program only compares the two."""
 
-    field_of_view: Angle | None = Field(default=None, description="Full field of view that the data sheet states.")
-    microlens_gap: Length | None = Field(
+    field_of_view: PositiveAngle | None = Field(
+        default=None, description="Full field of view that the data sheet states."
+    )
+    microlens_gap: PositiveLength | None = Field(
         default=None, description="Distance from microlenses to sensor that the data sheet states."
     )
-    mla_distance: Length | None = Field(
+    mla_distance: PositiveLength | None = Field(
         default=None, description="Distance from main lens to microlens array that the data sheet states."
     )
-    hyperfocal_distance: Length | None = Field(
+    hyperfocal_distance: PositiveLength | None = Field(
         default=None, description="Hyperfocal distance that the data sheet states."
     )
     absolute_sensitivity_threshold: PositivePhotons | None = Field(

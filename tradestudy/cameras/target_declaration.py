@@ -64,7 +64,7 @@ class TargetPart(Part):
     """
 
     views: Annotated[int, Field(ge=3, le=MOST_VIEWS, strict=True)] | None = Field(
-        default=None, description="Number of pictures taken of the board."
+        default=None, description="Number of views of the board."
     )
     columns: Annotated[int, Field(ge=2, le=100, strict=True)] = Field(
         description="Number of inner corners in each row of the board."
@@ -85,7 +85,7 @@ class TargetPart(Part):
         description="Instead of `views`, `distances`, half_field_angle and `tilt`: the pose of the board in each view.",
     )
     corner_noise: PositivePixels = Field(
-        description="Standard deviation of each measured image coordinate of a corner."
+        description="Standard deviation of the error of each measured image coordinate of a corner."
     )
     rotation_known_to: PositiveAngle | None = Field(
         default=None,

@@ -62,7 +62,9 @@ class DistributionPart(Part, Generic[Signed, Positive]):
         description="Shape of the distribution; default: normal with standard_deviation, uniform with half_width.",
     )
     mean: Signed | None = Field(
-        default=None, description="Mean of the distribution, or its median if the mean does not exist; default: 0."
+        default=None,
+        description="Mean of the distribution, or its median if the mean does not exist; default: 0. An empirical "
+        "distribution has the mean of its draws.",
     )
     standard_deviation: Positive | None = Field(
         default=None, description="Standard deviation of a normal distribution."

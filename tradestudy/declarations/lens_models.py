@@ -118,7 +118,8 @@ def _fitted_part_of(family: type[LensModel]) -> type[FittedLensModelPart]:
     made = create_model(
         f"Fitted{family.__name__}Part",
         __base__=FittedLensModelPart,
-        __doc__=f"{_ABOUT[family.name]}. The fit starts from these values; those that `fitted` omits are kept.",
+        __doc__=f"{_ABOUT[family.name]}. The fit starts from the coefficients below; those that `fitted` omits keep "
+        "their values.",
         **fields,
     )
     made.family = family

@@ -27,14 +27,14 @@ from tradestudy.optics.depth_of_field import object_distance_of_magnification, o
 
 
 class ReferenceScalePart(Part):
-    """A focus setting from a data sheet, which locates the principal plane behind the front of the lens."""
+    """A focus setting from a data sheet; it shows how far the principal plane lies behind the front of the lens."""
 
     working_distance: ObjectDistance = Field(description="Distance from the object to the front of the lens.")
-    image_scale: DetailSize = Field(description="Size that one pixel covers on the object, at this focus setting.")
+    image_scale: DetailSize = Field(description="Width that one pixel covers on the object, at this focus setting.")
 
 
 class FocusStackPart(Part):
-    """A stack of images at different focus distances: as few as cover a range of distances, up to a maximum."""
+    """A stack of images at different focus distances: as few as cover a range of distances, but at most `images`."""
 
     start: ObjectDistance = Field(alias="from", description="Nearest distance of the range to cover.")
     stop: ObjectDistanceOrInfinity = Field(alias="to", description="Farthest distance of the range to cover.")
@@ -57,7 +57,7 @@ class ConventionalFocusPart(Part):
         default=None, description="Distance from the object in focus to the principal plane of the lens."
     )
     image_scale: DetailSize | None = Field(
-        default=None, description="Instead of `distance`: size that one pixel covers on an object in focus."
+        default=None, description="Instead of `distance`: width that one pixel covers on an object in focus."
     )
     working_distance: ObjectDistance | None = Field(
         default=None,

@@ -21,15 +21,15 @@ class Omnidirectional(LensModel):
     Parameters
     ----------
     xi
-        Distance ξ [1] from the centre of the sphere to the second centre of projection, in radii, ≥ 0; 0 is a pinhole.
+        Distance ξ [1] from the centre of the unit sphere to the second centre of projection, ≥ 0; at 0, both coincide.
     k1
-        Coefficient of r² in the radial distortion [1].
+        Coefficient of r² [1] in the radial distortion, with the undistorted radius r at focal length 1.
     k2
-        Coefficient of r⁴ in the radial distortion [1].
+        Coefficient of r⁴ [1] in the radial distortion, with the undistorted radius r at focal length 1.
     p1
-        Coefficient of tangential distortion [1]: of 2xy along x, and of r² + 2y² along y.
+        Coefficient p₁ of tangential distortion [1], which adds 2p₁xy to x and p₁(r² + 2y²) to y.
     p2
-        Coefficient of tangential distortion [1]: of r² + 2x² along x, and of 2xy along y.
+        Coefficient p₂ of tangential distortion [1], which adds p₂(r² + 2x²) to x and 2p₂xy to y.
 
     Notes
     -----

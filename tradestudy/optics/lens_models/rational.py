@@ -29,29 +29,29 @@ class Rational(LensModel):
     Parameters
     ----------
     k1
-        Coefficient of r² in the numerator of the radial distortion [1].
+        Coefficient of r² [1] in the numerator of radial distortion, with the undistorted radius r at focal length 1.
     k2
-        Coefficient of r⁴ in the numerator of the radial distortion [1].
+        Coefficient of r⁴ [1] in the numerator of radial distortion, with the undistorted radius r at focal length 1.
     k3
-        Coefficient of r⁶ in the numerator of the radial distortion [1].
+        Coefficient of r⁶ [1] in the numerator of radial distortion, with the undistorted radius r at focal length 1.
     k4
-        Coefficient of r² in the denominator of the radial distortion [1].
+        Coefficient of r² [1] in the denominator of radial distortion, with the undistorted radius r at focal length 1.
     k5
-        Coefficient of r⁴ in the denominator of the radial distortion [1].
+        Coefficient of r⁴ [1] in the denominator of radial distortion, with the undistorted radius r at focal length 1.
     k6
-        Coefficient of r⁶ in the denominator of the radial distortion [1].
+        Coefficient of r⁶ [1] in the denominator of radial distortion, with the undistorted radius r at focal length 1.
     p1
-        Coefficient of tangential distortion [1]: of 2xy along x, and of r² + 2y² along y.
+        Coefficient p₁ of tangential distortion [1], which adds 2p₁xy to x and p₁(r² + 2y²) to y.
     p2
-        Coefficient of tangential distortion [1]: of r² + 2x² along x, and of 2xy along y.
+        Coefficient p₂ of tangential distortion [1], which adds p₂(r² + 2x²) to x and 2p₂xy to y.
     s1
-        Coefficient of r² in the thin-prism distortion along x [1].
+        Coefficient of thin-prism distortion [1], which adds s₁r² to x.
     s2
-        Coefficient of r⁴ in the thin-prism distortion along x [1].
+        Coefficient of thin-prism distortion [1], which adds s₂r⁴ to x.
     s3
-        Coefficient of r² in the thin-prism distortion along y [1].
+        Coefficient of thin-prism distortion [1], which adds s₃r² to y.
     s4
-        Coefficient of r⁴ in the thin-prism distortion along y [1].
+        Coefficient of thin-prism distortion [1], which adds s₄r⁴ to y.
     tau_x
         Tilt of the sensor about its x axis [rad].
     tau_y

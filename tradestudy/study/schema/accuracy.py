@@ -23,7 +23,7 @@ class AccuracyPart(Part):
     """Largest relative changes of the answers that simplifications may cause, and the time limit of a run."""
 
     tolerance: Tolerance = Field(
-        default=0.01, description="Tolerance on every quantity that has no tolerance of its own below."
+        default=0.01, description="Tolerance on every quantity below, except depth_noise, that has none of its own."
     )
     depth_uncertainty: Tolerance | None = Field(
         default=None,
@@ -69,21 +69,22 @@ class AccuracyPart(Part):
 
 
 _AT_A_LENS = (
-    "none; the Airy pattern of the lens in focus, combined with the disc of defocus; rays and the wave diffracted at "
-    "the edge of the aperture; Fresnel's approximation; or Kirchhoff's integral with exact paths"
+    "none (`off`); the Airy pattern of the lens in focus, combined with the disc of defocus (`airy`); rays and the "
+    "wave diffracted at the edge of the aperture (`boundary_wave`); Fresnel's approximation (`fresnel`); or "
+    "Kirchhoff's integral with exact paths (`kirchhoff`)"
 )
 _MODELS = {
-    "defocus_blur": "none, or a disc of uniform light",
+    "defocus_blur": "none (`off`), or a disc of uniform light",
     "main_lens_diffraction": _AT_A_LENS,
     "microlens_diffraction": _AT_A_LENS,
-    "crosstalk": "none, the share of light from neighbouring microlenses, or interference of the waves from all "
-    "microlenses",
-    "pixel_integration": "one sample at the centre of each pixel (off), or the mean over its square active area",
-    "source_extent": "a point (off), or a disc",
-    "spectrum": "the central wavelength alone (off), or all wavelengths with their weights",
-    "vignetting": "none, or the cos⁴ law and the stops of scene.picture.stop_separation",
-    "sensor_noise": "the terms that are included",
-    "calibration": "none, errors propagated to depth linearly, or errors propagated exactly",
+    "crosstalk": "none (`off`), the share of light from neighbouring microlenses (`share`), or interference of the "
+    "waves from all microlenses (`coherent`)",
+    "pixel_integration": "one sample at the centre of each pixel (`off`), or the mean over its square active area",
+    "source_extent": "a point (`off`), or a disc",
+    "spectrum": "the central wavelength alone (`off`), or all wavelengths with their weights",
+    "vignetting": "none (`off`), or the cos⁴ law together with the two stops of scene.picture.stop_separation",
+    "sensor_noise": "the noise terms that are included",
+    "calibration": "none (`off`), or errors propagated to depth linearly or exactly",
 }
 
 

@@ -21,7 +21,8 @@ class PropagationPart(Part):
 
     seed: Seed = Field(
         default=0,
-        description="Seed of all random draws of errors, noise, textures and weights; light_spot has its own seed.",
+        description="Seed of all random draws of errors, noise, textures and weights of a trade-off; light_spot has "
+        "its own seed.",
     )
     field_places: Annotated[tuple[Share, ...], Field(max_length=10), AfterValidator(distinct)] = Field(
         default=(),
@@ -32,7 +33,7 @@ class PropagationPart(Part):
     )
     coverage: Annotated[tuple[Coverage, ...], Field(max_length=10), AfterValidator(distinct)] = Field(
         default=(0.6827, 0.95),
-        description="Coverage probabilities of the intervals to report; 68.27 % is always reported.",
+        description="Coverage probabilities of the depth intervals to report; 68.27 % is always reported.",
     )
 
     @property
@@ -47,7 +48,7 @@ class PropagationPart(Part):
 
 
 class SensitivityPart(Part):
-    """Sensitivity of each camera's depth to each of its errors."""
+    """How strongly the depth that each camera measures depends on each of its errors."""
 
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=50), AfterValidator(distinct)] = Field(
         description="Distances at which the sensitivities are computed."

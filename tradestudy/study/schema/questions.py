@@ -28,15 +28,15 @@ from tradestudy.study.schema.wave_optics import ElementName, LensPhaseName, Posi
 
 
 class UsableRangePart(Part):
-    """Limits of the usable range; a limit that is left out does not apply."""
+    """Limits of the usable range; one that is left out and has no default does not apply."""
 
     overlap: Share | None = Field(
         default=None, description="Smallest overlap of the two stereo views; default: any above 0 %."
     )
     availability: Share | None = Field(
         default=None,
-        description="Smallest fraction of object points that are seen by two of the microlenses that the "
-        "estimator uses; default: any above 0 %.",
+        description="Smallest fraction of object points for which the estimator of a plenoptic camera finds the "
+        "micro-images that it compares; default: any above 0 %.",
     )
     virtual_depth: PositiveNumber | None = Field(
         default=None, description="Smallest magnitude of the virtual depth; it is 2 at the total covering plane."
@@ -48,8 +48,8 @@ class UsableRangePart(Part):
     )
     failed_fraction: Share | None = Field(
         default=None,
-        description="Largest fraction of measurements that fail: their disparity lies beyond that of infinity, or "
-        "they are false matches.",
+        description="Largest fraction of measurements that fail: those whose errors push the depth beyond infinity, "
+        "and false matches.",
     )
     relative_uncertainty: PositiveFraction | None = Field(
         default=None, description="Largest depth uncertainty, relative to the distance."
@@ -97,12 +97,15 @@ class ReadingPart(Part):
 
     says: Text = Field(description="What this reading assumes, in words.")
     set: Annotated[dict[str, Scalar], Field(min_length=1)] = Field(
-        description="Values that replace the declared ones, by path."
+        description="The new values, each by the path of the value that it replaces."
     )
 
 
 class SolvePart(Part):
-    """Values of an input that make two depth uncertainties equal, give one a required value, or meet a requirement."""
+    """The values of an input at which two cameras are equally uncertain, or one camera is as uncertain as required.
+
+    The question can also be at which values a camera meets a requirement.
+    """
 
     says: Text = Field(description="The question in words.")
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
@@ -196,11 +199,11 @@ class _ClaimPart(Part):
     )
     expect: ExpectPart
     reading: CameraName | None = Field(
-        default=None, description="Reading on which the claim rests; default: the study as declared."
+        default=None, description="Reading under which the claim is tested; default: the study as declared."
     )
     under: tuple[CameraName, ...] | Literal["all"] = Field(
         default=(),
-        description="Readings under which the claim is also tested; `all` stands for every reading of the study.",
+        description="Further readings under which the claim is tested; `all` stands for every reading of the study.",
     )
 
 
@@ -216,9 +219,10 @@ class LimitDistanceClaim(_ClaimPart):
         "overlap", "availability", "total_covering_plane", "focus", "last_disparity_step", "failed_fraction",
         "relative_uncertainty", "saturation", "matching",
     ] = Field(
-        description="Limit that the claim is about: `total_covering_plane` is the limit on virtual_depth, `focus` the "
-        "limit on blur, `last_disparity_step` the limit on disparity_step; `saturation` and `matching` apply to a "
-        "derived disparity error: no pixel saturates, and a matcher can reach that error."
+        description="Limit that the claim is about. Some have other names than in usable_range: `total_covering_plane` "
+        "is the limit on virtual_depth, `focus` that on blur, and `last_disparity_step` that on disparity_step. Two "
+        "exist only for a derived disparity error: no pixel saturates (`saturation`), and a matcher can reach that "
+        "error (`matching`)."
     )  # fmt: skip
     end: Literal["near", "far"] = Field(description="Whether the limit sets the near or the far end of the range.")
 
@@ -236,14 +240,14 @@ class UncertaintyRatioClaim(_ClaimPart):
 
 
 class ShareBetterClaim(_ClaimPart):
-    """A claim about the fraction of a range of distances in which one camera beats another.
+    """A claim about the fraction of a range of distances in which one camera is better than another.
 
-    It does so where it is usable and the other is unusable or less certain; the fraction is that of a logarithmic
-    scale.
+    It is better where it is usable and the other is unusable or has a larger depth uncertainty. The range is divided
+    on a logarithmic scale.
     """
 
     quantity: Literal["share_better"]
-    camera: CameraName = Field(description="Camera claimed to be more certain.")
+    camera: CameraName = Field(description="Camera that is claimed to be better.")
     against: CameraName = Field(description="Camera with which it is compared.")
     over: Span = Field(description="Nearest and farthest distance that the claim covers.")
     errors: ErrorSources = Field(
@@ -304,53 +308,60 @@ class DepthOfFieldRatioClaim(_ClaimPart):
 
 
 class PsfErrorClaim(_ClaimPart):
-    """A claim about the difference of Fresnel's point-spread function from Kirchhoff's, on axis at one f-number."""
+    """A claim about the error of the point-spread function by Fresnel's approximation, on axis at one f-number.
+
+    The error is the difference from the point-spread function by Kirchhoff's integral.
+    """
 
     quantity: Literal["psf_error"]
-    element: ElementName = Field(description="Lens of fresnel_validity that the claim is about.")
+    element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
     f_number: FNumber = Field(description="F-number at which the error is claimed.")
     wavelength: PositiveWavelength = Field(description="Wavelength at which the error is claimed.")
     lens_phase: LensPhaseName = Field(
         description="Phase that this lens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
     )
     metric: PsfMetric = Field(
-        description="Measure of the difference: at the image point (`peak`), integrated over the window (`l1`), or "
-        "the largest in the window (`largest`)."
+        description="Which difference of intensity counts: that at the image point (`peak`), the absolute difference "
+        "integrated over the window (`l1`), or the largest in the window (`largest`)."
     )
-    window: PositiveNumber = Field(description="Radius of the compared window, in Airy radii.")
+    window: PositiveNumber = Field(description="Radius of the window around the image point, in Airy radii.")
 
 
 class FresnelFNumberClaim(_ClaimPart):
-    """A claim about the f-number from which Fresnel's point-spread function on axis errs by no more than a limit."""
+    """A claim about the smallest f-number at which Fresnel's approximation is still accurate enough, on axis.
+
+    Its error is that of the point-spread function, compared with Kirchhoff's integral.
+    """
 
     quantity: Literal["fresnel_f_number"]
-    element: ElementName = Field(description="Lens of fresnel_validity that the claim is about.")
+    element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
     error: PositiveFraction = Field(
-        description="Largest error of Fresnel's point-spread function from that f-number on."
+        description="Largest error of the point-spread function at that f-number and above."
     )
     wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
     lens_phase: LensPhaseName = Field(
         description="Phase that this lens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
     )
     metric: PsfMetric = Field(
-        description="Measure of the difference: at the image point (`peak`), integrated over the window (`l1`), or "
-        "the largest in the window (`largest`)."
+        description="Which difference of intensity counts: that at the image point (`peak`), the absolute difference "
+        "integrated over the window (`l1`), or the largest in the window (`largest`)."
     )
-    window: PositiveNumber = Field(description="Radius of the compared window, in Airy radii.")
+    window: PositiveNumber = Field(description="Radius of the window around the image point, in Airy radii.")
 
 
 class CriterionFNumberClaim(_ClaimPart):
-    """A claim about the minimum f-number that a closed-form criterion gives for Fresnel."""
+    """A claim about the minimum f-number that a closed-form criterion gives for Fresnel's approximation."""
 
     quantity: Literal["criterion_f_number"]
-    element: ElementName = Field(description="Lens of fresnel_validity that the claim is about.")
+    element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
     criterion: Literal["paper-eq27-first-zero", "paper-eq27-second-zero", "path-error", "goodman"] = Field(
-        description="Criterion: the smaller (first) or the larger (second) zero of equation 27 of the paper, a "
-        "bound on the neglected path (`path-error`), or Goodman's condition."
+        description="Criterion: the smaller (`paper-eq27-first-zero`) or the larger zero (`paper-eq27-second-zero`) of "
+        "equation 27 of the paper; a bound on the optical path that the approximation neglects (`path-error`); or "
+        "Goodman's condition (`goodman`)."
     )
     wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
     path_error: PositiveWaves | None = Field(
-        default=None, description="Largest neglected path; only for the criterion `path-error`."
+        default=None, description="Largest optical path that may be neglected; only for the criterion `path-error`."
     )
 
     @model_validator(mode="after")
@@ -361,21 +372,23 @@ class CriterionFNumberClaim(_ClaimPart):
 
 
 class ImageDifferenceClaim(_ClaimPart):
-    """A claim about the sum of absolute differences between two pictures of the light spot, relative to the second."""
+    """A claim about the summed absolute difference of two pictures of the light spot, relative to the second."""
 
     quantity: Literal["image_difference"]
-    method: MethodName = Field(description="Method whose picture is tested.")
-    reference: MethodName = Field(description="Method with whose picture it is compared.")
+    method: MethodName = Field(description="Method of the first picture, which is tested; see light_spot.methods.")
+    reference: MethodName = Field(description="Method of the second picture, with which it is compared.")
 
 
 class LitPixelsClaim(_ClaimPart):
-    """A claim about the number of pixels that one method lights, divided by the number that another method lights."""
+    """A claim about the number of lit pixels in one method's picture, divided by the number in another method's."""
 
     quantity: Literal["lit_pixels_ratio"]
-    method: MethodName = Field(description="Method whose lit pixels are the numerator.")
-    reference: MethodName = Field(description="Method whose lit pixels are the denominator.")
+    method: MethodName = Field(
+        description="Method whose number of lit pixels is the numerator; see light_spot.methods."
+    )
+    reference: MethodName = Field(description="Method whose number of lit pixels is the denominator.")
     above: PositiveFraction = Field(
-        description="Fraction of the light of the brightest pixel above which a pixel counts as lit."
+        description="A pixel counts as lit if it gets more than this fraction of the light of the brightest pixel."
     )
 
 
@@ -399,7 +412,7 @@ SweepValues = Annotated[tuple[Scalar, ...], Field(min_length=1, max_length=1000)
 
 
 class SweepRangePart(Part):
-    """Values between two ends, on a linear or logarithmic scale."""
+    """Values from one end to the other, with linear or logarithmic spacing."""
 
     start: QuantityText = Field(alias="from", description="First value, with its unit.")
     stop: QuantityText = Field(alias="to", description="Last value, with its unit.")

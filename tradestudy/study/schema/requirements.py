@@ -21,7 +21,7 @@ class BoundOverPart(Part):
     below_relative: PositiveFraction | None = Field(
         default=None, description="Instead of `below`: the bound as a fraction of the distance."
     )
-    over: Span = Field(description="Nearest and farthest distance between which the bound must hold.")
+    over: Span = Field(description="Nearest and farthest of the distances at which the bound must hold.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -43,28 +43,28 @@ class BoundOverPart(Part):
 class UsablePart(Part):
     """A range of distances in which the camera must be usable."""
 
-    over: Span = Field(description="Nearest and farthest distance between which the camera must be usable.")
+    over: Span = Field(description="Nearest and farthest of the distances at which the camera must be usable.")
 
 
 class ShareAbovePart(Part):
     """A lower bound on a fraction, over a range of distances."""
 
     above: Share = Field(description="Smallest fraction that meets the requirement.")
-    over: Span = Field(description="Nearest and farthest distance between which the bound must hold.")
+    over: Span = Field(description="Nearest and farthest of the distances at which the bound must hold.")
 
 
 class ShareBelowPart(Part):
     """An upper bound on a fraction, over a range of distances."""
 
     below: PositiveFraction = Field(description="Largest fraction that meets the requirement.")
-    over: Span = Field(description="Nearest and farthest distance between which the bound must hold.")
+    over: Span = Field(description="Nearest and farthest of the distances at which the bound must hold.")
 
 
 class LengthBelowPart(Part):
     """An upper bound on a length, over a range of distances."""
 
     below: PositiveLength = Field(description="Largest length that meets the requirement.")
-    over: Span = Field(description="Nearest and farthest distance between which the bound must hold.")
+    over: Span = Field(description="Nearest and farthest of the distances at which the bound must hold.")
 
 
 class SharpPart(Part):
@@ -166,8 +166,8 @@ class RequirementPart(Part):
     )
     priority: Literal["must", "should"] = Field(
         default="must",
-        description="Whether a run with `--strict` fails unless the requirement is met (`must`), or the "
-        "requirement is only desirable (`should`).",
+        description="Whether the requirement is binding (`must`), so that a run with `--strict` fails if it is not "
+        "met, or only desirable (`should`).",
     )
     depth_uncertainty: BoundOverPart | None = None
     usable: UsablePart | None = Field(
@@ -181,8 +181,8 @@ class RequirementPart(Part):
     )
     failed_fraction: ShareBelowPart | None = Field(
         default=None,
-        description="Bound on the fraction of measurements that fail: their disparity lies beyond that of "
-        "infinity, or they are false matches.",
+        description="Bound on the fraction of measurements that fail: those whose errors push the depth beyond "
+        "infinity, and false matches.",
     )
     depth_of_field: SharpPart | None = Field(
         default=None, description="Bound on the depth of field; the camera need not measure depth."

@@ -19,8 +19,8 @@ class WeighedPart(Part):
 
     quantity: Literal["depth_uncertainty", "usable_near", "usable_far"] | None = Field(
         default=None,
-        description="Quantity that the program computes for the criterion; default: the declared or derived "
-        "criterion whose name is the key of this entry.",
+        description="What the program computes for the criterion: the depth uncertainty, or the near or far end of the "
+        "usable range. Default: the declared or derived criterion whose name is the key of this entry.",
     )
     at: ObjectDistance | None = Field(
         default=None, description="Distance at which the depth uncertainty counts; needed with depth_uncertainty."
@@ -52,7 +52,7 @@ class WeighedPart(Part):
 
 
 class TradeOffPart(Part):
-    """Ranking of the cameras by several criteria at once, over all possible weights."""
+    """A ranking of the cameras by several criteria at once, for all weights that the study allows."""
 
     criteria: Annotated[dict[AttributeName, WeighedPart], Field(min_length=1, max_length=20)] = Field(
         description="Criteria by name, each with its worst and best value and its weight."

@@ -54,7 +54,7 @@ class ValueOfInformationPart(Part):
         )
     )
     unusable: PositiveFraction = Field(
-        default=1.0, description="Relative depth uncertainty that counts at distances where a camera is not usable."
+        default=1.0, description="Relative depth uncertainty that a camera is taken to have where it is not usable."
     )
     draws: Annotated[int, Field(ge=64, le=2**14, strict=True)] = Field(
         default=256, description="Number of combinations of values to draw; powers of two cover the ranges most evenly."
