@@ -142,7 +142,7 @@ class Study:
         return f"{self.name}: {words or 'no mistakes'}{ends}"
 
     def check(self) -> str:
-        """Check that a run can answer the study.
+        """Check that the program can compute the study to its tolerances.
 
         If the study declares an accuracy, or forces a model of an effect other than calibration, the models are chosen
         as in `plan`; otherwise, nothing is left to check after `load`. The time of the run is not predicted.
@@ -211,7 +211,7 @@ class Study:
         executor: Executor | None = None,
         checkpoints: Checkpoints | None = None,
     ) -> xr.Dataset:
-        """Measure error and computing time for each set of models that can answer the study.
+        """Measure the error and the computing time of each set of models that can answer the study.
 
         Parameters
         ----------
@@ -219,9 +219,9 @@ class Study:
             Function called with the name of the current step and the fraction of it that is done, from 0 to 1.
         budget
             Wall time for all measurements [s]. Measurements that do not fit are left out and listed in the result.
-            Calibrations that have to be inferred first take extra time.
+            Calibrations from targets or corners are inferred first, which takes extra time.
         executor
-            Executor from `tradestudy.execution`, for calibrations that have to be inferred first. Default: this
+            Executor from `tradestudy.execution`, for the calibrations that are inferred first. Default: this
             process.
         checkpoints
             Where finished parts of these calibrations are stored, so that an interrupted computation can resume.
@@ -262,7 +262,7 @@ class Study:
             Function called with the name of the current step and the fraction of it that is done, from 0 to 1.
         executor
             Executor from `tradestudy.execution`, which computes independent points on threads, processes or a cluster.
-            Default: this process. The results are the same to the last bit.
+            Default: this process. Every executor gives the same results, to the last bit.
         checkpoints
             Where finished points are stored, so that an interrupted run can resume. Default: nowhere.
         planned
@@ -562,7 +562,7 @@ def cost(
 
 
 def compare(directories: Sequence[str | Path]) -> Comparison:
-    """Find the conclusions and inputs that differ between finished runs, and results that differ beyond their errors.
+    """Find conclusions and inputs that differ between finished runs, and results that differ by more than their errors.
 
     Parameters
     ----------
@@ -580,7 +580,7 @@ def compare(directories: Sequence[str | Path]) -> Comparison:
     OutOfRangeError
         If there are fewer than two folders.
     ResultsError
-        If a folder contains no readable run, or a run by another version of the program that lacks data.
+        If a folder contains no readable run, or the run lacks data because another version of the program wrote it.
     """
     from tradestudy.comparison import compare_runs
 

@@ -83,8 +83,8 @@ class Result:
         - ``requirements``: for each requirement,
 
           - its ``name``, ``says`` and ``priority``, as declared;
-          - whether it is ``met`` (null if undecided), the title of the ``camera`` that decides this, and the ``reason``
-            in words;
+          - whether it is ``met`` (null if undecided), the title of the ``camera`` that decides the verdict, and
+            the ``reason`` in words;
           - the ``margin``, the fraction by which the worst value could worsen within its bound (negative if it
             violates the bound), and the ``place`` of the worst value, a distance [m];
           - the ``conformity``, the probability that the true worst value meets the bound;
@@ -93,10 +93,10 @@ class Result:
             study declares as unknown (null if it declares none);
           - in a sweep, the number ``designs_met`` of designs that meet the requirement, and the number of all
             ``designs``;
-          - in a sweep of one number, ``met_with``: the ranges of this ``parameter`` in which the requirement is met,
-            ``from`` one value ``to`` another, with the ``error`` of these values and the ``camera``;
+          - in a sweep of one number, ``met_with``: the ranges of this ``parameter`` in which a ``camera`` meets the
+            requirement, ``from`` one value ``to`` another, with the ``error`` of these two values;
           - if a matcher makes a difference, ``bound_alone``: ``met``, ``camera`` and ``reason`` for a matcher as
-            precise as its lower bound.
+            precise as the Cramér–Rao bound.
 
         - ``designs``, in a sweep with requirements: the ``count`` of all designs, the number of ``feasible`` ones, and
           the ``best`` design, with its ``values`` by dotted path and its smallest ``margin``.
@@ -110,7 +110,8 @@ class Result:
           ``contrast`` and ``electrons``); their standard errors ``spread_error`` and ``bias_error`` [m]; the
           ``predicted`` spread [m]; and the fraction ``filled`` of the measurable points at which it measured a depth.
         - ``light_spot``: for each picture of the light spot, its ``method``, its stated relative ``error``, and its
-          relative ``difference`` from the picture by the method ``reference``.
+          ``difference`` from the picture by the method ``reference``: the sum of the absolute differences of the
+          pixels, as a fraction of the light in the reference (null for the reference itself).
         - ``fresnel_validity``: for each ``element`` and ``lens_phase``, the smallest ``f_number`` from which spots by
           Fresnel's integral stay within ``limit`` of those by Kirchhoff's over a ``window`` [Airy radii]; 0 if they
           do at every f-number of the study, null if at none.
@@ -119,8 +120,8 @@ class Result:
         - ``rests_on``: the inputs and limits that decide the answers, in words.
         - ``measure_first``: what to measure next, in words; empty if the results do not tell.
         - ``assumptions``: for each ``assumption``, the most valuable first, the values ``between`` which it lies, in
-          words; the ``worth`` of knowing it, which is the expected reduction of the depth uncertainty as a fraction of
-          the distance; and the standard ``error`` of this worth.
+          words; the ``worth`` of knowing it, which is the expected reduction of the relative depth uncertainty (a
+          fraction of the distance); and the standard ``error`` of this worth.
         - ``report``: path of the report, if `directory` is given.
 
         Parameters

@@ -23,8 +23,8 @@ cause.
 
 Examples
 --------
-Strehl ratio and MTF of an f/2.8 lens with a tenth of a wave (rms) of coma, and the fraction of the light of a point
-that falls on the pixels behind this lens and a microlens array:
+Strehl ratio and MTF of an f/2.8 lens with a tenth of a wave (rms) of coma; then, with a microlens array behind this
+lens, the fraction of the light through its pupil that falls on the pixels:
 
 >>> from tradestudy import optics
 >>> coma = optics.Pupil.from_waves({8: 0.1}, wavelength=550e-9)

@@ -18,9 +18,9 @@ from tradestudy.optics.propagation.lens import PointSource
 class FocalLengths:
     """Focal length f(θ, λ) of a lens as a table over field angle and wavelength, interpolated linearly.
 
-    f(θ, λ) is defined such that a source at the distance a along the axis has its image at b = a f/(a − f) along the
-    axis. If a lens images distant points onto a Petzval surface of radius R_P, > 0 for a surface that curves towards
-    the lens, then f(θ) = f₀ − (f₀ tan θ)²/(2 R_P), where f₀ = f(0).
+    f(θ, λ) is defined such that a source at the distance a has its image at the distance b = a f/(a − f), both
+    measured along the axis. If a lens images distant points onto a Petzval surface of radius R_P, > 0 for a surface
+    that curves towards the lens, then f(θ) = f₀ − (f₀ tan θ)²/(2 R_P), where f₀ = f(0).
 
     Parameters
     ----------

@@ -59,10 +59,10 @@ class MicrolensCamera:
         Whether the area between the apertures blocks light (``opaque``) or passes it unchanged (``clear``).
     lens_phase
         Phase of the main lens: ``perfect``, ``stigmatic`` or ``parabolic``, see `CircularLens`. A stigmatic main lens
-        is exact at the distance of the source.
+        images the axial point at the distance of the source exactly.
     microlens_phase
         Phase of every microlens: ``perfect``, ``stigmatic`` or ``parabolic``, see `CircularLens`. A stigmatic microlens
-        is exact at the distance of the image that the main lens forms of the source.
+        images its axial point at the distance of the main lens's image exactly.
     pupil
         Amplitude transmission and aberrations of the main lens. Default: a clear pupil without aberrations.
     microlens_pupil
@@ -156,7 +156,7 @@ class MicrolensCamera:
         source
             Point source or disc in front of the main lens.
         wavelength
-            Wavelength λ [m], for which the focal length is taken from a table.
+            Wavelength λ [m], at which the focal length is read if it is a table.
 
         Returns
         -------
@@ -168,7 +168,7 @@ class MicrolensCamera:
         OutOfRangeError
             If an aperture or a focal length of the microlenses is out of range, the main lens forms its image at
             infinity, the source or the wavelength lies outside the table of focal lengths, or the focal length varies
-            over a disc.
+            over a disc source.
         UnaffordableError
             If the source lights more than 100 000 microlenses or 100 million pixels.
         """

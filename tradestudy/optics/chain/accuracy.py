@@ -156,17 +156,17 @@ class ChainImage:
         Contributions to `numerical_error`, by name; each is a relative L2 error over the pixels [1].
     direct_check
         Results of independent checks, by name: root-mean-square difference between the computed field or intensity and
-        direct quadrature at random points, relative to its root mean square [1]. The intensity on the detector is
-        checked at points, without integration over pixels, so its difference exceeds the error of `pixels`. Empty if
-        there was no check.
+        direct quadrature at random points, relative to the root mean square of the latter [1]. The intensity on the
+        detector is checked at points, without integration over pixels, so its difference exceeds the error of `pixels`.
+        Empty if there was no check.
     microlens_share
         Fraction of the power through the pupil of the main lens that passes the plane of the microlenses [1]; NaN where
         it was not computed. Its error is not stated; `direct_check` shows the error of the light on the array.
     effort
         Numbers of nodes, samples and source points that the computation took, by name.
     handed_over
-        Fraction of the computed points or of their light [1] for which ``boundary_wave`` used Kirchhoff's integral
-        instead; 0 for other methods.
+        Fraction [1] for which ``boundary_wave`` used Kirchhoff's integral instead: of the points on the array, or of
+        the light behind it, whichever is larger. 0 for other methods.
     tolerance
         Requested relative L2 error over the pixels [1]; infinite if none was requested.
 

@@ -47,8 +47,8 @@ class Microlenses:
     lens_phase
         Phase of every microlens: ``perfect``, ``stigmatic`` or ``parabolic``, see `CircularLens`.
     focus_distance
-        Distance of the axial point that a stigmatic lens images exactly [m]; required for ``stigmatic``, not allowed
-        otherwise.
+        Distance of the axial point that a stigmatic microlens images exactly [m]; required for ``stigmatic``, not
+        allowed otherwise.
     pupil
         Amplitude transmission and aberrations of every microlens, without an obscuration. The radius R of this pupil is
         that of the smallest circle around the aperture. Default: a clear pupil without aberrations.

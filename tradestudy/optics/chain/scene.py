@@ -31,8 +31,8 @@ class Legs:
     * ``boundary_wave``: rays and the wave diffracted at the edge of the aperture, which together approximate
       Kirchhoff's integral; where either is singular, the integral itself.
 
-    The constants `GEOMETRIC`, `EXACT_RAYS`, `FRESNEL`, `KIRCHHOFF` and `KIRCHHOFF_FRESNEL` (``kirchhoff`` to the array,
-    ``fresnel`` to the detector) of this package are the usual combinations.
+    The constants `GEOMETRIC`, `EXACT_RAYS`, `FRESNEL` and `KIRCHHOFF` of this package use one method on both legs;
+    `KIRCHHOFF_FRESNEL` uses ``kirchhoff`` to the array and ``fresnel`` to the detector.
 
     Attributes
     ----------

@@ -29,8 +29,8 @@ class ApertureSamples:
         Complex field at the nodes, directly behind the aperture [any unit], shape (n,). The field that is propagated
         from these samples has the same unit.
     axial_cosine
-        Cosine of the angle between the axis and the wave at each node [1], shape (n,). Only the obliquity ``textbook``
-        of `KirchhoffKernel` needs it.
+        Cosine of the angle between the axis and the direction of the wave at each node [1], shape (n,). Only the
+        obliquity ``textbook`` of `KirchhoffKernel` needs it.
 
     Raises
     ------

@@ -24,7 +24,8 @@ class KirchhoffKernel:
       References. The paper calls the integral Kirchhoff's; in the literature it is the far-zone form of the first
       Rayleigh–Sommerfeld integral.
     * ``textbook``: (c + z/s)/2, the Fresnel–Kirchhoff obliquity, where c is the cosine of the angle between the axis
-      and the wave at q, directly behind the lens. The method ``boundary_wave`` is exact only with this factor.
+      and the direction of the wave at q, directly behind the lens. The method ``boundary_wave`` is exact only with this
+      factor.
     * ``rayleigh-sommerfeld-1``: z/s (1 + i/(k s)), which is exact if the field in the aperture is known exactly.
 
     The differences are small. In the image plane of an f/3.8 microlens, the intensity by ``textbook`` differs from that
@@ -48,7 +49,7 @@ class KirchhoffKernel:
     References
     ----------
     "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–16; M. Born and E. Wolf,
-    "Principles of Optics", 8.3.2; J. W. Goodman, "Introduction to Fourier Optics", 3.4–3.5.
+    "Principles of Optics", section 8.3.2; J. W. Goodman, "Introduction to Fourier Optics", sections 3.4–3.5.
 
     Examples
     --------
@@ -64,8 +65,8 @@ class KirchhoffKernel:
     9.99925 1/m, amplitude 1.8180e+07 1/m²
     >>> print(f"slope {kernel.slope_at_target(*node, *target)[0]:.7f}")
     slope -0.0099995
-    >>> print(f"{kernel.beyond_linear(*node, 1.0, target, 1e-5, 0.0, 0.0)[0] * 1e9:.4f} nm beyond 10 µm of that slope")
-    0.4999 nm beyond 10 µm of that slope
+    >>> print(f"{kernel.beyond_linear(*node, 1.0, target, 1e-5, 0.0, 0.0)[0] * 1e9:.4f} nm off that slope over 10 µm")
+    0.4999 nm off that slope over 10 µm
     """
 
     wavelength: float
@@ -128,8 +129,8 @@ class KirchhoffKernel:
         u, v
             Coordinates of the nodes relative to the centre of the aperture [m].
         cosine
-            Cosine of the angle between the axis and the wave at each node [1]. Only the obliquity ``textbook`` needs
-            it.
+            Cosine of the angle between the axis and the direction of the wave at each node [1]. Only the obliquity
+            ``textbook`` needs it.
         x, y, z
             Coordinates of the targets relative to the centre of the aperture [m]; all arrays are broadcast together.
 
@@ -157,7 +158,7 @@ class KirchhoffKernel:
         dy: Array,
         dz: Array,
     ) -> tuple[Array, Array]:
-        """Nonlinear change of the path when the target moves, and the factor C/s of `spreading` at its new position.
+        """Nonlinear change of the path when the target moves, and `spreading` at the target's new position.
 
         The target moves from `base` by d = (dx, dy, dz), so that its path from the node changes from s to t. With the
         unit vector e from the node to `base`, the nonlinear change is t − s − e_x dx − e_y dy: the terms linear in dx
@@ -168,8 +169,8 @@ class KirchhoffKernel:
         u, v
             Coordinates of the nodes relative to the centre of the aperture [m].
         cosine
-            Cosine of the angle between the axis and the wave at each node [1]. Only the obliquity ``textbook`` needs
-            it.
+            Cosine of the angle between the axis and the direction of the wave at each node [1]. Only the obliquity
+            ``textbook`` needs it.
         base
             Position (x, y, z) of the target before it moves, relative to the centre of the aperture [m].
         dx, dy, dz
@@ -208,8 +209,8 @@ class KirchhoffKernel:
         u, v
             Coordinates of the nodes relative to the centre of the aperture [m].
         cosine
-            Cosine of the angle between the axis and the wave at each node [1]. Only the obliquity ``textbook`` needs
-            it.
+            Cosine of the angle between the axis and the direction of the wave at each node [1]. Only the obliquity
+            ``textbook`` needs it.
         x, y, z
             Coordinates of the targets relative to the centre of the aperture [m]; all arrays are broadcast together.
 
@@ -228,8 +229,8 @@ class KirchhoffKernel:
         u, v
             Coordinates of the nodes relative to the centre of the aperture [m].
         cosine
-            Cosine of the angle between the axis and the wave at each node [1]. Only the obliquity ``textbook`` needs
-            it.
+            Cosine of the angle between the axis and the direction of the wave at each node [1]. Only the obliquity
+            ``textbook`` needs it.
         x, y, z
             Coordinates of the targets relative to the centre of the aperture [m]; all arrays are broadcast together.
 
@@ -289,8 +290,8 @@ class FresnelKernel:
     10.00000 1/m, amplitude 1.8182e+07 1/m²
     >>> print(f"slope {kernel.slope_at_target(*node, *target)[0]:.7f}")
     slope -0.0100000
-    >>> print(f"{kernel.beyond_linear(*node, None, target, 1e-5, 0.0, 0.0)[0] * 1e9:.4f} nm beyond 10 µm of that slope")
-    0.5000 nm beyond 10 µm of that slope
+    >>> print(f"{kernel.beyond_linear(*node, None, target, 1e-5, 0.0, 0.0)[0] * 1e9:.4f} nm off that slope over 10 µm")
+    0.5000 nm off that slope over 10 µm
     """
 
     wavelength: float

@@ -129,9 +129,10 @@ class CircularLens:
         Phase of the lens:
 
         * ``perfect``: images every source point exactly onto its thin-lens image, as a well-corrected objective does.
-        * ``stigmatic``: images the axial point at `focus_distance` exactly, as a fixed element; has coma off the axis.
+        * ``stigmatic``: images the axial point at `focus_distance` exactly; its phase is fixed, so it has coma off the
+          axis.
         * ``parabolic``: the lens of the paper under References, with the phase −π r²/(λ f) at the distance r from the
-          centre, for the wavelength λ and the focal length f. With exact paths, it has the spherical aberration
+          centre, for the wavelength λ and the focal length f. Along exact paths, it has the spherical aberration
           r⁴/8 (1/a³ + 1/b³), a path [m], for the object distance a and the image distance b.
     focus_distance
         Distance of the axial point that a stigmatic lens images exactly [m]; required for ``stigmatic``, not allowed
@@ -139,8 +140,8 @@ class CircularLens:
     centre
         Centre (x, y) of the aperture, which is also the vertex of the lens [m].
     pupil
-        Amplitude transmission and aberrations, the same for all source points and methods. Default: a clear pupil
-        without aberrations.
+        Amplitude transmission and aberrations, the same for all source points and methods of propagation. Default: a
+        clear pupil without aberrations.
 
     Raises
     ------
@@ -211,7 +212,7 @@ class CircularLens:
     def without_obscuration(self, nodes_of: Callable[[float], QuadratureNodes]) -> QuadratureNodes:
         """Quadrature nodes of the aperture, from which those of the obscuration are subtracted.
 
-        Both discs have nodes of their own, so the edge of the obscuration costs no accuracy.
+        Aperture and obscuration each have nodes of their own, so the edge of the obscuration costs no accuracy.
 
         Parameters
         ----------
@@ -246,7 +247,7 @@ class CircularLens:
         Returns
         -------
         ndarray or float
-            t [1], in the shape of the positions; the number 1 if the pupil has no amplitude of its own.
+            t [1], in the shape of the positions; the number 1 if the pupil declares no transmission.
 
         Raises
         ------

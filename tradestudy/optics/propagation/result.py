@@ -123,8 +123,8 @@ class ApertureField:
         Squared magnitude of the field [1/m⁴ for a source of unit strength], in the shape of the targets. For
         ``geometric``, the intensities of the rays at a target are added, without interference.
     error
-        Stated numerical error. In at least 95 % of cases, its entries ``field`` and ``intensity`` should bound the L2
-        norm of the error over the targets, relative to the norm of the field and of the intensity [1].
+        Stated numerical error. Its entries ``field`` and ``intensity`` are the relative L2 errors of the two over the
+        targets [1]; they should be upper bounds in at least 95 % of cases.
     effort
         What the computation took, including the number of quadrature ``nodes`` and the wall time ``seconds`` [s].
     method

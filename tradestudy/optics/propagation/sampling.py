@@ -25,7 +25,7 @@ _TERMS_PER_SECOND = 4.0e5  # (nodes + targets) × 10 terms of the fast path on a
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Largest resources that a computation may use.
+    """Limits on the resources that a computation may use.
 
     A computation that needs more raises ``UnaffordableError`` before it starts, or before the refinement that would
     exceed them.
