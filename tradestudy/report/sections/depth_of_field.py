@@ -204,8 +204,8 @@ def describe_depth_of_field(tree: xr.DataTree, drawings: Mapping[str, Drawing]) 
             "together, *g*² + *d*² ≤ *c*². For one lens the limits are those of the exact thin lens. A microlens of "
             "diameter *D* blurs a point at virtual depth *v* to *D*|1/*v* − 1/*v*~0~|, so that its depth of field is "
             "symmetric in 1/*v*, where *v*~0~ is the virtual depth in focus; the limits are mapped through the main "
-            "lens. A view of an unfocused plenoptic camera is a lens as wide as its part of the pupil, with one sample per microlens, and *c* counts microlenses. "
-            "Each depth of field is in closed form, exact up to rounding."
+            "lens. A view of an unfocused plenoptic camera is a lens as wide as its part of the pupil, with one sample "
+            "per microlens, and *c* counts microlenses. Each depth of field is in closed form, exact up to rounding."
         )
     )
     yield _criteria_of_sharpness(tree)

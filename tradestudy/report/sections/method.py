@@ -124,7 +124,7 @@ def _uncertainty() -> Iterator[Block]:
     )
     yield Paragraph(
         say(
-            "*a*~p~ is the depth that a fraction *p* of all measurements does not exceed, and *Q*~ρ~ is the quantile of "
+            "*a*~p~ is the depth that a fraction *p* of all measurements does not exceed, and *Q*~ρ~ the quantile of "
             "the inverse depth *ρ*. The exact model of the camera measures *ρ* at the distance *a* under noise and "
             "all calibration errors *ε*, drawn jointly."
         )
