@@ -202,7 +202,7 @@ class KirchhoffKernel:
         return rest, self._spreading(cosine, to_node, c + dz)
 
     def amplitude(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """Factor by which the integral multiplies the field and exp(i k s) at a node: C/(iλ s).
+        """Factor that multiplies the field and exp(i k s) at a node in the integral: C/(iλ s).
 
         Parameters
         ----------
@@ -353,7 +353,7 @@ class FresnelKernel:
         return np.asarray(rest), self.spreading(u, v, cosine, base[0] + dx, base[1] + dy, c + dz)
 
     def amplitude(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """Factor by which the integral multiplies the field and exp(i k s) at a node: 1/(iλ z) [1/m²].
+        """Factor that multiplies the field and exp(i k s) at a node in the integral: 1/(iλ z) [1/m²].
 
         The arguments are as in `KirchhoffKernel.amplitude`.
         """
