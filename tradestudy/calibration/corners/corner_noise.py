@@ -25,7 +25,6 @@ _RAYLEIGH_MEDIAN: Final = float(
 )  # median length of a vector whose components have unit standard deviation
 _MOST_VIEWS: Final = 60
 _LEAST_INDEPENDENT: Final = 1e-3  # share of independent noise that keeps the covariance regular
-_LIKELIHOOD_SETTLED: Final = 0.1  # slope of the log likelihood in the unbounded share and the logarithm of the length
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +124,13 @@ def estimate_noise(residuals: FloatArray, by_view: FloatArray, board: FloatArray
         share, length = _share_and_length(place, spacing)
         return -_restricted(table[some], weights[some], layouts.whitening(share, length))[0]
 
-    found = minimize(cost, [0.0, np.log(1.5)], method="BFGS", options={"gtol": _LIKELIHOOD_SETTLED})
+    simplex = np.array([[0.0, np.log(1.5)], [1.5, np.log(1.5)], [0.0, np.log(3.0)]])
+    found = minimize(
+        cost,
+        np.zeros(2),
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "xatol": 0.03, "fatol": 0.1, "maxiter": 100},
+    )
     share, length = _share_and_length(found.x, spacing)
     _, deviation = _restricted(table, weights, _Layouts.of(board, weights).whitening(share, length))
     return _noise(board, weights, share=share, length=length, deviation=deviation)

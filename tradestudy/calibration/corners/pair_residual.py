@@ -27,7 +27,7 @@ from tradestudy.optics.arrays import FloatArray
 
 _MOST_LINEARISATIONS = 20
 _LEVER_DEVIATION = 1.0  # prior standard deviation of ln(lever / radius of gyration)
-_LIKELIHOOD_SETTLED = 1e-3  # slope of the log likelihood in the logarithms of noise, motion scale and lever
+_FIRST_STEPS = (0.05, 0.3, 0.3)  # in the logarithms of noise, motion scale and lever
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,8 +207,17 @@ def _best_scales(
         unusual = (np.log(stretch) + logs[2]) / _LEVER_DEVIATION
         return 0.5 * float(unusual**2) - compressed.restricted_log_likelihood(noise, scale, factor)
 
+    start = np.array([np.log(noise_px), np.log(motion_scale), 0.0])
     found = minimize(
-        cost, [np.log(noise_px), np.log(motion_scale), 0.0], method="BFGS", options={"gtol": _LIKELIHOOD_SETTLED}
+        cost,
+        start,
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": np.concatenate([start[None], start + np.diag(_FIRST_STEPS)]),
+            "xatol": 1e-4,
+            "fatol": 1e-6,
+            "maxiter": 1000,
+        },
     )
     noise, scale, factor = np.exp(found.x)
     return float(noise), float(scale), float(factor)
