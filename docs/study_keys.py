@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -26,6 +26,7 @@ _PAGES: Final = {
 }
 _OTHER_PAGE: Final = ("questions", "Questions")
 _LONGEST_EXAMPLE: Final = 90
+_MOST_PATHS: Final = 3
 _BASIS: Final = {"value", "basis", "note"}
 # Keys that no shipped study uses, or whose value there would mislead; a key alone applies wherever it occurs.
 _EXAMPLES: Final = {
@@ -293,6 +294,7 @@ _TITLES: Final = {
     "CriterionFNumberClaim": "Claim about the f-number by a criterion",
     "CriterionPart": "Bound on a criterion",
     "DoubleSpherePart": "Double-sphere lens model",
+    "ConventionalDeclaration": "Conventional camera",
     "ElementPart": "Lens",
     "ExpectPart": "Expected value",
     "ExtendedUnifiedPart": "Extended unified lens model",
@@ -303,6 +305,10 @@ _TITLES: Final = {
     "FittedKannalaBrandtPart": "Fitted Kannala–Brandt lens model",
     "FittedOmnidirectionalPart": "Fitted omnidirectional lens model",
     "FittedRationalPart": "Fitted rational lens model",
+    "FocusedPlenopticCalibration": "Calibration of a focused plenoptic camera",
+    "FocusedPlenopticDeclaration": "Focused plenoptic camera",
+    "FocusedPlenopticErrors": "Errors of a focused plenoptic camera",
+    "FocusedPlenopticStability": "Stability of a focused plenoptic camera",
     "GeometryPart": "Geometry of a calibrated pair",
     "KannalaBrandtPart": "Kannala–Brandt lens model",
     "LengthBelowPart": "Upper bound of a length",
@@ -316,6 +322,7 @@ _TITLES: Final = {
     "MainLensPart": "Main lens of the light path",
     "OffAxisPart": "Off-axis comparison",
     "OmnidirectionalPart": "Omnidirectional lens model",
+    "PlenopticDepthPart": "Depth from micro-images",
     "RationalPart": "Rational lens model",
     "ReferenceScalePart": "Reference focus setting",
     "ShareAbovePart": "Lower bound of a fraction",
@@ -324,8 +331,19 @@ _TITLES: Final = {
     "SharpPart": "Bound on depth of field",
     "SolvePart": "Inverse question",
     "StatedPart": "Stated values",
-    "StereoLensPart": "Stereo lenses",
+    "StereoCalibration": "Calibration of a stereo rig",
+    "StereoDeclaration": "Stereo rig",
+    "StereoErrors": "Errors of a stereo rig",
+    "StereoLensPart": "Lenses of a stereo rig",
+    "StereoStability": "Stability of a stereo rig",
     "TradeOffPart": "Trade-off",
+    "UnfocusedDepthPart": "Depth from views",
+    "UnfocusedFocusPart": "Focus of an unfocused plenoptic camera",
+    "UnfocusedMicrolensesPart": "Microlenses of an unfocused plenoptic camera",
+    "UnfocusedPlenopticCalibration": "Calibration of an unfocused plenoptic camera",
+    "UnfocusedPlenopticDeclaration": "Unfocused plenoptic camera",
+    "UnfocusedPlenopticErrors": "Errors of an unfocused plenoptic camera",
+    "UnfocusedPlenopticStability": "Stability of an unfocused plenoptic camera",
     "UsablePart": "Usable distances",
     "WeighedPart": "Weighted criterion",
 }
@@ -343,10 +361,10 @@ _DIMENSIONS: Final = sorted(
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A mapping of a study file: where it first stands, and its schema."""
+    """A mapping of a study file: where it may stand, and its schema."""
 
     name: str
-    path: str
+    paths: Sequence[str] = ()
     schema: Schema
 
     @property
@@ -386,19 +404,16 @@ class Reference:
             for below in _items(one):
                 yield from self.parts_below(below, f"{path}[]")
 
-    def part(self, name: str, path: str) -> Part:
+    def part(self, name: str, paths: Sequence[str] = ()) -> Part:
         """A part by its name."""
-        return Part(name=name, path=path, schema=self.schema["$defs"][name])
+        return Part(name=name, paths=paths, schema=self.schema["$defs"][name])
 
-    def reached(self, name: str, path: str, seen: dict[str, str] | None = None) -> dict[str, str]:
-        """A part and all parts below it, each with the path by which it is first reached."""
-        seen = {} if seen is None else seen
-        if name not in seen:
-            seen[name] = path
-            for key, below in self.schema["$defs"][name]["properties"].items():
-                for inner, where in self.parts_below(below, f"{path}.{key}"):
-                    self.reached(inner, where, seen)
-        return seen
+    def reached(self, name: str, path: str) -> Iterator[tuple[str, str]]:
+        """A part and all parts below it, each with every path by which it is reached."""
+        yield name, path
+        for key, below in self.schema["$defs"][name]["properties"].items():
+            for inner, where in self.parts_below(below, f"{path}.{key}"):
+                yield from self.reached(inner, where)
 
     def learn(self, owner: str, value: Any, schema: Schema) -> None:
         """Take examples of keys from a value as it is written in a study."""
@@ -440,7 +455,7 @@ class Reference:
 
     def _kind(self, name: str, schema: Schema) -> str:
         if name:
-            return f"[{_spoken(name)}](#{self.part(name, '').anchor})"
+            return f"[{_spoken(name)}](#{self.part(name).anchor})"
         if "const" in schema:
             return f"`{_flow(schema['const'])}`"
         if "title" in schema and "examples" in schema:
@@ -454,7 +469,7 @@ class Reference:
             return f"a list of {_count(schema)}, each {each}"
         if members := list(_members(schema)):
             of = self.takes(members[0])
-            return f"a mapping from names to {of.replace('a mapping from', 'mappings from')}"
+            return f"a mapping from names to {of.replace('a mapping from', 'mappings, each from')}"
         if "properties" in schema:
             return f"a mapping with {' and '.join(f'`{key}`' for key in schema['properties'])}"
         if isinstance(schema["type"], list):
@@ -479,7 +494,7 @@ class Reference:
         name = next((name for name, _ in self.parts_below(schema, "")), "")
         if not name:
             raise ValueError(f"no example of {owner}.{key}")
-        return f"see [{_spoken(name)}](#{self.part(name, '').anchor})"
+        return f"see [{_spoken(name)}](#{self.part(name).anchor})"
 
     def _made_part(self, name: str) -> str:
         """What shipped studies say of the required keys of a part, or of one key where none is; empty if too long."""
@@ -521,8 +536,8 @@ class Reference:
         yield f"({part.anchor})="
         yield f"## {_spoken(part.name)}"
         yield ""
-        if part.path:
-            yield f"`{part.path}`"
+        if 1 <= len(part.paths) <= _MOST_PATHS:
+            yield ", ".join(f"`{path}`" for path in part.paths)
             yield ""
         if meaning := part.schema.get("description"):
             yield _prose(meaning)
@@ -710,36 +725,34 @@ def _owners(reference: Reference) -> tuple[dict[str, str], list[tuple[Part, str]
         for part, path in reference.parts_below(below, key):
             if key == "cameras":
                 page = part.removesuffix("Declaration").lower()
-                titles[page] = f"Cameras: {_spoken(part).lower()}"
+                titles[page] = f"{_spoken(part)}s"
             roots.append((page, part, path))
     kinds = set(titles)
     titles |= {"camera-parts": "Parts of several kinds of camera"}
     titles |= {name: title for name, (title, _) in _PAGES.items()} | dict([_OTHER_PAGE])
     titles |= {"shared": "Parts used throughout"}
     pages: dict[str, set[str]] = {}
-    paths: dict[str, str] = {}
+    paths: dict[str, dict[str, None]] = {}
     for page, part, path in roots:
-        for name, where in reference.reached(part, path).items():
+        for name, where in reference.reached(part, path):
             pages.setdefault(name, set()).add(page)
-            paths.setdefault(name, where)
+            paths.setdefault(name, {})[where] = None
 
     def home(found: set[str]) -> str:
         if len(found) == 1:
             return next(iter(found))
         return "camera-parts" if found <= kinds else "shared"
 
-    return titles, [
-        (reference.part(name, paths[name] if len(found) == 1 else ""), home(found)) for name, found in pages.items()
-    ]
+    return titles, [(reference.part(name, [*paths[name]]), home(found)) for name, found in pages.items()]
 
 
 _INDEX = """
 A study is one YAML file. These pages list its keys, each with the values it accepts, its default and an example. They
 are made from the JSON Schema that `python -m tradestudy schema` prints; editors can use it to complete keys.
 
-Every section describes one mapping. Below its heading stands the place of that mapping in the file, where `NAME` is a
-name that you choose, and `[]` an item of a list. Sections without a place describe mappings that can stand in several
-places.
+Every section describes one mapping. Below its heading stand the places where that mapping can stand in the file, where
+`NAME` is a name that you choose, and `[]` an item of a list. Sections without a place describe mappings that can stand
+in more than three places.
 
 Write a quantity that has a unit with that unit: `12.5 mm`, not `12.5`. Every value may carry its basis:
 `{value: 12.5 mm, basis: datasheet, note: where it comes from}`, where `basis` is `paper`, `datasheet`, `measured`,
