@@ -118,7 +118,7 @@ class StabilityPart(Part):
 
 
 class CornersPart(Part):
-    """A measured calibration of a stereo rig, from the corners of a board that both of its cameras saw."""
+    """A measured calibration from the corners of a board that both cameras saw; for stereo rigs only."""
 
     file: Text = Field(description="CSV file of the corners; the path is relative to the file that contains this key.")
     lens_model: FittedLensModel | None = Field(
@@ -127,8 +127,8 @@ class CornersPart(Part):
     )
     compared_with: Annotated[tuple[FittedLensModel, ...], Field(max_length=10)] = Field(
         default=(),
-        description="Other lens models to fit; the report says whether the corners support them and how they "
-        "change depth.",
+        description="Other lens models to fit. The report says whether they predict views left out of the fit better, "
+        "and how they change depth.",
     )
     square_size_uncertainty: SquareSizeUncertainty = Field(
         default=0.0,
@@ -157,8 +157,8 @@ class CalibrationPart(Part):
     errors: ErrorsPart = Field(
         default_factory=ErrorsPart,
         description="Distributions of the errors of the parameters. With `target`, they are the priors. With "
-        "`posterior`, give only errors that it does not contain; with `corners`, give none. Give at most one of these "
-        "three keys.",
+        "`posterior`, give only errors that it does not contain; with `corners`, give none. Give at most one of "
+        "`target`, `posterior` and `corners`.",
     )
     correlations: dict[str, dict[str, Correlation]] = Field(
         default={},

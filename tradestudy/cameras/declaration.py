@@ -202,15 +202,15 @@ class AttributesPart(Part):
         default=None, description="Number of moving parts; default: one for each lens with a focus mechanism."
     )
     bits_per_pixel: PositiveCount | None = Field(
-        default=None, description="Number of bits per pixel of a raw image; needed to derive the volume of data."
+        default=None, description="Number of bits per pixel of a raw picture; needed to derive the volume of data."
     )
     envelope: tuple[PositiveLength, PositiveLength, PositiveLength] | None = Field(
         default=None, description="Length, width and height of the whole instrument."
     )
     others: dict[AttributeName, Annotated[QuantityText, Field(min_length=1, max_length=200)]] = Field(
         default={},
-        description="Further attributes to compare, by name: words, or a number with its unit (`mass: 380 g`). "
-        "Requirements and trade-offs can use the numbers.",
+        description="Further attributes to compare, by name, each as words or as a number with its unit "
+        "(`mass: 380 g`). Requirements and trade-offs can use the numbers.",
     )
 
 

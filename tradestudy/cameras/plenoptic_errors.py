@@ -62,8 +62,8 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "field_curvature": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Distance from the main lens to its image in the corner of the sensor, minus that on the axis. The "
-        "shift of the image grows with the square of the distance from the axis.",
+        meaning="How much farther from the main lens the image of a flat object lies in the corner of the sensor than "
+        "on the axis. This grows with the square of the distance from the axis.",
     ),
     "depth_distortion": ErrorParameter(
         unit="1",
@@ -74,13 +74,12 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "distortion_k1": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Coefficient of the radial distortion of the main lens that multiplies the square of a ray's slope.",
+        meaning="Coefficient of the square of a ray's slope in the radial distortion of the main lens.",
     ),
     "distortion_k2": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Coefficient of the radial distortion of the main lens that multiplies the fourth power of "
-        "a ray's slope.",
+        meaning="Coefficient of the fourth power of a ray's slope in the radial distortion of the main lens.",
     ),
     "microlens_center_scatter": ErrorParameter(
         unit="m",

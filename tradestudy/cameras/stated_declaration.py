@@ -9,10 +9,11 @@ from tradestudy.declarations.quantities import PositiveAngle, PositiveLength, Po
 
 
 class StatedPart(Part):
-    """Values that a data sheet or paper states although others imply them; the program only compares the two."""
+    """Values that a source states; the program only compares each with the value that follows from other keys."""
 
     field_of_view: PositiveAngle | None = Field(
-        default=None, description="Full field of view that the data sheet states."
+        default=None,
+        description="Full field of view that the data sheet states, across the width or the diagonal of the sensor.",
     )
     microlens_gap: PositiveLength | None = Field(
         default=None, description="Distance from microlenses to sensor that the data sheet states."

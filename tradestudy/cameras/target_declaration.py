@@ -60,7 +60,8 @@ class PosePart(Part):
 class TargetPart(Part):
     """A simulated calibration with a board shown to the camera; the declared errors are its priors.
 
-    The views are either spread evenly over distances, field and tilts, or given by ``poses``.
+    The views are spread evenly over the inverse distance and the field, with normally distributed rotations, unless
+    ``poses`` gives them.
     """
 
     views: Annotated[int, Field(ge=3, le=MOST_VIEWS, strict=True)] | None = Field(
@@ -75,7 +76,9 @@ class TargetPart(Part):
     spacing: PositiveLength = Field(description="Distance between neighbouring corners of the board.")
     distances: Span | None = Field(default=None, description="Nearest and farthest distance of the board in the views.")
     half_field_angle: HalfFieldAngle | None = Field(
-        default=None, description="Largest angle between the optical axis and the direction of the board's centre."
+        default=None,
+        description="Largest angle, horizontally and vertically, between the optical axis and the direction of the "
+        "board's centre.",
     )
     tilt: PositiveAngle | None = Field(
         default=None, description="Standard deviation of each component of the board's rotation vector over the views."

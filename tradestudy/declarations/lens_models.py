@@ -23,12 +23,14 @@ from tradestudy.optics.lens_models.rational import Rational
 _MODEL = "Name of the lens model."
 _ABOUT = {
     "rational": "Radial, tangential and thin-prism distortion with a tilted sensor, as in OpenCV. The slopes of a "
-    "ray are x and y, and r² = x² + y²",
+    "ray are x and y, and r² = x² + y². Radial distortion multiplies x and y by (1 + k₁r² + k₂r⁴ + k₃r⁶)/(1 + k₄r² + "
+    "k₅r⁴ + k₆r⁶)",
     "kannala-brandt": "The fisheye model of Kannala and Brandt, as in OpenCV and Kalibr (equidistant)",
     "fov": "The fisheye model of Devernay and Faugeras, which has a single coefficient",
     "omni": "The omnidirectional model of Mei and Rives: points are projected onto a unit sphere around the camera, "
     "from there through a second centre of projection onto a plane, and then distorted radially and tangentially. "
-    "In this plane, at unit distance from the second centre, x and y are positions, and r² = x² + y²",
+    "In this plane, at unit distance from the second centre, x and y are positions, and r² = x² + y². "
+    "Radial distortion multiplies x and y by 1 + k₁r² + k₂r⁴",
     "double-sphere": "The double-sphere model of Usenko, Demmel and Cremers: points are projected onto two unit "
     "spheres in turn, and from the second one through a pinhole onto a plane",
     "eucm": "The extended unified camera model of Khomutenko, Garcia and Martinet: points are projected onto an "

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from typing import Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, WithJsonSchema, model_validator
 
 from tradestudy import units
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
-from tradestudy.declarations.quantities import Share, quantity
+from tradestudy.declarations.quantities import quantity
 
 NoiseFactor = Annotated[float, *quantity(units.NUMBER, at_least=1.0)]
 NoiseFloor = Annotated[float, *quantity(units.PIXELS, at_least=0.0)]
 LockingAmplitude = Annotated[float, *quantity(units.PIXELS, at_least=0.0, at_most=0.5)]
-FalseShare = Annotated[Share, Field(lt=1.0)]
+_read, _schema = quantity(units.FRACTION, at_least=0.0, at_most=1.0)
+FalseShare = Annotated[
+    float,
+    _read,
+    Field(lt=1.0),
+    WithJsonSchema({**(_schema.json_schema or {}), "title": "a fraction from 0 % to below 100 %"}),
+]
 
 
 class MatcherPart(Part):

@@ -120,7 +120,7 @@ else:
 
 
 class FocusedPlenopticDeclaration(DepthCameraDeclaration):
-    """A focused plenoptic camera (plenoptic II) with one or several microlens types."""
+    """A focused plenoptic camera (plenoptic II) with one or three types of microlenses."""
 
     camera: ClassVar[type[FocusedPlenoptic]] = FocusedPlenoptic
     reader: ClassVar[DepthReaderOfKind | None] = RawPictureReader

@@ -60,7 +60,7 @@ else:
 
 
 class StereoDeclaration(DepthCameraDeclaration):
-    """A stereo rig of two equal cameras."""
+    """A stereo rig; its two cameras are equal, unless ``geometry`` describes each of them."""
 
     camera: ClassVar[type[StereoRig]] = StereoRig
     reader: ClassVar[DepthReaderOfKind | None] = PairReader
@@ -72,8 +72,8 @@ class StereoDeclaration(DepthCameraDeclaration):
     sensor: SensorPart
     geometry: GeometryPart | None = Field(
         default=None,
-        description="Geometry of both cameras as calibrated, instead of focal length and baseline; depth is "
-        "measured with it.",
+        description="Geometry of both cameras as calibrated, given instead of focal length and baseline. The rig "
+        "measures depth with it.",
     )
     baseline: Baseline | None = Field(
         default=None,
@@ -100,8 +100,8 @@ class StereoDeclaration(DepthCameraDeclaration):
     depth: StereoDepthPart = Field(default_factory=StereoDepthPart)
     distortion: AnyLensModel | None = Field(
         default=None,
-        description="Lens model of both cameras, exact except for the errors under `calibration`; default: no "
-        "distortion.",
+        description="Lens model of both cameras, known exactly except for the errors under `calibration`; default: "
+        "no distortion.",
     )
     calibration: StereoCalibration = Field(default_factory=StereoCalibration)
 

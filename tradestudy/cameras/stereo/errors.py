@@ -43,8 +43,8 @@ _OF_BOTH: Final[ErrorVocabulary] = {
     "principal_point": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Difference between the right and the left principal point along the baseline, on the sensor; "
-        "each camera has half of it.",
+        meaning="Position of the right principal point minus that of the left one, along the baseline, on the sensor; "
+        "each camera has half of the error.",
     ),
 }
 
@@ -74,8 +74,7 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
             ErrorParameter(
                 unit="1",
                 part=INTERIOR,
-                meaning=f"Coefficient of the radial distortion of the {side} lens that multiplies the {power} of a "
-                "ray's slope.",
+                meaning=f"Coefficient of the {power} of a ray's slope in the radial distortion of the {side} lens.",
             ),
         )
 

@@ -38,10 +38,10 @@ class CalibratedCameraPart(Part):
 
 
 class GeometryPart(Part):
-    """Two cameras as calibrated; a point ``x_left`` of the left frame is ``x_right = R x_left + t`` in the right."""
+    """Two cameras as calibrated; a point ``x_left`` of the left frame is ``R x_left + t`` in the right frame."""
 
-    left: CalibratedCameraPart
-    right: CalibratedCameraPart
+    left: CalibratedCameraPart = Field(description="The left camera.")
+    right: CalibratedCameraPart = Field(description="The right camera.")
     rotation: tuple[Angle, Angle, Angle] = Field(
         default=(0.0, 0.0, 0.0),
         description="Rotation vector (axis times angle) of R, from the frame of the left camera to that of the right "

@@ -65,7 +65,7 @@ class UnfocusedFocusPart(Part):
 class UnfocusedDepthPart(DisparityPart):
     """How depth is measured from views, each of which shows the scene through one part of the pupil.
 
-    A pixel of a view is one microlens, so 1 px of disparity is the width of one microlens.
+    A pixel of a view is one microlens, so 1 px of disparity is one pitch of the microlenses.
     """
 
     estimator: ViewEstimator = Field(

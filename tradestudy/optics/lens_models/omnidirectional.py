@@ -23,9 +23,9 @@ class Omnidirectional(LensModel):
     xi
         Distance ξ [1] from the centre of the unit sphere to the second centre of projection, ≥ 0; at 0, both coincide.
     k1
-        Coefficient of r² [1] in the radial distortion, with the undistorted radius r at focal length 1.
+        Coefficient of r² [1] in the radial distortion.
     k2
-        Coefficient of r⁴ [1] in the radial distortion, with the undistorted radius r at focal length 1.
+        Coefficient of r⁴ [1] in the radial distortion.
     p1
         Coefficient p₁ of tangential distortion [1], which adds 2p₁xy to x and p₁(r² + 2y²) to y.
     p2

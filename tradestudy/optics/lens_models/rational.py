@@ -29,17 +29,17 @@ class Rational(LensModel):
     Parameters
     ----------
     k1
-        Coefficient of r² [1] in the numerator of radial distortion, with the undistorted radius r at focal length 1.
+        Coefficient of r² [1] in the numerator of the radial distortion.
     k2
-        Coefficient of r⁴ [1] in the numerator of radial distortion, with the undistorted radius r at focal length 1.
+        Coefficient of r⁴ [1] in the numerator of the radial distortion.
     k3
-        Coefficient of r⁶ [1] in the numerator of radial distortion, with the undistorted radius r at focal length 1.
+        Coefficient of r⁶ [1] in the numerator of the radial distortion.
     k4
-        Coefficient of r² [1] in the denominator of radial distortion, with the undistorted radius r at focal length 1.
+        Coefficient of r² [1] in the denominator of the radial distortion.
     k5
-        Coefficient of r⁴ [1] in the denominator of radial distortion, with the undistorted radius r at focal length 1.
+        Coefficient of r⁴ [1] in the denominator of the radial distortion.
     k6
-        Coefficient of r⁶ [1] in the denominator of radial distortion, with the undistorted radius r at focal length 1.
+        Coefficient of r⁶ [1] in the denominator of the radial distortion.
     p1
         Coefficient p₁ of tangential distortion [1], which adds 2p₁xy to x and p₁(r² + 2y²) to y.
     p2

@@ -83,7 +83,8 @@ _MODELS = {
     "source_extent": "a point (`off`), or a disc",
     "spectrum": "the central wavelength alone (`off`), or all wavelengths with their weights",
     "vignetting": "none (`off`), or the cos⁴ law together with the two stops of scene.picture.stop_separation",
-    "sensor_noise": "the noise terms that are included",
+    "sensor_noise": "none (`off`); the shot noise of the light (`shot`); this and the read noise (`shot+read`); or "
+    "these and the noise of rounding to raw values (`shot+read+quantisation`)",
     "calibration": "none (`off`), or errors propagated to depth linearly or exactly",
 }
 

@@ -48,7 +48,7 @@ class DepthLoopPart(Part):
     )
     texture_scaled_from: ObjectDistance | None = Field(
         default=None,
-        description="Distance at which the texture has its declared correlation length. At others, that length is "
+        description="Distance at which the texture has its declared correlation length. At other distances, it is "
         "proportional to the distance, so that a camera sees the same texture everywhere. Default: no scaling.",
     )
     windows: Annotated[int, Field(strict=True, ge=100, le=1_000_000)] = Field(

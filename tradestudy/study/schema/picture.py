@@ -141,7 +141,7 @@ class SpectralLinePart(Part):
 
 
 class PicturePart(Part):
-    """Inputs from which disparity errors are derived and pictures rendered; they apply to every camera."""
+    """Inputs from which the program derives disparity errors and renders pictures, the same for every camera."""
 
     texture: TexturePart
     matching_window: PictureWindow = Field(

@@ -24,7 +24,8 @@ class ScenePart(Part):
     wavelength: PositiveWavelength = Field(description="Wavelength of the light.")
     picture: PicturePart | None = Field(
         default=None,
-        description="Texture, light and sensor noise: from them, disparity errors are derived and pictures rendered.",
+        description="Texture, light and sensor noise, from which the program derives disparity errors and renders "
+        "pictures.",
     )
 
     image: SceneImagePart | None = Field(

@@ -62,7 +62,7 @@ class StairsPart(Part):
     )
     edge: Length = Field(
         default=0.0,
-        description="How far to the right of the optical axis the step is, or the middle of the staircase.",
+        description="How far to the right of the optical axis the riser of a step, or the middle of a staircase, lies.",
     )
 
     @model_validator(mode="after")
@@ -135,8 +135,8 @@ class DepthMapPart(Part):
     )
     picture: FileName | None = Field(
         default=None,
-        description="Image file of the brightness of the surface, grey or in colour. Its values are linear, and its "
-        "rows are in the order of the depth map. Default: the texture of scene.picture.",
+        description="Image file of the brightness of the surface, grey or in colour. Its values are proportional to "
+        "brightness, and its rows are in the order of the depth map. Default: the texture of scene.picture.",
     )
 
     @model_validator(mode="after")
@@ -190,8 +190,9 @@ class SceneImagePart(Part):
     )
     noise: SensorNoiseModel = Field(
         default="shot+read+quantisation",
-        description="Noise in the pictures. Pictures with quantisation are 16-bit PNG files of raw values; others are "
-        "floating-point TIFF files of electrons.",
+        description="Noise in the pictures: none (`off`); the shot noise of the light (`shot`); this and the read "
+        "noise (`shot+read`); or these and the rounding to raw values (`shot+read+quantisation`). Pictures with "
+        "quantisation are 16-bit PNG files of raw values; others are floating-point TIFF files of electrons.",
     )
     black_level: NonNegativeElectrons = Field(
         default=0.0,
@@ -200,9 +201,9 @@ class SceneImagePart(Part):
     mosaic: MosaicPart | None = Field(default=None, description="Colour filters in front of the pixels; default: none.")
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] | None = Field(
         default=None,
-        description="Number of rays for each pixel through each lens that lights it, halved where the lens is barely "
-        "lit; the file camera.json beside the pictures states the resulting error. Default: 12 for unfocused plenoptic "
-        "cameras, 8 for others.",
+        description="Number of rays for each pixel through each lens that lights it, halved where at most 30 % of the "
+        "lens is lit. The file camera.json beside the pictures states the resulting error. Default: 12 for unfocused "
+        "plenoptic cameras, 8 for others.",
     )
     depth_maps: bool = Field(
         default=False,
@@ -210,7 +211,7 @@ class SceneImagePart(Part):
         description="Whether a run also measures depth in the pictures and compares it with the true depth.",
     )
     depth_format: Literal["tiff", "npy"] = Field(
-        default="tiff", description="File format of the true depth, which is in metres."
+        default="tiff", description="Format of the files of true depth, in metres."
     )
 
     def files(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
