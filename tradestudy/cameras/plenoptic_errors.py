@@ -63,7 +63,7 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
         unit="m",
         part=INTERIOR,
         meaning="How much farther from the main lens the image of a flat object lies in the corner of the sensor than "
-        "on the axis. This grows with the square of the distance from the axis.",
+        "on the axis. The difference grows with the square of the distance from the axis.",
     ),
     "depth_distortion": ErrorParameter(
         unit="1",

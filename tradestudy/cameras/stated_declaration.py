@@ -9,7 +9,7 @@ from tradestudy.declarations.quantities import PositiveAngle, PositiveLength, Po
 
 
 class StatedPart(Part):
-    """Values that a source states; the program only compares each with the value that follows from other keys."""
+    """Values that a data sheet or paper states; the program only compares each with what the other keys imply."""
 
     field_of_view: PositiveAngle | None = Field(
         default=None,

@@ -93,9 +93,9 @@ class StereoDeclaration(DepthCameraDeclaration):
     )
     principal_distance: Literal["focal_length", "focused"] = Field(
         default="focal_length",
-        description="Distance from lens to sensor with which disparity is converted to depth: `focal_length`, as in "
-        "calibrations in pixels and for lenses focused at infinity, or `focused`, the image distance of "
-        "focus_distance.",
+        description="Distance from lens to sensor with which the rig converts disparity to depth: the focal length "
+        "(`focal_length`), as in calibrations in pixels and for lenses focused at infinity, or the image distance of "
+        "focus_distance (`focused`).",
     )
     depth: StereoDepthPart = Field(default_factory=StereoDepthPart)
     distortion: AnyLensModel | None = Field(

@@ -33,7 +33,7 @@ _OF_BOTH: Final[ErrorVocabulary] = {
     "roll": ErrorParameter(
         unit="rad",
         part="relative rotation",
-        meaning="Rotation of the right camera relative to the left one, about its optical axis.",
+        meaning="Rotation of the right camera relative to the left one, about its own optical axis.",
     ),
     "focal_length": ErrorParameter(
         unit="m",

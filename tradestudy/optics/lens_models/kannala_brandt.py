@@ -24,13 +24,13 @@ class KannalaBrandt(LensModel):
     Parameters
     ----------
     k1
-        Coefficient of θ³ [1] in the image radius, with the angle θ from the optical axis.
+        Coefficient of θ³ [1] in the image radius.
     k2
-        Coefficient of θ⁵ [1] in the image radius, with the angle θ from the optical axis.
+        Coefficient of θ⁵ [1] in the image radius.
     k3
-        Coefficient of θ⁷ [1] in the image radius, with the angle θ from the optical axis.
+        Coefficient of θ⁷ [1] in the image radius.
     k4
-        Coefficient of θ⁹ [1] in the image radius, with the angle θ from the optical axis.
+        Coefficient of θ⁹ [1] in the image radius.
 
     Notes
     -----

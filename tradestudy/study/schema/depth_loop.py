@@ -18,7 +18,7 @@ _MOST = 50
 class DepthLoopPart(Part):
     """A comparison of predicted depth uncertainties with the depth errors in rendered pictures of planes.
 
-    The planes are perpendicular to the axis. Texture, light, noise and window are those of scene.picture. The
+    The planes are perpendicular to the optical axis. Texture, light, noise and window are those of scene.picture. The
     parameters of the matcher are fitted to the depth errors at the distances in `fitted_at`, whose planes share one
     random seed for texture and noise. The fitted matcher is tested at all other distances, each with a seed of its own.
     """
@@ -48,8 +48,8 @@ class DepthLoopPart(Part):
     )
     texture_scaled_from: ObjectDistance | None = Field(
         default=None,
-        description="Distance at which the texture has its declared correlation length. At other distances, it is "
-        "proportional to the distance, so that a camera sees the same texture everywhere. Default: no scaling.",
+        description="Distance at which the texture has its declared correlation length. At other distances, that length "
+        "is proportional to the distance, so that a camera sees the same texture everywhere. Default: no scaling.",
     )
     windows: Annotated[int, Field(strict=True, ge=100, le=1_000_000)] = Field(
         default=1500,

@@ -169,9 +169,9 @@ class SceneImagePart(Part):
     """Surfaces, and how `tradestudy render` makes pictures of them.
 
     Texture, light, noise, fill factor and stops are those of scene.picture; its other keys (window, matcher, field
-    angle, spectrum and lens phase) do not change the pictures. Pictures show a camera's whole field of view. They are
-    rendered by rays, or by waves of the scene's wavelength where diffraction matters or where
-    effects.main_lens_diffraction or effects.microlens_diffraction is `fresnel`.
+    angle, spectrum and lens phase) do not change the pictures. Pictures show a camera's whole field of view. The
+    program renders them with rays, or with waves of the scene's wavelength if diffraction changes them by more than
+    accuracy.pixel_intensity allows, or if effects.main_lens_diffraction or effects.microlens_diffraction is `fresnel`.
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(
