@@ -48,8 +48,9 @@ class DepthLoopPart(Part):
     )
     texture_scaled_from: ObjectDistance | None = Field(
         default=None,
-        description="Distance at which the texture has its declared correlation length. At other distances, that length "
-        "is proportional to the distance, so that a camera sees the same texture everywhere. Default: no scaling.",
+        description="Distance at which the texture has its declared correlation length. At other distances, that "
+        "length is proportional to the distance, so that a camera sees the same texture everywhere. "
+        "Default: no scaling.",
     )
     windows: Annotated[int, Field(strict=True, ge=100, le=1_000_000)] = Field(
         default=1500,
