@@ -32,7 +32,7 @@ _BASIS: Final = {"value", "basis", "note"}
 _EXAMPLES: Final = {
     # Cameras
     "read_as": "{file: OpenCV FileStorage}",
-    "note": "the wide head of the data sheet",
+    "note": "the wide-angle head of the data sheet",
     "stated": "{field_of_view: 65.24 deg}",
     "field_of_view": "65.24 deg",
     "field_curvature": "0.2 mm",
