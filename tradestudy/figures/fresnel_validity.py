@@ -204,7 +204,7 @@ def _criteria(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, boo
     found = [
         ("eq. 27, smaller zero", zeros[0].ravel(), False),
         ("eq. 27, larger zero", zeros[1].ravel(), False),
-        ("one radian per leg (Goodman)", of("goodman_f_number"), False),
+        ("one radian of phase (Goodman)", of("goodman_f_number"), False),
         *(
             (f"{plain_number(float(waves))} waves of path", of("path_error_f_number", path_error=waves), False)
             for waves in data["path_error"].values

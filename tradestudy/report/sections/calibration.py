@@ -86,9 +86,9 @@ def _source(tree: xr.DataTree, key: str, own: Mapping[str, str], errors: list[st
     found = next((name for name in _SOURCES if any(path.split(".")[0] == name for path in own)), "")
     if found == "target":
         return (
-            f"a simulated target, {counted(int(own['target.views']), 'view')}"
+            f"a simulated board, {counted(int(own['target.views']), 'view')}"
             if "target.views" in own
-            else "a simulated target"
+            else "a simulated board"
         )
     if found == "corners":
         return f"corners of a board, {own.get('corners.file', '')}".removesuffix(", ")

@@ -46,7 +46,7 @@ def _fitted_matcher(one: xr.Dataset, title: str) -> Text:
         return say("**{title}**: {why}.", title=title, why=declared)
     over = one["over_matcher"].values[one["fitted"].values == 0.0]
     over = over[np.isfinite(over)]
-    text = say("**{title}**: the fitted matcher is `{matcher}`.", title=title, matcher=declared.partition("  # ")[0])
+    text = say("**{title}**: the fit gives `{matcher}`.", title=title, matcher=declared.partition("  # ")[0])
     factor = with_error(one["matcher_factor"].item(), one["matcher_factor_error"].item(), NUMBER)
     text += say(" Its factor, {factor}, multiplies the bound on the disparity error.", factor=factor)
     if over.size:

@@ -74,8 +74,8 @@ def _findings(data: xr.Dataset) -> Iterator[Spans]:
         one = data.sel(element=element)
         limits = np.asarray(one["limit_f_number"].sel(lens_phase=first, metric="l1", window=window).values, dtype=float)
         yield say(
-            "**{title}, {phase} phase: from {f_numbers} on**, the two point-spread functions differ by less than "
-            "{limit}, summed {over}.",
+            "**{title}, {phase} phase: from {f_numbers} on**, Fresnel's and Kirchhoff's point-spread functions differ "
+            "by less than {limit}, summed {over}.",
             title=element_title(data, str(element)),
             phase=first,
             f_numbers=_f_numbers(limits, data),
@@ -232,7 +232,7 @@ def _criteria_table(data: xr.Dataset) -> Table:
         named: list[tuple[str, xr.DataArray]] = [
             ("eq. 27, smaller zero", one["paper_eq27_f_number"].sel(zero="first")),
             ("eq. 27, larger zero", one["paper_eq27_f_number"].sel(zero="second")),
-            ("one radian per leg (Goodman)", one["goodman_f_number"]),
+            ("one radian of neglected phase (Goodman)", one["goodman_f_number"]),
             *(
                 (f"{significant(float(e))} waves of neglected path", one["path_error_f_number"].sel(path_error=e))
                 for e in data["path_error"].values
@@ -274,13 +274,13 @@ def _printed_criterion(data: xr.Dataset, drawings: Mapping[str, Drawing]) -> Ite
     )
     yield Paragraph(
         say(
-            "Lengths are in wavelengths, and *l* is an integer next to 4 (α + β). So the numerator is twice the "
-            "fractional part of 4 (α + β), plus 2 for the larger zero: it depends on how many quarter waves fit "
-            "between object and image. At all wavelengths of the study, the larger zero lies {spans}; the "
-            "smaller zero takes any value above its minimum. The fractional part magnifies a "
-            "relative change of a length up to {condition} times. So no reproducible reading "
-            "gives the printed numbers. The bounded criterion, at most ε waves of "
-            "neglected path, is smooth and monotone:",
+            "*F* is the f-number, and γ, *R*, α and β are the focal length, the radius of the pupil, and the distances "
+            "of object and image, all divided by the wavelength; *l* is an integer next to 4 (α + β). So the "
+            "numerator is twice the fractional part of 4 (α + β), plus 2 for the larger zero: it depends on how many "
+            "quarter waves fit between object and image. At all wavelengths of the study, the larger zero lies "
+            "{spans}; the smaller zero takes any value above its minimum. The fractional part magnifies a relative "
+            "change of a length up to {condition} times. So no reproducible reading gives the printed numbers. A bound "
+            "of ε waves on the neglected path gives a criterion that is smooth and monotone:",
             spans=spans,
             condition=significant(float(data["paper_eq27_condition"].max()), 2),
         )
