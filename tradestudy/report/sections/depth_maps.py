@@ -60,8 +60,8 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
             "uncertainty at these distances. Within 3σ: fraction of errors of at most three times the predicted "
             "uncertainty. Filled: fraction of points with a depth, among those that appear in two of the estimator's "
             "pictures. Paired: fraction of all points on a surface that appear in two such pictures, and in brackets "
-            "the predicted one; the prediction counts points of the object, whereas a raw picture counts a point once in "
-            "every micro-image that shows it.",
+            "the predicted one; the prediction counts points of the object, whereas a raw picture counts a point once "
+            "in every micro-image that shows it.",
         ),
     )
     yield Table(

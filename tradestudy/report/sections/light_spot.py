@@ -104,7 +104,8 @@ def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
             seconds = _seconds(run, "image: chosen")
         took = f"{_duration(seconds)} here" + (f" (published: {published})" if published else "")
         if method == reference:
-            yield say("**{method}** is the reference: {took}.", method=long_title(method), took=took)
+            legs = " (to the array and behind it)" if long_title(method).endswith("both legs") else ""
+            yield say("**{method}**{legs} is the reference: {took}.", method=long_title(method), legs=legs, took=took)
         else:
             yield say(
                 "**{method}: {difference}** difference from the reference, summed over all pixels; {took}.",
