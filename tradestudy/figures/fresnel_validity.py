@@ -69,7 +69,7 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     yield Drawing(
         name="paper_eq27",
         caption="Why the printed criterion (eq. 27) cannot be trusted: both of its zeros while object and image "
-        "distance together grow by a quarter of a wavelength, a fraction of a micrometre; then the picture repeats. "
+        "distance together grow by a quarter of a wavelength, a fraction of a micrometre; then the curves repeat. "
         f"Lines: {waves}. Dashed: the f-number printed in the paper, which takes the larger zero.",
         alt="Charts of minimum f-number against extra path within one quarter wave. The smaller zero falls from "
         "infinity, the larger one drifts by a fifth and jumps back. " + _sweep_words(data),

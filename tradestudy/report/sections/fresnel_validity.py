@@ -83,7 +83,7 @@ def _findings(data: xr.Dataset) -> Iterator[Spans]:
             limit=share(limit),
         )
     yield say(
-        "At the f-numbers of the camera, the difference in light from {start} to {end} is: {each}.",
+        "At the f-numbers of the camera, this difference, in light from {start} to {end}, is: {each}.",
         start=length(float(data["wavelength"].values[0])),
         end=length(float(data["wavelength"].values[-1])),
         each=_as_used(data, window),
@@ -111,7 +111,7 @@ def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
         parts.append(f"{element_title(data, str(element)).lower()}: {', '.join(each)}")
     yield say(
         "**Off the axis, the lens phase decides how large the difference is.** At the same f-numbers, but "
-        "{angle}° off the axis, the difference is: {parts}. There, a parabolic or stigmatic lens has coma and "
+        "{angle}° off the axis, this difference is: {parts}. There, a parabolic or stigmatic lens has coma and "
         "distortion, which Fresnel's approximation ignores.",
         angle=significant(float(np.degrees(data.attrs["field_angle"])), 2),
         parts="; ".join(parts),
@@ -249,9 +249,10 @@ def _criteria_table(data: xr.Dataset) -> Table:
         ),
         rows=tuple(rows),
         notes=(
-            "Goodman's condition ignores the lens and considers the shorter leg alone; he calls it sufficient, not "
-            "necessary. Southwell's case, a uniformly lit hole on its axis, is evaluated at the image distance for an "
-            f"error of {share(float(data.attrs['error_limit']))} of the largest intensity.",
+            "Goodman's condition ignores the lens and considers only the shorter way, from object to lens or from lens "
+            "to image; he calls it sufficient, not necessary. Southwell's case, a uniformly lit hole on its axis, is "
+            "evaluated at the image distance for an error of "
+            f"{share(float(data.attrs['error_limit']))} of the largest intensity.",
         ),
     )
 
