@@ -32,7 +32,7 @@ def describe_calibration(tree: xr.DataTree, run: Mapping[str, Any], drawings: Ma
     yield Heading(text="How far averaging helps", anchor="averaging", level=2)
     yield _averaging(tree)
     if has(tree, "sensitivity", "source_uncertainty"):
-        yield Heading(text="What drives depth", anchor="sensitivity", level=2)
+        yield Heading(text="Uncertainty from each source alone", anchor="sensitivity", level=2)
         yield from pictures_of(drawings, "tornado", "sobol-indices")
         yield from _refusals(tree)
     if has(tree, "decision", "rank_first"):

@@ -98,7 +98,7 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         )
     return Table(
         name="posterior-table",
-        caption="Convergence of the chains; for each measure, the value of the worst parameter.",
+        caption="Convergence of the chains. N/τ, R-hat and ESS are those of the worst parameter.",
         columns=(
             Column(title="Camera", weight=1),
             Column(title="Converged"),
@@ -114,9 +114,9 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         notes=(
             "Limits: N/τ, the length of the chains in autocorrelation times, at least 50; R-hat, the disagreement of "
             "the chains, at most 1.01; ESS, the effective sample size, at least 400; acceptance, the fraction of "
-            "accepted steps, 0.2 to 0.5; poses, the fraction of the draws that remains effective when the poses are "
-            "solved again at each draw, at least 0.9. Last column: computing times of the sampler and of the normal "
-            "approximation. The number of draws makes standard deviations, and depth uncertainties based on them, "
+            "accepted steps in each ensemble, 0.2 to 0.5; poses, the fraction of the draws that remains effective when "
+            "the poses are solved again at each draw, at least 0.9. Last column: computing times of the sampler and of "
+            "the normal approximation. The number of draws makes standard deviations, and depth uncertainties based on them, "
             f"uncertain by 1/√(2 ESS): at most "
             f"{share(1.0 / np.sqrt(2.0 * np.nanmin(data['posterior_tail_size'].values)))} here.",
         ),

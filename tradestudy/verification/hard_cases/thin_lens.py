@@ -159,7 +159,7 @@ THIN_LENS: Final = Family(
             inputs={"a": 0.15, "z": 0.15 * 0.0125 / (0.15 - 0.0125), "f": 0.0125},
         ),
         NumericCase(
-            name="image 5 µm before the focal plane's array, object at 10⁸ m",
+            name="image 5 µm before the array, object at 10⁸ m",
             law=RELAY_DISTANCE_TO_SCALE,
             inputs={"a": 1e8, "z": 0.012505, "f": 0.0125},
         ),
