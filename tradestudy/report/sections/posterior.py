@@ -116,8 +116,8 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
             "the chains, at most 1.01; ESS, the effective sample size, at least 400; acceptance, the fraction of "
             "accepted steps in each ensemble, 0.2 to 0.5; poses, the fraction of the draws that remains effective when "
             "the poses are solved again at each draw, at least 0.9. Last column: computing times of the sampler and of "
-            "the normal approximation. The number of draws makes standard deviations, and depth uncertainties based on them, "
-            f"uncertain by 1/√(2 ESS): at most "
+            "the normal approximation. The number of draws makes standard deviations, and depth uncertainties based on "
+            "them, uncertain by 1/√(2 ESS): at most "
             f"{share(1.0 / np.sqrt(2.0 * np.nanmin(data['posterior_tail_size'].values)))} here.",
         ),
     )
