@@ -72,7 +72,7 @@ the distances at which cameras are ranked; `rank_error_source` is `calibration` 
 `design_crossing` are `place` and `crossing` for the designs of a sweep.
 """,
     "calibration": """
-Calibrations that the program infers by Markov chains, from the corners of a calibration board (stereo rigs) or from a
+Calibrations that the program fits by Markov chains to the corners of a calibration board (stereo rigs) or to a
 simulated target. `posterior` names the cameras. `ensemble` numbers independent groups of chains. Values of a
 parameter are in SI or, if its name ends in `_px`, in pixels.
 

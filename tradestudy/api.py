@@ -219,9 +219,9 @@ class Study:
             Function called with the name of the current step and the fraction of it that is done, from 0 to 1.
         budget
             Wall time for all measurements [s]. Measurements that do not fit are left out and listed in the result.
-            Calibrations from targets or corners are inferred first, which takes extra time.
+            Calibrations from targets or corners are fitted first, which takes extra time.
         executor
-            Executor from `tradestudy.execution`, for the calibrations that are inferred first. Default: this
+            Executor from `tradestudy.execution`, for the calibrations that are fitted first. Default: this
             process.
         checkpoints
             Where finished parts of these calibrations are stored, so that an interrupted computation can resume.
@@ -489,7 +489,7 @@ def export(
     Raises
     ------
     TradestudyError
-        If there is no such camera, a format cannot represent it, or its calibration cannot be inferred.
+        If there is no such camera, a format cannot represent it, or its calibration cannot be fitted.
     """
     from tradestudy.run.export import export, write_export
 

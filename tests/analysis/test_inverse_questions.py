@@ -72,7 +72,7 @@ def test_noise_that_exceeds_the_calibration_asked_for_is_reported(goal: str, *, 
     answer = solve(whole, whole.file.solve["own"]).answer
     assert (
         answer.startswith("no value")
-        and f"noise alone is larger, {1e3 * noise:.3g} mm" in answer.replace("\N{NO-BREAK SPACE}", " ")
+        and f"noise alone exceeds the goal: {1e3 * noise:.3g} mm" in answer.replace("\N{NO-BREAK SPACE}", " ")
     ) is says
 
 

@@ -43,7 +43,7 @@ def value(shown: str) -> float:
 def test_every_case_has_both_errors_a_bound_and_a_verdict(tree: xr.DataTree) -> None:
     made = tables(tree)
     assert [column.title for column in made["hard-cases-thin-lens-numbers"].columns] == [
-        *("Case", "Law", "κ", "Usual formula", "This program", "Bound", "Verdict")
+        *("Case", "Quantity", "κ", "Usual formula", "This program", "Bound", "Verdict")
     ]
     assert sum(len(table.rows) for table in made.values()) == tree["hard_cases"].sizes["case"]
     rows = {row[0]: row for row in made["hard-cases-thin-lens-numbers"].rows}
@@ -53,7 +53,7 @@ def test_every_case_has_both_errors_a_bound_and_a_verdict(tree: xr.DataTree) -> 
     assert (condition, value(bound), met) == ("1", 1e-12, "met")
     assert 1e-9 < value(naive) < 1e-5
     assert value(ours) < 1e-15
-    assert rows["shift of infinity"][3] == "wrong: NaN"
+    assert rows["shift for an object at infinity"][3] == "wrong: NaN"
 
 
 def test_the_figure_s_alternative_text_gives_its_numbers(tree: xr.DataTree) -> None:

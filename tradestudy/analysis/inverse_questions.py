@@ -215,7 +215,7 @@ def _larger_noise(definition: StudyDefinition, question: SolvePart) -> str:
     """The matching noise, if it alone exceeds what a question requires of the calibration."""
     noise = question.model_copy(update={"errors": "noise"})
     width = float(np.mean(_widths(definition.case.cameras[question.camera or ""], noise)))
-    return f"; matching noise alone is larger, {pretty(width, LENGTH)}" if width > question.goal else ""
+    return f"; matching noise alone exceeds the goal: {pretty(width, LENGTH)}" if width > question.goal else ""
 
 
 def _undecided(question: SolvePart) -> str:

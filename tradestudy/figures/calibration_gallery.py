@@ -39,7 +39,7 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
     ]
     yield Drawing(
         name="tornado",
-        caption=f"What drives depth at {pretty(place, LENGTH)}: half the central 68.27 % interval from each source "
+        caption=f"Depth uncertainty at {pretty(place, LENGTH)} (half the central 68.27 % interval) from each source "
         "alone. Correlated parameters, such as those of a joint calibration, count as one source: moving one "
         "of them alone would describe rigs that the calibration rules out.",
         alt="Bar charts of depth uncertainty by source, one per camera. The largest on the axis: " + "".join(sentences),
@@ -122,7 +122,7 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
     yield Drawing(
         name=f"corner-{name}",
         caption=f"Posterior of {titles[name]}: {which}, in standard deviations from the mean. Contours contain 39 "
-        f"and 86 % of the draws, as one and two standard deviations of a bivariate normal do; dashed: Laplace's normal "
+        f"and 86 % of the draws, as one and two standard deviations of a bivariate normal do. Dashed: Laplace's normal "
         "approximation.",
         alt=f"Corner plot of the posterior draws of {titles[name]}: {', '.join(map(in_words, shown))}. "
         + _tie_words(tree, name),
@@ -132,8 +132,9 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
     yield Drawing(
         name=f"trace-{name}",
         caption=f"Chains behind the posterior of {titles[name]}: the first walker of each independent ensemble, one "
-        f"colour each, after the warm-up. The chains are {significant(float(data['posterior_lengths']))} "
-        f"autocorrelation times long; the largest R-hat is {float(np.nanmax(data['posterior_r_hat'].values)):.4f}.",
+        "colour each, after the warm-up, in standard deviations from the mean. The chains are "
+        f"{significant(float(data['posterior_lengths']))} autocorrelation times long; the largest R-hat is "
+        f"{float(np.nanmax(data['posterior_r_hat'].values)):.4f}.",
         alt=f"Trace plot of the chains of {titles[name]}, one row per parameter. "
         + (
             "All ensembles cover the same range: "
@@ -154,13 +155,13 @@ def _trust(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
     distances = [pretty(float(one), LENGTH) for one in data["rig_distance"].values]
     yield Drawing(
         name=f"trust-{name}",
-        caption=f"How far to trust the corners of {camera_titles(tree)[name]}. Above: mean residuals of each camera "
-        "fitted alone, in cells of its picture; arrows that agree in neighbouring cells show errors of the lens model "
-        "or the board. Below, for depth midway between the axes: the difference between "
-        "random halves of the views (root mean square), the difference that the uncertainties of these halves claim, "
-        "and the uncertainty that all views together claim.",
+        caption=f"How far to trust the calibration of {camera_titles(tree)[name]}. Above: mean residuals of each "
+        "camera fitted alone, in cells of its picture; arrows that agree in neighbouring cells show errors of the lens "
+        "model or of the board. Below: the root mean square difference between depths that random halves of the views "
+        "give midway between the axes, the difference that the uncertainties of these halves claim, and the "
+        "uncertainty that all views together claim.",
         alt=f"Two maps of arrows for {camera_titles(tree)[name]}, and a chart of halves of the views, whose "
-        "differences over the claimed ones are: "
+        "differences, divided by the claimed ones, are: "
         + ", ".join(f"{significant(float(one), 2)} at {where}" for one, where in zip(ratio, distances, strict=True))
         + ".",
         draw=partial(calibration_trust.draw_trust, tree, name),

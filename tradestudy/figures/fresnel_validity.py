@@ -69,7 +69,7 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     yield Drawing(
         name="paper_eq27",
         caption="Why the printed criterion (eq. 27) cannot be trusted: both of its zeros while object and image "
-        "distance together grow by a quarter of a wavelength, a fraction of a micrometre; then the picture repeats. "
+        "distance together grow by a quarter of a wavelength, a fraction of a micrometre; then the curves repeat. "
         f"Lines: {waves}. Dashed: the f-number printed in the paper, which takes the larger zero.",
         alt="Charts of minimum f-number against extra path within one quarter wave. The smaller zero falls from "
         "infinity, the larger one drifts by a fifth and jumps back. " + _sweep_words(data),
@@ -204,7 +204,7 @@ def _criteria(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, boo
     found = [
         ("eq. 27, smaller zero", zeros[0].ravel(), False),
         ("eq. 27, larger zero", zeros[1].ravel(), False),
-        ("one radian per leg (Goodman)", of("goodman_f_number"), False),
+        ("one radian of phase (Goodman)", of("goodman_f_number"), False),
         *(
             (f"{plain_number(float(waves))} waves of path", of("path_error_f_number", path_error=waves), False)
             for waves in data["path_error"].values

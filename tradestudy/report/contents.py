@@ -67,7 +67,7 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_claims(tree),
         *describe_pictures(tree, drawings),
         *describe_depth_maps(tree, drawings),
-        *describe_depth_loop(tree, drawings),
+        *describe_depth_loop(tree, run, drawings),
         *describe_value_of_information(tree, drawings),
         *describe_trade_off(tree, drawings),
         *describe_results(tree, drawings),

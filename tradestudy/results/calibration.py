@@ -1,4 +1,4 @@
-"""/calibration: inferred calibrations; /sensitivity: depth uncertainty by error source; the ranks of /decision."""
+"""/calibration: fitted calibrations; /sensitivity: depth uncertainty by error source; the ranks of /decision."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_kind": Variable(
         dims=("posterior",),
         units="",
-        long_name="what the calibration was inferred from: 'synthetic target' or 'corners of a board'",
+        long_name="what the calibration was fitted to: 'synthetic target' or 'corners of a board'",
     ),
     "posterior_lengths": Variable(
         dims=("posterior",),
@@ -45,50 +45,50 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_mean": Variable(
         dims=("posterior", "parameter"),
         units="mixed",
-        long_name="posterior mean of a parameter; NaN where the parameter is not inferred",
+        long_name="posterior mean of a parameter; NaN where the parameter is not fitted",
         error="posterior_deviation divided by the square root of posterior_bulk_size",
     ),
     "posterior_deviation": Variable(
         dims=("posterior", "parameter"),
         units="mixed",
-        long_name="posterior standard deviation of a parameter; NaN where the parameter is not inferred",
+        long_name="posterior standard deviation of a parameter; NaN where the parameter is not fitted",
     ),
     "prior_deviation": Variable(
         dims=("posterior", "parameter"),
         units="mixed",
         long_name="prior standard deviation of a parameter; infinite where the prior is flat, NaN where the "
-        "parameter is not inferred",
+        "parameter is not fitted",
     ),
     "laplace_deviation": Variable(
         dims=("posterior", "parameter"),
         units="mixed",
         long_name="standard deviation of a parameter by the normal approximation of the posterior; NaN where the "
-        "parameter is not inferred",
+        "parameter is not fitted",
     ),
     "posterior_autocorrelation": Variable(
         dims=("posterior", "parameter"),
         units="1",
-        long_name="integrated autocorrelation time of a parameter, in steps; NaN where the parameter is not inferred",
+        long_name="integrated autocorrelation time of a parameter, in steps; NaN where the parameter is not fitted",
         symbol="τ",
     ),
     "posterior_r_hat": Variable(
         dims=("posterior", "parameter"),
         units="1",
         long_name="rank-normalised split R-hat of a parameter over independent ensembles; NaN where the parameter "
-        "is not inferred",
+        "is not fitted",
         reference="Vehtari et al., Bayesian Analysis 16 (2021) 667",
     ),
     "posterior_bulk_size": Variable(
         dims=("posterior", "parameter"),
         units="1",
         long_name="effective sample size of a parameter in the bulk of the posterior; NaN where the parameter is "
-        "not inferred",
+        "not fitted",
     ),
     "posterior_tail_size": Variable(
         dims=("posterior", "parameter"),
         units="1",
         long_name="effective sample size of a parameter in the tails of the posterior; NaN where the parameter is "
-        "not inferred",
+        "not fitted",
     ),
     "posterior_best": Variable(
         dims=("posterior", "parameter"),
@@ -111,13 +111,13 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_draw": Variable(
         dims=("posterior", "draw", "parameter"),
         units="mixed",
-        long_name="value of a parameter in a joint draw from all chains; NaN where the parameter is not inferred",
+        long_name="value of a parameter in a joint draw from all chains; NaN where the parameter is not fitted",
     ),
     "posterior_trace": Variable(
         dims=("posterior", "ensemble", "step", "parameter"),
         units="mixed",
         long_name="value of a parameter along the first walker of each ensemble, at steps spread evenly over the "
-        "kept chain; NaN where the parameter is not inferred",
+        "kept chain; NaN where the parameter is not fitted",
     ),
     "rig_quantity": Variable(
         dims=("rig_row",), units="", long_name="name of a finding about a stereo rig calibrated from corners"

@@ -19,7 +19,7 @@ from tradestudy.study.sweep import sweep_axes
 from tradestudy.study.varying import Varying
 
 _INFERRED_ANEW = (
-    "the calibration of {0} is inferred and depends on this, so every value would need a new inference; vary "
+    "the calibration of {0} is a fit that depends on this, so every value would need a new fit; vary "
     "something on which it does not depend, such as {0}.calibration.stability"
 )
 Change = tuple[tuple[str | int, ...], dict[str, Value | Entry]]

@@ -175,7 +175,7 @@ def _doubted(tree: xr.DataTree) -> Iterator[Spans]:
         claimed = float(rig["rig_claimed"].values[worst])
         yield say(
             "**The calibration of {camera}** is good to {good} at {where}, although it claims {claimed}: random halves "
-            "of its views differ by {ratio} times what they claim.",
+            "of its views differ by {ratio} times what they claim. This report uses the claimed uncertainty.",
             camera=titles[name],
             good=length(ratio[worst] * claimed),
             where=distance(float(rig["rig_distance"].values[worst])),

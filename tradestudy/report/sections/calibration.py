@@ -32,7 +32,7 @@ def describe_calibration(tree: xr.DataTree, run: Mapping[str, Any], drawings: Ma
     yield Heading(text="How far averaging helps", anchor="averaging", level=2)
     yield _averaging(tree)
     if has(tree, "sensitivity", "source_uncertainty"):
-        yield Heading(text="What drives depth", anchor="sensitivity", level=2)
+        yield Heading(text="Uncertainty from each source alone", anchor="sensitivity", level=2)
         yield from pictures_of(drawings, "tornado", "sobol-indices")
         yield from _refusals(tree)
     if has(tree, "decision", "rank_first"):
@@ -86,9 +86,9 @@ def _source(tree: xr.DataTree, key: str, own: Mapping[str, str], errors: list[st
     found = next((name for name in _SOURCES if any(path.split(".")[0] == name for path in own)), "")
     if found == "target":
         return (
-            f"a simulated target, {counted(int(own['target.views']), 'view')}"
+            f"a simulated board, {counted(int(own['target.views']), 'view')}"
             if "target.views" in own
-            else "a simulated target"
+            else "a simulated board"
         )
     if found == "corners":
         return f"corners of a board, {own.get('corners.file', '')}".removesuffix(", ")

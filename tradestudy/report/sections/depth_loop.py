@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -19,7 +20,7 @@ from tradestudy.wording import counted
 _PLANES = ("distance", "contrast", "electrons")
 
 
-def describe_depth_loop(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_depth_loop(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Compare depth measured in pictures of planes with the prediction; nothing for a study without a depth loop."""
     if not has(tree, "depth_loop", "depth_spread"):
         return
@@ -28,7 +29,7 @@ def describe_depth_loop(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield Paragraph(
         "The program rendered planes perpendicular to the optical axis, each with its own texture and noise, and "
         "measured their depth with each camera. The cameras have no calibration errors. The search for a disparity "
-        "started near the true one, so false matches far from it do not occur."
+        "started near the true one, so false matches far from it do not occur." + _scaling(run)
     )
     yield from pictures_of(drawings, "depth_loop")
     for k, name in enumerate(data["camera"].values):
@@ -39,6 +40,17 @@ def describe_depth_loop(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield from score_tables(name="depth-loop", first=_first_columns(data), rows=list(_rows(data, titles)))
 
 
+def _scaling(run: Mapping[str, Any]) -> str:
+    """Say that the texture grows with distance, where it does."""
+    start = run.get("inputs", {}).get("depth_loop.texture_scaled_from")
+    if start is None:
+        return ""
+    return (
+        f" The texture has its declared size at {start} and grows in proportion to distance. The predictions in this "
+        "section allow for this; elsewhere in this report, its size is the same at all distances."
+    )
+
+
 def _fitted_matcher(one: xr.Dataset, title: str) -> Text:
     """Describe the fitted matcher of one camera, or say why there is none."""
     declared = str(one["matcher"].item())
@@ -46,7 +58,7 @@ def _fitted_matcher(one: xr.Dataset, title: str) -> Text:
         return say("**{title}**: {why}.", title=title, why=declared)
     over = one["over_matcher"].values[one["fitted"].values == 0.0]
     over = over[np.isfinite(over)]
-    text = say("**{title}**: the fitted matcher is `{matcher}`.", title=title, matcher=declared.partition("  # ")[0])
+    text = say("**{title}**: the fit gives `{matcher}`.", title=title, matcher=declared.partition("  # ")[0])
     factor = with_error(one["matcher_factor"].item(), one["matcher_factor_error"].item(), NUMBER)
     text += say(" Its factor, {factor}, multiplies the bound on the disparity error.", factor=factor)
     if over.size:

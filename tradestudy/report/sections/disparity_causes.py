@@ -120,7 +120,9 @@ def _largest_cause_in_words(camera: xr.Dataset, titles: Mapping[str, str], middl
         if (other := _largest(place)) is not None and (own is None or other[0] != own[0])
     ]
     return _sentence(there, titles) + (
-        f" Elsewhere, something else increases it most: {listed(others)}." if others else ""
+        f" Elsewhere, {'one of them' if own is None else 'another cause'} increases it most: {listed(others)}."
+        if others
+        else ""
     )
 
 

@@ -74,8 +74,8 @@ def _findings(data: xr.Dataset) -> Iterator[Spans]:
         one = data.sel(element=element)
         limits = np.asarray(one["limit_f_number"].sel(lens_phase=first, metric="l1", window=window).values, dtype=float)
         yield say(
-            "**{title}, {phase} phase: from {f_numbers} on**, the two point-spread functions differ by less than "
-            "{limit}, summed {over}.",
+            "**{title}, {phase} phase: from {f_numbers} on**, Fresnel's and Kirchhoff's point-spread functions differ "
+            "by less than {limit}, summed {over}.",
             title=element_title(data, str(element)),
             phase=first,
             f_numbers=_f_numbers(limits, data),
@@ -83,7 +83,7 @@ def _findings(data: xr.Dataset) -> Iterator[Spans]:
             limit=share(limit),
         )
     yield say(
-        "At the f-numbers of the camera, the difference in light from {start} to {end} is: {each}.",
+        "At the f-numbers of the camera, this difference, in light from {start} to {end}, is: {each}.",
         start=length(float(data["wavelength"].values[0])),
         end=length(float(data["wavelength"].values[-1])),
         each=_as_used(data, window),
@@ -111,7 +111,7 @@ def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
         parts.append(f"{element_title(data, str(element)).lower()}: {', '.join(each)}")
     yield say(
         "**Off the axis, the lens phase decides how large the difference is.** At the same f-numbers, but "
-        "{angle}° off the axis, the difference is: {parts}. There, a parabolic or stigmatic lens has coma and "
+        "{angle}° off the axis, this difference is: {parts}. There, a parabolic or stigmatic lens has coma and "
         "distortion, which Fresnel's approximation ignores.",
         angle=significant(float(np.degrees(data.attrs["field_angle"])), 2),
         parts="; ".join(parts),
@@ -232,7 +232,7 @@ def _criteria_table(data: xr.Dataset) -> Table:
         named: list[tuple[str, xr.DataArray]] = [
             ("eq. 27, smaller zero", one["paper_eq27_f_number"].sel(zero="first")),
             ("eq. 27, larger zero", one["paper_eq27_f_number"].sel(zero="second")),
-            ("one radian per leg (Goodman)", one["goodman_f_number"]),
+            ("one radian of neglected phase (Goodman)", one["goodman_f_number"]),
             *(
                 (f"{significant(float(e))} waves of neglected path", one["path_error_f_number"].sel(path_error=e))
                 for e in data["path_error"].values
@@ -249,9 +249,10 @@ def _criteria_table(data: xr.Dataset) -> Table:
         ),
         rows=tuple(rows),
         notes=(
-            "Goodman's condition ignores the lens and considers the shorter leg alone; he calls it sufficient, not "
-            "necessary. Southwell's case, a uniformly lit hole on its axis, is evaluated at the image distance for an "
-            f"error of {share(float(data.attrs['error_limit']))} of the largest intensity.",
+            "Goodman's condition ignores the lens and considers only the shorter way, from object to lens or from lens "
+            "to image; he calls it sufficient, not necessary. Southwell's case, a uniformly lit hole on its axis, is "
+            "evaluated at the image distance for an error of "
+            f"{share(float(data.attrs['error_limit']))} of the largest intensity.",
         ),
     )
 
@@ -274,13 +275,13 @@ def _printed_criterion(data: xr.Dataset, drawings: Mapping[str, Drawing]) -> Ite
     )
     yield Paragraph(
         say(
-            "Lengths are in wavelengths, and *l* is an integer next to 4 (α + β). So the numerator is twice the "
-            "fractional part of 4 (α + β), plus 2 for the larger zero: it depends on how many quarter waves fit "
-            "between object and image. At all wavelengths of the study, the larger zero lies {spans}; the "
-            "smaller zero takes any value above its minimum. The fractional part magnifies a "
-            "relative change of a length up to {condition} times. So no reproducible reading "
-            "gives the printed numbers. The bounded criterion, at most ε waves of "
-            "neglected path, is smooth and monotone:",
+            "*F* is the f-number, and γ, *R*, α and β are the focal length, the radius of the pupil, and the distances "
+            "of object and image, all divided by the wavelength; *l* is an integer next to 4 (α + β). So the "
+            "numerator is twice the fractional part of 4 (α + β), plus 2 for the larger zero: it depends on how many "
+            "quarter waves fit between object and image. At all wavelengths of the study, the larger zero lies "
+            "{spans}; the smaller zero takes any value above its minimum. The fractional part magnifies a relative "
+            "change of a length up to {condition} times. So no reproducible reading gives the printed numbers. A bound "
+            "of ε waves on the neglected path gives a criterion that is smooth and monotone:",
             spans=spans,
             condition=significant(float(data["paper_eq27_condition"].max()), 2),
         )

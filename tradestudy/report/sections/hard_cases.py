@@ -43,8 +43,8 @@ def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     )
     yield Paragraph(
         say(
-            "Every run computes every case with the usual formula and with the functions of this program, and compares "
-            "both with thirty digits of multiple-precision arithmetic. The bound on the relative error is 10^−12^; "
+            "Each case is computed with the usual formula and with the functions of this program, and both results are "
+            "compared with one of 30-digit arithmetic. The bound on the relative error is 10^−12^; "
             "where the condition number κ magnifies rounding beyond that, 10 κ ε with the machine epsilon ε; and for "
             "sampled values, six times the stated standard error. Where the ill-conditioned step is a difference of "
             "the inputs themselves, which floating point computes exactly, κ is shown but not used. One ulp is the "
@@ -61,8 +61,8 @@ def _verdict(rows: list[dict[str, Any]]) -> Spans:
     beyond = sum(not row["naive_error"] <= row["bound"] for row in numbers)
     wrong = [str(row["case"]) for row in rows if not row["met"]]
     return say(
-        "**The program gets {met} hard cases right.** Of the {numbers} whose answer is a number, the usual "
-        "formula misses the same bound in {beyond}.{wrong}",
+        "**The program gets {met} hard cases right.** Of the {numbers} whose answer is a number, the error "
+        "of the usual formula exceeds the bound in {beyond}.{wrong}",
         met=f"{len(rows) - len(wrong)} of {len(rows)}" if wrong else f"all {len(rows)}",
         numbers=str(len(numbers)),
         beyond=str(beyond),
@@ -80,7 +80,7 @@ def _family(rows: list[dict[str, Any]], family: str) -> Iterator[Block]:
             caption=f"{title}: relative errors of the usual formula and of this program.",
             columns=(
                 Column(title="Case", weight=3),
-                Column(title="Law", weight=3),
+                Column(title="Quantity", weight=3),
                 Column(title="κ", align="right"),
                 Column(title="Usual formula", align="right"),
                 Column(title="This program", align="right"),
@@ -107,7 +107,7 @@ def _family(rows: list[dict[str, Any]], family: str) -> Iterator[Block]:
             columns=(
                 Column(title="Case", weight=2),
                 Column(title="Correct", weight=2),
-                Column(title="Usual formula", weight=3),
+                Column(title="Plain YAML reader" if family == "study-files" else "Usual formula", weight=3),
                 Column(title="This program", weight=4),
                 Column(title="Verdict"),
             ),

@@ -39,9 +39,9 @@ _SOURCES = {
     "point": "The spot is a point. Its spherical",
 }
 _ERRORS = {
-    True: "contains that of the chosen points of the spot (by comparison with points between them), that of the image "
-    "of one point (by comparison with an independent computation), and that of the integration over pixels. All "
-    "methods use the same points, so their difference is more accurate than each image.",
+    True: "contains three errors: of replacing the spot by the chosen points (found by comparison with points between "
+    "them), of the image of one point (found by an independent computation), and of the integration over pixels. All "
+    "methods use the same points, so differences between them are more accurate than each image.",
     False: "is found by comparison with an image from fewer nodes and samples, and with direct quadrature at random "
     "places.",
 }
@@ -104,13 +104,13 @@ def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
             seconds = _seconds(run, "image: chosen")
         took = f"{_duration(seconds)} here" + (f" (published: {published})" if published else "")
         if method == reference:
-            yield say("**{method}** is the reference: {took}.", method=long_title(method), took=took)
+            legs = " (to the array and behind it)" if long_title(method).endswith("both legs") else ""
+            yield say("**{method}**{legs} is the reference: {took}.", method=long_title(method), legs=legs, took=took)
         else:
             yield say(
-                "**{method}: {difference}** summed difference from {reference}; {took}.",
+                "**{method}: {difference}** difference from the reference, summed over all pixels; {took}.",
                 method=long_title(method),
                 difference=share(float(one["difference"].sel(against=reference))),
-                reference=title_within_a_sentence(reference),
                 took=took,
             )
     yield _chosen(data, run, reference)
@@ -126,10 +126,7 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
         found = "this is the same picture as above"
     else:
         took = f"{_duration(_seconds(run, 'image: chosen'))} here"
-        found = (
-            f"{share(float(abs(picture - compared).sum() / compared.sum()))} summed difference from "
-            f"{title_within_a_sentence(reference)}; {took}"
-        )
+        found = f"{share(float(abs(picture - compared).sum() / compared.sum()))} difference from the reference; {took}"
     error, asked = float(data["chosen_error"]), float(data.attrs["chosen_tolerance"])
     return say(
         "**Models chosen for the tolerance** ({method}, sampled to {tolerance}, {reached}): {found}.",
@@ -181,10 +178,10 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
         ),
         rows=tuple(rows),
         notes=(
-            "Published: the time that the paper states. Error: the stated numerical error, as the root mean square "
-            "over pixels relative to that of the image; marked if above the tolerance. Sum: the absolute differences "
-            "from the reference, summed over pixels, relative to the sum of the reference. RMS: the same for root mean "
-            "squares. "
+            "Published: the time that the paper states. Error: the stated numerical error, as a root mean square over "
+            "pixels, relative to the root mean square of the image; marked if above the tolerance. Sum: the absolute "
+            "differences from the reference, summed over pixels, relative to the sum of the reference. RMS: the root "
+            "mean square of these differences, relative to the root mean square of the reference. "
             "Lit: pixels with more than 1 % of the light of the brightest. Beyond rays: fraction of the light on "
             "pixels that paraxial rays leave dark. Power: fraction of the pupil's light that reaches the detector.",
         ),
@@ -195,11 +192,11 @@ def _method(data: xr.Dataset) -> Iterator[Block]:
     source = str(data.attrs["source"])
     yield Paragraph(
         say(
-            "{source} wave passes the pupil and phase of the main lens, travels to the array (the first leg), passes "
-            "the aperture and phase of every microlens about the lens's own centre, and travels to the detector (the "
-            "second leg), where the waves behind all microlenses add as fields. The intensity is integrated over each "
-            "pixel{sum}. Light: {light}; phase of the main lens: {main}, of the microlenses: {micro}. The array: "
-            "{array}.",
+            "{source} wave is limited by the pupil of the main lens, receives the phase of this lens, and travels to "
+            "the array (the first leg). There each microlens limits it by its aperture, adds its own phase, and sends "
+            "it on to the detector (the second leg), where the fields behind all microlenses add. The intensity is "
+            "integrated over each pixel{sum}. Light: {light}; phase of the main lens: {main}, of the microlenses: "
+            "{micro}. The array: {array}.",
             source=_SOURCES[source],
             sum=", and the intensities of all points of the spot are averaged" if source == "incoherent disc" else "",
             light=_light(data),
@@ -211,11 +208,11 @@ def _method(data: xr.Dataset) -> Iterator[Block]:
     yield Bullets(
         (
             say(
-                "**Paraxial rays** give each pixel the light of the area of the pupil that it sees. The same rays "
-                "describe one leg where waves describe the other. **Exact rays**, used where diffraction is off, "
+                "**Paraxial rays** give each pixel the light of the area of the pupil that it sees. Where waves "
+                "describe only one leg, these rays describe the other. **Exact rays**, used where diffraction is off, "
                 "follow the directions of Kirchhoff's paths, without diffraction and interference. The **boundary "
-                "wave** is the light that rays lack, as a wave from the rim of the main lens, or of every microlens "
-                "that is lit as a whole and out of focus: the leading term of Kirchhoff's integral."
+                "wave** adds to rays the leading term of what they lack of Kirchhoff's integral: a wave from the rim "
+                "of the main lens, or of every microlens that is fully lit and out of focus."
             ),
             say(
                 "**Kirchhoff** keeps the exact path and the cosine on each leg (eqs. 9 to 16 of the paper). "
@@ -271,8 +268,10 @@ def _benchmarks(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Table]:
             for name in names
         ),
         notes=(
-            "Main lens alone: the shortest of three runs, without the comparison that gives the error. One source "
-            "point: one run, including this comparison. Other work on the machine lengthens all times.",
+            "Parabolic: the paper's lens, with spherical aberration; stigmatic: without it on the axis; perfect: "
+            "without aberrations. Main lens alone: the shortest of three runs, without the comparison that gives the "
+            "error. One source point: one run, including this comparison. Other work on the machine lengthens all "
+            "times.",
         ),
     )
 
@@ -302,8 +301,8 @@ def _spread_table(data: xr.Dataset, element: str) -> Table:
             "RMS: root mean square distance from the thin-lens image. MTF: at half the Nyquist frequency "
             "of the pixels, along the field angle. Outside rays: fraction of the light outside the disc that paraxial "
             "rays fill, which in focus is a point. Neighbours: fraction on the eight pixels around the one centred on "
-            "the image. "
-            "Defocus in waves of path at the rim of the pupil, positive for a nearer object. —: not within the window.",
+            "the image. Defocus in waves of path at the rim of the pupil, positive for a nearer object. —: not within "
+            "the computed window.",
         ),
     )
 

@@ -1,4 +1,4 @@
-"""Inferred calibrations: convergence of the chains, their parameters, and residuals of a real rig."""
+"""Fitted calibrations: convergence of the chains, their parameters, and residuals of a real rig."""
 
 from __future__ import annotations
 
@@ -28,23 +28,29 @@ from tradestudy.wording import distance, in_words
 
 _CLEARLY = 2.0  # standard errors
 _NAMES: Final[Mapping[str, str]] = {
+    "board_bowl": "warp of the board, bowl",
+    "board_edge_saddle": "warp of the board, saddle along the edges",
+    "board_diagonal_saddle": "warp of the board, saddle along the diagonals",
     "log_noise_px": "logarithm of the noise in px",
-    "motion_scale": "motion of the board",
+    "relative_rotation_x": "relative pitch (rotation about x)",
+    "relative_rotation_y": "relative yaw (rotation about y)",
+    "relative_rotation_z": "relative roll (rotation about z)",
+    "motion_scale": "standard deviation of the board's motion",
 }
 
 
 def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Write the inferred calibrations; nothing for a study without any."""
+    """Write the fitted calibrations; nothing for a study without any."""
     if not has(tree, "calibration", "posterior_mean"):
         return
     data, titles = group(tree, "calibration"), camera_titles(tree)
-    yield Heading(text="Calibration as inference", anchor="posterior", level=2)
+    yield Heading(text="Fitted calibrations", anchor="posterior", level=2)
     yield Paragraph(
         say(
-            "The parameters are inferred from pictures of a board: the poses of the board are marginalised view by "
-            "view, and the declared errors are the priors. The sampler emcee runs four independent "
-            "ensembles; a result counts as converged if it meets every limit below. The spread of the joint draws "
-            "about their mean is propagated to depth."
+            "The parameters are fitted to pictures of a board. The poses of the board are marginalised view by view; "
+            "{priors}. The sampler emcee runs four independent ensembles; a result counts as converged if it meets "
+            "every limit below. The spread of the joint draws about their mean is propagated to depth.",
+            priors=_priors(data),
         )
     )
     for name in data["posterior"].values:
@@ -62,6 +68,13 @@ def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
         yield _rig(data, titles)
     if "rig_lens_support" in data:
         yield from _lenses(data, titles)
+
+
+def _priors(data: xr.Dataset) -> str:
+    flat = np.isinf(data["prior_deviation"].values).any(axis=-1)  # by posterior
+    if flat.all():
+        return "the priors are flat"
+    return "the declared errors are the priors" + (", and flat priors for fits to corner files" if flat.any() else "")
 
 
 def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
@@ -85,7 +98,7 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         )
     return Table(
         name="posterior-table",
-        caption="Convergence of the chains; each value is that of the worst parameter.",
+        caption="Convergence of the chains. N/τ, R-hat and ESS are those of the worst parameter.",
         columns=(
             Column(title="Camera", weight=1),
             Column(title="Converged"),
@@ -101,10 +114,10 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         notes=(
             "Limits: N/τ, the length of the chains in autocorrelation times, at least 50; R-hat, the disagreement of "
             "the chains, at most 1.01; ESS, the effective sample size, at least 400; acceptance, the fraction of "
-            "accepted steps, 0.2 to 0.5; poses, the fraction of the draws that remains effective when the poses are "
-            "solved again at each draw, at least 0.9. Last column: computing times of the sampler and of the normal "
-            "approximation. The number of draws makes standard deviations, and depth uncertainties based on them, "
-            f"uncertain by 1/√(2 ESS): at most "
+            "accepted steps in each ensemble, 0.2 to 0.5; poses, the fraction of the draws that remains effective when "
+            "the poses are solved again at each draw, at least 0.9. Last column: computing times of the sampler and of "
+            "the normal approximation. The number of draws makes standard deviations, and depth uncertainties based on "
+            "them, uncertain by 1/√(2 ESS): at most "
             f"{share(1.0 / np.sqrt(2.0 * np.nanmin(data['posterior_tail_size'].values)))} here.",
         ),
     )
@@ -183,23 +196,24 @@ def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         rows += [(with_subscripts(str(name)), str(value)) for camera, name, value in found if camera == rig]
     return Table(
         name="rig-table",
-        caption="Fits to the corners of the board: each camera alone, the pair with one relative pose, and the pair if "
-        "the board may move a little to the left or right between the two exposures of a view. Opposite mean residuals "
-        "of a view in the two cameras suggest such a motion.",
+        caption="Fits to the corners of the board: each camera alone, the pair with one relative pose, and the pair "
+        "with a board that may move a little between the two exposures of a view. Opposite mean residuals of a view in "
+        "the two cameras suggest such a motion.",
         columns=(
             Column(title="Quantity", weight=1),
             Column(title="Value", weight=1, align="right"),
         ),
         rows=tuple(rows),
         notes=(
-            "Residuals are root mean square lengths per corner. Without the motion, the residual of the pair "
-            "counts as noise of its corners, and the standard deviations of the relative pose are too small by the "
-            "factors in the column “Ratio” above.",
-            "Standard deviations are those of generalised least squares: the noise differs from view to view and "
-            "neighbours on the board share it, both estimated by restricted likelihood; outlying corners have little "
-            "or no weight, and the fit includes bending of the board. Accuracy: the claimed uncertainty, times the "
-            "ratio of the halves where that is above 1. Corners cannot reveal the size of the squares: an error of "
-            "0.1 % in their size is an error of 0.1 % in depth, 0.3 mm at 0.3 m.",
+            "Residuals are root mean square lengths per corner. A fit without this motion counts its effect as noise "
+            "of the corners, and its standard deviations of the relative pose are too small by the factors in the "
+            "column “Ratio” above.",
+            "Standard deviations are those of generalised least squares. The noise differs from view to view, and "
+            "neighbouring corners share part of it; restricted maximum likelihood estimates how much. Outlying corners "
+            "have little or no weight, and the fit includes a warp of the board. Accuracy: the claimed uncertainty, "
+            "multiplied by the ratio of the differences between random halves where that ratio exceeds 1. Corners "
+            "cannot reveal the size of the squares: an error of 0.1 % in their size is an error of 0.1 % in depth, "
+            "0.3 mm at 0.3 m.",
         ),
     )
 
@@ -217,9 +231,10 @@ def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
         ]
     yield Table(
         name="lens-model-table",
-        caption="Other lens models. Support: gain in log likelihood over the model in use, for views left out of the "
-        "fit one at a time, ± standard error over views. Under each distance: the change of depth midway between the "
-        "cameras in mm, ± standard error by the jackknife over views.",
+        caption="Other lens models; “also with”: the model in use, with these coefficients added. Support: gain in log "
+        "likelihood over the model in use, for views left out of the fit one at a time, ± standard error over views. "
+        "Under each distance: the change in mm of the depth of a point midway between the cameras, ± standard error by "
+        "the jackknife over views.",
         columns=(
             Column(title="Rig", weight=1),
             Column(title="Lens model", weight=2),
@@ -234,9 +249,9 @@ def _supported(compared: xr.Dataset, title: str) -> Text:
     support = compared["rig_lens_support"]
     best = compared.isel(lens_model=int(np.argmax(support.values)))
     if float(best["rig_lens_support"]) > _CLEARLY * float(best["rig_lens_support_deviation"]):
-        what = "The corners of {title} clearly favour another lens model than the one in use: {model}."
+        what = "The corners of {title} clearly favour a lens model other than the one in use: {model}."
         return say(what, title=title, model=str(best["lens_model"].item()))
-    return say("The corners of {title} do not clearly favour another lens model than the one in use.", title=title)
+    return say("The corners of {title} do not clearly favour a lens model other than the one in use.", title=title)
 
 
 def _lens_cells(compared: xr.Dataset, model: str) -> Iterator[str]:

@@ -81,7 +81,7 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
         yield f"valid field of the {side} lens, from the axis", pretty(float(lens.at(values[4:]).valid_field), ANGLE)
     yield "residual of the pair with one relative pose", pretty(fit.pair.corner_rms_px, PIXELS)
     yield "correlation of the views' mean residuals, left with right", f"{fit.means.correlation:.4f}".replace("-", "−")
-    yield "left–right motion of the board that explains this correlation", pretty(fit.explained.motion_scale, LENGTH)
+    yield "motion of the board that explains this correlation", pretty(fit.explained.motion_scale, LENGTH)
     yield (
         "residual with this motion, left and right",
         f"{pretty(fit.explained.left_rms_px, PIXELS)}, {pretty(fit.explained.right_rms_px, PIXELS)}",
@@ -103,7 +103,7 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
         where, to, says = (pretty(float(length), LENGTH, digits=3) for length in (z, good, claimed))
         yield f"accuracy of this calibration at {where}", f"{to}; it claims {says}"
     yield (
-        f"difference between random halves of the views, over the claimed difference ({trust.halves} splits)",
+        f"difference between random halves of the views, divided by the claimed difference ({trust.halves} splits)",
         ", ".join(
             f"{ratio:.2f} at {pretty(float(z), LENGTH)}" for z, ratio in zip(trust.distances, trust.ratio, strict=True)
         ),
@@ -115,7 +115,7 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
     noise = fit.corners.noise
     assert noise is not None
     yield (
-        "share of the noise common to neighbours, and its correlation length",
+        "share of the noise variance common to neighbours, and its correlation length",
         f"{100.0 * noise.share:.0f} %, {pretty(noise.length, LENGTH)}",
     )
     yield "ratio of the largest to the smallest noise of a view", f"{noise.deviation.max() / noise.deviation.min():.2g}"
@@ -125,7 +125,7 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
         yield f"warp of the board, {name}", f"{_digits(1e6 * float(value), 1e6 * float(deviation))} µm"
     yield (
         "synchrony of the exposures",
-        f"views differ as if the board moved {pretty(fit.explained.motion_scale, LENGTH)} between the exposures",
+        f"the two pictures differ as if the board moved by {pretty(fit.explained.motion_scale, LENGTH)} between them",
     )
 
 
@@ -133,7 +133,7 @@ def _outlier_rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     """Corners excluded as outliers, and the number of corners with reduced weight."""
     there = fit.present
     low = (fit.weights < 1.0) & there[:, None]
-    yield "corners of one picture with a weight below 1", f"{int(low.sum())} of {2 * int(there.sum())}"
+    yield "corners with a weight below 1, counted in each picture", f"{int(low.sum())} of {2 * int(there.sum())}"
     for view, side, corner in zip(*np.nonzero((fit.weights == 0.0) & there[:, None]), strict=True):
         yield f"excluded outlier: view {fit.corners.views[view]}, {('left', 'right')[side]}", f"corner {corner + 1}"
 

@@ -43,7 +43,7 @@ def _ours(radius: float, f: float, a: float, x: float, z: float, wavelength: flo
     return Stated(value=value, error=found.error.intensity * value)
 
 
-INTENSITY: Final = Law(name="intensity behind a perfect lens", naive=_naive, ours=_ours)
+INTENSITY: Final = Law(name="intensity behind a perfect lens or a bare hole", naive=_naive, ours=_ours)
 
 
 def _in_focus(f_number: float) -> NumericCase:
@@ -65,11 +65,11 @@ FIELDS: Final = Family(
     title="Fields behind an aperture",
     cases=(
         *(_in_focus(f_number) for f_number in (0.5, 3.8, 1000.0)),
-        _hole("on axis, 10 µm behind a hole of 4 µm", 2e-6, 0.0, 1e-5),
+        _hole("on axis, 10 µm behind a hole 4 µm wide", 2e-6, 0.0, 1e-5),
         _hole("hole 4 λ wide, 2 λ behind it, off axis", 2.0 * _GREEN, 0.6e-6, 2.0 * _GREEN),
         _hole("on the edge of the shadow", 50e-6, 50e-6, 2e-3),
         _hole("deep in the shadow", 50e-6, 120e-6, 2e-3),
-        _hole("three metres off axis, one metre behind", 5.0 * _GREEN, 3.0, 1.0),
+        _hole("three metres off axis, one metre behind the hole", 5.0 * _GREEN, 3.0, 1.0),
         _hole("λ = 100 nm", 1e-6, 0.5e-6, 1e-5, 100e-9),
         _hole("λ = 1 mm", 5e-3, 2e-3, 0.05, 1e-3),
     ),

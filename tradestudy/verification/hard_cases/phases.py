@@ -94,7 +94,7 @@ def _lens(f_number: float) -> NumericCase:
 
 def _hole(fresnel_number: float, radius: float = 1e-3, wavelength: float = _GREEN) -> NumericCase:
     return NumericCase(
-        name=f"hole of {radius / wavelength:.3g} λ at Fresnel number {fresnel_number:g}",
+        name=f"hole of radius {radius / wavelength:.3g} λ at Fresnel number {fresnel_number:g}",
         law=AXIS,
         inputs={"z": radius**2 / (fresnel_number * wavelength), "radius": radius, "wavelength": wavelength},
     )

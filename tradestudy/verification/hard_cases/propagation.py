@@ -273,7 +273,7 @@ def _failing() -> tuple[OutcomeCase, ...]:
     return (
         OutcomeCase(
             name="every draw fails",
-            law="no quantile is invented, failures are counted by cause",
+            law="no quantile is stated, and failures are counted by cause",
             naive=lambda: _quietly(lambda: f"mean {np.nanmean(np.full(100, np.nan))}"),
             ours=lambda: _propagate(
                 lambda values: np.full_like(values["x"], np.nan),

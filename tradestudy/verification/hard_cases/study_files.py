@@ -42,7 +42,12 @@ def _legal() -> tuple[OutcomeCase, ...]:
     return (
         _case("100 000 distances", "as many as a study may have", study(scene=log), "accepted", "100000 distances"),
         _case("100 cameras", "as many as a study may have", study(cameras=f"{{{hundred}}}"), "accepted: 100 cameras"),
-        _case("names in other scripts", "letters are letters", study(cameras=unicode), "accepted: 2 cameras"),
+        _case(
+            "names in other scripts",
+            "letters of any script are valid in names",
+            study(cameras=unicode),
+            "accepted: 2 cameras",
+        ),
         _case("distances from 1 µm to 10⁸ m, λ = 10 nm", "extreme but legal", study(scene=far), "accepted"),
         _case(
             "a length of 0.5 million digits",
@@ -58,8 +63,8 @@ def _too_much() -> tuple[OutcomeCase, ...]:
     log = "{distances: {from: 10 mm, to: 10 m, points: 100001}, wavelength: 550 nm}"
     levels = "\n".join(f"x{n}: &x{n} [{', '.join([f'*x{n - 1}'] * 9)}]" for n in range(1, 11))
     return (
-        _case("101 cameras", "one too many, with the limit", study(cameras=f"{{{more}}}"), "refused", "100"),
-        _case("100 001 distances", "one too many, with the limit", study(scene=log), "refused", "100000"),
+        _case("101 cameras", "refused, with the limit stated", study(cameras=f"{{{more}}}"), "refused", "100"),
+        _case("100 001 distances", "refused, with the limit stated", study(scene=log), "refused", "100000"),
         _case(
             "a file over 1 MB",
             "refused before it is parsed",
@@ -98,7 +103,7 @@ def _outward() -> tuple[OutcomeCase, ...]:
         *(
             _case(
                 f"a study called {name if len(name) < 20 else 'by 200 letters'}",
-                "the name of a study names its folder",
+                "refused: it would name the folder of the results",
                 study(name=name),
                 "refused",
             )
@@ -131,13 +136,19 @@ def _not_what_they_seem() -> tuple[OutcomeCase, ...]:
     return (
         _case(
             "a tag that makes an object",
-            "tags have no meaning",
+            "refused: tags have no meaning in a study",
             study(title="!!python/object/apply:os.system [id]"),
             "refused",
             "tags",
         ),
-        _case("a key twice", "no value is dropped silently", study(more="title: Again"), "refused", "duplicate key"),
-        _case("the title 'no'", "YAML 1.2 has no Norway problem", study(title="no"), "accepted"),
+        _case(
+            "a key twice",
+            "refused: neither value is dropped silently",
+            study(more="title: Again"),
+            "refused",
+            "duplicate key",
+        ),
+        _case("the title 'no'", "read as text: in YAML 1.2, no is not a boolean", study(title="no"), "accepted"),
         _case(
             "a wavelength of 1e400 m",
             "an overflowing number is refused, not read as infinite",
@@ -146,11 +157,11 @@ def _not_what_they_seem() -> tuple[OutcomeCase, ...]:
         ),
         _case(
             "a distance that is not a number",
-            "nan is no length",
+            "refused: it is not a length",
             study(scene="{distances: [.nan m, 2 m], wavelength: 550 nm}"),
             "refused",
         ),
-        _case("an empty file", "the remedy is named", "", "refused", "tradestudy new"),
+        _case("an empty file", "refused, and the remedy is named", "", "refused", "tradestudy new"),
     )
 
 

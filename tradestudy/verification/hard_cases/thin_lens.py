@@ -96,7 +96,11 @@ def _relay(name: str, law: Law, z: float, **more: float) -> NumericCase:
 
 
 def _beyond_infinity(disparity: float) -> OutcomeCase:
-    steps = {0: "at the disparity of infinity", 1: "one ulp above it", -1: "one ulp below it"}
+    steps = {
+        0: "at the disparity of infinity",
+        1: "one ulp above the disparity of infinity",
+        -1: "one ulp below the disparity of infinity",
+    }
     step = int(np.sign(disparity - _INFINITE))
     return OutcomeCase(
         name=f"eq. 8 {steps[step]}",
@@ -125,12 +129,12 @@ THIN_LENS: Final = Family(
         _lens("object one ulp inside the focal plane", IMAGE_DISTANCE, _BEFORE_F),
         _lens("object inside the focal length", IMAGE_DISTANCE, _F / 2.0),
         _lens("object almost on the lens", IMAGE_DISTANCE, 1e-12),
-        _lens("shift of infinity", FOCUS_SHIFT, math.inf),
-        _lens("shift of 10⁸ m", FOCUS_SHIFT, 1e8),
-        _lens("shift of the focal plane", FOCUS_SHIFT, _F),
-        _lens("shift one ulp outside the focal plane", FOCUS_SHIFT, _AFTER_F),
-        _lens("shift one ulp inside the focal plane", FOCUS_SHIFT, _BEFORE_F),
-        _lens("shift inside the focal length", FOCUS_SHIFT, _F / 3.0),
+        _lens("shift for an object at infinity", FOCUS_SHIFT, math.inf),
+        _lens("shift for an object at 10⁸ m", FOCUS_SHIFT, 1e8),
+        _lens("shift for an object in the focal plane", FOCUS_SHIFT, _F),
+        _lens("shift for an object one ulp outside the focal plane", FOCUS_SHIFT, _AFTER_F),
+        _lens("shift for an object one ulp inside the focal plane", FOCUS_SHIFT, _BEFORE_F),
+        _lens("shift for an object inside the focal length", FOCUS_SHIFT, _F / 3.0),
         _lens("there and back from infinity", ROUND_TRIP, math.inf),
         _lens("there and back from 10⁸ m", ROUND_TRIP, 1e8),
         _lens("there and back one ulp outside the focal plane", ROUND_TRIP, _AFTER_F),
@@ -142,7 +146,7 @@ THIN_LENS: Final = Family(
             inputs={"a": 1.0 + 1e-9, "focus": 1.0, "f": _F, "pupil": 0.0125},
         ),
         NumericCase(
-            name="blur of 10⁸ m, focused at 10⁷ m",
+            name="blur of a point at 10⁸ m, focused at 10⁷ m",
             law=BLUR,
             inputs={"a": 1e8, "focus": 1e7, "f": _F, "pupil": 0.0125},
         ),
@@ -150,12 +154,12 @@ THIN_LENS: Final = Family(
         _relay("image one ulp before the array", RELAY_DISTANCE, math.nextafter(_Z, 1.0)),
         _relay("image one ulp behind the array", RELAY_DISTANCE, math.nextafter(_Z, 0.0)),
         NumericCase(
-            name="image on the array of a camera of round numbers",
+            name="image on the array, with all lengths in round numbers",
             law=RELAY_DISTANCE_TO_SCALE,
             inputs={"a": 0.15, "z": 0.15 * 0.0125 / (0.15 - 0.0125), "f": 0.0125},
         ),
         NumericCase(
-            name="image 5 µm before the focal plane's array, object at 10⁸ m",
+            name="image 5 µm before the array, object at 10⁸ m",
             law=RELAY_DISTANCE_TO_SCALE,
             inputs={"a": 1e8, "z": 0.012505, "f": 0.0125},
         ),

@@ -71,7 +71,7 @@ def _pole(step: float) -> OutcomeCase:
     angle = {0: _POLE, 1: math.nextafter(_POLE, 0.0), -1: math.nextafter(_POLE, -1.0)}[int(step)]
     disparity, baseline, f = _AT_TEN_METRES, _RIG["baseline"], _RIG["f"]
     return OutcomeCase(
-        name=f"yaw pole{ {0: '', 1: ', one ulp inside', -1: ', one ulp outside'}[int(step)] }",
+        name=f"yaw at the pole{ {0: '', 1: ', one ulp inside', -1: ', one ulp outside'}[int(step)] }",
         law="rays that do not meet have infinite depth, never negative depth",
         naive=lambda: _words(f * baseline / (disparity + f * angle)),
         ours=lambda: _words(float(stereo_depth(disparity, baseline, f, convergence_angle=angle))),
@@ -89,7 +89,7 @@ _CONVERGING = 2.0 * math.atan(0.05)  # the axes cross at 1 m
 
 TRIANGULATION: Final = Family(
     name="triangulation",
-    title="Stereo poles",
+    title="Stereo depth near its poles",
     cases=(
         _depth("disparity 0", 0.0),
         _depth("one ulp above disparity 0", _TINY),
@@ -103,7 +103,7 @@ TRIANGULATION: Final = Family(
         _turned("diverging axes", 5e-3, -0.05),
         _turned("diverging axes, rays that diverge", 1e-4, -0.05),
         _turned("parallel axes", _AT_TEN_METRES, 0.0),
-        _turned("yaw a billionth from the pole", _AT_TEN_METRES, _POLE * (1.0 - 1e-9)),
+        _turned("yaw a billionth before the pole, where the rays are parallel", _AT_TEN_METRES, _POLE * (1.0 - 1e-9)),
         _turned("yaw a billionth beyond the pole", _AT_TEN_METRES, _POLE * (1.0 + 1e-9)),
         *(_pole(step) for step in (0, 1, -1)),
         NumericCase(
@@ -112,7 +112,7 @@ TRIANGULATION: Final = Family(
             inputs={"distance": 1.0 + 1e-9, **_RIG, "angle": _CONVERGING},
         ),
         NumericCase(
-            name="disparity of infinity",
+            name="disparity of a point at infinity",
             law=TURNED_DISPARITY,
             inputs={"distance": math.inf, **_RIG, "angle": _CONVERGING},
         ),
