@@ -291,13 +291,18 @@ _TITLES: Final = {
     "BlurPart": "Blur criterion",
     "BoundOverPart": "Bound on depth uncertainty",
     "CalibratedAtPart": "Air during the calibration",
-    "CriterionFNumberClaim": "Claim about the f-number by a criterion",
+    "CriterionFNumberClaim": "Claim about the minimum f-number by a criterion",
     "CriterionPart": "Bound on a criterion",
+    "DepthOfFieldClaim": "Claim about a depth of field",
+    "DepthOfFieldRatioClaim": "Claim about the ratio of two depths of field",
     "DoubleSpherePart": "Double-sphere lens model",
     "ConventionalDeclaration": "Conventional camera",
+    "ConventionalFocusPart": "Focus of a conventional camera",
+    "ConventionalLensPart": "Lens of a conventional camera",
     "ElementPart": "Lens",
     "ExpectPart": "Expected value",
     "ExtendedUnifiedPart": "Extended unified lens model",
+    "FNumberRangePart": "Range of f-numbers",
     "FieldOfViewPart": "Field-of-view lens model",
     "FittedDoubleSpherePart": "Fitted double-sphere lens model",
     "FittedExtendedUnifiedPart": "Fitted extended unified lens model",
@@ -309,9 +314,12 @@ _TITLES: Final = {
     "FocusedPlenopticDeclaration": "Focused plenoptic camera",
     "FocusedPlenopticErrors": "Errors of a focused plenoptic camera",
     "FocusedPlenopticStability": "Stability of a focused plenoptic camera",
+    "FresnelFNumberClaim": "Claim about the f-number that Fresnel's approximation needs",
+    "FresnelValidityPart": "Validity of Fresnel's approximation",
     "GeometryPart": "Geometry of a calibrated pair",
+    "ImageDifferenceClaim": "Claim about the difference of two pictures",
     "KannalaBrandtPart": "Kannala–Brandt lens model",
-    "LengthBelowPart": "Upper bound of a length",
+    "LengthBelowPart": "Upper bound on a length",
     "LensPart": "Main lens of a camera",
     "LengthOrPixelsDistribution": "Distribution of a length inside a camera",
     "LengthDistribution": "Distribution of a length",
@@ -319,17 +327,25 @@ _TITLES: Final = {
     "NumberDistribution": "Distribution of a number",
     "PressureDistribution": "Distribution of a pressure change",
     "TemperatureDistribution": "Distribution of a temperature change",
+    "LimitDistanceClaim": "Claim about where a limit is met",
+    "LitPixelsClaim": "Claim about the number of lit pixels",
     "MainLensPart": "Main lens of the light path",
     "OffAxisPart": "Off-axis comparison",
     "OmnidirectionalPart": "Omnidirectional lens model",
     "PlenopticDepthPart": "Depth from micro-images",
+    "PsfErrorClaim": "Claim about the error of Fresnel's approximation",
+    "PublishedTimePart": "Published computing time",
     "RationalPart": "Rational lens model",
     "ReferenceScalePart": "Reference focus setting",
-    "ShareAbovePart": "Lower bound of a fraction",
-    "ShareBelowPart": "Upper bound of a fraction",
+    "RelativeUncertaintyDistanceClaim": "Claim about where the relative uncertainty exceeds a threshold",
+    "ShareAbovePart": "Lower bound on a fraction",
+    "ShareBelowPart": "Upper bound on a fraction",
     "ShareBetterClaim": "Claim about where a camera is better",
     "SharpPart": "Bound on depth of field",
     "SolvePart": "Inverse question",
+    "SpotDetectorPart": "Detector of the light path",
+    "SpotMicrolensesPart": "Microlenses of the light path",
+    "SpotSourcePart": "Light source",
     "StatedPart": "Stated values",
     "StereoCalibration": "Calibration of a stereo rig",
     "StereoDeclaration": "Stereo rig",
@@ -337,6 +353,7 @@ _TITLES: Final = {
     "StereoLensPart": "Lenses of a stereo rig",
     "StereoStability": "Stability of a stereo rig",
     "TradeOffPart": "Trade-off",
+    "UncertaintyRatioClaim": "Claim about the ratio of two uncertainties",
     "UnfocusedDepthPart": "Depth from views",
     "UnfocusedFocusPart": "Focus of an unfocused plenoptic camera",
     "UnfocusedMicrolensesPart": "Microlenses of an unfocused plenoptic camera",
@@ -353,7 +370,6 @@ _CHOOSES: Final = {
     "shape": "Kind of surface that the keys of this section describe.",
     "quantity": "Kind of claim that the keys of this section describe.",
 }
-_SPELLED: Final = {"[Kk]annala brandt": "Kannala–Brandt", "Psf": "PSF", r"\b([Ff]) number": r"\1-number"}
 _DIMENSIONS: Final = sorted(
     (one for one in vars(units).values() if isinstance(one, units.Dimension)), key=lambda one: -len(one.name)
 )
@@ -677,10 +693,7 @@ def _spoken(name: str) -> str:
     if name in _TITLES:
         return _TITLES[name]
     words = re.findall(r"[A-Z][a-z]*", name.removesuffix("Part").removesuffix("Declaration"))
-    text = " ".join([words[0], *(word.lower() for word in words[1:])])
-    for pattern, spelled in _SPELLED.items():
-        text = re.sub(pattern, spelled, text)
-    return text
+    return " ".join([words[0], *(word.lower() for word in words[1:])])
 
 
 def _prose(text: str) -> str:
@@ -750,9 +763,9 @@ _INDEX = """
 A study is one YAML file. These pages list its keys, each with the values it accepts, its default and an example. They
 are made from the JSON Schema that `python -m tradestudy schema` prints; editors can use it to complete keys.
 
-Every section describes one mapping. Below its heading stand the places where that mapping can stand in the file, where
-`NAME` is a name that you choose, and `[]` an item of a list. Sections without a place describe mappings that can stand
-in more than three places.
+Every section describes one mapping. Below its heading stand the places where that mapping can stand in the file. In
+them, `NAME` is a name that you choose, and `[]` an item of a list. Sections without a place describe mappings that can
+stand in more than three places.
 
 Write a quantity that has a unit with that unit: `12.5 mm`, not `12.5`. Every value may carry its basis:
 `{value: 12.5 mm, basis: datasheet, note: where it comes from}`, where `basis` is `paper`, `datasheet`, `measured`,

@@ -136,7 +136,7 @@ class CornersPart(Part):
         "determine.",
     )
     max_steps: MostSteps = Field(
-        default=20_000, description="Largest number of steps that each sampler of the posterior takes."
+        default=20_000, description="Largest number of steps of each Markov chain that samples the posterior."
     )
 
 

@@ -48,7 +48,8 @@ class UsableCriteria:
     virtual_depth
         Smallest absolute virtual depth v; 2 at the total covering plane.
     blur_px
-        Largest blur on the sensor [px], of the sharpest microlens type or of the stereo lenses.
+        Largest diameter of the geometric blur [lateral samples]; of several microlens types, that of the least sharp
+        one that the estimator needs.
     disparity_step_px
         The disparity [px] by which the distance must at least differ from infinity.
     failed_fraction

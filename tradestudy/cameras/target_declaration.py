@@ -101,7 +101,7 @@ class TargetPart(Part):
         "position is unknown.",
     )
     max_steps: MostSteps = Field(
-        default=20_000, description="Largest number of steps that each sampler of the posterior takes."
+        default=20_000, description="Largest number of steps of each Markov chain that samples the posterior."
     )
 
     @property

@@ -24,14 +24,14 @@ FalseShare = Annotated[
 
 
 class MatcherPart(Part):
-    """Errors that a real matcher adds to the Cramér–Rao bound on a disparity error; omitted keys add nothing."""
+    """How a real matcher falls short of the Cramér–Rao bound on the disparity error; omitted keys have no effect."""
 
     factor: NoiseFactor | None = Field(
-        default=None, description="Factor by which the matcher multiplies the Cramér–Rao bound."
+        default=None, description="Ratio of the noise of the matcher to the Cramér–Rao bound."
     )
     floor: NoiseFloor | None = Field(
         default=None,
-        description="Standard deviation of noise that more light does not reduce; it adds in quadrature.",
+        description="Standard deviation of matching noise that more light does not reduce; it adds in quadrature.",
     )
     pixel_locking: LockingAmplitude | None = Field(
         default=None,

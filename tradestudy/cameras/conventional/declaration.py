@@ -27,14 +27,17 @@ from tradestudy.optics.depth_of_field import object_distance_of_magnification, o
 
 
 class ReferenceScalePart(Part):
-    """A focus setting from a data sheet; it shows how far the principal plane lies behind the front of the lens."""
+    """A focus setting in a data sheet.
+
+    From it the program derives how far the principal plane lies behind the front of the lens.
+    """
 
     working_distance: ObjectDistance = Field(description="Distance from the object to the front of the lens.")
     image_scale: DetailSize = Field(description="Width that one pixel covers on the object, at this focus setting.")
 
 
 class FocusStackPart(Part):
-    """A stack of images at different focus distances: as few as cover a range of distances, but at most `images`."""
+    """A stack of images at different focus distances: as few as a range of distances needs, but at most `images`."""
 
     start: ObjectDistance = Field(alias="from", description="Nearest distance of the range to cover.")
     stop: ObjectDistanceOrInfinity = Field(alias="to", description="Farthest distance of the range to cover.")
@@ -51,7 +54,7 @@ class FocusStackPart(Part):
 
 
 class ConventionalFocusPart(Part):
-    """The focus of a conventional camera, by distance, by image scale or by the working distance of a data sheet."""
+    """What a conventional camera is focused on, given as a distance, an image scale or a working distance."""
 
     distance: ObjectDistanceOrInfinity | None = Field(
         default=None, description="Distance from the object in focus to the principal plane of the lens."
@@ -105,7 +108,10 @@ class ConventionalLensPart(LensPart):
 
 
 class ConventionalDeclaration(CameraDeclaration):
-    """A conventional camera with fixed focus, or with a mechanism that takes a focus stack; it measures no depth."""
+    """A conventional camera with fixed focus or with a focus stack.
+
+    The program predicts no depth uncertainty for it.
+    """
 
     camera: ClassVar[type[ConventionalCamera]] = ConventionalCamera
     reader: ClassVar[DepthReaderOfKind | None] = FocusStackReader

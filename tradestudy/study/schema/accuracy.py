@@ -20,10 +20,10 @@ Tolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=1.
 
 
 class AccuracyPart(Part):
-    """Largest relative changes of the answers that simplifications may cause, and the time limit of a run."""
+    """Tolerances (the largest relative changes of answers that simplifications may cause) and a run's time limit."""
 
     tolerance: Tolerance = Field(
-        default=0.01, description="Tolerance on every quantity below, except depth_noise, that has none of its own."
+        default=0.01, description="Tolerance on each quantity below that is left out, except depth_noise."
     )
     depth_uncertainty: Tolerance | None = Field(
         default=None,
@@ -50,7 +50,7 @@ class AccuracyPart(Part):
     )
     time_limit: PositiveDuration | None = Field(
         default=None,
-        description="Longest time that a run may be predicted to take; a slower one is refused before it starts. "
+        description="Longest predicted time of a run; one predicted to take longer is refused before it starts. "
         "Default: none.",
     )
 
@@ -83,14 +83,14 @@ _MODELS = {
     "source_extent": "a point (`off`), or a disc",
     "spectrum": "the central wavelength alone (`off`), or all wavelengths with their weights",
     "vignetting": "none (`off`), or the cos⁴ law together with the two stops of scene.picture.stop_separation",
-    "sensor_noise": "none (`off`); the shot noise of the light (`shot`); this and the read noise (`shot+read`); or "
+    "sensor_noise": "the shot noise of the light (`shot`); this and the read noise (`shot+read`); or "
     "these and the noise of rounding to raw values (`shot+read+quantisation`)",
     "calibration": "none (`off`), or errors propagated to depth linearly or exactly",
 }
 
 
 class _EffectsPart(Part):
-    """Models of effects, each of which replaces the model that the program would choose."""
+    """Models of effects, to use instead of those that the program would choose."""
 
     def forced(self) -> dict[SlotName, str]:
         """The forced models, by effect."""

@@ -43,11 +43,11 @@ class DepthOfFieldPart(Part):
         description="Nearest and farthest distance of the range that must be sharp."
     )
     criteria: Annotated[dict[CriterionName, BlurPart], Field(min_length=1, max_length=20)] = Field(
-        description="Blur criteria by name; the report's answer uses the first one."
+        description="Blur criteria by name; the answer of the report rests on the first one."
     )
     equal_resolution: PositiveLength | None = Field(
         default=None,
-        description="Size of detail on the object; the report also compares the ranges in which each camera "
+        description="Size of a detail on the object; the report also compares the distances at which each camera "
         "resolves it.",
     )
 

@@ -93,7 +93,7 @@ class SpotMicrolensesPart(Part):
         description="Number of microlenses along one side of a square array, or along the middle row of a "
         "hexagonal array (an odd number)."
     )
-    pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres.")
+    pitch: MicrolensPitch = Field(description="Distance between the centres of neighbouring microlenses.")
     focal_length: OneLength | Annotated[tuple[FocalLength, ...], Field(min_length=2, max_length=4)] = Field(
         description="Focal length of all microlenses, or a list with that of each type. The types alternate along "
         "a row and shift by one from row to row; the first type is on the axis."
@@ -176,7 +176,7 @@ class SpotDetectorPart(Part):
     pixels: Annotated[int, Field(ge=3, le=1000, strict=True)] = Field(
         description="Number of pixels along each side of the square detector."
     )
-    pixel_pitch: PixelPitch = Field(description="Distance between neighbouring pixel centres.")
+    pixel_pitch: PixelPitch = Field(description="Distance between the centres of neighbouring pixels.")
 
 
 class SpotSourcePart(Part):
@@ -264,8 +264,8 @@ class LightSpotPart(Part):
     seed: Seed = Field(default=0, description="Random seed of the points drawn on the source.")
     benchmarks: bool = Field(
         default=False,
-        description="Whether to measure also how long Kirchhoff's integral takes for the light of one point: through "
-        "the main lens alone, for each of the three phases of a lens, on and off the axis; and through main lens and "
+        description="Whether also to measure how long Kirchhoff's integral takes for the light of one point: through "
+        "the main lens alone, with each value of `lens_phase`, on and off the axis; and through main lens and "
         "microlenses.",
     )
     published_times: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = Field(

@@ -21,12 +21,12 @@ class PropagationPart(Part):
 
     seed: Seed = Field(
         default=0,
-        description="Seed of all random draws of errors, noise, textures and weights of a trade-off; light_spot has "
-        "its own seed.",
+        description="Seed of all random draws, except those of light_spot, which has a seed of its own.",
     )
     field_places: Annotated[tuple[Share, ...], Field(max_length=10), AfterValidator(distinct)] = Field(
         default=(),
-        description="Field positions at which depth is also computed: 0 % is the axis, 100 % the corner of the sensor.",
+        description="Field positions at which depth is computed besides the axis (0 %); 100 % is the corner of the "
+        "sensor.",
     )
     max_draws: Annotated[int, Field(ge=2**12, le=2**26, strict=True)] = Field(
         default=2**16, description="Largest number of random draws for each camera, field position and error source."

@@ -28,7 +28,7 @@ from tradestudy.study.schema.wave_optics import ElementName, LensPhaseName, Posi
 
 
 class UsableRangePart(Part):
-    """Limits of the usable range; one that is left out and has no default does not apply."""
+    """Limits of the usable range. A limit that is left out does not apply, unless it has a default."""
 
     overlap: Share | None = Field(
         default=None, description="Smallest overlap of the two stereo views; default: any above 0 %."
@@ -39,9 +39,13 @@ class UsableRangePart(Part):
         "micro-images that it compares; default: any above 0 %.",
     )
     virtual_depth: PositiveNumber | None = Field(
-        default=None, description="Smallest magnitude of the virtual depth; it is 2 at the total covering plane."
+        default=None, description="Smallest magnitude of the virtual depth, which is 2 at the total covering plane."
     )
-    blur: PositivePixels | None = Field(default=None, description="Largest geometric blur in the picture.")
+    blur: PositivePixels | None = Field(
+        default=None,
+        description="Largest diameter of the geometric blur, in lateral samples: pixels or, for an unfocused plenoptic "
+        "camera, microlenses. Of several types of microlenses, the least sharp one that the estimator needs counts.",
+    )
     disparity_step: PositivePixels | None = Field(
         default=None,
         description="Smallest difference between the disparity at a usable distance and the disparity at infinity.",
@@ -69,11 +73,13 @@ class UsableRangePart(Part):
 
 
 class DecisionPart(Part):
-    """The two cameras to choose between, and the distances at which the best camera is named."""
+    """Two cameras to compare with each other, and the distances at which the best of all candidates is named."""
 
-    between: Pair = Field(description="The two cameras to choose between.")
+    between: Pair = Field(
+        description="Two cameras for which the report gives the ratio of their depth uncertainties and the crossovers."
+    )
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] = Field(
-        description="Distances at which the best camera is named."
+        description="Distances at which the best candidate is named, and the two cameras are compared."
     )
     compare: Annotated[tuple[Pair, ...], Field(max_length=20), AfterValidator(distinct)] = Field(
         default=(),
@@ -82,8 +88,8 @@ class DecisionPart(Part):
     )
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1)] | None = Field(
         default=None,
-        description="Cameras among which the best one is named; default: all. Of cameras that stand for the same "
-        "device, list only one.",
+        description="Cameras of which the best one is named; default: all. Of cameras that stand for the same device, "
+        "list only one.",
     )
 
     @property
@@ -102,9 +108,9 @@ class ReadingPart(Part):
 
 
 class SolvePart(Part):
-    """The values of an input at which two cameras are equally uncertain, or one camera is as uncertain as required.
+    """The values of an input at which two cameras have the same depth uncertainty, or one camera has a given one.
 
-    The question can also be at which values a camera meets a requirement.
+    The question can also be at which values a requirement begins or ceases to be met.
     """
 
     says: Text = Field(description="The question in words.")
@@ -286,8 +292,8 @@ class DepthOfFieldRatioClaim(_ClaimPart):
     )
     diffraction: Diffraction | None = Field(
         default=None,
-        description="Width of the diffraction spot that counts, as in depth_of_field.criteria; only with `blur`. "
-        "Default: `none`.",
+        description="What counts as the diameter of the diffraction spot, as in depth_of_field.criteria; only with "
+        "`blur`. Default: `none`.",
     )
     resolution: PositiveLength | None = Field(
         default=None,
@@ -307,10 +313,17 @@ class DepthOfFieldRatioClaim(_ClaimPart):
         return self
 
 
+_METRIC = (
+    "Measure of the error: the difference of intensity at the image point, relative to Kirchhoff's intensity there "
+    "(`peak`); the absolute difference integrated over the window, relative to the integral of Kirchhoff's intensity "
+    "(`l1`); or the largest difference in the window, relative to Kirchhoff's largest intensity there (`largest`)."
+)
+
+
 class PsfErrorClaim(_ClaimPart):
     """A claim about the error of the point-spread function by Fresnel's approximation, on axis at one f-number.
 
-    The error is the difference from the point-spread function by Kirchhoff's integral.
+    The error is relative to the point-spread function by Kirchhoff's integral.
     """
 
     quantity: Literal["psf_error"]
@@ -320,33 +333,31 @@ class PsfErrorClaim(_ClaimPart):
     lens_phase: LensPhaseName = Field(
         description="Phase that this lens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
     )
-    metric: PsfMetric = Field(
-        description="Which difference of intensity counts: that at the image point (`peak`), the absolute difference "
-        "integrated over the window (`l1`), or the largest in the window (`largest`)."
+    metric: PsfMetric = Field(description=_METRIC)
+    window: PositiveNumber = Field(
+        description="Radius of the window around the image point, in Airy radii; no effect on the metric `peak`."
     )
-    window: PositiveNumber = Field(description="Radius of the window around the image point, in Airy radii.")
 
 
 class FresnelFNumberClaim(_ClaimPart):
     """A claim about the smallest f-number at which Fresnel's approximation is still accurate enough, on axis.
 
-    Its error is that of the point-spread function, compared with Kirchhoff's integral.
+    The error of its point-spread function counts, relative to that by Kirchhoff's integral.
     """
 
     quantity: Literal["fresnel_f_number"]
     element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
     error: PositiveFraction = Field(
-        description="Largest error of the point-spread function at that f-number and above."
+        description="Largest acceptable error of the point-spread function at that f-number and above."
     )
     wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
     lens_phase: LensPhaseName = Field(
         description="Phase that this lens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
     )
-    metric: PsfMetric = Field(
-        description="Which difference of intensity counts: that at the image point (`peak`), the absolute difference "
-        "integrated over the window (`l1`), or the largest in the window (`largest`)."
+    metric: PsfMetric = Field(description=_METRIC)
+    window: PositiveNumber = Field(
+        description="Radius of the window around the image point, in Airy radii; no effect on the metric `peak`."
     )
-    window: PositiveNumber = Field(description="Radius of the window around the image point, in Airy radii.")
 
 
 class CriterionFNumberClaim(_ClaimPart):
@@ -372,7 +383,10 @@ class CriterionFNumberClaim(_ClaimPart):
 
 
 class ImageDifferenceClaim(_ClaimPart):
-    """A claim about the summed absolute difference of two pictures of the light spot, relative to the second."""
+    """A claim about the difference of two pictures of the light spot.
+
+    It is the sum of the absolute differences of all pixels, relative to the sum of the second picture.
+    """
 
     quantity: Literal["image_difference"]
     method: MethodName = Field(description="Method of the first picture, which is tested; see light_spot.methods.")
@@ -388,7 +402,8 @@ class LitPixelsClaim(_ClaimPart):
     )
     reference: MethodName = Field(description="Method whose number of lit pixels is the denominator.")
     above: PositiveFraction = Field(
-        description="A pixel counts as lit if it gets more than this fraction of the light of the brightest pixel."
+        description="A pixel counts as lit if it gets more than this fraction of the light of the brightest pixel in "
+        "its picture."
     )
 
 

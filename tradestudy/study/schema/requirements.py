@@ -56,14 +56,14 @@ class ShareAbovePart(Part):
 class ShareBelowPart(Part):
     """An upper bound on a fraction, over a range of distances."""
 
-    below: PositiveFraction = Field(description="Largest fraction that meets the requirement.")
+    below: PositiveFraction = Field(description="Value below which the fraction must stay.")
     over: Span = Field(description="Nearest and farthest of the distances at which the bound must hold.")
 
 
 class LengthBelowPart(Part):
     """An upper bound on a length, over a range of distances."""
 
-    below: PositiveLength = Field(description="Largest length that meets the requirement.")
+    below: PositiveLength = Field(description="Value below which the length must stay.")
     over: Span = Field(description="Nearest and farthest of the distances at which the bound must hold.")
 
 
@@ -74,7 +74,7 @@ class SharpPart(Part):
         default=None, description="Nearest and farthest distance of the range that must be sharp throughout."
     )
     above: PositiveLength | None = Field(
-        default=None, description="Instead of `over`: the smallest total depth of field."
+        default=None, description="Instead of `over`: smallest total depth of field that meets the requirement."
     )
     criterion: Text | None = Field(
         default=None,

@@ -20,15 +20,15 @@ class WeighedPart(Part):
     quantity: Literal["depth_uncertainty", "usable_near", "usable_far"] | None = Field(
         default=None,
         description="What the program computes for the criterion: the depth uncertainty, or the near or far end of the "
-        "usable range. Default: the declared or derived criterion whose name is the key of this entry.",
+        "usable range. Default: the declared or derived criterion that has the name of this entry.",
     )
     at: ObjectDistance | None = Field(
         default=None, description="Distance at which the depth uncertainty counts; needed with depth_uncertainty."
     )
     worst: QuantityText = Field(description="Value that scores 0, with its unit; worse values also score 0.")
     best: QuantityText = Field(
-        description="Value that scores 1, with its unit; better values also score 1, and scores are linear between "
-        "`worst` and `best`."
+        description="Value that scores 1, with its unit; better values also score 1. Between `worst` and `best`, the "
+        "score is linear."
     )
     weight: Share | tuple[Share, Share] | None = Field(
         default=None,

@@ -16,7 +16,10 @@ from tradestudy.declarations.words import CameraName, Text, distinct
 class AssumptionPart(Part):
     """An uncertain assumption: a value with a log-uniform distribution, or a choice among equally likely readings."""
 
-    says: Text | None = Field(default=None, description="Name of the assumption in reports; default: its key.")
+    says: Text | None = Field(
+        default=None,
+        description="Name of the assumption in reports; default: the first path in `vary` or, for `readings`, its key.",
+    )
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
         default=(), description="Path of the value to vary; several paths all take the same value."
     )
@@ -39,22 +42,24 @@ class AssumptionPart(Part):
 
 
 class ValueOfInformationPart(Part):
-    """For each assumption, how much knowing the truth would improve the choice among the candidates.
+    """For each assumption, how much the expected utility of the chosen candidate would gain if the truth were known.
 
-    The loss of choosing a camera is its relative depth uncertainty, averaged over the distances `at`.
+    The utility of a camera is minus its relative depth uncertainty, averaged over the distances in `at`.
     """
 
     assumptions: Annotated[dict[str, AssumptionPart], Field(min_length=1, max_length=40)] = Field(
-        description="Uncertain assumptions, each by the path of its value or by a name of its own."
+        description="Uncertain assumptions, by names that you choose."
     )
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] | None = (
         Field(
             default=None,
-            description="Distances over which the loss is averaged with equal weights; default: decision.at.",
+            description="Distances over which the relative depth uncertainty is averaged, with equal weights. Default: "
+            "decision.at or, without it, four of the distances of the study.",
         )
     )
     unusable: PositiveFraction = Field(
-        default=1.0, description="Relative depth uncertainty that a camera is taken to have where it is not usable."
+        default=1.0,
+        description="Relative depth uncertainty that counts where a camera is not usable or is even less certain.",
     )
     draws: Annotated[int, Field(ge=64, le=2**14, strict=True)] = Field(
         default=256, description="Number of combinations of values to draw; powers of two cover the ranges most evenly."

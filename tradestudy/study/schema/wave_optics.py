@@ -69,7 +69,7 @@ class PublishedErrorPart(Part):
 
 
 class ElementPart(Part):
-    """One lens, and the object point that it images in focus."""
+    """A lens, and the object point on which it is focused."""
 
     title: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="Name of the lens in reports.")
     focal_length: FocalLength = Field(description="Focal length of the lens.")
@@ -96,7 +96,10 @@ class ElementPart(Part):
 
 
 class OffAxisPart(Part):
-    """One object point off the axis, at one wavelength; without rotational symmetry, more would take too long."""
+    """A comparison at one object point off the axis and at one wavelength.
+
+    More would take too long, because the point-spread function has no rotational symmetry off the axis.
+    """
 
     field_angle: PositiveAngle = Field(
         description="Angle between the optical axis and the direction of the object point."
@@ -105,9 +108,9 @@ class OffAxisPart(Part):
 
 
 class FresnelValidityPart(Part):
-    """How far the point-spread function by Fresnel's approximation is from that by Kirchhoff's integral.
+    """The error of the point-spread function by Fresnel's approximation, relative to that by Kirchhoff's integral.
 
-    This error is computed, and compared with criteria that predict the smallest f-number at which it is acceptable.
+    The smallest f-number at which the error is acceptable is compared with the predictions of closed-form criteria.
     """
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
@@ -120,7 +123,9 @@ class FresnelValidityPart(Part):
     lens_phases: Annotated[tuple[LensPhaseName, ...], Field(min_length=1, max_length=3)] = Field(
         description="Lens phases to evaluate; see light_spot.main_lens.lens_phase for their meaning."
     )
-    off_axis: OffAxisPart | None = Field(default=None, description="A comparison off the axis; default: none.")
+    off_axis: OffAxisPart | None = Field(
+        default=None, description="The same comparison at a point off the axis; default: none."
+    )
     windows: Annotated[tuple[PositiveNumber, ...], Field(min_length=1, max_length=6)] = Field(
         description="Radii of the windows over which the point-spread functions are compared, in Airy radii."
     )
@@ -130,7 +135,9 @@ class FresnelValidityPart(Part):
     error_limit: PositiveFraction = Field(
         description="Largest acceptable error of the point-spread function by Fresnel's approximation."
     )
-    tolerance: IntensityTolerance = Field(description="Largest relative numerical error of each computed intensity.")
+    tolerance: IntensityTolerance = Field(
+        description="Largest numerical error of each computed point-spread function, relative in the L2 norm."
+    )
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
