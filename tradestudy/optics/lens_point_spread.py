@@ -351,8 +351,8 @@ def point_spread(
     Returns
     -------
     LensPointSpread
-        Intensity [1/m²] with its stated error. Its methods compute width, encircled energy, Strehl ratio and MTF, and
-        plot them.
+        Intensity [1/m²] with its stated error. The methods of the result compute width, encircled energy, Strehl
+        ratio and MTF, and plot them.
 
     Raises
     ------
