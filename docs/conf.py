@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from docutils import nodes
+from sphinx import addnodes
 from sphinx.application import Sphinx
 
 HERE = Path(__file__).parent
@@ -67,7 +68,14 @@ def shorten_types(_app: Sphinx, _domain: str, _kind: str, content: nodes.Element
         if name.astext().startswith(("type", "rtype")):
             for text in list(body.findall(nodes.Text)):
                 short = re.sub(array, "numpy.ndarray", re.sub(array_like, "array_like", text))
-                text.parent.replace(text, nodes.Text(re.sub(r"\btradestudy\.(\w+\.)+(?=\w)", "", short)))
+                text.parent.replace(text, nodes.Text(re.sub(r"~?\btradestudy\.(\w+\.)+(?=\w)", "", short)))
+        elif name.astext().startswith("raises"):
+            for text in list(body.findall(nodes.Text)):  # continuation lines keep the indentation of the source
+                text.parent.replace(text, nodes.Text(re.sub(r"\s+", " ", text)))
+    for annotation in content.parent.findall(addnodes.desc_annotation):  # the type of a property
+        if "ndarray[" in (full := annotation.astext()):
+            annotation.children = []
+            annotation += nodes.Text(re.sub(array, "numpy.ndarray", full))
 
 
 def unlink_architecture(_app: Sphinx, _name: str, source: list[str]) -> None:

@@ -112,9 +112,10 @@ class Result:
         - ``light_spot``: for each picture of the light spot, its ``method``, its stated relative ``error``, and its
           ``difference`` from the picture by the method ``reference``: the sum of the absolute differences of the
           pixels, as a fraction of the light in the reference (null for the reference itself).
-        - ``fresnel_validity``: for each ``element`` and ``lens_phase``, the smallest ``f_number`` from which spots by
-          Fresnel's integral stay within ``limit`` of those by Kirchhoff's over a ``window`` [Airy radii]; 0 if they
-          do at every f-number of the study, null if at none.
+        - ``fresnel_validity``: for each lens, its ``element``, and each ``lens_phase``, the smallest ``f_number`` from
+          which spots by Fresnel's integral differ from those by Kirchhoff's by at most ``limit``; 0 if they do at every
+          f-number of the study, null if at none. Their difference is the integral of the absolute difference over a
+          disc with the radius ``window`` [Airy radii], relative to the integral of the intensity.
         - ``hard_cases``: the number of ``cases`` with known answers, and the number ``met`` that the program gets
           right; empty if the study computed none.
         - ``rests_on``: the inputs and limits that decide the answers, in words.

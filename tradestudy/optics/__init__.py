@@ -16,10 +16,11 @@ Functions take and return NumPy arrays. Lengths are in metres, angles in radians
 and targets (the points at which a field is computed) share the same x and y axes: a source at x > 0 has its real image
 at x < 0.
 
-Every field, image and metric comes with an estimate of its numerical error. A function whose result misses the
-tolerance raises ``NotConvergedError``, with two exceptions: the functions that take a `LightPath` return the image with
-``within_tolerance`` False, and `aperture_field` with node counts of your own returns the field with the error that they
-cause.
+Every field, image and metric comes with an estimate of its numerical error, except the fields of `propagate_samples`. A
+function whose result misses the tolerance raises ``NotConvergedError``, with two exceptions: the functions that take a
+`LightPath` return the image with ``within_tolerance`` False, and `aperture_field` with node counts of your own returns
+the field with the error that they cause. A relative L2 error is the root of the sum of the squared errors, divided by
+the root of the sum of the squared values; both sums extend over all targets, samples or pixels.
 
 Examples
 --------

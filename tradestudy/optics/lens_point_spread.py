@@ -307,9 +307,9 @@ def point_spread(
     """Point-spread function of a lens, from its focal length and f-number.
 
     I(P) = |∬ U(q) t(q) exp(i k W(q)) K(q, P) dq|²/P₀ is the intensity at a point P of the image plane. The integral
-    extends over the points q of the pupil. U is the wave behind the lens if the pupil adds no path, t the amplitude
-    transmission of the pupil, W the path that it adds, k = 2π/λ, K the kernel that propagates the field from q to P,
-    and P₀ the power through the pupil.
+    extends over the points q of the pupil. U is the wave behind the lens with a clear pupil without aberrations,
+    t the amplitude transmission of the actual pupil, W the path that it adds, k = 2π/λ, K the kernel that propagates
+    the field from q to P, and P₀ the power through the pupil.
 
     Parameters
     ----------
@@ -351,8 +351,8 @@ def point_spread(
     Returns
     -------
     LensPointSpread
-        Intensity [1/m²] with its stated error. Its methods compute width, encircled energy, Strehl ratio and MTF, and
-        plot them.
+        Intensity [1/m²] with its stated error. The methods of the result compute width, encircled energy, Strehl
+        ratio and MTF, and plot them.
 
     Raises
     ------

@@ -161,7 +161,7 @@ class MicrolensCamera:
         Returns
         -------
         LightPath
-            Main lens, lit microlenses with a ring of unlit ones, and the pixels on which their geometric light falls.
+            Main lens, lit microlenses with a ring of unlit ones, and the pixels behind all of them.
 
         Raises
         ------
@@ -291,8 +291,8 @@ def microlens_image(
     Parameters
     ----------
     camera
-        Main lens, microlens array and sensor. For a plenoptic camera of a study, its method ``light_chain()`` returns
-        them.
+        Main lens, microlens array and sensor. A plenoptic camera of a study returns them by its method
+        ``light_chain()``, as in ``study.definition.case.cameras["raytrix-r5"].light_chain()``.
     source
         A `PointSource`; or a `DiscSource`, whose points add as intensities (incoherent disc) or form one wave with one
         phase over the disc (coherent disc).

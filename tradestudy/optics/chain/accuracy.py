@@ -36,21 +36,21 @@ class ChainAccuracy:
     Parameters
     ----------
     tolerance
-        Relative L2 error over the pixels for which the sampling is chosen [1], in 1e-6 … 0.2.
+        Relative L2 error over the pixels that the sampling should achieve [1], in 1e-6 … 0.2.
     pupil_nodes
-        Factor on the range of phase that the quadrature nodes on the pupil of the main lens resolve.
+        Factor on the phase variation across the pupil of the main lens for which its quadrature nodes are chosen.
     microlens_nodes
-        Factor on the range of phase that the quadrature nodes on a microlens resolve.
+        Factor on the phase variation across a microlens for which its quadrature nodes are chosen.
     field_sampling
-        Factor on the sampling of the main lens's field on the array.
+        Factor on the density of the samples of the main lens's field on the array.
     diffraction_reach
         Factor on the distance from the geometric image up to which diffracted light is followed (`fresnel_lengths`).
     pixel_sampling
         Factor on the number of samples of the field along a pixel.
     source_sampling
-        Factor on the range of phase that the nodes on a disc source resolve, and on the number of distances from the
-        axis at which the main lens's field is computed for such a source. With ``geometric`` on both legs, factor on
-        the sampling of the rays.
+        Factor on the density of the points that represent a disc source, and on the number of distances from the axis
+        at which the main lens's field is computed for such a source. With ``geometric`` on both legs, factor on the
+        density of the rays.
     memory_limit
         Memory that the arrays of one computation may take [bytes]. The error estimate (`compared`) needs a second
         computation at the same time, which may take as much again.
@@ -156,17 +156,17 @@ class ChainImage:
         Contributions to `numerical_error`, by name; each is a relative L2 error over the pixels [1].
     direct_check
         Results of independent checks, by name: root-mean-square difference between the computed field or intensity and
-        direct quadrature at random points, relative to the root mean square of the latter [1]. The intensity on the
-        detector is checked at points, without integration over pixels, so its difference exceeds the error of `pixels`.
-        Empty if there was no check.
+        direct quadrature at random points, relative to the root mean square of that field or intensity [1]. The
+        intensity on the detector is checked at points, without integration over pixels, so its difference does not
+        measure the error of `pixels`. Empty if there was no check.
     microlens_share
         Fraction of the power through the pupil of the main lens that passes the plane of the microlenses [1]; NaN where
         it was not computed. Its error is not stated; `direct_check` shows the error of the light on the array.
     effort
         Numbers of nodes, samples and source points that the computation took, by name.
     handed_over
-        Fraction [1] for which ``boundary_wave`` used Kirchhoff's integral instead: of the points on the array, or of
-        the light behind it, whichever is larger. 0 for other methods.
+        Fraction of the points on the array, or of the light behind it, for which ``boundary_wave`` used Kirchhoff's
+        integral instead [1]: the larger of the two fractions. 0 for other methods.
     tolerance
         Requested relative L2 error over the pixels [1]; infinite if none was requested.
 

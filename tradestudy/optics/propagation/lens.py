@@ -132,8 +132,8 @@ class CircularLens:
         * ``stigmatic``: images the axial point at `focus_distance` exactly; its phase is fixed, so it has coma off the
           axis.
         * ``parabolic``: the lens of the paper under References, with the phase −π r²/(λ f) at the distance r from the
-          centre, for the wavelength λ and the focal length f. Along exact paths, it has the spherical aberration
-          r⁴/8 (1/a³ + 1/b³), a path [m], for the object distance a and the image distance b.
+          centre, for the wavelength λ and the focal length f. Along exact paths, it has spherical aberration:
+          a path error of r⁴/8 (1/a³ + 1/b³) [m], for the object distance a and the image distance b.
     focus_distance
         Distance of the axial point that a stigmatic lens images exactly [m]; required for ``stigmatic``, not allowed
         otherwise.

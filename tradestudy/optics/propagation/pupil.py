@@ -184,7 +184,7 @@ class Pupil:
         zernikes
             Zernike coefficients of W, by Noll's index from 1 to 153 [waves rms].
         wavelength
-            Wavelength in which the path is given [m], > 0. The path in metres is then the same for light of every
+            Length of one wave [m], > 0. It only converts the path to metres, which is then the same for light of every
             wavelength.
         path
             Further part of W [waves], as a function of (x/R, y/R) or an array. Default: 0.
@@ -232,7 +232,7 @@ class Pupil:
 
     @property
     def round(self) -> bool:
-        """Whether all Zernike coefficients other than 0 are of azimuthal order 0, without `path` and `amplitude`."""
+        """Whether `path` and `amplitude` are absent, and every nonzero Zernike coefficient has azimuthal order 0."""
         even = all(noll_order(index)[1] == 0 for index, coefficient in self.zernikes.items() if coefficient)
         return even and self.path is None and self.amplitude is None
 

@@ -106,9 +106,9 @@ class NodeCounts:
     def on_rings(self) -> IndexArray:
         """Number of nodes on each ring, from the innermost, shape (radial,).
 
-        A ring along which the phase completes t turns needs t + 10 t^⅓ + 3 nodes, even for the tightest tolerance. For
-        the outermost ring, t follows from its number of nodes, `angular`; for the others, t is proportional to the
-        radius.
+        A ring along which the phase completes t turns gets t + 10 t^⅓ + 3 nodes, which suffice even for the tightest
+        tolerance. For the outermost ring, t follows from its number of nodes, `angular`; for the others, t is
+        proportional to the radius.
         """
         relative = np.sqrt(gauss_legendre(self.radial)[0])
         turns = _turns(self.angular)
