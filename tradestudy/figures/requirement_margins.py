@@ -59,7 +59,7 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
         name="requirement_margins",
         caption=f"{shown}, against the {names}. A requirement is met where its margin is positive. {marks} are met. "
         "Dashed: the study as declared. Where no camera is usable throughout, the margin is at most minus the unusable "
-        "fraction of the range.",
+        "fraction of the range, on a logarithmic scale.",
         alt=f"Margins over the {names}. {conclusions}.",
         draw=lambda: draw_requirement_margins(tree),
         values=lambda: _tables(tree, data, dims) if len(dims) == 2 else (),

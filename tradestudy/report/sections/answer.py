@@ -317,9 +317,10 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
         return
     ends = list(dict.fromkeys(distance(end) for end in (min(others), max(others)))) if others else []
     where = f"{'between' if len(ends) > 1 else 'at'} {' and '.join(ends)}"
+    count = len(handed) - 1
+    under = f"{count - alone} of the {count} other readings" if alone else f"the other reading{'s' * (count > 1)}"
     moved = (
-        f"; under the other {'readings' if len(handed) > 2 else 'reading'} {'too' if where == own else where}"
-        + (f", and nowhere under {alone} of {len(handed) - 1}" if alone else "")
+        f"; under {under} {'too' if where == own else where}" + (", under the others nowhere" if alone else "")
         if others
         else ""
     )

@@ -44,7 +44,7 @@ def _matcher(title: str, text: str) -> Text:
     """Write the matcher as a study would declare it, or why there is none."""
     declared, _, errors = text.partition("  # ")
     if not errors:
-        return say("**{title}**: {why}.", title=title, why=text)
+        return say("**{title}.** {why}.", title=title, why=text[0].upper() + text[1:])
     return say("**{title}**: `{matcher}` ({errors}).", title=title, matcher=declared, errors=errors)
 
 
@@ -57,9 +57,10 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
         rows=tuple(cells if one is None else (*cells, *_of_depth(one)) for cells, one in rows),
         notes=(
             "Bias and spread: median of the errors, and half their central 68.27 % interval. Predicted: the depth "
-            "uncertainty at these distances. Filled: fraction of points with a depth, among those that appear in two "
-            "of the estimator's pictures. Paired: fraction of all points on a surface that appear in two such "
-            "pictures; the prediction counts points of the object, whereas a raw picture counts a point once in "
+            "uncertainty at these distances. Within 3σ: fraction of the errors that are at most three times the "
+            "predicted uncertainty. Filled: fraction of points with a depth, among those that appear in two of the "
+            "estimator's pictures. Paired: fraction of all points on a surface that appear in two such pictures; "
+            "the prediction counts points of the object, whereas a raw picture counts a point once in "
             "every micro-image that shows it.",
         ),
     )
