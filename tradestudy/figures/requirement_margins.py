@@ -135,7 +135,7 @@ def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFig
     least = _least(data, dims)
     met = np.all(data["design_met"].transpose("requirement", dims[1], dims[0]).values[must_hold(data)] == 1, axis=0)
     (x, _), (y, _) = (axis_values(data[dim]) for dim in dims)
-    figure = new_figure(2.5)
+    figure = new_figure(2.3)
     axes = figure.subplots()
     levels = [level for level in _LEVELS if np.min(least) < level < np.max(least)]
     drawn = axes.contour(x, y, least, levels=levels, colors=SOFT, linewidths=0.7, linestyles="solid")

@@ -318,12 +318,10 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     ends = list(dict.fromkeys(distance(end) for end in (min(others), max(others)))) if others else []
     where = f"{'between' if len(ends) > 1 else 'at'} {' and '.join(ends)}"
     count = len(handed) - 1
-    under = f"{count - alone} of the {count} other readings" if alone else f"the other reading{'s' * (count > 1)}"
-    moved = (
-        f"; under {under} {'too' if where == own else where}" + (", under the others nowhere" if alone else "")
-        if others
-        else ""
-    )
+    among = f"{count - alone} of the {count} other" if alone else "the other"
+    readings = "readings (sets of assumptions)" if count > 1 else "reading (set of assumptions)"
+    nowhere = f", and nowhere under the other{'s' * (alone > 1)}" if alone else ""
+    moved = f"; under {among} {readings} {'too' if where == own else where}{nowhere}" if others else ""
     yield say(
         "Between {first} and {second}, the preferred camera switches **{own}**{moved}.",
         first=first,
