@@ -200,7 +200,9 @@ CRITERIA: Final = (
         says="exposures to cover the scene under the first blur criterion, and the sharp share if they do not suffice",
         of=_images_per_scene,
     ),
-    Criterion(name="time per scene", says="exposures and refocusing", of=_time_per_scene),
+    Criterion(
+        name="time per scene", says="duration of all exposures and of the refocusing between them", of=_time_per_scene
+    ),
     Criterion(
         name="data per depth map",
         says="raw pixels of all exposures of one depth map, before compression",
@@ -214,12 +216,13 @@ CRITERIA: Final = (
     Criterion(name="aperture", says="diameter of the pupil that gathers the light", of=_aperture),
     Criterion(
         name="light gathered",
-        says="solid angle of one exposure from a point in the middle of the scene, all lenses together",
+        says="solid angle of the pupils, all lenses together, as seen from a point in the middle of the scene",
         of=_light,
     ),
     Criterion(
         name="size",
-        says="declared, or a lower bound: principal plane to sensor × width over lens, sensor and baseline",
+        says="declared, or a lower bound: distance from principal plane to sensor × (wider of lens and sensor, plus "
+        "baseline)",
         of=_size,
         path="attributes.envelope",
     ),

@@ -83,7 +83,12 @@ def draw_cost(data: xr.Dataset) -> StudyFigure:
         _panel(axes, data.isel(entry=data["problem_of"].values == name).sel(problem=name))
     for axes in panels[len(names) :]:
         axes.remove()
-    styles = {"a set of models": _MODELS, "frontier": _FRONTIER, "a run's choice": _RING, "next digit": _STAR}
+    styles = {
+        "a set of models": _MODELS,
+        "Pareto front": _FRONTIER,
+        "used by the run": _RING,
+        "a tenth of the error": _STAR,
+    }
     handles = [Line2D([], [], **style) for style in (*styles.values(), _REFERENCE)]
     legend(figure, handles, [*styles, "error of the reference"], len(handles))
     return figure
@@ -103,10 +108,10 @@ def _panel(axes: Axes, problem: xr.Dataset) -> None:
     _frame(axes, "x", seconds)
     _frame(axes, "y", np.append(error, floor))
     for took in seconds[star]:  # the corner for slow and inaccurate models has the fewest marks
-        price = f"★ 10× as exact: {pretty(float(took), DURATION, digits=2)}"
+        price = f"★ a tenth of the error: {pretty(float(took), DURATION, digits=2)}"
         axes.text(0.985, 0.97, price, transform=axes.transAxes, ha="right", va="top", fontsize=SMALL)
     axes.set_title(shortened(str(problem["title"].item()), _TITLE))
-    axes.set(xlabel="seconds", ylabel="error [%]")
+    axes.set(xlabel="computing time [s]", ylabel="error [%]")
 
 
 def _frame(axes: Axes, which: str, values: FloatArray) -> None:

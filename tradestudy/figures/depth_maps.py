@@ -32,8 +32,8 @@ def depth_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         name="depth_maps",
         caption="Depth measured in the pictures, its error, and the fraction of the surface that the estimator sees "
         "in no second picture, such as behind edges and beyond the overlap. Each block is the median of "
-        "its points; hatched blocks have no depth. Left: the all-in-focus picture that the camera makes with the map, "
-        "if any.",
+        "its points; hatched blocks have no depth. Errors range from blue at minus the stated value to red at plus "
+        "that value. Left: the all-in-focus picture that the camera makes with the map, if any.",
         alt="Measured depth, its error, and the hidden fraction of the surface, as pictures. Median error and half the "
         "central 68.27 % interval of the errors: " + _error_words(tree),
         draw=lambda: draw_depth_maps(tree),

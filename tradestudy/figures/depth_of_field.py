@@ -197,7 +197,7 @@ def _resolution_beside(axes: Axes, data: xr.Dataset, shown: tuple[CameraTrace, .
             annotation_clip=False,
         )
     axes.annotate(
-        "resolves\nthere",
+        "resolves\nin scene",
         (1.0, 1.0),
         xycoords="axes fraction",
         xytext=(40, 2),

@@ -242,7 +242,7 @@ def _readings(tree: xr.DataTree) -> Drawing:
         if there.any()
     ]
     if np.isnan(every).any():
-        unbounded.append("No mark: a camera forms no image there, or neither uncertainty has a bound.")
+        unbounded.append("No mark: a camera does not see the point there, or neither uncertainty has a bound.")
     sentences = []
     for place in ratio["place"].values:
         values = np.asarray(ratio.sel(place=place, error_source="both").values, dtype=float)

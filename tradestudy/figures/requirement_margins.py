@@ -59,7 +59,7 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
         name="requirement_margins",
         caption=f"{shown}, against the {names}. A requirement is met where its margin is positive. {marks} are met. "
         "Dashed: the study as declared. Where no camera is usable throughout, the margin is at most minus the unusable "
-        "fraction of the range.",
+        "fraction of the range, on a logarithmic scale.",
         alt=f"Margins over the {names}. {conclusions}.",
         draw=lambda: draw_requirement_margins(tree),
         values=lambda: _tables(tree, data, dims) if len(dims) == 2 else (),
@@ -135,7 +135,7 @@ def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFig
     least = _least(data, dims)
     met = np.all(data["design_met"].transpose("requirement", dims[1], dims[0]).values[must_hold(data)] == 1, axis=0)
     (x, _), (y, _) = (axis_values(data[dim]) for dim in dims)
-    figure = new_figure(2.5)
+    figure = new_figure(2.3)
     axes = figure.subplots()
     levels = [level for level in _LEVELS if np.min(least) < level < np.max(least)]
     drawn = axes.contour(x, y, least, levels=levels, colors=SOFT, linewidths=0.7, linestyles="solid")

@@ -317,12 +317,11 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
         return
     ends = list(dict.fromkeys(distance(end) for end in (min(others), max(others)))) if others else []
     where = f"{'between' if len(ends) > 1 else 'at'} {' and '.join(ends)}"
-    moved = (
-        f"; under the other {'readings' if len(handed) > 2 else 'reading'} {'too' if where == own else where}"
-        + (f", and nowhere under {alone} of {len(handed) - 1}" if alone else "")
-        if others
-        else ""
-    )
+    count = len(handed) - 1
+    among = f"{count - alone} of the {count} other" if alone else "the other"
+    readings = "readings (sets of assumptions)" if count > 1 else "reading (set of assumptions)"
+    nowhere = f", and nowhere under the other{'s' * (alone > 1)}" if alone else ""
+    moved = f"; under {among} {readings} {'too' if where == own else where}{nowhere}" if others else ""
     yield say(
         "Between {first} and {second}, the preferred camera switches **{own}**{moved}.",
         first=first,

@@ -30,8 +30,8 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
             "used for depth. *Plane-fit RMS*: residual of a plane fitted to a flat target; calibration errors shift "
             "and tilt the whole plane, so only noise remains. *Fill rate*: the fraction of the picture that both "
             "views, or enough microlenses, see, times the fraction of measurements that do not fail; 0 where the "
-            "camera is unusable. *Field*: width and height of the visible area, which are the sensor's times "
-            "the distance over the distance from lens to sensor.{matching}",
+            "camera is unusable. *Field*: width and height of the visible area, which are those of the sensor "
+            "multiplied by the object distance and divided by the distance from lens to sensor.{matching}",
             matching=_of_matching(tree),
         )
     )

@@ -44,7 +44,7 @@ def _matcher(title: str, text: str) -> Text:
     """Write the matcher as a study would declare it, or why there is none."""
     declared, _, errors = text.partition("  # ")
     if not errors:
-        return say("**{title}**: {why}.", title=title, why=text)
+        return say("**{title}.** {why}.", title=title, why=text[0].upper() + text[1:])
     return say("**{title}**: `{matcher}` ({errors}).", title=title, matcher=declared, errors=errors)
 
 

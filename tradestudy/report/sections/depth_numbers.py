@@ -105,7 +105,9 @@ def _numerical_error(tree: xr.DataTree) -> str:
     depth = nominal(tree)
     relative = (depth["depth_uncertainty_error"] / depth["depth_uncertainty"]).where(depth["usable"])
     values = relative.values[np.isfinite(relative.values)]
-    return f" Error of u where cameras are usable: at most {share(float(values.max()))}." if values.size else ""
+    return (
+        f" Numerical error of u where cameras are usable: at most {share(float(values.max()))}." if values.size else ""
+    )
 
 
 def _decisive_parts(tree: xr.DataTree) -> Table:
@@ -246,7 +248,9 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
             f"Below 1, {pair['first']} is more certain; above 1, {pair['second']}, whether or not they are usable "
             "there."
             + f" ∞: only the uncertainty of {pair['first']} has no bound." * unbounded
-            + (" Dash: a camera forms no image there, or neither uncertainty has a bound." if undecided else ""),
+            + (
+                " Dash: a camera does not see the point there, or neither uncertainty has a bound." if undecided else ""
+            ),
         ),
     )
 

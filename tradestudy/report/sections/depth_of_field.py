@@ -179,15 +179,15 @@ def _answer_table(tree: xr.DataTree, rows: list[_Row]) -> Table:
             Column(title="Camera", weight=8),
             Column(title="Scene sharp", align="right", weight=4),
             Column(title="Sharp from – to", align="right", weight=8),
-            Column(title="Resolves there", align="right", weight=5),
+            Column(title="Resolves in scene", align="right", weight=5),
             Column(title="Diffraction spot", align="right", weight=5),
             Column(title="Exposures", align="right"),
             Column(title="Moving parts", align="right", weight=4),
         ),
         rows=tuple(cells(row) for row in rows),
         notes=(
-            "Resolves: the coarsest resolution within the scene, the larger of sampling interval and defocus blur on "
-            "the object. Diffraction spot: width at half maximum on the object. Distances are from the principal "
+            "Resolves in scene: the larger of sampling interval and defocus blur on the object, where it is coarsest "
+            "within the scene. Diffraction spot: width at half maximum on the object. Distances are from the principal "
             "plane.",
         ),
     )
@@ -203,9 +203,10 @@ def describe_depth_of_field(tree: xr.DataTree, drawings: Mapping[str, Drawing]) 
             "A point is sharp where its geometric blur *g* and the diffraction spot *d* stay below the criterion "
             "together, *g*² + *d*² ≤ *c*². For one lens the limits are those of the exact thin lens. A microlens of "
             "diameter *D* blurs a point at virtual depth *v* to *D*|1/*v* − 1/*v*~0~|, so that its depth of field is "
-            "symmetric in 1/*v*, where *v*~0~ is the virtual depth in focus; the limits are mapped through the main "
-            "lens. A view of an unfocused plenoptic camera is a lens as wide as its part of the pupil, with one sample "
-            "per microlens, and *c* counts microlenses. Each depth of field is in closed form, exact up to rounding."
+            "symmetric in 1/*v*, where *v*~0~ is the virtual depth in focus; the main lens maps its limits to object "
+            "distances. A view of an unfocused plenoptic camera is a lens as wide as its part of the pupil, with one "
+            "sample per microlens, so that *c* is a number of microlenses. Each depth of field is in closed form, "
+            "exact up to rounding."
         )
     )
     yield _criteria_of_sharpness(tree)
@@ -243,7 +244,7 @@ def _criteria_of_sharpness(tree: xr.DataTree) -> Table:
             Column(title="Camera", weight=3),
             Column(title="Sharp", weight=3),
             Column(title="Depth of field", align="right"),
-            Column(title="Of the scene", align="right"),
+            Column(title="Scene sharp", align="right"),
             Column(title="Exposures", align="right"),
             Column(title="Gaps, or why nothing is sharp", weight=4),
         ),
@@ -273,7 +274,7 @@ def _slices(tree: xr.DataTree) -> Iterator[Block]:
             f"“{_criterion_words(data)}”.",
             columns=(
                 Column(title="Camera", weight=2),
-                Column(title="Slices", weight=5),
+                Column(title="Depths of field", weight=5),
                 Column(title="Overlaps", weight=3),
             ),
             rows=tuple(rows),
@@ -289,12 +290,12 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
     yield Table(
         name="equal-resolution-table",
         caption=f"Comparison at equal lateral resolution: distances at which {size} on the object is resolved, "
-        "geometrically. A camera that samples coarsely gains nothing here from a large depth of field.",
+        "without regard to diffraction. A camera that samples coarsely gains nothing here from a large depth of field.",
         columns=(
             Column(title="Camera", weight=3),
             Column(title="Resolved", weight=3),
             Column(title="Depth of field", align="right"),
-            Column(title="Of the scene", align="right"),
+            Column(title="Scene resolved", align="right"),
             *((Column(title="Why nowhere resolved", weight=4),) if unresolved else ()),
         ),
         notes=(
@@ -330,7 +331,7 @@ def _coverage(tree: xr.DataTree) -> Iterator[Block]:
         yield Table(
             name="coverage-table",
             caption="Mean number of microlenses that see a point at the ends of the scene; beyond the total covering "
-            "plane, where the absolute virtual depth is 2, at least two see every point.",
+            "plane, where the magnitude of the virtual depth is 2, at least two see every point.",
             columns=(
                 Column(title="Camera", weight=2),
                 Column(title="Total covering plane", align="right", weight=1),

@@ -43,9 +43,10 @@ def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
     )
     yield Paragraph(
         say(
-            "*S* is the spectrum of the texture in the picture, *H* the transfer of lenses and pixels, *N* the noise, "
-            "*W* the side of the window: the declared one, or the overlap of the compared pictures on an object if "
-            "that is smaller. A good matcher reaches the bound where the error is small compared with a pixel and the "
+            "*ν* is spatial frequency in the picture, *ν*~x~ its component along the disparity, *S* the spectrum of "
+            "the texture, *N* that of the noise, and *H* the transfer function of lenses and pixels. *W* is the side "
+            "of the window: the declared one, or the overlap of the compared pictures on an object if that is smaller. "
+            "A good matcher reaches the bound where the error is small compared with a pixel and the "
             "window large compared with blur and texture: this requires {needs}. Elsewhere the limit “matching” makes "
             "a distance unusable; it depends on the declared window as much as on the camera. If the window is too "
             "small, declare a larger one, or an estimator that uses nearer microlenses.",
@@ -154,15 +155,16 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
     )
     meanings = {
         "overlap": say(
-            "**Overlap**: the other camera also sees at least the declared fraction of each stereo picture."
+            "**Overlap**: the other camera also sees at least the declared fraction (by default, any) of each stereo "
+            "picture."
         ),
         "total_covering_plane": say(
             "**Total covering plane**: the image formed by the main lens lies at least the declared virtual depth "
             "from the array."
         ),
         "availability": say(
-            "**Availability**: at least the declared fraction of points is seen by two or more of the microlenses "
-            "that the estimator uses."
+            "**Availability**: at least the declared fraction (by default, any) of points is seen by two or more of "
+            "the microlenses that the estimator uses."
         ),
         "focus": say(
             "**Focus**: the geometric blur on the sensor, in the least sharp picture that the estimator needs, is at "

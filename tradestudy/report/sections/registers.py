@@ -207,8 +207,8 @@ def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
     )
     yield Table(
         name="claim-verdicts",
-        caption="The claims and their verdicts; in brackets, where a claim was published. A reading is one set of "
-        "assumptions.",
+        caption="The claims and their verdicts; in brackets, where a claim was published. Expected: of the quantity "
+        "that the section “Claims under every reading” names. A reading is one set of assumptions.",
         columns=(
             Column(title="Claim"),
             Column(title="Says", weight=4),
@@ -248,7 +248,7 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
     yield Table(
         name="claim-values",
         caption="Value found for each claim under each tested reading: ✓ met, ✗ not met, "
-        "≈ so close that a change within the study's tolerance could reverse the verdict.",
+        "≈ so close that a change within the study's tolerance could reverse the verdict, empty: not tested.",
         columns=(
             Column(title="Reading", weight=1),
             *(Column(title=str(row["claim"]), align="right") for row in rows),
@@ -267,8 +267,7 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
 
 
 _NEAR: Final = (
-    ", within the tolerance: omitted effects could change its worst value or a usable range enough to reverse "
-    "the answer"
+    ", though a change of its worst value or of the ends of a usable range that the tolerance allows could reverse this"
 )
 
 
@@ -285,7 +284,8 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
         name="requirement-table",
         caption="Requirements of the study, each with the camera that comes closest. A positive margin is room to "
         "spare, in % of the worst value; “margin / error” is the margin as a multiple of the estimated numerical error "
-        "of that value.",
+        "of that value. For a camera that is unusable over part of the range, the margin is at most minus that part, "
+        "in % of the range on a logarithmic scale.",
         columns=(
             Column(title="Requirement", weight=3),
             Column(title="Met", weight=2),
@@ -338,10 +338,10 @@ def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
         basis = str(one["basis"].item()) if "basis" in one else ""
         return say("{text}^{mark}^", text=text, mark=_MARKS[bases.index(basis)]) if basis in bases else text
 
-    yield Heading(text="Scalar trade criteria", anchor="criteria", level=2)
+    yield Heading(text="Attributes of the cameras", anchor="criteria", level=2)
     yield Table(
         name="criteria-table",
-        caption="Attributes of the cameras; those without a mark are derived from other inputs.",
+        caption="Attributes of the cameras. Those without a mark are derived from other inputs.",
         columns=(Column(title="Criterion", weight=3), *(Column(title=titles[key], weight=2) for key in shown)),
         rows=tuple((in_words(str(name)), *(cell(key, name) for key in shown)) for name in data["criterion"].values),
         notes=(

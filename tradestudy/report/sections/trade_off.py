@@ -10,7 +10,13 @@ from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, pictures_of, say
 from tradestudy.report.words import plus_minus
 from tradestudy.results.views.groups import group
-from tradestudy.results.views.trade_off import candidates_by_rank, pareto_front, trade_off_conclusion, weight_words
+from tradestudy.results.views.trade_off import (
+    candidates_by_rank,
+    pareto_front,
+    scale_words,
+    trade_off_conclusion,
+    weight_words,
+)
 from tradestudy.units import FRACTION
 
 _MOST_ROWS = 10
@@ -46,6 +52,8 @@ def describe_trade_off(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> It
             for one in found[:_MOST_ROWS]
         ),
         notes=(
+            f"Each criterion scores from 0 at its worst to 1 at its best value: {scale_words(tree)}. The weighted sum "
+            "of the scores ranks the candidates.",
             *(("*: beyond the declared worst or best value, and scored like it.",) if clipped else ()),
             *(("†: does not meet every requirement that must hold.",) if outside else ()),
         ),

@@ -97,6 +97,17 @@ def trade_off_conclusion(tree: xr.DataTree) -> str:
     return f"{best.title} ranks first for {_share_words(share)} {of}{suffix}{outside}"
 
 
+def scale_words(tree: xr.DataTree) -> str:
+    """The meaning of each criterion, with the values that score 0 and 1, in words."""
+    data = group(tree, "criteria")
+    ends = (_in_words(data, data[end].values) for end in ("worst", "best"))
+    parts = [
+        f"{name}{f' ({says})' if str(says) != str(name) else ''} from {worst} to {best}"
+        for name, says, worst, best in zip(data["weighed"].values, data["weighed_says"].values, *ends, strict=True)
+    ]
+    return ", ".join(parts)
+
+
 def _share_words(share: float) -> str:
     """A share in per cent, with enough digits to distinguish it from 100 %."""
     return pretty(share, FRACTION, 2 if share < _NEARLY_ALL else 3)
