@@ -61,15 +61,16 @@ class DepthOfFieldPart(Part):
 class ReliefPart(Part):
     """A depth step and a tilted surface in the middle of depth_of_field.range.
 
-    They add two criteria by which cameras are compared: the width of the strip that the step hides, and how
-    differently two views show the tilted surface.
+    For them the program derives criteria by which it compares the cameras, besides declared ones. Among the derived
+    ones are the width of the strip that the step hides, and how differently two views show the tilted surface.
     """
 
     step_height: PositiveLength = Field(
-        description="Height of the depth step, which hides a strip beside it from one of two views."
+        description="Height of the depth step, which hides a strip beside it from one of the two outermost views of a "
+        "camera."
     )
     surface_tilt: NonNegativeAngle = Field(
-        description="Tilt of the surface, which makes two views see it foreshortened by different amounts."
+        description="Tilt of the surface, which the two outermost views therefore see differently foreshortened."
     )
 
     @model_validator(mode="after")

@@ -187,7 +187,8 @@ class SpotSourcePart(Part):
     x: Length = Field(default=0.0, description="Horizontal offset of the source from the axis.")
     y: Length = Field(default=0.0, description="Vertical offset of the source from the axis.")
     coherent: bool = Field(
-        default=False, description="Whether all points of the disc radiate in phase; otherwise they are incoherent."
+        default=False,
+        description="Whether all points of the disc radiate in phase; otherwise they radiate incoherently.",
     )
 
     @model_validator(mode="after")

@@ -288,7 +288,7 @@ class DepthOfFieldRatioClaim(_ClaimPart):
     camera: CameraName = Field(description="Camera whose depth of field is the numerator.")
     against: CameraName = Field(description="Camera whose depth of field is the denominator.")
     blur: PositivePixels | None = Field(
-        default=None, description="Largest blur on each sensor, as in depth_of_field.criteria."
+        default=None, description="Largest blur for both cameras, as in depth_of_field.criteria."
     )
     diffraction: Diffraction | None = Field(
         default=None,

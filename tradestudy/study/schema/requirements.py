@@ -91,7 +91,7 @@ class SharpPart(Part):
 
 
 class CriterionPart(Part):
-    """A bound on a criterion that compares cameras: one declared under `attributes`, or one that `relief` adds."""
+    """A bound on a criterion that is declared under `attributes`, or that the program derives for the `relief`."""
 
     name: Text = Field(description="Name of the criterion, such as one of a camera's attributes.others.")
     below: QuantityText | None = Field(

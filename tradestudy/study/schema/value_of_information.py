@@ -42,7 +42,7 @@ class AssumptionPart(Part):
 
 
 class ValueOfInformationPart(Part):
-    """For each assumption, how much the expected utility of the chosen candidate would gain if the truth were known.
+    """For each assumption, how much knowing the truth would raise the expected utility of the best candidate.
 
     The utility of a camera is minus its relative depth uncertainty, averaged over the distances in `at`.
     """

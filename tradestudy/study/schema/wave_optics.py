@@ -159,7 +159,10 @@ class PointSpreadPart(Part):
     lens_phase: LensPhaseName = Field(
         description="Phase that each lens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
     )
-    pixel_pitch: PixelPitch = Field(description="Pitch of the pixels over which the image of a point spreads.")
+    pixel_pitch: PixelPitch = Field(
+        description="Pixel pitch, for the modulation transfer at half the Nyquist frequency and for the light on "
+        "neighbouring pixels."
+    )
     window: PositiveNumber = Field(
         description="Half the side of the square in which the image of a point is computed, in Airy radii of each lens."
     )
