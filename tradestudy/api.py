@@ -211,7 +211,7 @@ class Study:
         executor: Executor | None = None,
         checkpoints: Checkpoints | None = None,
     ) -> xr.Dataset:
-        """Measure the error and the computing time of each set of models that can answer the study.
+        """Measure the error and the computing time of each set of models for each camera and light path.
 
         Parameters
         ----------

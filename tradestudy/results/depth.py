@@ -127,7 +127,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="px",
         long_name="estimated numerical error of disparity_error_px; 0 where the disparity error is declared, NaN "
-        "where the camera forms no image",
+        "where disparity_error_px is NaN",
         error=ESTIMATE,
     ),
     "virtual_depth": Variable(
@@ -241,7 +241,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         "several pairs of pictures, the side of the window with which a single pair would give the same "
         "information; 0 where the pictures share nothing, NaN where the camera forms no image",
         symbol="W",
-        error="rounding only; for an estimator by least squares, the value may be up to 8 % too small",
+        error="rounding only; for a least-squares estimator, the value may be up to 8 % too small",
     ),
     "electrons": Variable(
         dims=("camera", "distance"),
@@ -254,7 +254,8 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="px",
         long_name="Cramér–Rao bound on the disparity error, without the errors of a declared matcher; infinite "
-        "where the image has no texture left, NaN where the camera forms no image",
+        "where the image has no texture left (there, disparity_error_px of /depth is NaN), NaN where the camera "
+        "forms no image",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_error",

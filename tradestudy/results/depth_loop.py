@@ -39,7 +39,7 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     "fitted": Variable(
         dims=("distance",),
         units="1",
-        long_name="whether the matchers are fitted at this distance, one of depth_loop.fitted_at",
+        long_name="whether this distance is one of depth_loop.fitted_at, at which the matchers are fitted",
         error=EXACT,
     ),
     "matcher": Variable(
