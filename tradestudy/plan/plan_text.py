@@ -60,8 +60,9 @@ def _simulated(one: Chosen) -> str:
         parts.append(one.reasons["calibration"])
     elif "calibration" in models:
         drawn = listed([f"“{name}”" for name in one.choice.other_models])
-        without = ", without calibration errors" * (models["calibration"] == OFF)
-        parts.append(MODEL["calibration", models["calibration"]] + without + f" (exact for {drawn})" * bool(drawn))
+        calibrated = models["calibration"] != OFF
+        named = MODEL["calibration", models["calibration"]] if calibrated else "without calibration errors"
+        parts.append(named + f" (exact for {drawn})" * bool(drawn))
     if "sampling" in models:
         parts.append(f"sampled to {models['sampling']}")
     if not pictured and "calibration" in models:

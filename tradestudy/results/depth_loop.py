@@ -24,9 +24,9 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     "over_matcher": Variable(
         dims=_POINT,
         units="1",
-        long_name="standard deviation of the depth errors, converted to disparity, of all points but false matches, each "
-        "divided by the disparity error that the fitted matcher predicts for the matching window of the point; NaN "
-        "where nothing was measured or no matcher was fitted",
+        long_name="standard deviation of the depth errors, converted to disparity, of all points but false matches, "
+        "each divided by the disparity error that the fitted matcher predicts for the matching window of the point; "
+        "NaN where nothing was measured or no matcher was fitted",
         error="see over_matcher_error",
     ),
     "over_matcher_error": Variable(
