@@ -117,8 +117,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="px",
         long_name="disparity error: as declared, or derived from scene.picture with the errors of a declared matcher; "
-        "for an unfocused plenoptic camera, 1 px is one microlens; NaN where the camera forms no image or its image "
-        "has no texture left",
+        "for an unfocused plenoptic camera, 1 px is one microlens; NaN where the camera forms no image or the "
+        "compared pictures share no texture",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_error",
@@ -254,7 +254,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="px",
         long_name="Cramér–Rao bound on the disparity error, without the errors of a declared matcher; infinite "
-        "where the image has no texture left (there, disparity_error_px of /depth is NaN), NaN where the camera "
+        "where the compared pictures share no texture (there, disparity_error_px of /depth is NaN), NaN where the camera "
         "forms no image",
         symbol="σ_d",
         reference=_MATCHING,
@@ -270,7 +270,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance", "change"),
         units="px",
         long_name="disparity_error_px with one cause changed: everything in focus, no diffraction, as much light as "
-        "the brightest_camera has, or ten times the light; infinite where the image has no texture left; "
+        "the brightest_camera has, or ten times the light; infinite where the compared pictures share no texture; "
         "NaN where the camera forms no image and, with the light of the brightest_camera, also for that camera "
         "itself and where there is no brightest_camera",
         symbol="σ_d",
