@@ -254,8 +254,8 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="px",
         long_name="Cramér–Rao bound on the disparity error, without the errors of a declared matcher; infinite "
-        "where the compared pictures share no texture (there, disparity_error_px of /depth is NaN), NaN where the camera "
-        "forms no image",
+        "where the compared pictures share no texture (there, disparity_error_px of /depth is NaN), NaN where the "
+        "camera forms no image",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_error",
