@@ -115,8 +115,8 @@ a lens or a light path. `decision` lists every model of every effect of each pro
 have tolerances under `accuracy`.
 """,
     "cost": """
-Error and computing time of each set of models that can answer the study, as measured by [`cost`](#command-cost). A
-*problem* is a camera or a light path; an *entry* is one set of models for a problem.
+Error and computing time of each set of models with which the answers of a study can be computed, as measured by
+[`cost`](#command-cost). A *problem* is a camera or a light path; an *entry* is one set of models for a problem.
 """,
     "claims": "Published statements, declared in `claims`, each compared with the results under its readings.",
     "datasheet": "Each camera in the terms of depth-camera data sheets, at one to five distances (`sheet_distance`).",

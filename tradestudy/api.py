@@ -129,7 +129,7 @@ class Study:
     def check_summary(self) -> str:
         """What the study will compute, in one line."""
         file, case = self.file, self.definition.case
-        ends = f"; {case.distance[0]:g} to {case.distance[-1]:g} m" if case.distance.size else ""
+        ends = f" from {case.distance[0]:g} to {case.distance[-1]:g} m" if case.distance.size else ""
         sizes = [
             (len(file.cameras), "camera"),
             (len(case.distance), "distance"),
@@ -138,8 +138,8 @@ class Study:
             (len(file.requirements), "requirement"),
             (0 if file.light_spot is None else 1, "light spot"),
         ]
-        words = ", ".join(counted(count, word) for count, word in sizes if count)
-        return f"{self.name}: {words or 'no mistakes'}{ends}"
+        words = ", ".join(counted(count, word) + ends * (word == "distance") for count, word in sizes if count)
+        return f"{self.name}: {words or 'no mistakes'}"
 
     def check(self) -> str:
         """Check that the program can compute the study to its tolerances.
@@ -211,7 +211,7 @@ class Study:
         executor: Executor | None = None,
         checkpoints: Checkpoints | None = None,
     ) -> xr.Dataset:
-        """Measure the error and the computing time of each set of models that can answer the study.
+        """Measure the error and the computing time of each set of models for each camera and light path.
 
         Parameters
         ----------

@@ -98,6 +98,7 @@ def test_the_r5_has_a_window_where_it_has_a_pair() -> None:
     assert 0 < there.sum() < there.size
     found = PictureDisparityError(settings=SETTINGS, models=CLOSED)
     assert np.all(np.isnan(found.error_px(r5(), distance[~there])))
+    assert np.all(np.isnan(found.numerical_error_px(r5(), distance[~there])))
     assert not found.limit(r5(), distance[~there]).met.any()
     assert "the window has too few samples" in found.broken_conditions(r5(), 0.15)  # 4.2 px
 

@@ -137,7 +137,7 @@ def _walks(tree: xr.DataTree, posterior: str) -> FloatArray:
 
 @styled()
 def draw_trace(tree: xr.DataTree, posterior: str) -> StudyFigure:
-    """Draw the first walker of every ensemble, in standard deviations from the mean, over the kept steps."""
+    """Draw the first walker of every ensemble, in standard deviations from the mean, after the warm-up."""
     names, scores = shown_parameters(tree, posterior), _walks(tree, posterior)
     figure = new_figure(0.5 + 0.55 * len(names))
     panels = figure.subplots(len(names), 1, sharex=True, sharey=True, squeeze=False).ravel()
@@ -148,5 +148,5 @@ def draw_trace(tree: xr.DataTree, posterior: str) -> StudyFigure:
         axes.set(ylim=(-4.0, 4.0), yticks=[-2, 0, 2])
         axes.tick_params(labelsize=SMALL)
         axes.set_ylabel(_lines(names[number]), fontsize=SMALL, rotation=0, ha="right", va="center")
-    panels[-1].set(xlim=(0.0, 1.0), xlabel="share of the kept chain")
+    panels[-1].set(xlim=(0.0, 1.0), xlabel="fraction of the chain after its warm-up")
     return figure

@@ -68,9 +68,10 @@ class PictureDisparityError:
         return np.where(np.isinf(value), np.nan, value).reshape(np.shape(distance))
 
     def numerical_error_px(self, camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
-        """Estimated numerical error of `error_px` [samples]."""
+        """Estimated numerical error of `error_px` [samples]; NaN where that is NaN."""
         found = self.at_field(camera, field).derived(camera, distance)
-        return self.matcher.numerical_error_px(found.value, found.error).reshape(np.shape(distance))
+        error = self.matcher.numerical_error_px(found.value, found.error)
+        return np.where(np.isfinite(found.value), error, np.nan).reshape(np.shape(distance))
 
     def at_field(self, camera: DepthCamera, field: float) -> PictureDisparityError:
         """The law at a field position; unchanged on the axis."""

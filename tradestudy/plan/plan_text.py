@@ -60,8 +60,9 @@ def _simulated(one: Chosen) -> str:
         parts.append(one.reasons["calibration"])
     elif "calibration" in models:
         drawn = listed([f"“{name}”" for name in one.choice.other_models])
-        without = ", without calibration errors" * (models["calibration"] == OFF)
-        parts.append(MODEL["calibration", models["calibration"]] + without + f" (exact for {drawn})" * bool(drawn))
+        calibrated = models["calibration"] != OFF
+        named = MODEL["calibration", models["calibration"]] if calibrated else "without calibration errors"
+        parts.append(named + f" (exact for {drawn})" * bool(drawn))
     if "sampling" in models:
         parts.append(f"sampled to {models['sampling']}")
     if not pictured and "calibration" in models:
@@ -157,13 +158,14 @@ def _decisions(one: Chosen) -> Iterator[str]:
     """Every model of every effect with its change, or the reason why the effect has only one model."""
     for quantity, tolerance in one.asked.items():
         total = one.choice.changes[quantity]
-        share = _share(quantity, total, one)
-        yield f"all omissions: {IN_WORDS[quantity]}, {share}; {pretty(tolerance, FRACTION)} allowed"
+        share, allowed = _share(quantity, total, one), pretty(tolerance, FRACTION)
+        yield f"all omissions together change the {IN_WORDS[quantity]} by {share}; {allowed} allowed"
     for quantity, total in one.choice.changes.items():
         if quantity not in one.asked:
-            yield f"no tolerance: {IN_WORDS[quantity]}, {_share(quantity, total, one)}"
+            share = _share(quantity, total, one)
+            yield f"all omissions together change the {IN_WORDS[quantity]} by {share}; no tolerance applies"
     stated: set[str] = set()
-    yield "● used, ○ compared; each with the change that it alone would cause"
+    yield "● used, ○ not used; each change is relative to the most complete model of the effect"
     for decision in one.choice.decisions:
         mark, name = "●" if decision.chosen else "○", f"{decision.slot.replace('_', ' ')}: {decision.model}"
         if reason := one.reasons.get(decision.slot):
@@ -172,17 +174,17 @@ def _decisions(one: Chosen) -> Iterator[str]:
             yield f"{mark} {name}{once}"
             continue
         asked = ((quantity, change) for quantity, change in decision.changes.items() if quantity in one.asked)
-        numbers = ", ".join(f"{IN_WORDS[quantity]} {_share(quantity, change, one)}" for quantity, change in asked)
-        yield f"{mark} {name}  {numbers}"
+        changed = ", ".join(f"the {IN_WORDS[of]} by {_share(of, change, one)}" for of, change in asked)
+        yield f"{mark} {name}" + f"  changes {changed}" * bool(changed)
 
 
 def _share(quantity: Quantity, change: Change, one: Chosen) -> str:
-    """A change and its evidence: "0.22 %", "up to about 1.3 %", "about 0.02 %, trial at a few distances"."""
+    """A change and its evidence: "0.22 %", "up to about 1.3 %", "about 0.02 % (trial at a few distances)"."""
     if math.isinf(change.relative) or change.relative == 0.0:
         return _amount(change)
     amount = _amount(change, one.asked.get(quantity, math.nan))
     at = "" if math.isnan(change.at) else f" at {distance(change.at)}"
-    return f"{amount}{at}{f', {_tried(quantity)}' if change.evidence == 'trial' else ''}"
+    return f"{amount}{at}{f' ({_tried(quantity)})' if change.evidence == 'trial' else ''}"
 
 
 def _tried(quantity: Quantity) -> str:

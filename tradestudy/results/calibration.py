@@ -10,7 +10,9 @@ from tradestudy.results.variable import ESTIMATE, Variable
 CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_converged": Variable(dims=("posterior",), units="1", long_name="whether the Markov chains converged"),
     "posterior_verdict": Variable(
-        dims=("posterior",), units="", long_name="convergence limits that the chains miss; empty where they converged"
+        dims=("posterior",),
+        units="",
+        long_name="convergence criteria that the chains do not meet; empty where they converged",
     ),
     "posterior_kind": Variable(
         dims=("posterior",),
@@ -20,7 +22,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_lengths": Variable(
         dims=("posterior",),
         units="1",
-        long_name="length of the chains: number of kept steps, divided by the longest autocorrelation time",
+        long_name="length of the chains: number of steps after the warm-up, divided by the longest "
+        "autocorrelation time",
         symbol="N/τ",
     ),
     "posterior_acceptance": Variable(
@@ -117,7 +120,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
         dims=("posterior", "ensemble", "step", "parameter"),
         units="mixed",
         long_name="value of a parameter along the first walker of each ensemble, at steps spread evenly over the "
-        "kept chain; NaN where the parameter is not fitted",
+        "chain after its warm-up; NaN where the parameter is not fitted",
     ),
     "rig_quantity": Variable(
         dims=("rig_row",), units="", long_name="name of a finding about a stereo rig calibrated from corners"

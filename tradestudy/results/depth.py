@@ -117,8 +117,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="px",
         long_name="disparity error: as declared, or derived from scene.picture with the errors of a declared matcher; "
-        "for an unfocused plenoptic camera, 1 px is one microlens; NaN where the camera forms no image or its image "
-        "has no texture left",
+        "for an unfocused plenoptic camera, 1 px is one microlens; NaN where the camera forms no image or the "
+        "compared pictures share no texture",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_error",
@@ -127,7 +127,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="px",
         long_name="estimated numerical error of disparity_error_px; 0 where the disparity error is declared, NaN "
-        "where the camera forms no image",
+        "where disparity_error_px is NaN",
         error=ESTIMATE,
     ),
     "virtual_depth": Variable(
@@ -241,7 +241,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         "several pairs of pictures, the side of the window with which a single pair would give the same "
         "information; 0 where the pictures share nothing, NaN where the camera forms no image",
         symbol="W",
-        error="rounding only; for an estimator by least squares, the value may be up to 8 % too small",
+        error="rounding only; for a least-squares estimator, the value may be up to 8 % too small",
     ),
     "electrons": Variable(
         dims=("camera", "distance"),
@@ -254,7 +254,8 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="px",
         long_name="Cramér–Rao bound on the disparity error, without the errors of a declared matcher; infinite "
-        "where the image has no texture left, NaN where the camera forms no image",
+        "where the compared pictures share no texture (there, disparity_error_px of /depth is NaN), NaN where the "
+        "camera forms no image",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_error",
@@ -269,7 +270,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance", "change"),
         units="px",
         long_name="disparity_error_px with one cause changed: everything in focus, no diffraction, as much light as "
-        "the brightest_camera has, or ten times the light; infinite where the image has no texture left; "
+        "the brightest_camera has, or ten times the light; infinite where the compared pictures share no texture; "
         "NaN where the camera forms no image and, with the light of the brightest_camera, also for that camera "
         "itself and where there is no brightest_camera",
         symbol="σ_d",

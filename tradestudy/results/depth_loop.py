@@ -24,22 +24,22 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     "over_matcher": Variable(
         dims=_POINT,
         units="1",
-        long_name="standard deviation of the disparity errors of all points but false matches, each divided by the "
-        "error that the fitted matcher predicts for the matching window of the point; NaN where nothing was measured "
-        "or no matcher was fitted",
+        long_name="standard deviation of the depth errors, converted to disparity, of all points but false matches, "
+        "each divided by the disparity error that the fitted matcher predicts for the matching window of the point; "
+        "NaN where nothing was measured or no matcher was fitted",
         error="see over_matcher_error",
     ),
     "over_matcher_error": Variable(
         dims=_POINT,
         units="1",
-        long_name="standard error of over_matcher, from the fourth moment of the disparity errors; NaN "
+        long_name="standard error of over_matcher, from the fourth moment of these depth errors; NaN "
         "where over_matcher is NaN",
         error=ESTIMATE,
     ),
     "fitted": Variable(
         dims=("distance",),
         units="1",
-        long_name="whether the matchers are fitted at this distance, one of depth_loop.fitted_at",
+        long_name="whether this distance is one of depth_loop.fitted_at, at which the matchers are fitted",
         error=EXACT,
     ),
     "matcher": Variable(

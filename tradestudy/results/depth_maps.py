@@ -140,7 +140,7 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
         long_name="all-in-focus picture, computed from the camera's pictures and the measured depth, relative to that "
         "of a white scene; NaN where the camera computes none, and beyond the edge of pictures smaller than the "
         "largest",
-        error="not stored: from the errors of the measured depth and the noise of the pictures",
+        error="not stored: it comes from the errors of the measured depth and the noise of the pictures",
     ),
     "class_distance": Variable(
         dims=_CLASS,

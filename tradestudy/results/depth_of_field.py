@@ -78,8 +78,9 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "images": Variable(
         dims=("camera", "sharp"),
         units="1",
-        long_name="number of images that the camera takes of depth_of_field.range; 0 if no number of images would "
-        "show all of it sharp",
+        long_name="number of images that the camera takes: for a focus stack, of its own range; for a camera that "
+        "focuses on every object, of depth_of_field.range; otherwise 1; 0 where no number of images would show the "
+        "whole range sharp",
         error=COUNTED,
     ),
     "reason": Variable(

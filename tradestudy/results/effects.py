@@ -40,7 +40,7 @@ EFFECTS: Final[Mapping[str, Variable]] = {
     "change_at": Variable(
         dims=_CHANGE,
         units="m",
-        long_name="distance at which the change is largest; NaN where it has none",
+        long_name="distance at which the change is largest; NaN where the change belongs to no distance",
         error="the spacing of the examined distances",
     ),
     "joint_change": Variable(

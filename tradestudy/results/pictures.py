@@ -30,7 +30,7 @@ PICTURES: Final[Mapping[str, Variable]] = {
         dims=_WHOLE,
         units="m",
         long_name="true depth at the middle pixel of a block; infinite where the pixel sees no surface, NaN where "
-        "no light reaches the pixel through the pupil or beyond the edge of pictures smaller than the largest",
+        "no light reaches the pixel through the pupil, and beyond the edge of pictures smaller than the largest",
         error="rounding only",
     ),
     "camera_of": Variable(dims=_OF, units="", long_name="camera that takes the picture"),
@@ -61,6 +61,6 @@ PICTURES: Final[Mapping[str, Variable]] = {
         long_name="for a picture by rays, the relative change in the L2 norm that diffraction would cause; for a "
         "picture by waves, the fraction of the light that diffraction spreads beyond the range that is "
         "computed",
-        error="itself an error estimate; by rays, from places all over the picture, with a margin of 30 %",
+        error="itself an error estimate; for a picture by rays, from places all over it, with a margin of 30 %",
     ),
 }

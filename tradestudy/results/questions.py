@@ -248,7 +248,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "place": Variable(
         dims=_OF_REQUIREMENT,
         units="m",
-        long_name="distance of the worst value; NaN where it has none",
+        long_name="distance of the worst value; NaN where the value belongs to no distance",
         error="1e-4, relative",
     ),
     "margin_percent": Variable(

@@ -72,8 +72,8 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         units="1",
         symbol="b_i^r",
         reference=_SMAA,
-        long_name="fraction of the draws of possible weights, and of criteria within their errors, that give a "
-        "candidate this rank",
+        long_name="fraction of the draws in which the candidate has this rank; each draw takes possible weights, and "
+        "random errors of the criteria",
         error="see rank_acceptability_error",
     ),
     "rank_acceptability_error": Variable(

@@ -22,8 +22,8 @@ VALUE_OF_INFORMATION: Final[Mapping[str, Variable]] = {
     "worth_bias": Variable(
         dims=("assumption",),
         units="1",
-        long_name="upward bias of 'worth': the apparent gain from choosing the best camera by utilities that contain "
-        "noise",
+        long_name="upward bias that has been subtracted from 'worth': the apparent gain from choosing the best camera "
+        "by utilities that contain noise",
         error=ESTIMATE,
     ),
     "says": Variable(dims=("assumption",), units="", long_name="name of the assumption in reports"),

@@ -131,7 +131,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         dims=_ELEMENT,
         units="1",
         long_name="condition number of eq. 27: relative change of the fractional part of 4 (a + b)/λ, which decides "
-        "the zeros, per relative change of a length",
+        "the solutions, per relative change of a length",
         reference=f"{PAPER}, eq. 27",
         error=ROUNDING,
     ),

@@ -45,7 +45,7 @@ class SamplerDiagnostics:
     autocorrelation_steps : array (P,)
         Integrated autocorrelation time [steps]; the largest value over the ensembles.
     lengths : float
-        Number of kept steps divided by the longest autocorrelation time.
+        Number of steps after the warm-up, divided by the longest autocorrelation time.
     r_hat : array (P,)
         Rank-normalised split R-hat across ensembles.
     walker_r_hat : array (P,)
