@@ -272,10 +272,13 @@ def _readings(tree: xr.DataTree) -> Drawing:
 def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
     names = parameter_words(tree, swept(tree["depth"].to_dataset()))
     place, why = distance(sweeps.reference_distance(tree)), sweeps.why_this_distance(tree)
+    unseen = (
+        " Dash: the camera does not see the point, or the uncertainty has no bound." if sweeps.has_gaps(tree) else ""
+    )
     if moved := sweeps.moved_cameras(tree):
         yield Drawing(
             name="sweep_map",
-            caption=f"Depth uncertainty at {place}, numbers in mm, over the swept {names}.{why}",
+            caption=f"Depth uncertainty at {place}, numbers in mm, over the swept {names}.{unseen}{why}",
             alt=f"Depth uncertainty at {place} over the swept {names}. "
             + "".join(f"{camera.title}: {_swept_words(tree, camera.key)}. " for camera in moved),
             draw=partial(sweeps.draw_sweep_map, tree),

@@ -128,6 +128,13 @@ def _mapped(tree: xr.DataTree) -> tuple[xr.DataArray, list[str]]:
     return depth["depth_uncertainty"].isel(dict.fromkeys(dims[2:], 0)), dims
 
 
+def has_gaps(tree: xr.DataTree) -> bool:
+    """Whether a map of `draw_sweep_map` has cells without a finite value."""
+    uncertainty, dims = _mapped(tree)
+    shown = uncertainty.sel(camera=[camera.key for camera in moved_cameras(tree)])
+    return len(dims) > 1 and not np.isfinite(shown.values).all()
+
+
 def map_tables(tree: xr.DataTree) -> Tables:
     """Make the tables of numbers of the maps of `draw_sweep_map`; none where it draws curves."""
     uncertainty, dims = _mapped(tree)

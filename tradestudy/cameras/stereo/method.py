@@ -19,13 +19,14 @@ METHOD: Final = Method(
             alt="Z equals c times B over d. The change of Z equals Z squared over c B times the change of d. A yaw psi "
             "changes Z by about Z squared over B, times one plus x squared over c squared, times psi.",
         ),
-        "The last two are linear approximations, which explain the magnitudes. The numbers come from the exact "
+        "The last two are linear approximations, which show how the errors scale. The numbers come from the exact "
         "expression, in which depth becomes infinite where the yaw cancels the disparity, at *Z* = *B*/ψ. The overlap "
-        "of the two fields of view limits how near the rig can measure. It is 1 − *B*/*W*, where "
-        "*W* = 2 *Z* tan(FOV/2) is the width of each field of view at the distance *Z*.",
+        "of the two fields of view, 1 − *B*/*W*, limits how near the rig can measure; *W* = 2 *Z* tan(FOV/2) is the "
+        "width of each field of view at the distance *Z*.",
         "The principal distance *c* is the distance from the lens to the sensor. By default it equals the focal length "
-        "*f*, as in a calibration in pixels. If the study declares `principal_distance: focused`, it is the image "
-        "distance of a thin lens focused at *a*, *f* *a*/(*a*\u00a0−\u00a0*f*), which exceeds *f* by the fraction "
+        "*f*, which is right if *f* comes from a calibration in pixels. If the study declares "
+        "`principal_distance: focused`, it is the image distance of a thin lens focused at *a*, "
+        "*f* *a*/(*a*\u00a0−\u00a0*f*), which exceeds *f* by the fraction "
         "*f*/(*a*\u00a0−\u00a0*f*). The derived properties of the cameras list both.",
     ),
     baseline_note="The reference rig has parallel axes. A rig with converging axes and baseline *B* measures as well "

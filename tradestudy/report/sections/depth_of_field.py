@@ -108,7 +108,7 @@ def _findings(tree: xr.DataTree, rows: list[_Row]) -> Iterator[Spans]:
         )
     if keep and keep[0] not in still[:1]:
         yield say(
-            "**Finest on all of it: {best}**, resolving {size} with {images} and {parts}.",
+            "**Finest throughout: {best}**, resolving {size} with {images} and {parts}.",
             best=keep[0].title,
             size=length(keep[0].resolution),
             images=counted(keep[0].images, "exposure"),
@@ -135,10 +135,11 @@ def _diffraction_finding(tree: xr.DataTree) -> Iterator[Spans]:
         one = data.sel(sharp=name)
         if str(one["diffraction"].item()) != "none":
             blind = int(np.sum(np.asarray(one["extent"].values, dtype=np.float64) == 0.0))
-            words.append(f"{blind or 'none'} by the criterion “{_criterion_words(one)}”")
+            what = "" if words else " from being sharp anywhere"
+            words.append(f"{blind or 'none'}{what} by the criterion “{_criterion_words(one)}”")
     if words:
         yield say(
-            "Diffraction alone keeps this many of {count} from being sharp anywhere: {words}.",
+            "Of {count}, diffraction alone keeps {words}.",
             count=counted(data.sizes["camera"], "camera"),
             words=listed(words),
         )

@@ -139,7 +139,11 @@ def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
             of.setdefault(str(row["title"]), []).append(in_words(str(row["slot"])))
     for reason, of in by_reason.items():
         effects = ", ".join(dict.fromkeys(effect for names in of.values() for effect in names))
-        whom = f" for {'; '.join(of)}" if set(of) != everything else ""
+        whom = (
+            f" for {'; '.join(title.replace('Pictures by', 'pictures by') for title in of)}"
+            if set(of) != everything
+            else ""
+        )
         yield f"Not simulated{whom}, because {reason}: {effects}."
 
 

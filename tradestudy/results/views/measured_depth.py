@@ -75,7 +75,7 @@ def _one(row: xr.Dataset, titles: Mapping[str, str]) -> str:
     )
     if not np.isfinite(spread):
         return f"{title} measured nothing"
-    suffix = f" (predicted: ±{pretty(predicted, LENGTH, digits=2)})" if np.isfinite(predicted) else ""
+    suffix = f" (predicted uncertainty: ±{pretty(predicted, LENGTH, digits=2)})" if np.isfinite(predicted) else ""
     return (
         f"{title} measured {pretty(filled, FRACTION, digits=2)} of the points visible in two pictures, with a "
         f"spread of ±{pretty(spread, LENGTH, digits=2)}{suffix} and a bias of {pretty(bias, LENGTH, digits=2)}"
