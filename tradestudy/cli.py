@@ -379,7 +379,7 @@ def compare(
     ] = None,
     debug: DebugOption = False,
 ) -> None:
-    """Compare runs: conclusions, inputs and results. Results that differ by more than their error count as changed."""
+    """Compare runs: conclusions, inputs and results. A result has changed if it differs by more than its error."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.results.storage import replace_file

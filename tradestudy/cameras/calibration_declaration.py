@@ -65,8 +65,8 @@ class StabilityPart(Part):
     )
     color: LengthDistribution | None = Field(
         default=None,
-        description="Focal length in the colour of the object minus focal length in the colour of the calibration "
-        "target.",
+        description="Focal length for light of the object's colour, minus that for light of the calibration target's "
+        "colour.",
     )
     ageing: ErrorsPart = Field(
         default_factory=ErrorsPart, description="Errors that have been added to the parameters since the calibration."

@@ -49,8 +49,8 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
     yield Drawing(
         name="sobol-indices",
         caption="Total (lines) and first-order (rings) Sobol indices of inverse depth on the axis, of "
-        "the independent sources that reach 0.02. They show interactions, not shares: where sources interact, total "
-        "indices sum to more than 1.",
+        "the independent sources that reach 0.02. A line above its ring shows interaction with other sources; total "
+        "indices then sum to more than 1, so that they are not shares.",
         alt="One chart per camera of total and first-order Sobol indices against distance. Largest total index at "
         f"{pretty(place, LENGTH)}: " + _index_words(tree, place),
         draw=partial(sensitivity.draw_indices, tree),
@@ -157,9 +157,9 @@ def _trust(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
         name=f"trust-{name}",
         caption=f"How far to trust the calibration of {camera_titles(tree)[name]}. Above: mean residuals of each "
         "camera fitted alone, in cells of its picture; arrows that agree in neighbouring cells show errors of the lens "
-        "model or of the board. Below: the root mean square difference between depths that random halves of the views "
-        "give midway between the axes, the difference that the uncertainties of these halves claim, and the "
-        "uncertainty that all views together claim.",
+        "model or of the board. Below, midway between the optical axes: the RMS difference between the depths that "
+        "random halves of the views give, that difference as predicted from the uncertainties of these halves, "
+        "and the uncertainty of the fit to all views.",
         alt=f"Two maps of arrows for {camera_titles(tree)[name]}, and a chart of halves of the views, whose "
         "differences, divided by the claimed ones, are: "
         + ", ".join(f"{significant(float(one), 2)} at {where}" for one, where in zip(ratio, distances, strict=True))

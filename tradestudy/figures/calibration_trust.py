@@ -73,6 +73,6 @@ def draw_trust(tree: xr.DataTree, posterior: str) -> StudyFigure:
     axes.set_xticks(distance, [f"{one:g}" for one in distance])
     axes.minorticks_off()
     log_axis(axes, "y", tick=length_tick)
-    axes.set(xlabel="distance [m]", ylabel="standard deviation of depth")
+    axes.set(xlabel="distance [m]", ylabel="RMS difference or uncertainty")
     name_ends(axes, drawn)
     return figure

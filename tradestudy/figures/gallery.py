@@ -152,8 +152,8 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Dr
     return Drawing(
         name=name,
         caption=f"Depth discrimination and depth uncertainty from {where}. Discrimination is the "
-        "change of depth that moves the disparity by its declared step, without noise or calibration errors; "
-        "uncertainty includes both." + _design_words(tree),
+        "change of depth that moves the disparity by its declared step, without noise or calibration errors, shaded "
+        "between a step nearer and a step farther; uncertainty includes both." + _design_words(tree),
         alt=f"Two charts against distance from {where}, depth on a logarithmic axis: discrimination and uncertainty. "
         f"Uncertainty {_values_at(tree, shown, far)}.",
         draw=partial(depth_curves.draw_discrimination_and_uncertainty, tree, near, far),

@@ -234,8 +234,9 @@ def _value_and_error(texture: PassedTexture) -> tuple[FloatArray, FloatArray]:
 def matching_needs() -> str:
     """The conditions for a matcher to reach the bound, in words."""
     return (
-        f"an error of at most {LARGEST_ERROR_PX:g} px, and a window of at least {SMALLEST_WINDOW_PX:g} samples, "
-        f"{_WINDOW_OVER_BLUR:g} times the blur and {_WINDOW_OVER_LENGTH:g} times the texture's correlation length"
+        f"an error of at most {LARGEST_ERROR_PX:g} px, and a window at least as wide as the largest of "
+        f"{SMALLEST_WINDOW_PX:g} samples, {_WINDOW_OVER_BLUR:g} times the blur and {_WINDOW_OVER_LENGTH:g} times the "
+        "texture's correlation length"
     )
 
 

@@ -39,8 +39,8 @@ METHOD: Final = Method(
         "*v* for the widest pair, and is constant for least squares over all lenses.",
         "Where the disparity error is derived from the picture, it is that of comparing two micro-images, each *n* in "
         "diameter, over the part of the object that both show. If their microlenses are *D* apart, the micro-images "
-        "are offset by *d* once their textures are aligned, and the largest square that fits into both has the side "
-        "*w*, with the image a distance *b*~M~ behind the main lens:",
+        "are offset by *d* once their textures are aligned. If the image lies a distance *b*~M~ behind the main lens, "
+        "the largest square that fits into both has the side *w*:",
         Formula(
             typst="w = (sqrt(2 n^2 - d^2) - d) / 2, quad d = D / abs(v) thin b_M / z",
             alt="w equals half of the square root of two n squared minus d squared, less d, where d is D over the "

@@ -38,9 +38,9 @@ class ChainAccuracy:
     tolerance
         Relative L2 error over the pixels that the sampling should achieve [1], in 1e-6 … 0.2.
     pupil_nodes
-        Factor on the phase variation across the pupil of the main lens for which its quadrature nodes are chosen.
+        Factor on the phase variation that the quadrature nodes in the pupil of the main lens are chosen to resolve.
     microlens_nodes
-        Factor on the phase variation across a microlens for which its quadrature nodes are chosen.
+        Factor on the phase variation that the quadrature nodes on a microlens are chosen to resolve.
     field_sampling
         Factor on the density of the samples of the main lens's field on the array.
     diffraction_reach
@@ -49,8 +49,8 @@ class ChainAccuracy:
         Factor on the number of samples of the field along a pixel.
     source_sampling
         Factor on the density of the points that represent a disc source, and on the number of distances from the axis
-        at which the main lens's field is computed for such a source. With ``geometric`` on both legs, factor on the
-        density of the rays.
+        at which the main lens's field is computed for such a source. If the light is ``geometric`` both to the array
+        and to the sensor, factor on the density of the rays.
     memory_limit
         Memory that the arrays of one computation may take [bytes]. The error estimate (`compared`) needs a second
         computation at the same time, which may take as much again.
@@ -107,7 +107,8 @@ class ChainAccuracy:
 
         They are coarser, with two exceptions. A factor below 1 becomes 1, because undersampled light could alias in the
         same way on even fewer samples. `diffraction_reach` becomes larger: light beyond the reach comes from the edges
-        of further microlenses, and a shorter reach could exclude the same edges.
+        of further microlenses, and a shorter reach could exclude the same edges, so that no difference showed what is
+        missing.
 
         Returns
         -------

@@ -110,7 +110,8 @@ def _averaging(tree: xr.DataTree) -> Table:
 
     return Table(
         name="averaging-table",
-        caption="Number of measurements of one point whose mean has as much noise as calibration error. Averaging more "
+        caption="How many measurements of one point to average until the noise of their mean equals the calibration "
+        "error. Averaging more "
         "gains little, because calibration errors do not average out.",
         columns=(
             Column(title="Camera", weight=1),
@@ -120,8 +121,8 @@ def _averaging(tree: xr.DataTree) -> Table:
             (title, *(cell(key, float(place)) for place in places)) for key, title in titles_in(tree, "depth").items()
         ),
         notes=(
-            "< 1: the noise of one measurement is already below the calibration error. ∞: calibration errors do not "
-            "affect depth there, or were left out within the tolerance.",
+            "< 1: the noise of one measurement is already below the calibration error. ∞: calibration errors have no "
+            "effect there, or one too small to be simulated.",
         ),
     )
 

@@ -23,7 +23,7 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="Data sheets", anchor="datasheets")
     yield Paragraph(
         say(
-            "Values hold on the axis, for the study as declared and its scene, at one sigma unless stated otherwise; "
+            "Values hold on the axis, for the declared scene and cameras, at one sigma unless stated otherwise; "
             "they follow no published test standard. Percentages in brackets are of the distance. *Z accuracy*: half "
             "the central 68.27 % interval from calibration errors alone, which remain after averaging many pictures. "
             "*Temporal noise*: the same from noise alone. *Sub-pixel RMS*: standard deviation of one disparity, as "

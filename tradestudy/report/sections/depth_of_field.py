@@ -201,12 +201,13 @@ def describe_depth_of_field(tree: xr.DataTree, drawings: Mapping[str, Drawing]) 
     yield Heading(text="Depth of field", anchor="depth-of-field-results")
     yield Paragraph(
         say(
-            "A point is sharp where its geometric blur *g* and the diffraction spot *d* stay below the criterion "
-            "together, *g*² + *d*² ≤ *c*². For one lens the limits are those of the exact thin lens. A microlens of "
-            "diameter *D* blurs a point at virtual depth *v* to *D*|1/*v* − 1/*v*~0~|, so that its depth of field is "
-            "symmetric in 1/*v*, where *v*~0~ is the virtual depth in focus; the main lens maps its limits to object "
-            "distances. A view of an unfocused plenoptic camera is a lens as wide as its part of the pupil, with one "
-            "sample per microlens, so that *c* is a number of microlenses. Each depth of field is in closed form, "
+            "A point is sharp where its geometric blur *g* and the diffraction spot *d*, added in quadrature, do not "
+            "exceed the criterion *c*: *g*² + *d*² ≤ *c*². For a camera without microlenses, the near and far limits "
+            "are those of a thin lens, without approximation. With *v*~0~ the virtual depth in focus, a microlens of "
+            "diameter *D* blurs a point at virtual depth *v* to *D*|1/*v* − 1/*v*~0~|. Its depth of field is therefore "
+            "symmetric in 1/*v*; the main lens maps the limits to object distances. Each view of an unfocused "
+            "plenoptic camera is treated as the picture of a lens as wide as its part of the pupil. It has one sample "
+            "per microlens, so that *c* counts microlenses instead of pixels. Every depth of field is in closed form, "
             "exact up to rounding."
         )
     )

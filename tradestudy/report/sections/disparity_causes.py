@@ -40,9 +40,9 @@ def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="What the disparity error is made of", anchor="disparity-causes", level=2)
     yield Paragraph(
         say(
-            "A disparity error derived from the picture is the smallest that any matcher can reach. To find its "
-            "causes, the program recomputes it without one of them: defocus blur, the diffraction of all lenses, or "
-            "the lack of light relative to the brightest of these cameras. At {place} (see "
+            "A disparity error derived from the simulated picture is the smallest that any matcher can reach. To find "
+            "its causes, the program recomputes it without defocus blur, without the diffraction of all lenses, and "
+            "with the light of the brightest of these cameras. At {place} (see "
             "[](#disparity-causes-table) for the other distances):",
             place=distance(float(found["distance"][middle])),
         )
@@ -236,14 +236,15 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
         notes=(
             "Electrons: mean per pixel. "
             + (
-                "Window: side of the matching window in pixels, as declared or the largest that both pictures share. "
+                "Window: side of the matching window in pixels; the declared window, or the part of it that both "
+                "pictures share. "
                 if windows
                 else ""
             )
             + "A factor below 1 means that the error would be larger, since blur also removes texture that is too "
             "fine for the pixels. The causes interact: removing two of them need not multiply their factors. Tenfold "
-            "light, as if no pixel saturated, makes the error about 3.2 times smaller where shot noise limits it; more "
-            "where the sensor adds noise or noise hides the texture, less where aliased texture acts as noise. Where a "
+            "light (saturation ignored) divides the error by about 3.2 where shot noise limits it, by more where the "
+            "sensor adds noise or noise hides the texture, and by less where aliased texture acts as noise. Where a "
             "camera is not usable, a matcher may miss these bounds."
             + (" Brightest light: that of the unsaturated camera with the most electrons." if compared else "")
             + _numerical_error(found, titles),

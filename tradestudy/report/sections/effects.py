@@ -64,8 +64,8 @@ def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
         yield Heading(text="Every model that was compared", anchor="every-model")
         yield Table(
             name="effects-all",
-            caption="Every model of every effect, and the change due to its omissions alone; a dot marks the models in "
-            "use.",
+            caption="Every model of every effect, and the change due to its omissions alone, of the quantity that "
+            "changes most relative to its tolerance; a dot marks the models in use.",
             columns=_COLUMNS,
             rows=tuple(_grouped(rows, marked=True)),
         )
@@ -163,7 +163,8 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
         changed = IN_WORDS[QUANTITIES[number]]
         tolerance = _share(float(np.nanmax(asked)))
         if most > 0.0:
-            yield f"The omitted effects change the {changed} by up to {_share(most)} (tolerance {tolerance})."
+            together = f"up to {_share(most)} (tolerance {tolerance})"
+            yield f"All that the chosen models leave out changes the {changed} by {together}."
         else:
             unchanged.setdefault(tolerance, []).append(f"the {changed}")
         forced = data["forced_change"].values[:, number]
@@ -172,7 +173,7 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
             more = "more than" if worst > np.nanmax(asked) else "within"
             yield f"Models that the study forces change the {changed} by up to {_share(worst)}, {more} the tolerance."
     for tolerance, names in unchanged.items():
-        yield f"The omitted effects leave {listed(names)} unchanged (tolerance {tolerance})."
+        yield f"All that the chosen models leave out leaves {listed(names)} unchanged (tolerance {tolerance})."
 
 
 def _share(value: float) -> str:

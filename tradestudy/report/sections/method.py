@@ -133,11 +133,12 @@ def _uncertainty() -> Iterator[Block]:
     yield Paragraph(
         say(
             "**Linear** propagation takes the covariance of all errors through the slopes of that model at each "
-            "distance, and its error is measured against draws. **Exact** propagation sends eight independently "
-            "scrambled Sobol sequences of draws through the model itself; all distances and designs share them. A "
-            "result is *converged* when the eight sequences determine every reported half-width to within the "
-            "tolerance (95 % *t*-interval); where an interval has no far end, the fraction of failed "
-            "measurements is judged instead. The plan uses linear propagation where it keeps the tolerance."
+            "distance; a comparison with random draws through the model gives the error of this approximation. "
+            "**Exact** propagation sends eight independently scrambled Sobol sequences of draws through the model "
+            "itself; all distances and designs share them. A result is *converged* when the eight sequences determine "
+            "every reported half-width to within the tolerance (95 % *t*-interval); where an interval has no far end, "
+            "the fraction of failed measurements is judged instead. The program uses linear propagation wherever its error stays within "
+            "the tolerance."
         )
     )
     yield Paragraph(
@@ -155,16 +156,16 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
     )
     meanings = {
         "overlap": say(
-            "**Overlap**: the other camera also sees at least the declared fraction (by default, any) of each stereo "
-            "picture."
+            "**Overlap**: the other camera also sees at least the declared fraction (by default, any above zero) of "
+            "each stereo picture."
         ),
         "total_covering_plane": say(
             "**Total covering plane**: the image formed by the main lens lies at least the declared virtual depth "
             "from the array."
         ),
         "availability": say(
-            "**Availability**: at least the declared fraction (by default, any) of points is seen by two or more of "
-            "the microlenses that the estimator uses."
+            "**Availability**: at least the declared fraction (by default, any above zero) of points is seen by two "
+            "or more of the microlenses that the estimator uses."
         ),
         "focus": say(
             "**Focus**: the geometric blur on the sensor, in the least sharp picture that the estimator needs, is at "
@@ -174,9 +175,9 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
             "**Last disparity step**: the disparity still differs from that of infinity by more than one step."
         ),
         "failed_fraction": say(
-            "**Failed measurements**: at most the declared fraction of measurements fail, because noise and "
-            "calibration errors put them beyond infinity"
-            + (", or because of a false match, where the study declares some." if "matching" in applied else ".")
+            "**Failed measurements**: at most the declared fraction of measurements fail. A measurement fails if noise "
+            "and calibration errors put it beyond infinity"
+            + (", or if it is a false match, where the study declares some." if "matching" in applied else ".")
         ),
         "relative_uncertainty": say(
             "**Relative uncertainty**: the depth uncertainty is at most the declared fraction of the distance."

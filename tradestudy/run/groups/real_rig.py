@@ -78,7 +78,10 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
             yield f"{side} {words}", f"{_digits(float(camera.intrinsics[k]), deviation)}{unit}"
     lens, cameras = fit.corners.lens, cameras_of(fit.explained.shared)
     for side, values in zip(("left", "right"), cameras, strict=True):
-        yield f"valid field of the {side} lens, from the axis", pretty(float(lens.at(values[4:]).valid_field), ANGLE)
+        yield (
+            f"field angle up to which the {side} lens model is valid",
+            pretty(float(lens.at(values[4:]).valid_field), ANGLE),
+        )
     yield "residual of the pair with one relative pose", pretty(fit.pair.corner_rms_px, PIXELS)
     yield "correlation of the views' mean residuals, left with right", f"{fit.means.correlation:.4f}".replace("-", "−")
     yield "motion of the board that explains this correlation", pretty(fit.explained.motion_scale, LENGTH)

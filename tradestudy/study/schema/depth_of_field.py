@@ -61,16 +61,17 @@ class DepthOfFieldPart(Part):
 class ReliefPart(Part):
     """A depth step and a tilted surface in the middle of depth_of_field.range.
 
-    For them the program derives criteria by which it compares the cameras, besides declared ones. Among the derived
-    ones are the width of the strip that the step hides, and how differently two views show the tilted surface.
+    From them, the program derives criteria for comparing the cameras, in addition to those that the study declares.
+    Among them are the width of the strip that the step hides, and how differently two views show the tilted surface.
     """
 
     step_height: PositiveLength = Field(
-        description="Height of the depth step, which hides a strip beside it from one of the two outermost views of a "
-        "camera."
+        description="Height of the depth step, which hides a strip beside it from one of the two outermost viewpoints "
+        "of a camera (the two lenses of a stereo rig, or opposite edges of a plenoptic camera's pupil)."
     )
     surface_tilt: NonNegativeAngle = Field(
-        description="Tilt of the surface, which the two outermost views therefore see differently foreshortened."
+        description="Tilt of the surface; it makes the surface look foreshortened by different amounts from the two "
+        "outermost viewpoints."
     )
 
     @model_validator(mode="after")

@@ -248,8 +248,8 @@ class UncertaintyRatioClaim(_ClaimPart):
 class ShareBetterClaim(_ClaimPart):
     """A claim about the fraction of a range of distances in which one camera is better than another.
 
-    It is better where it is usable and the other is unusable or has a larger depth uncertainty. The range is divided
-    on a logarithmic scale.
+    It is better where it is usable and the other is unusable or has a larger depth uncertainty. The fraction
+    is measured on a logarithmic scale of distance.
     """
 
     quantity: Literal["share_better"]
