@@ -135,10 +135,10 @@ def _uncertainty() -> Iterator[Block]:
             "**Linear** propagation takes the covariance of all errors through the slopes of that model at each "
             "distance; a comparison with random draws through the model gives the error of this approximation. "
             "**Exact** propagation sends eight independently scrambled Sobol sequences of draws through the model "
-            "itself; all distances and designs share them. A result is *converged* when the eight sequences determine "
-            "every reported half-width to within the tolerance (95 % *t*-interval); where an interval has no far end, "
-            "the fraction of failed measurements is judged instead. The program uses linear propagation wherever its error stays within "
-            "the tolerance."
+            "itself; all distances and designs share them. A result is *converged* when the eight sequences "
+            "determine every reported half-width to within the tolerance (95 % *t*-interval); where an interval has "
+            "no far end, the fraction of failed measurements is judged instead. The program uses linear propagation "
+            "wherever its error stays within the tolerance."
         )
     )
     yield Paragraph(
