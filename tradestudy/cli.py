@@ -40,15 +40,14 @@ app = typer.Typer(
 
 StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study file.", show_default=False)]
 DirectoryArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a finished run.", show_default=False)]
-OutOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--out",
-        metavar="DIR",
-        help="Output folder.",
-        show_default="reports/NAME, where NAME is the name of the study, followed by any changed values",
-    ),
-]
+
+
+def _output_folder(default: str) -> object:
+    name = "where NAME is the name of the study, followed by any changed values"
+    return typer.Option("--out", metavar="DIR", help="Output folder.", show_default=f"{default}, {name}")
+
+
+OutOption = Annotated[Path | None, _output_folder("reports/NAME")]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -200,15 +199,7 @@ def render(
 def export(
     study: StudyArgument,
     camera: Annotated[str, typer.Argument(metavar="CAMERA", help="Name of the camera.", show_default=False)],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Output folder.",
-            show_default="reports/NAME/cameras, where NAME is the name of the study, followed by any changed values",
-        ),
-    ] = None,
+    out: Annotated[Path | None, _output_folder("reports/NAME/cameras")] = None,
     set_: SetOption = None,
     formats: Annotated[
         list[str] | None,

@@ -184,8 +184,9 @@ def _shares(tree: xr.DataTree) -> Drawing:
         name="variance_shares",
         caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: they "
         "sum to 100 %, for correlated errors too). Grey: matching noise, which averaging reduces; coloured: error "
-        "sources that averaging does not reduce; pale: the camera is not usable; blank: it measures no "
-        "depth." + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "") + _design_words(tree),
+        "sources that averaging does not reduce; pale: the camera is not usable; blank: it measures no depth."
+        + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
+        + _design_words(tree),
         alt="One chart per camera of stacked shares against distance. Largest shares: " + _largest_shares(tree),
         draw=partial(variance_shares.draw_variance_shares, tree),
     )

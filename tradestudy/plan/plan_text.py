@@ -60,8 +60,8 @@ def _simulated(one: Chosen) -> str:
         parts.append(one.reasons["calibration"])
     elif "calibration" in models:
         drawn = listed([f"“{name}”" for name in one.choice.other_models])
-        calibrated = models["calibration"] != OFF
-        named = MODEL["calibration", models["calibration"]] if calibrated else "without calibration errors"
+        model = models["calibration"]
+        named = "without calibration errors" if model == OFF else MODEL["calibration", model]
         parts.append(named + f" (exact for {drawn})" * bool(drawn))
     if "sampling" in models:
         parts.append(f"sampled to {models['sampling']}")
@@ -156,14 +156,10 @@ def _forced(one: Chosen) -> str:
 
 def _decisions(one: Chosen) -> Iterator[str]:
     """Every model of every effect with its change, or the reason why the effect has only one model."""
-    for quantity, tolerance in one.asked.items():
-        total = one.choice.changes[quantity]
-        share, allowed = _share(quantity, total, one), pretty(tolerance, FRACTION)
-        yield f"all omissions together change the {IN_WORDS[quantity]} by {share}; {allowed} allowed"
-    for quantity, total in one.choice.changes.items():
-        if quantity not in one.asked:
-            share = _share(quantity, total, one)
-            yield f"all omissions together change the {IN_WORDS[quantity]} by {share}; no tolerance applies"
+    for quantity in dict.fromkeys([*one.asked, *one.choice.changes]):
+        share = _share(quantity, one.choice.changes[quantity], one)
+        limit = f"{pretty(one.asked[quantity], FRACTION)} allowed" if quantity in one.asked else "no tolerance applies"
+        yield f"all omissions together change the {IN_WORDS[quantity]} by {share}; {limit}"
     stated: set[str] = set()
     yield "● used, ○ not used; each change is relative to the most complete model of the effect"
     for decision in one.choice.decisions:

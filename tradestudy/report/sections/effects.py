@@ -139,12 +139,8 @@ def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
             of.setdefault(str(row["title"]), []).append(in_words(str(row["slot"])))
     for reason, of in by_reason.items():
         effects = ", ".join(dict.fromkeys(effect for names in of.values() for effect in names))
-        whom = (
-            f" for {'; '.join(title.replace('Pictures by', 'pictures by') for title in of)}"
-            if set(of) != everything
-            else ""
-        )
-        yield f"Not simulated{whom}, because {reason}: {effects}."
+        whom = f" ({'; '.join(of)})" if set(of) != everything else ""
+        yield f"Not simulated, because {reason}: {effects}{whom}."
 
 
 def _together(tree: xr.DataTree) -> Iterator[str]:
@@ -164,7 +160,7 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
         tolerance = _share(float(np.nanmax(asked)))
         if most > 0.0:
             together = f"up to {_share(most)} (tolerance {tolerance})"
-            yield f"All that the chosen models leave out changes the {changed} by {together}."
+            yield f"What the chosen models leave out changes the {changed} by {together}."
         else:
             unchanged.setdefault(tolerance, []).append(f"the {changed}")
         forced = data["forced_change"].values[:, number]
@@ -173,7 +169,7 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
             more = "more than" if worst > np.nanmax(asked) else "within"
             yield f"Models that the study forces change the {changed} by up to {_share(worst)}, {more} the tolerance."
     for tolerance, names in unchanged.items():
-        yield f"All that the chosen models leave out leaves {listed(names)} unchanged (tolerance {tolerance})."
+        yield f"What the chosen models leave out does not change {listed(names)} (tolerance {tolerance})."
 
 
 def _share(value: float) -> str:
