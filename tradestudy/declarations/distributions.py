@@ -87,7 +87,7 @@ class DistributionPart(Part, Generic[Signed, Positive]):
     file: Text | None = Field(
         default=None,
         description="CSV file with the draws of an empirical distribution, in SI units; its first line names the "
-        "columns.",
+        "columns. The path is relative to the file that contains this key.",
     )
     column: Text | None = Field(default=None, description="Name of the column of `file` that contains the draws.")
 

@@ -336,8 +336,8 @@ def _slots(camera: DepthCamera, pictured: Sequence[DepthCamera], forced: Models)
     found = []
     for name in (*_SAVING, *_OTHERS):
         models, reason = models_of(name, "depth"), ""
-        if name != "calibration" and (why or (reason := _absent(pictured, name))):
-            models, reason = (OFF,), why or reason
+        if name != "calibration" and (reason := _absent(camera, pictured, name) or why):
+            models = (OFF,)
         slot = Slot(name=name, models=models, saves_time=name in _SAVING, costly=_COSTLY.get(name, 0), reason=reason)
         found.append(slot if slot.reason else slot.under(own))
     return tuple(found)
@@ -352,12 +352,12 @@ def _why_no_picture(camera: DepthCamera, *, pictured: bool) -> str:
     return "the camera forms no picture at any distance of the study"
 
 
-def _absent(pictured: Sequence[DepthCamera], slot: SlotName) -> str:
+def _absent(camera: DepthCamera, pictured: Sequence[DepthCamera], slot: SlotName) -> str:
     """Why a picture lacks an effect; empty where some form of the camera has it."""
+    if slot in ("microlens_diffraction", "crosstalk") and not camera.pictured_by_microlenses:
+        return "no microlenses blur the pictures"
     laws = [(one, one.disparity_error_px) for one in pictured]
     complete = [complete_in_closed_form(one, law) for one, law in laws if isinstance(law, PictureDisparityError)]
-    if slot in ("microlens_diffraction", "crosstalk") and all(one.microlens_diffraction == OFF for one in complete):
-        return "no microlenses blur the pictures"
-    if slot == "spectrum" and all(one.spectrum == OFF for one in complete):
+    if slot == "spectrum" and complete and all(one.spectrum == OFF for one in complete):
         return "the study declares one wavelength"
     return ""

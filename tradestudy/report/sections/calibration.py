@@ -143,7 +143,7 @@ def _refusals(tree: xr.DataTree) -> Iterator[Block]:
     for key, title in titles_in(tree, "sensitivity").items():
         reason = str(data["parameter_refused"].sel(camera=key).item())
         if reason:
-            rows.append((title, "a bar for every parameter", reason.replace(" -", " −")))
+            rows.append((title, "one bar for each parameter", reason.replace(" -", " −")))
         why = sorted({str(text) for text in data["index_refused"].sel(camera=key, field=0.0).values} - {""})
         if why:
             rows.append((title, "Sobol indices at some distances", "; ".join(why)))

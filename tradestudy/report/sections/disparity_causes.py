@@ -26,7 +26,7 @@ _COLUMNS: Final = {
 _CAUSES: Final = {
     "no blur": "defocus blur",
     "no diffraction": "diffraction",
-    "light of the brightest": "the lack of light",
+    "light of the brightest": "lack of light",
 }
 
 
@@ -120,7 +120,7 @@ def _largest_cause_in_words(camera: xr.Dataset, titles: Mapping[str, str], middl
         if (other := _largest(place)) is not None and (own is None or other[0] != own[0])
     ]
     return _sentence(there, titles) + (
-        f" Elsewhere, {'one of them' if own is None else 'another cause'} increases it most: {listed(others)}."
+        f" Elsewhere, {'one of them' if own is None else 'another cause'} counts most: {listed(others)}."
         if others
         else ""
     )
@@ -139,28 +139,26 @@ def _sentence(there: xr.Dataset, titles: Mapping[str, str]) -> str:
     }
     order = sorted(changed, key=lambda name: changed[name])
     if np.isinf(error):
-        without = {
-            name: "none either" if np.isinf(value) else f"the disparity error would be {significant(value)} px"
-            for name, value in changed.items()
-        }
-        left = ", ".join(f"{words[name]} {without[name]}" for name in order)
-        return f"{light}, and no texture is left to match: {left}."
-    first, *others = order
-    changes = f"{words[first]} it would be {_change(error, changed[first])}; " + ", ".join(
-        f"{words[name]} {_change(error, changed[name])}" for name in others
-    )
+        left = listed(
+            [
+                f"{'no texture either' if np.isinf(changed[name]) else f'an error of {significant(changed[name])} px'} "
+                f"{words[name]}"
+                for name in order
+            ]
+        )
+        return f"{light}, and no texture left to match. There would be {left}."
+    changes = listed([f"{_change(error, changed[name])} {words[name]}" for name in order])
     largest = _largest(there)
     real = _is_real(there)
-    increased = "the bound" if real else "it"
-    what = (
-        f"None of these causes increases {increased}"
-        if largest is None
-        else f"What increases {increased} most is {_CAUSES[largest[0]]}"
-    )
+    subject = "bound" if real else "error"
+    what = f"None of these causes increases the {subject}"
+    if largest is not None:
+        cause = _CAUSES[largest[0]]
+        what = f"{cause[0].upper()}{cause[1:]} counts most"
     if real:
         matched = f"a disparity error of {significant(float(there['matched_error_px']))} px by the declared matcher"
-        return f"{light}, {matched}, with a bound of {significant(error)} px. {what}: {changes}."
-    return f"{light}, a disparity error of {significant(error)} px. {what}: {changes}."
+        return f"{light}, {matched}, with a bound of {significant(error)} px. {what}: the bound would be {changes}."
+    return f"{light}, a disparity error of {significant(error)} px. {what}: the error would be {changes}."
 
 
 def _is_real(there: xr.Dataset) -> bool:
@@ -281,5 +279,5 @@ def _numerical_error(found: xr.Dataset, titles: Mapping[str, str]) -> str:
     if not largest.any():
         return ""
     camera, place = largest.stack(place=("camera", "distance")).idxmax().item()
-    worst = f"{share(float(largest.max()))}, of {titles[camera]} at {distance(place)}"
+    worst = f"{share(float(largest.max()))} ({titles[camera]} at {distance(place)})"
     return f" Estimated numerical error: at most {worst}."

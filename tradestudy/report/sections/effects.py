@@ -17,9 +17,14 @@ from tradestudy.wording import distance, in_words, listed
 
 _HOW: Final = {
     "computed": "computed",
-    "rule": "formula with a safety margin",
+    "rule": "formula",
     "trial": "trial at a few distances",
 }
+_EVIDENCE: Final = (
+    "Evidence tells how the change was found. Computed: from the results of both models. Trial: likewise, but at a few "
+    "distances or places only. Formula: estimated without the more complete model. Changes found in a trial or by a "
+    "formula include a safety margin."
+)
 _FULL: Final = "none"
 _COLUMNS: Final = (
     Column(title="Effect", weight=4),
@@ -51,7 +56,7 @@ def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
             caption="The model of each effect that can change an answer, and the change due to what it leaves out.",
             columns=_COLUMNS,
             rows=tuple(_grouped(matter)),
-            notes=tuple(_nothing(rows)),
+            notes=(_EVIDENCE, *_nothing(rows)),
         )
     else:
         yield from (Paragraph(say(text)) for text in _nothing(rows))
@@ -68,6 +73,7 @@ def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
             "changes most relative to its tolerance; a dot marks the models in use.",
             columns=_COLUMNS,
             rows=tuple(_grouped(rows, marked=True)),
+            notes=(_EVIDENCE,),
         )
 
 

@@ -48,8 +48,8 @@ def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
             "of the window: the declared one, or the overlap of the compared pictures on an object if that is smaller. "
             "A good matcher reaches the bound where the error is small compared with a pixel and the "
             "window large compared with blur and texture: this requires {needs}. Elsewhere the limit “matching” makes "
-            "a distance unusable; it depends on the declared window as much as on the camera. If the window is too "
-            "small, declare a larger one, or an estimator that uses nearer microlenses.",
+            "a distance unusable. Where it is reached depends on the declared window as much as on the camera; a "
+            "larger window, or an estimator that uses nearer microlenses, moves it.",
             needs=needs,
         )
     )

@@ -208,12 +208,13 @@ def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
             "Residuals are root mean square lengths per corner. A fit without this motion counts its effect as noise "
             "of the corners, and its standard deviations of the relative pose are too small by the factors in the "
             "column “Ratio” above.",
-            "Standard deviations are those of generalised least squares. The noise differs from view to view, and "
-            "neighbouring corners share part of it; restricted maximum likelihood estimates how much. Outlying corners "
-            "have little or no weight, and the fit includes a warp of the board. Accuracy: the claimed uncertainty, "
-            "multiplied by the ratio of the differences between random halves where that ratio exceeds 1. Corners "
-            "cannot reveal the size of the squares: an error of 0.1 % in their size is an error of 0.1 % in depth, "
-            "0.3 mm at 0.3 m.",
+            "Values of one camera with ± come from the fit of this camera alone, baseline and rotation from the pair "
+            "with the moving board; ± is the standard deviation by generalised least squares. The noise differs from "
+            "view to view, and neighbouring corners share part of it; restricted maximum likelihood estimates how "
+            "much. Outlying corners have little or no weight, and the fit includes a warp of the board. Accuracy: the "
+            "claimed uncertainty, multiplied by the ratio of the differences between random halves where that ratio "
+            "exceeds 1. Corners cannot reveal the size of the squares: an error of 0.1 % in their size is an error of "
+            "0.1 % in depth, 0.3 mm at 0.3 m.",
         ),
     )
 

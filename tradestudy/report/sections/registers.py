@@ -379,7 +379,7 @@ def _recorded(content: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     yield from (_plain(key, value) for key, value in content.items() if key not in groups)
     for key, values in groups.items():
         if values:
-            yield ("Number of parts of each step" if key == "points" else in_words(key).capitalize(),)
+            yield ("Parts of each step" if key == "points" else in_words(key).capitalize(),)
             yield from map(_points, values.items()) if key == "points" else _recorded(values)
 
 
