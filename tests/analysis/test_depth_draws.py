@@ -22,6 +22,7 @@ from tests.analysis.test_depth import R5_CALIBRATION, STEREO_CALIBRATION
 from tests.cameras.builders import r5, stereo
 from tradestudy.analysis import depth_draws
 from tradestudy.analysis.depth import distribution
+from tradestudy.analysis.depth_distribution import DepthDistribution
 from tradestudy.analysis.depth_draws import SCRAMBLES, exact_distribution, settled_draws
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera
@@ -123,3 +124,12 @@ def test_rows_of_a_posterior_are_the_distribution() -> None:
     true = (high - low) / 2.0
     assert abs(found.half_width[0] - true) < 5.0 * found.half_width_error[0] + 1e-3 * true
     assert math.isclose(found.half_width[0], true, rel_tol=5e-3)
+
+
+def test_without_tolerance_no_interval_has_converged_even_without_a_far_end() -> None:
+    depths = np.stack([np.array([[0.9, 0.9], [1.0, 1.0], [far, np.inf]]) for far in (1.1, 1.2)])
+    found = DepthDistribution(
+        probabilities=(0.15865, 0.5, 0.84135), quantiles=depths, failures=lambda: np.array([[0.0, 0.2], [0.0, 0.3]])
+    )
+    assert not found.converged(0.0).any()
+    assert found.converged(1e9).all()

@@ -90,7 +90,8 @@ class DepthDistribution:
         for probability in self.probabilities[: len(self.probabilities) // 2]:
             widths = self.half_widths(1.0 - 2.0 * probability)
             width = _mean(widths)
-            bounded = (t * _standard_error(widths) <= tolerance * width) | np.isnan(width)
+            with np.errstate(invalid="ignore"):  # zero times an infinite width, which is judged by its failed fraction
+                bounded = (t * _standard_error(widths) <= tolerance * width) | np.isnan(width)
             if widest is not None:
                 bounded |= width >= widest
             met &= np.where(np.isinf(width), certain, bounded)
