@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from tradestudy.figures.fonts import printable
-from tradestudy.figures.style import DECLARED, panel_size, readable, shortened
+from tradestudy.figures.style import DECLARED, SOFT, panel_size, readable, shortened
 from tradestudy.results.views.groups import FloatArray
 
 SMALLEST: Final = 7.5  # points: the size of names
@@ -35,7 +35,7 @@ class NamedCurve:
 def name_ends(axes: Axes, curves: Sequence[NamedCurve]) -> None:
     """Write the name of every curve right of the panel, level with the end of what is visible of it.
 
-    Names keep the order of the ends and move apart where they would touch; a thin line joins each to its curve. Set the
+    Names keep the order of the ends and move apart where they would touch; a grey line joins each to its curve. Set the
     scales and limits of the axes first. A curve without a visible point gets no name.
     """
     ends = [(curve, end) for curve in curves if (end := _end(axes, curve)) is not None]
@@ -62,7 +62,7 @@ def name_ends(axes: Axes, curves: Sequence[NamedCurve]) -> None:
             label=curve.name,
             gid=DECLARED,
             arrowprops={
-                "arrowstyle": "-", "color": color, "linewidth": 0.6, "linestyle": (0, (1, 1.5)),
+                "arrowstyle": "-", "color": SOFT, "linewidth": 0.4,
                 "relpos": (0.0, 0.5), "shrinkA": 1.0, "shrinkB": 1.0,
             },
         )  # fmt: skip
