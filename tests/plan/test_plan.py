@@ -180,6 +180,7 @@ def test_a_time_limit_that_is_too_short_is_refused_with_value_limit_and_remedy()
         ("plenoptic_vs_stereo", "effects.spectrum=weighted"),
         ("hand_lens", "effects.sensor_noise=shot"),
         ("light_spot", "effects.calibration=linear"),
+        ("light_spot", "accuracy.usable_range=2 %"),
     ],
 )
 def test_check_refuses_in_the_same_words_what_plan_refuses(study: str, override: str) -> None:
@@ -189,6 +190,14 @@ def test_check_refuses_in_the_same_words_what_plan_refuses(study: str, override:
     with pytest.raises(type(by_plan.value)) as by_check:
         loaded.check()
     assert str(by_check.value) == str(by_plan.value)
+
+
+def test_a_tolerance_on_what_the_study_does_not_compute_is_refused_with_its_key() -> None:
+    overrides = ["accuracy.psf_width=2 %", "accuracy.depth_noise=3 %", "accuracy.depth_uncertainty=4 %"]
+    with pytest.raises(StudyError) as refused:
+        tradestudy.load(STUDIES / "close_range.yaml", overrides).plan()
+    assert [problem.path for problem in refused.value.problems] == ["accuracy.psf_width"]
+    assert "remove" in refused.value.problems[0].what
 
 
 @pytest.mark.parametrize("override", ["effects.main_lens_diffraction=kirchhoff", "accuracy.tolerance=1 %"])

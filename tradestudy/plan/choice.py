@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from tradestudy.accuracy import Quantity
+from tradestudy.accuracy import IN_WORDS, QUANTITIES, Quantity
 from tradestudy.effects.choice import Changes, Choice, SimulationProblem, choose
 from tradestudy.effects.models import OFF, Models
-from tradestudy.errors import StudyError, UnaffordableError
+from tradestudy.errors import Problem, StudyError, UnaffordableError
 from tradestudy.study.definition import StudyDefinition
 
 
@@ -82,12 +82,17 @@ def choose_models(definition: StudyDefinition) -> tuple[Chosen, ...]:
     UnaffordableError
         If even the most complete models exceed a tolerance; one error for all problems.
     StudyError
-        If the study forces a model that none of its problems has.
+        If the study forces a model that applies to nothing in it, or sets a tolerance on a quantity that it does not
+        compute.
     """
     forced, tolerances = definition.file.effects.forced(), definition.file.accuracy.asked().tolerances
     found, refused = [], []
     all_problems = tuple(problems(definition, forced))
-    _check_forced(definition, all_problems, forced)
+    if mistakes := [
+        *_ignored_tolerances(definition, all_problems),
+        *_ignored_models(definition, all_problems, forced),
+    ]:
+        raise StudyError(mistakes)
     free = {one.name: one for one in problems(definition, {})} if forced else {}
     for problem in all_problems:
         try:
@@ -134,9 +139,21 @@ def _by_forcing(free: SimulationProblem | None, problem: SimulationProblem) -> C
     return free.changes(problem.complete)
 
 
-def _check_forced(definition: StudyDefinition, found: tuple[SimulationProblem, ...], forced: Models) -> None:
-    """Refuse a forced model that applies to nothing in the study, because it would be ignored."""
-    mistakes = []
+def _ignored_tolerances(definition: StudyDefinition, found: tuple[SimulationProblem, ...]) -> Iterator[Problem]:
+    """Tolerances on quantities that the study does not compute."""
+    part = definition.file.accuracy
+    for quantity in QUANTITIES:
+        if getattr(part, quantity) is None or any(quantity in one.asked for one in found):
+            continue
+        path = ("accuracy", quantity)
+        what = f"no part of this study computes this quantity ({IN_WORDS[quantity]}); remove its tolerance"
+        yield definition.document.locate(path).problem(path, what)
+
+
+def _ignored_models(
+    definition: StudyDefinition, found: tuple[SimulationProblem, ...], forced: Models
+) -> Iterator[Problem]:
+    """Forced models that apply to nothing in the study."""
     for effect, name in forced.items():
         slots = [slot for one in found for slot in one.slots if slot.name == effect]
         offered = dict.fromkeys(model for slot in slots for model in slot.models)
@@ -149,6 +166,4 @@ def _check_forced(definition: StudyDefinition, found: tuple[SimulationProblem, .
         else:
             reasons = "; ".join(dict.fromkeys(slot.reason for slot in slots if slot.reason))
             what += f": {reasons}" if reasons else ": no part of it has this effect"
-        mistakes.append(definition.document.locate(("effects", effect)).problem(("effects", effect), what))
-    if mistakes:
-        raise StudyError(mistakes)
+        yield definition.document.locate(("effects", effect)).problem(("effects", effect), what)
