@@ -29,7 +29,7 @@ class Legs:
     * ``fresnel``: Fresnel's integral, see `FresnelKernel`.
     * ``kirchhoff``: Kirchhoff's integral, see `KirchhoffKernel`.
     * ``boundary_wave``: rays and the wave diffracted at the edge of the aperture, which together approximate
-      Kirchhoff's integral; where either is singular, the integral itself.
+      Kirchhoff's integral; the integral itself where rays or edge wave are singular.
 
     The constants `GEOMETRIC`, `EXACT_RAYS`, `FRESNEL` and `KIRCHHOFF` of this package use one method on both legs;
     `KIRCHHOFF_FRESNEL` uses ``kirchhoff`` to the array and ``fresnel`` to the detector.
@@ -108,8 +108,8 @@ class PixelGrid:
     >>> from tradestudy import optics
     >>> grid = optics.PixelGrid(pitch=4e-6, shape=(9, 23))
     >>> part = grid.part(slice(0, 9), slice(10, 13))
-    >>> print(f"first column at {grid.edges_x[0]:.2g} m, of a part at {part.edges_x[0]:.2g} m")
-    first column at -4.6e-05 m, of a part at -6e-06 m
+    >>> print(f"the grid begins at x = {grid.edges_x[0] * 1e6:.0f} µm, the part at {part.edges_x[0] * 1e6:.0f} µm")
+    the grid begins at x = -46 µm, the part at -6 µm
     """
 
     pitch: float
@@ -250,8 +250,8 @@ class LightPath:
         Returns
         -------
         tuple
-            x and y of the image [m], and its distance in front of the array, a_L = z − b [m]. Here, z is
-            `array_distance` and b the distance of the image behind the main lens; a_L < 0 behind the array.
+            x and y of the image [m], and its distance in front of the array, a_L = z − b [m]; a_L < 0 for an image
+            behind the array. Here, z is `array_distance` and b the distance of the image behind the main lens.
 
         Raises
         ------

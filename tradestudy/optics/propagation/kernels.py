@@ -24,16 +24,15 @@ class KirchhoffKernel:
       References. The paper calls the integral Kirchhoff's; in the literature it is the far-zone form of the first
       Rayleigh–Sommerfeld integral.
     * ``textbook``: (c + z/s)/2, the Fresnel–Kirchhoff obliquity, where c is the cosine of the angle between the axis
-      and the direction of the wave at q, directly behind the lens. With this factor, the method ``boundary_wave`` is
-      exact for a spherical wave, apart from terms of the order of the wavelength divided by the distances; otherwise,
-      it approximates the integral.
+      and the direction of the wave at q, directly behind the lens. For this factor and a spherical wave, the method
+      ``boundary_wave`` is exact, apart from terms of the order of the wavelength divided by the distances; for other
+      factors and waves, it is an approximation.
     * ``rayleigh-sommerfeld-1``: z/s (1 + i/(k s)), which is exact if the field in the aperture is known exactly.
 
     The differences are small. In the image plane of an f/3.8 microlens, the intensity by ``textbook`` differs from that
     by ``paper`` by 1e-5, and the intensity by ``rayleigh-sommerfeld-1`` by 1e-7 (relative L2 difference). At 1.25
-    times the image distance, the differences are 5e-4 and 2e-7. The phase by ``rayleigh-sommerfeld-1`` differs by
-    1/(k s), here 2e-4 rad. If c were taken in front of the lens, the intensity by ``textbook`` in the image plane would
-    be 0.4 % higher than that by ``paper``.
+    times the image distance, the differences are 5e-4 and 2e-7. The phase by ``rayleigh-sommerfeld-1`` differs from
+    that by ``paper`` by 1/(k s), here 2e-4 rad.
 
     Parameters
     ----------

@@ -210,9 +210,7 @@ class CircularLens:
             )
 
     def without_obscuration(self, nodes_of: Callable[[float], QuadratureNodes]) -> QuadratureNodes:
-        """Quadrature nodes of the aperture, from which those of the obscuration are subtracted.
-
-        Aperture and obscuration each have nodes of their own, so the edge of the obscuration costs no accuracy.
+        """Quadrature nodes of the aperture without its obscuration.
 
         Parameters
         ----------
@@ -223,7 +221,7 @@ class CircularLens:
         Returns
         -------
         QuadratureNodes
-            Nodes of both discs; the area weights of the obscuration are negative.
+            Nodes of the aperture, and nodes of the obscuration with negative area weights.
         """
         whole = nodes_of(self.radius)
         if self.pupil is None or self.pupil.obscuration == 0.0:
@@ -237,7 +235,7 @@ class CircularLens:
         )
 
     def transmission(self, x: Array, y: Array) -> Array | float:
-        """Amplitude transmission t of the pupil, without its obscuration.
+        """Amplitude transmission t that the pupil declares; its obscuration does not count.
 
         Parameters
         ----------
