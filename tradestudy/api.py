@@ -82,7 +82,7 @@ class Study:
 
     @property
     def name(self) -> str:
-        """Name of the study and of its report folder."""
+        """Name of the study."""
         return self.file.study
 
     @property

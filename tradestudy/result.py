@@ -26,7 +26,7 @@ class Result:
     Parameters
     ----------
     data
-        All results, as groups of variables; the attributes of each variable state its SI unit.
+        All results, as groups of variables; the attributes of each variable state its unit.
     run_record
         Record of the run, as in ``run.json``: inputs, versions, machine and times.
     """
@@ -105,10 +105,11 @@ class Result:
           the number of ``solutions``.
         - ``trade_off``: for each ``camera``, the fraction of all possible weights that rank it ``first``, and the
           ``error`` of this fraction.
-        - ``measured``: for each ``camera``, the ``spread`` and the ``bias`` [m] of the depth that it measured in
-          simulated pictures ``of`` the ``scene`` or of a ``plane`` (for a plane, with its ``distance`` [m],
-          ``contrast`` and ``electrons``); their standard errors ``spread_error`` and ``bias_error`` [m]; the
-          ``predicted`` spread [m]; and the fraction ``filled`` of the measurable points at which it measured a depth.
+        - ``measured``: for each ``camera``, the ``spread`` (half the width of the central 68.27 % interval) and the
+          ``bias`` (median) of the depth errors [m] in simulated pictures ``of`` the ``scene`` or of a ``plane`` (for a
+          plane, with its ``distance`` [m], ``contrast`` and ``electrons``); their standard errors ``spread_error`` and
+          ``bias_error`` [m]; the ``predicted`` spread [m]; and the fraction ``filled`` of the measurable points at
+          which the camera measured a depth.
         - ``light_spot``: for each picture of the light spot, its ``method``, its stated relative ``error``, and its
           ``difference`` from the picture by the method ``reference``: the sum of the absolute differences of the
           pixels, as a fraction of the light in the reference (null for the reference itself).
@@ -188,7 +189,7 @@ class Result:
         Returns
         -------
         pandas.DataFrame
-            The table; its ``attrs["units"]`` gives the SI unit of each column.
+            The table; its ``attrs["units"]`` gives the unit of each column.
 
         Raises
         ------

@@ -96,8 +96,8 @@ class PointSpread:
     pupil_power
         Power through the pupil [W], > 0. Metrics such as the encircled energy are fractions of this power.
     relative_error
-        Stated relative L2 error of the intensity over the samples [1]. Every number computed from the samples takes it
-        into account in its own error. Default: 0, for exact samples.
+        Stated relative L2 error of the intensity over the samples [1]. The errors of all metrics take it into account.
+        Default: 0, for exact samples.
 
     Raises
     ------

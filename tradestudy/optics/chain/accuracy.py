@@ -30,8 +30,8 @@ _KNOBS = (
 class ChainAccuracy:
     """Tolerance of an image by `chain_image`, and factors on its sampling.
 
-    The tolerance determines the sampling of a computation. Each factor multiplies one part of this sampling: 2 makes it
-    twice as fine.
+    The tolerance determines the sampling of a computation. Each factor, > 0, changes one part of this sampling; a
+    larger one makes it finer or wider.
 
     Parameters
     ----------
@@ -49,8 +49,8 @@ class ChainAccuracy:
         Factor on the number of samples of the field along a pixel.
     source_sampling
         Factor on the density of the points that represent a disc source, and on the number of distances from the axis
-        at which the main lens's field is computed for such a source. If the light is ``geometric`` both to the array
-        and to the sensor, factor on the density of the rays.
+        at which the main lens's field is computed for such a source. If both legs are ``geometric``, it is a factor on
+        the density of the rays.
     memory_limit
         Memory that the arrays of one computation may take [bytes]. The error estimate (`compared`) needs a second
         computation at the same time, which may take as much again.

@@ -209,8 +209,8 @@ class LightPath:
     ...     pixels=optics.PixelGrid(pitch=4e-6, shape=(21, 21)),
     ... )
     >>> source = optics.PointSource(x=1e-3, distance=20e-3)
-    >>> print("main image {2:.3g} m in front of the array".format(*path.image_at_array(source)))
-    main image 0.000278 m in front of the array
+    >>> print("image {2:.3g} m in front of the array".format(*path.image_at_array(source)))
+    image 0.000278 m in front of the array
     >>> middle = path.object_before(4, source)
     >>> print(f"object at x = {middle.x * 1e6:.1f} µm; chief ray at x = {path.chief_point(source)[0] * 1e6:.1f} µm")
     object at x = -111.1 µm; chief ray at x = -125.0 µm

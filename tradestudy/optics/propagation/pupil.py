@@ -78,11 +78,12 @@ class Pupil:
     `zernikes` and `path`.
 
     Positions are given as (x/R, y/R): x and y are measured from the centre of the aperture, along the axes of source
-    and targets, and R is its radius. Arrays have shape (n, n), n ≥ 6, and cover the square around the aperture: row i
-    lies at y/R = −1 + 2 i/(n − 1), column j at x/R = −1 + 2 j/(n − 1). A quintic spline interpolates the values, so
-    they must continue smoothly beyond the edge of the aperture. Functions must be smooth, too: with a step inside the
-    aperture, quadrature converges slowly and may miss the tolerance. A dark centre costs no accuracy if `obscuration`
-    declares it. The methods ``geometric`` and ``boundary_wave`` accept only Zernike coefficients.
+    and targets, and R is its radius. As arrays, `path` and `amplitude` have shape (n, n), n ≥ 6, and cover the square
+    around the aperture: row i lies at y/R = −1 + 2 i/(n − 1), column j at x/R = −1 + 2 j/(n − 1). A quintic spline
+    interpolates the values, so they must continue smoothly beyond the edge of the aperture. Functions must be smooth,
+    too: with a step inside the aperture, quadrature converges slowly and may miss the tolerance. A dark centre costs no
+    accuracy if `obscuration` declares it. The methods ``geometric`` and ``boundary_wave`` accept only Zernike
+    coefficients.
 
     Parameters
     ----------
