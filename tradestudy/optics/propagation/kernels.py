@@ -59,12 +59,14 @@ class KirchhoffKernel:
     >>> change, spreading = kernel.path_and_spreading(*node, 1.0, *target)
     >>> print(spreading == kernel.spreading(*node, 1.0, *target))
     True
-    >>> print(f"{kernel.wavenumber:.4g} rad/m, path {kernel.path(*target)} m, {change * 1e6:.5f} µm longer from the node")
-    1.142e+07 rad/m, path 0.1 m, 4.99988 µm longer from the node
-    >>> print(f"{spreading:.5f} 1/m, amplitude {abs(kernel.amplitude(*node, 1.0, *target)):.4e} 1/m²")
-    9.99925 1/m, amplitude 1.8180e+07 1/m²
-    >>> print(f"slope {kernel.slope_at_target(*node, *target)[0]:.7f}")
-    slope -0.0099995
+    >>> print(f"path {kernel.path(*target)} m from the centre, {change * 1e6:.5f} µm longer from the node")
+    path 0.1 m from the centre, 4.99988 µm longer from the node
+    >>> print(f"spreading {spreading:.5f} 1/m, wavenumber {kernel.wavenumber:.4g} rad/m")
+    spreading 9.99925 1/m, wavenumber 1.142e+07 rad/m
+    >>> print(f"magnitude of the amplitude {abs(kernel.amplitude(*node, 1.0, *target)):.4e} 1/m²")
+    magnitude of the amplitude 1.8180e+07 1/m²
+    >>> print(f"slope along x {kernel.slope_at_target(*node, *target)[0]:.7f}")
+    slope along x -0.0099995
     >>> beyond, _ = kernel.beyond_linear(*node, 1.0, target, 1e-5, 0.0, 0.0)
     >>> print(f"nonlinear change {beyond * 1e9:.4f} nm when the target moves by 10 µm")
     nonlinear change 0.4999 nm when the target moves by 10 µm
@@ -285,12 +287,14 @@ class FresnelKernel:
     >>> change, spreading = kernel.path_and_spreading(*node, None, *target)
     >>> print(spreading == kernel.spreading(*node, None, *target))
     True
-    >>> print(f"{kernel.wavenumber:.4g} rad/m, path {kernel.path(*target)} m, {change * 1e6:.5f} µm longer from the node")
-    1.142e+07 rad/m, path 0.1 m, 5.00000 µm longer from the node
-    >>> print(f"{spreading:.5f} 1/m, amplitude {abs(kernel.amplitude(*node, None, *target)):.4e} 1/m²")
-    10.00000 1/m, amplitude 1.8182e+07 1/m²
-    >>> print(f"slope {kernel.slope_at_target(*node, *target)[0]:.7f}")
-    slope -0.0100000
+    >>> print(f"path {kernel.path(*target)} m from the centre, {change * 1e6:.5f} µm longer from the node")
+    path 0.1 m from the centre, 5.00000 µm longer from the node
+    >>> print(f"spreading {spreading:.5f} 1/m, wavenumber {kernel.wavenumber:.4g} rad/m")
+    spreading 10.00000 1/m, wavenumber 1.142e+07 rad/m
+    >>> print(f"magnitude of the amplitude {abs(kernel.amplitude(*node, None, *target)):.4e} 1/m²")
+    magnitude of the amplitude 1.8182e+07 1/m²
+    >>> print(f"slope along x {kernel.slope_at_target(*node, *target)[0]:.7f}")
+    slope along x -0.0100000
     >>> beyond, _ = kernel.beyond_linear(*node, None, target, 1e-5, 0.0, 0.0)
     >>> print(f"nonlinear change {beyond * 1e9:.4f} nm when the target moves by 10 µm")
     nonlinear change 0.5000 nm when the target moves by 10 µm
